@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drawn_links import DRAWN_LINKS, READY, link_boxes, wander
 from PIL import Image
 
 import rr1plan as rp
@@ -19,21 +20,6 @@ from rr1plan.playback.viewer.page_capture import wait_until
 from rr1plan.report import Margin, Violation
 
 pytestmark = pytest.mark.browser
-
-READY = "Boolean(window.RR1 && RR1.ready)"
-
-
-def wander(scene: rp.Scene, rng: int = 0) -> rp.Trajectory:
-    """Three random cubic pieces that meet."""
-    generator = np.random.default_rng(rng)
-    names = scene.joint_names()
-    start = scene.configuration()
-    coefficients = np.zeros((3, 4, len(names)))
-    for piece in coefficients:
-        piece[0] = start
-        piece[1:] = generator.uniform(-0.3, 0.3, (3, len(names)))
-        start = piece.sum(axis=0)
-    return rp.Trajectory(names, np.array([0.0, 1.0, 2.0, 3.0]), coefficients)
 
 
 @pytest.fixture(scope="module")
@@ -130,26 +116,13 @@ def test_kinematics_in_the_page_agree_with_ours(calm: Any, two_arms: rp.Scene) -
 
 def test_what_is_drawn_is_where_the_kinematics_say(calm: Any, two_arms: rp.Scene) -> None:
     calm.ask("RR1.seek(1.7)")
-    rows = calm.ask("""() => RR1.world.robots.sets.flatMap(({drawn, items}) => items.map((item, i) => {
-        const m = new RR1.THREE.Matrix4();
-        drawn.getMatrixAt(i, m);
-        return [item.element, m.elements.slice(12, 15)];
-    }))""")
-    poses = two_arms.link_poses(two_arms.split(wander(two_arms)(1.7)))
-    expected = [
-        (f"{arm}/{link.name}", (poses[f"{arm}/{link.name}"] @ g.pose)[:3, 3])
-        for arm, placed in two_arms.arms.items()
-        for link in placed.robot.links
-        for g in link.visuals
-    ]
-    assert len(rows) == len(expected)
-    for (name, got), (want_name, want) in zip(
-        sorted(rows, key=lambda r: (r[0], *np.round(r[1], 4))),
-        sorted(expected, key=lambda r: (r[0], *np.round(r[1], 4))),
-        strict=True,
-    ):
-        assert name == want_name
-        np.testing.assert_allclose(got, want, atol=1e-4)
+    wait_until(calm.page, "RR1.stage.quality === RR1.pace.full")
+    drawn_boxes = calm.ask(DRAWN_LINKS, 0)
+    expected = link_boxes(two_arms, wander(two_arms)(1.7))
+    assert set(drawn_boxes) == set(expected)
+    for name, box in expected.items():
+        # A round part of 36 sides lies up to 0.4 % of its radius inside the circle.
+        np.testing.assert_allclose(drawn_boxes[name], box, atol=6e-4, err_msg=name)
 
 
 def test_play_and_pause_by_clicks(calm: Any) -> None:

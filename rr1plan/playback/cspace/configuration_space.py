@@ -122,8 +122,7 @@ class CSpace(CSpaceQuery):
         Args:
             file: The file, replaced in one step.
             trajectory: The timed motion to play; None plays the path at a steady speed.
-            options: Title, first view, spheres, more panels (default: `ViewOptions()`). Without a view a planar arm of
-                two joints is looked at from above.
+            options: How the page looks (default: `ViewOptions()`).
 
         Raises:
             InputError: the trajectory moves other joints than the two shown, or a file that cannot be written.

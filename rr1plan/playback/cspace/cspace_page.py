@@ -52,8 +52,7 @@ def save_page(
         cspace: The configuration space, with a question and its answer if it has one.
         file: Where to write it; written whole or not at all.
         trajectory: The timed motion to play; None plays the path at a steady speed.
-        options: Title, first view, spheres, more panels (default: `ViewOptions()`). Without a view a planar arm of two
-            joints is looked at from above.
+        options: How the page looks (default: `ViewOptions()`).
 
     Returns:
         The file.

@@ -32,8 +32,7 @@ def show_page(
     Args:
         picture: The configuration space, with a question and its answer if it has one.
         trajectory: The timed motion to play; None plays the path at a steady speed.
-        options: Title, first view, spheres, more panels (default: `ViewOptions()`). Without a view a planar arm of two
-            joints is looked at from above.
+        options: How the page looks (default: `ViewOptions()`).
         port: First port to try, the next free one is taken; None: 7000.
         open_browser: Open the page in a browser, where there is a screen.
         quiet: Do not print the address, which is `Viewer.url`.

@@ -35,10 +35,11 @@ def save_html(
         scene: The arms and obstacles.
         trajectory: The motion to play; its columns are joints of the scene.
         path: A path without times: drawn, and played at a steady speed when there is no trajectory.
-        problem: The question: its start and goal are drawn as ghosts.
-        report: The referee's verdict on the trajectory, shown as a badge.
-        replay: What a simulation made of the trajectory.
-        options: Title, first view, spheres, panels (default: `ViewOptions()`).
+        problem: The query: its start and goal are drawn as ghosts.
+        report: The referee's verdict on the trajectory, shown as a badge. Elements that collide are red at that
+            time, and the time line is marked there.
+        replay: What a simulation made of the trajectory, drawn as a shadow beside it; its contacts are shown likewise.
+        options: How the page looks (default: `ViewOptions()`).
 
     Returns:
         The file.

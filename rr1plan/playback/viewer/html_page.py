@@ -25,8 +25,8 @@ from rr1plan.playback.viewer.page_document import Document
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 
 _SCRIPTS = (
-    "math.js", "shapes.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "player.js", "controls.js",
-    "live.js", "main.js",
+    "math.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js", "player.js",
+    "conflicts.js", "controls.js", "live.js", "main.js",
 )  # fmt: skip
 
 
@@ -118,10 +118,16 @@ def _meshcat() -> str:
 
 
 def _script(panels: Sequence[Panel]) -> str:
-    parts = [_asset(name) for name in _SCRIPTS]
+    parts = [_without_comments(_asset(name)) for name in _SCRIPTS]
     mounts = [f"mounts[{json.dumps(p.name)}] = function (viewer, root, data) {{\n{p.script}\n}};" for p in panels]
     body = "\n".join([*parts[:-1], *mounts, parts[-1]])
     return _sealed(f"(function () {{\n'use strict';\nconst mounts = {{}};\n{body}\n}})();\n", "script")
+
+
+def _without_comments(script: str) -> str:
+    """A script without the comments and the indentation of its lines, which are a third of it."""
+    script = re.sub(r"^\s*(/\*\*.*?\*/|//[^\n]*)\n", "", script, flags=re.DOTALL | re.MULTILINE)
+    return re.sub(r"^\s+", "", script, flags=re.MULTILINE)
 
 
 def _sealed(text: str, element: str) -> str:

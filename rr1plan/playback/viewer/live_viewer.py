@@ -36,8 +36,8 @@ class Viewer:
     """A live page. `show` makes one; it is also a context manager that closes it.
 
     Args:
-        scene: The arms and obstacles.
-        trajectory, path, problem, report, replay, options, port: As in `show`.
+        scene, trajectory, path, problem, report, replay, options: As in `save_html`.
+        port: As in `show`.
 
     Raises:
         UnknownNameError: a column that is no joint of the scene.
@@ -98,7 +98,7 @@ class Viewer:
         replay: Replay | None = None,
         options: ViewOptions | None = None,
     ) -> None:
-        """Show something else on the same page; the arguments are those of `show`.
+        """Show something else on the same page; the arguments are those of `save_html`.
 
         Of the options the title and the spheres count; view and panels are those that the page was opened with.
 
@@ -239,13 +239,13 @@ def show(
     The page is served as long as the program runs: end a script with `show(...).wait()`.
 
     Args:
-        scene: The arms and obstacles.
-        trajectory: The motion to play; its columns are joints of the scene.
-        path: A path without times: drawn, and played at a steady speed when there is no trajectory.
-        problem: The question: its start and goal are drawn as ghosts.
-        report: The referee's verdict on the trajectory, shown as a badge.
-        replay: What a simulation made of the trajectory.
-        options: Title, first view, spheres, panels (default: `ViewOptions()`).
+        scene: As in `save_html`.
+        trajectory: As in `save_html`.
+        path: As in `save_html`.
+        problem: As in `save_html`.
+        report: As in `save_html`.
+        replay: As in `save_html`.
+        options: As in `save_html`.
         port: First port to try, the next free one is taken; None: 7000.
         open_browser: Open the page in a browser, where there is a screen.
         quiet: Do not print the address, which is `Viewer.url`.

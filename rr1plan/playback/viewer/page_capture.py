@@ -136,6 +136,7 @@ def settle_page(page: Any, time: float | None = None, *, whole: bool = False) ->
     wait_until(page, "Boolean(window.RR1 && RR1.ready)")
     seek = "([t, whole]) => { RR1.pause(); RR1.seek(t === null ? RR1.player.start : t); RR1.look(null, whole); }"
     page.evaluate(seek, [time, whole])
+    wait_until(page, "RR1.settled")
     frames = page.evaluate("RR1.frames")
     wait_until(page, f"RR1.frames > {frames} + 3")
 

@@ -58,12 +58,12 @@ def view_document(
     """Everything the page shows, as plain values.
 
     Args:
-        scene: The arms and obstacles.
-        trajectory: The motion to play; its columns are joints of the scene.
-        path: A path without times: drawn, and played at a steady speed when there is no trajectory.
-        problem: The question: its start and goal are drawn as ghosts.
-        report: The referee's verdict on the trajectory, shown as a badge.
-        replay: What a simulation made of the trajectory, drawn as a shadow beside it.
+        scene: As in `save_html`.
+        trajectory: As in `save_html`.
+        path: As in `save_html`.
+        problem: As in `save_html`.
+        report: As in `save_html`.
+        replay: As in `save_html`.
         options: The title, and whether spheres are shown; the rest of them is for `page_html`.
 
     Raises:
@@ -200,7 +200,7 @@ def _spheres(links: Mapping[str, Iterable[Geometry]]) -> dict[str, Any]:
 
 
 def _part(geometry: Geometry, shapes: ShapeTable) -> dict[str, Any]:
-    color = None if geometry.color is None else [float(c) for c in geometry.color]
+    color = None if geometry.color is None else [_short(float(c)) for c in geometry.color]
     return {"shape": shapes.index(geometry.shape), "pose": _numbers(geometry.pose), "color": color}
 
 
@@ -209,8 +209,14 @@ def _object(name: str, geometries: Iterable[Geometry], pose: Array, shapes: Shap
 
 
 def _numbers(T: Array) -> list[float]:
-    """A transform as 16 numbers, column after column (as WebGL reads them)."""
-    return [float(v) for v in T.T.ravel()]
+    """A transform as 16 numbers, column after column (as WebGL reads them), to the nanometer."""
+    return [_short(v) for v in T.T.ravel().tolist()]
+
+
+def _short(value: float) -> float:
+    """A number in few digits: no more than a page can show, and none after the point of a whole one."""
+    rounded = round(value, 9)
+    return int(rounded) if rounded.is_integer() else rounded
 
 
 # ---- motions -----------------------------------------------------------------------------
@@ -268,7 +274,7 @@ def _summary(replay: Replay) -> dict[str, Any]:
         "mode": replay.mode,
         "worst_error": replay.worst_error,
         "tracked": replay.tracked,
-        "contacts": [list(c.pair) for c in replay.contacts],
+        "contacts": [{"pair": list(c.pair), "first": c.first, "last": c.last} for c in replay.contacts],
     }
 
 

@@ -56,7 +56,8 @@ class ViewOptions:
     Args:
         title: Headline of the page (default: the scene's name).
         view: Where it is looked at from first: a name ("front", "back", "left", "right", "top", "corner"), azimuth and
-            elevation [rad], or a direction of the world, shape (3,). None chooses a view that shows the motion.
+            elevation [rad], or a direction of the world, shape (3,). None chooses a view that shows the motion; a
+            planar arm beside its configuration space is shown from above.
         spheres: Show the spheres that contain each link and held object, with chips for each of their levels.
         panels: Panels beside the 3-D view, of different names.
         play: The motion runs from the start.

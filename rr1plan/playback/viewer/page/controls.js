@@ -117,8 +117,24 @@ class Controls {
     scrub.min = player.start;
     scrub.max = player.end;
     find("length").textContent = `/ ${seconds(player.end)}`;
+    this.fillMarks();
     this.shownPlaying = null;
     this.refresh();
+  }
+
+  /** A red mark on the time line wherever something touches; a click goes there. */
+  fillMarks() {
+    const { player, conflicts } = this.viewer, span = player.end - player.start;
+    const marks = conflicts.marks(span).map(({ time, subject, title }) => {
+      const mark = element("button");
+      mark.type = "button";
+      mark.title = title;
+      mark.setAttribute("aria-label", title);
+      mark.style.setProperty("--at", (time - player.start) / (span || 1));
+      mark.onclick = () => this.viewer.point(time, subject);
+      return mark;
+    });
+    find("marks").replaceChildren(...marks);
   }
 
   fillFacts(doc) {
@@ -229,7 +245,12 @@ class Controls {
       this.rows.push(row);
       return fold;
     });
-    find("joints").replaceChildren(...folds);
+    // So many colors cannot be told apart, so there is no legend.
+    if (arms.length > MANY) {
+      const fold = element("details");
+      fold.append(element("summary", `${arms.length} arms`), ...folds);
+      find("joints").replaceChildren(fold);
+    } else find("joints").replaceChildren(...folds);
   }
 
   fillArm(row) {
@@ -266,7 +287,21 @@ class Controls {
     find("loop").setAttribute("aria-pressed", String(player.loop));
     const menu = find("speed");
     if (Number(menu.value) !== player.speed) menu.value = String(player.speed);
+    const { conflicts } = this.viewer, words = conflicts.words();
+    if (find("conflict").textContent !== words) {
+      find("conflict").textContent = words;
+      find("conflict").hidden = !words;
+    }
     this.refreshJoints();
+  }
+
+  /** How many arms there are, and how fast they are drawn; only of many arms, and a few times a second. */
+  refreshHud(now) {
+    const { kinematics, player, pace } = this.viewer, arms = kinematics.arms.length;
+    if (now - (this.hudAt || 0) < 300) return;
+    this.hudAt = now;
+    const rate = player.playing && pace.rate ? [`${pace.rate.toFixed(pace.rate < 10 ? 1 : 0)} frames/s`] : [];
+    find("hud").textContent = arms > MANY ? [`${arms} arms`, ...(player.track ? [seconds(player.time)] : []), ...rate].join(" · ") : "";
   }
 
   refreshJoints() {

@@ -28,8 +28,6 @@ class Viewer {
     this.stage.onResize = () => this.frame();
     this.controls = new Controls(this);
     this.frames = 0;
-    this.slow = 0;
-    this.coarse = 0;
     this.meshcat = this.stage.meshcat;
   }
 
@@ -40,6 +38,12 @@ class Viewer {
     if (this.world) this.world.dispose();
     this.document = doc;
     this.kinematics = new Kinematics(doc);
+    if (!this.pace || !this.pace.suits(doc.arms.length)) {
+      this.pace = new Pace(doc.arms.length);
+      // Ghosts of very many arms hide the arms.
+      for (const kind of ["start", "goal"]) this.hidden[this.pace.many ? "add" : "delete"](kind);
+    }
+    this.stage.setQuality(settings.play ? this.pace.least() : this.pace.full);
     this.joints = doc.columns;
     this.limits = this.kinematics.arms.flatMap((a) => a.robot.limits);
     const track = doc.track ? new Track(doc.track) : null;
@@ -49,6 +53,7 @@ class Viewer {
     this.player.speed = speed;
     this.manual = false;
     this.touched = [];
+    this.conflicts = new Conflicts(doc, this.player);
     this.lastDirection = this.preferred || doc.camera.direction;
     this.q = this.kinematics.rest();
     if (track) track.at(track.start, this.q);
@@ -78,11 +83,12 @@ class Viewer {
     const thin = Math.min(Math.max(0.0034 * radius, 0.0018), 0.012);
     if (track) {
       this.toolPath = new ToolPath(kinematics, track, thin);
+      this.toolPath.setTubes(this.pace.least().tubes);
       world.group("toolpath").add(this.toolPath.group);
     } else this.toolPath = null;
     if (doc.path) world.group("path").add(waypointLines(kinematics, doc.path, 1.6 * thin));
     if (doc.targets.length) world.group("goal").add(targetMarks(doc.targets, 2 * thin));
-    world.paint(this.byArm && doc.arms.length > 1);
+    this.paint();
     for (const [name, layer] of Object.entries(world.layers)) layer.visible = !this.hidden.has(name);
     this.stage.show("world", world.root);
     this.stage.furnish(this.extent.whole, this.extent.floor);
@@ -126,6 +132,8 @@ class Viewer {
   show() {
     const { player, world } = this;
     world.update(this.q);
+    this.shownAt = performance.now();
+    if (this.conflicts.at(this.manual ? null : player.time)) this.paint();
     if (this.replayTrack) world.updateReplay(this.replayTrack.at(player.time, this.kinematics.rest()));
     if (this.toolPath) this.toolPath.show(this.manual ? 1 : player.fraction);
     this.controls.refresh();
@@ -139,7 +147,7 @@ class Viewer {
   get duration() { return this.player.end - this.player.start; }
   get playing() { return this.player.playing; }
 
-  play() { this.manual = false; this.player.play(); this.follow(); }
+  play() { this.manual = false; this.touched = []; this.conflicts.shown = null; this.player.play(); this.follow(); }
   pause() { this.player.pause(); this.controls.refresh(); }
   toggle() { if (this.playing) this.pause(); else this.play(); }
   seek(t) { this.manual = false; this.player.seek(t); this.follow(); }
@@ -167,15 +175,20 @@ class Viewer {
 
   setByArm(on) {
     this.byArm = on;
-    this.world.paint(on && this.kinematics.arms.length > 1, this.touched);
+    this.paint();
     this.controls.refreshToggles();
     this.redraw();
+  }
+
+  /** Gives every link its color: what touches now is red, and what was pointed at. */
+  paint() {
+    this.world.paint(this.byArm && this.kinematics.arms.length > 1, [...this.touched, ...this.conflicts.elements()]);
   }
 
   /** Goes to a moment and paints some elements red. */
   point(time, elements) {
     this.touched = elements;
-    this.world.paint(this.byArm && this.kinematics.arms.length > 1, elements);
+    this.paint();
     this.pause();
     if (time !== null) this.seek(time);
     this.redraw();
@@ -203,27 +216,32 @@ class Viewer {
   run() {
     const frame = (now) => {
       requestAnimationFrame(frame);
-      this.pace(now);
       if (this.live) this.live.flush();
       if (this.player.tick(now)) this.follow();
+      this.setQuality(this.pace.at(now, this.moves(now)));
+      this.controls.refreshHud(now);
       this.stage.draw();
       this.frames += 1;
     };
     requestAnimationFrame(frame);
   }
 
-  /** Where drawing is slow, moving pictures are drawn coarser; whatever stands still is drawn in full. */
-  pace(now) {
-    const passed = now - (this.lastFrame || now);
-    this.lastFrame = now;
-    const moves = this.playing || this.stage.dragged;
-    if (moves) this.slow = Math.max(0, this.slow + (passed > 60 && passed < 1e4 ? Math.min(passed / 60, 8) : -0.5));
-    if (this.slow > 16) { this.slow = 0; this.coarse = Math.min(this.coarse + 1, 3); }
-    this.stage.setCoarse(moves ? this.coarse : 0);
-    for (const kind of ["start", "goal"]) {
-      const layer = this.world.layers[kind];
-      if (layer) layer.visible = this.isShown(kind) && this.stage.coarse < 3;
-    }
+  /** Something moves; of very many arms, which take long to be drawn in full, what has just moved is taken to move on. */
+  moves(now) {
+    return this.playing || Boolean(this.stage.dragged) || (this.pace.many && this.pace.level > 0 && now - this.shownAt < 250);
+  }
+
+  /** What stands still is drawn in full. */
+  get settled() { return !this.stage.renderer || this.stage.quality === this.pace.full; }
+
+  /** Draws as much as a level of `pace.js` says. */
+  setQuality(quality) {
+    const { world, stage } = this;
+    stage.setQuality(quality);
+    world.setRich(quality.rich);
+    if (this.toolPath) this.toolPath.setTubes(quality.tubes);
+    for (const kind of ["start", "goal"]) if (world.layers[kind]) world.layers[kind].visible = this.isShown(kind) && quality.ghosts;
+    if (stage.meshcat.needs_render && world.chooseDetail(stage.camera, stage.pane.clientHeight || 1, quality.detail)) world.place();
   }
 }
 

@@ -12,12 +12,12 @@ function unpack(packed) {
 
 /** out[o..] = a[i..] * b[j..], rigid or affine; out is neither a nor b. */
 function multiply(out, o, a, i, b, j) {
-  for (let c = 0; c < 4; c++) {
-    const k = j + 4 * c;
-    const x = b[k], y = b[k + 1], z = b[k + 2], w = b[k + 3];
-    for (let r = 0; r < 4; r++) {
-      out[o + 4 * c + r] = a[i + r] * x + a[i + 4 + r] * y + a[i + 8 + r] * z + a[i + 12 + r] * w;
-    }
+  for (let c = 0; c < 16; c += 4) {
+    const x = b[j + c], y = b[j + c + 1], z = b[j + c + 2], last = c === 12 ? 1 : 0;
+    out[o + c] = a[i] * x + a[i + 4] * y + a[i + 8] * z + last * a[i + 12];
+    out[o + c + 1] = a[i + 1] * x + a[i + 5] * y + a[i + 9] * z + last * a[i + 13];
+    out[o + c + 2] = a[i + 2] * x + a[i + 6] * y + a[i + 10] * z + last * a[i + 14];
+    out[o + c + 3] = last;
   }
 }
 
@@ -25,18 +25,14 @@ function identity() {
   return Float64Array.of(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1);
 }
 
-/** T_joint_child of a joint at a value [rad or m]. */
+/** T_joint_child of a joint at a value [rad or m]; out is a transform. */
 function jointMotion(out, joint, value) {
-  out.set(identity());
-  const [x, y, z] = joint.axis;
-  if (joint.kind === 1) {
-    out[12] = value * x; out[13] = value * y; out[14] = value * z;
-  } else if (joint.kind === 2) {
-    const s = Math.sin(value), c = Math.cos(value), u = 1 - c;
-    out[0] = c + x * x * u; out[1] = x * y * u + z * s; out[2] = x * z * u - y * s;
-    out[4] = x * y * u - z * s; out[5] = c + y * y * u; out[6] = y * z * u + x * s;
-    out[8] = x * z * u + y * s; out[9] = y * z * u - x * s; out[10] = c + z * z * u;
-  }
+  const [x, y, z] = joint.axis, turning = joint.kind === 2, shift = joint.kind === 1 ? value : 0;
+  const s = turning ? Math.sin(value) : 0, c = turning ? Math.cos(value) : 1, u = 1 - c;
+  out[0] = c + x * x * u; out[1] = x * y * u + z * s; out[2] = x * z * u - y * s;
+  out[4] = x * y * u - z * s; out[5] = c + y * y * u; out[6] = y * z * u + x * s;
+  out[8] = x * z * u + y * s; out[9] = y * z * u - x * s; out[10] = c + z * z * u;
+  out[12] = shift * x; out[13] = shift * y; out[14] = shift * z;
 }
 
 /** Where every link of every arm is. Links are numbered arm after arm, columns of q likewise. */

@@ -8,7 +8,7 @@ function once(key, make) {
 }
 
 /** {geometry, scale}: equal geometries are one object, so their copies are drawn in one call; sides: of what is round. */
-function solid(shape, sides) {
+function solid(shape, sides, resolution = 0) {
   switch (shape.kind) {
     case "box":
       return { geometry: once("box", () => new THREE.BoxGeometry(1, 1, 1)), scale: shape.size };
@@ -19,7 +19,8 @@ function solid(shape, sides) {
       };
     case "cylinder":
       return {
-        geometry: once(`cylinder ${sides}`, () => new THREE.CylinderGeometry(1, 1, 1, sides).rotateX(Math.PI / 2)),
+        geometry: resolution > 0 ? once(`prism ${sides}`, () => prism(sides))
+          : once(`cylinder ${sides}`, () => new THREE.CylinderGeometry(1, 1, 1, sides).rotateX(Math.PI / 2)),
         scale: [shape.radius, shape.radius, shape.length],
       };
     case "capsule":
@@ -28,11 +29,30 @@ function solid(shape, sides) {
         scale: [1, 1, 1],
       };
     case "mesh":
-      if (!shape.geometry) shape.geometry = mesh(unpack(shape.vertices).values, unpack(shape.faces).values);
-      return { geometry: shape.geometry, scale: [1, 1, 1] };
+      return { geometry: meshAt(shape, resolution), scale: [1, 1, 1] };
     default:
       return null;
   }
+}
+
+/** A unit cylinder along z with as few vertices and triangles as possible. */
+function prism(sides) {
+  const position = [], normal = [], index = [], turns = [...Array(sides).keys()].map((i) => (2 * Math.PI * i) / sides);
+  for (const [cap, z] of [[0, -0.5], [0, 0.5], [-1, -0.5], [1, 0.5]]) {
+    for (const a of turns) {
+      position.push(Math.cos(a), Math.sin(a), z);
+      normal.push(cap ? 0 : Math.cos(a), cap ? 0 : Math.sin(a), cap);
+    }
+  }
+  for (let i = 0; i < sides; i++) {
+    const j = (i + 1) % sides;
+    index.push(i, j, sides + i, j, sides + j, sides + i);
+  }
+  for (let i = 1; i + 1 < sides; i++) index.push(2 * sides, 2 * sides + i + 1, 2 * sides + i, 3 * sides, 3 * sides + i, 3 * sides + i + 1);
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.Float32BufferAttribute(position, 3));
+  geometry.setAttribute("normal", new THREE.Float32BufferAttribute(normal, 3));
+  return geometry.setIndex(index);
 }
 
 function capsule(radius, length, sides) {
@@ -46,6 +66,58 @@ function capsule(radius, length, sides) {
   arc(-Math.PI / 2, -length / 2);
   arc(0, length / 2);
   return new THREE.LatheGeometry(points, sides).rotateX(Math.PI / 2);
+}
+
+/** Vertices and faces of a mesh, decoded once. */
+function meshArrays(shape) {
+  if (!shape.arrays) shape.arrays = { vertices: unpack(shape.vertices).values, faces: unpack(shape.faces).values };
+  return shape.arrays;
+}
+
+/** The geometry of a mesh at a resolution [m], made once. */
+function meshAt(shape, resolution) {
+  shape.geometries = shape.geometries || new Map();
+  if (!shape.geometries.has(resolution)) {
+    const { vertices, faces } = resolution > 0 ? clustered(meshArrays(shape), resolution) : meshArrays(shape);
+    shape.geometries.set(resolution, mesh(vertices, faces));
+  }
+  return shape.geometries.get(resolution);
+}
+
+/** A mesh whose vertices are the means of those in each cube of a grid (Rossignac and Borrel 1993). */
+function clustered({ vertices, faces }, cell) {
+  const cells = new Map(), owner = new Uint32Array(vertices.length / 3), sums = [];
+  for (let i = 0; i < owner.length; i++) {
+    const key = [0, 1, 2].map((k) => Math.floor(vertices[3 * i + k] / cell)).join();
+    if (!cells.has(key)) { cells.set(key, cells.size); sums.push([0, 0, 0, 0]); }
+    owner[i] = cells.get(key);
+    const sum = sums[owner[i]];
+    for (let k = 0; k < 3; k++) sum[k] += vertices[3 * i + k];
+    sum[3] += 1;
+  }
+  const kept = [], known = new Set();
+  for (let f = 0; f < faces.length; f += 3) {
+    const [a, b, c] = [owner[faces[f]], owner[faces[f + 1]], owner[faces[f + 2]]];
+    if (a === b || b === c || c === a) continue;
+    const key = a < b && a < c ? `${a},${b},${c}` : b < c ? `${b},${c},${a}` : `${c},${a},${b}`;
+    if (known.has(key)) continue;
+    known.add(key);
+    kept.push(a, b, c);
+  }
+  return { vertices: Float32Array.from(sums.flatMap(([x, y, z, n]) => [x / n, y / n, z / n])), faces: Uint32Array.from(kept) };
+}
+
+/** The bounding box of a solid in its own frame; empty for half-spaces and point clouds. */
+function shapeBox(shape) {
+  const box = new THREE.Box3(), around = (x, y, z) => box.set(new THREE.Vector3(-x, -y, -z), new THREE.Vector3(x, y, z));
+  switch (shape.kind) {
+    case "box": return around(...shape.size.map((v) => v / 2));
+    case "sphere": return around(shape.radius, shape.radius, shape.radius);
+    case "cylinder": return around(shape.radius, shape.radius, shape.length / 2);
+    case "capsule": return around(shape.radius, shape.radius, shape.length / 2 + shape.radius);
+    case "mesh": return box.setFromArray(meshArrays(shape).vertices);
+    default: return box;
+  }
 }
 
 /** Corners are drawn sharp where faces meet at more than 35 degrees, round elsewhere. */
@@ -112,81 +184,4 @@ function rimMaterial(opacity) {
       #include <dithering_fragment>`);
   };
   return material;
-}
-
-/**
- * Solids drawn together: one call for each different geometry.
- * Clear ones hide what is drawn after them behind them; their order is: solids of the document, collision shapes,
- * spheres from fine to coarse, ghosts.
- * items: {shape, pose (with its frame), frame (link number, or -1: the world), color, opacity, element, arm}.
- */
-class Bodies {
-  constructor(items, style) {
-    this.group = new THREE.Group();
-    this.sets = [];
-    const sets = new Map();
-    for (const item of items) {
-      const found = solid(item.shape, style.sides || 40);
-      if (!found) continue;
-      const opacity = style.opacity || item.opacity;
-      const key = `${found.geometry.uuid} ${opacity}`;
-      if (!sets.has(key)) sets.set(key, { geometry: found.geometry, opacity, items: [] });
-      sets.get(key).items.push({ ...item, local: scaled(item.pose, found.scale) });
-    }
-    for (const set of sets.values()) this.add(set, style);
-  }
-
-  add(set, style) {
-    const clear = set.opacity < 1;
-    const material = style.rim ? rimMaterial(set.opacity) : clear
-      ? new THREE.MeshLambertMaterial({
-        transparent: true, opacity: set.opacity, depthWrite: false, emissive: 0x555555, emissiveIntensity: 0.6,
-        polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2,
-      })
-      : new THREE.MeshStandardMaterial({ roughness: style.roughness || 0.55, metalness: 0.02, envMapIntensity: 0.85 });
-    const drawn = new THREE.InstancedMesh(set.geometry, material, set.items.length);
-    drawn.frustumCulled = false;
-    drawn.castShadow = !clear && style.shadow !== false;
-    drawn.receiveShadow = !clear;
-    drawn.renderOrder = clear ? style.order || 2 : 0;
-    this.group.add(drawn);
-    if (clear) {
-      // Depth first, color second: only the nearest surface of a clear body is seen.
-      const depth = new THREE.InstancedMesh(set.geometry, new THREE.MeshBasicMaterial({
-        colorWrite: false, transparent: true, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2,
-      }), set.items.length);
-      depth.instanceMatrix = drawn.instanceMatrix;
-      depth.frustumCulled = false;
-      depth.renderOrder = drawn.renderOrder - 0.5;
-      this.group.add(depth);
-    }
-    this.sets.push({ drawn, items: set.items });
-    set.items.forEach((item, i) => drawn.setColorAt(i, light(item.color)));
-  }
-
-  /** Moves everything to where its link is. */
-  update(poses) {
-    const placed = identity();
-    for (const { drawn, items } of this.sets) {
-      const out = drawn.instanceMatrix.array;
-      items.forEach((item, i) => {
-        if (item.frame < 0) { out.set(item.local, 16 * i); return; }
-        multiply(placed, 0, poses, 16 * item.frame, item.local, 0);
-        out.set(placed, 16 * i);
-      });
-      drawn.instanceMatrix.needsUpdate = true;
-    }
-  }
-
-  /** Gives every item the color that choose(item) returns (rgb, 0..1). */
-  paint(choose) {
-    for (const { drawn, items } of this.sets) {
-      items.forEach((item, i) => drawn.setColorAt(i, light(choose(item))));
-      drawn.instanceColor.needsUpdate = true;
-    }
-  }
-
-  dispose() {
-    this.group.traverse((o) => { if (o.material) o.material.dispose(); if (o.dispose) o.dispose(); });
-  }
 }

@@ -8,12 +8,13 @@ class Spheres {
     this.doc = doc;
     this.kinematics = kinematics;
     // What is drawn has flat faces: they lie outside the sphere, or the link would stick out between them.
+    this.sides = sides;
     this.wider = Math.cos(Math.PI / sides) ** -2;
     const items = this.items();
     const oneBodyEach = items[0].length === items[1].length;
     this.finest = items[2];
     this.layers = new Map(SPHERE_LAYERS.map(([name, opacity], level) => [
-      name, new Bodies(level === 1 && oneBodyEach ? [] : items[level], { opacity, order: 6 - level, sides, rim: true }),
+      name, new Bodies(level === 1 && oneBodyEach ? [] : items[level], { opacity, order: 6 - level, rim: true }),
     ]));
   }
 
@@ -38,7 +39,8 @@ class Spheres {
     const shift = identity(), placed = identity();
     shift.set(center, 12);
     multiply(placed, 0, pose, 0, shift, 0);
-    return { shape: { kind: "sphere", radius: this.wider * radius }, radius, pose: placed, frame, color, element, arm, opacity: 1 };
+    const { body, scale } = shapeBody({ kind: "sphere", radius: this.wider * radius }, this.sides);
+    return { body, local: scaled(placed, scale), radius, pose: placed, frame, color, element, arm, opacity: 1 };
   }
 
   /** What there is in words; nothing where no spheres were asked for. */

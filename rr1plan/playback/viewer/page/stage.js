@@ -16,6 +16,42 @@ function cornersOf(box) {
   return box.isEmpty() ? [] : [...Array(8).keys()].map((i) => [of(i, "x"), of(i, "y"), of(i, "z"), 0]);
 }
 
+/** A room of soft lamps: where they are, the walls between them. */
+const LAMPS = [
+  { color: 0xffffff, size: [9, 9], place: [0, 12, 0] },
+  { color: 0xfff1e0, size: [4, 8], place: [11, 4, 5] },
+  { color: 0xe4eeff, size: [4, 8], place: [-11, 5, -4] },
+];
+const LAMP_LIGHT = 2.2, WALLS = 0x4b4f54;
+
+/** The light of the room as it falls on dull surfaces of all directions, in spherical harmonics: no picture is drawn for it. */
+function roomLight() {
+  const sh = new THREE.SphericalHarmonics3(), basis = new Float64Array(9), color = new THREE.Color(), count = 4000;
+  const lamps = LAMPS.map(({ color: c, size, place }) => {
+    const lamp = new THREE.Object3D();
+    lamp.position.set(...place);
+    lamp.lookAt(0, 0, 0);
+    lamp.updateMatrixWorld();
+    return { size, color: new THREE.Color(c).multiplyScalar(LAMP_LIGHT), inverse: lamp.matrixWorld.clone().invert() };
+  });
+  const wall = new THREE.Color(WALLS), d = new THREE.Vector3(), eye = new THREE.Vector3(), hit = new THREE.Vector3();
+  for (let i = 0; i < count; i++) {
+    const y = 1 - (2 * i + 1) / count, r = Math.sqrt(1 - y * y), turn = i * Math.PI * (3 - Math.sqrt(5));
+    d.set(r * Math.cos(turn), y, r * Math.sin(turn));
+    color.copy(wall);
+    for (const lamp of lamps) {
+      // In the frame of a lamp its surface is at z = 0.
+      eye.set(0, 0, 0).applyMatrix4(lamp.inverse);
+      hit.copy(d).transformDirection(lamp.inverse);
+      const far = -eye.z / hit.z, x = eye.x + far * hit.x, across = eye.y + far * hit.y;
+      if (far > 0 && Math.abs(x) < lamp.size[0] / 2 && Math.abs(across) < lamp.size[1] / 2) color.copy(lamp.color);
+    }
+    THREE.SphericalHarmonics3.getBasisAt(d, basis);
+    basis.forEach((value, k) => { sh.coefficients[k].x += color.r * value; sh.coefficients[k].y += color.g * value; sh.coefficients[k].z += color.b * value; });
+  }
+  return sh.scale((4 * Math.PI) / count);
+}
+
 class Stage {
   constructor(pane) {
     this.pane = pane;
@@ -25,7 +61,7 @@ class Stage {
     renderer.outputEncoding = THREE.sRGBEncoding;
     this.meshcat = new MeshCat.Viewer(pane, false, renderer);
     this.fine = Math.min(window.devicePixelRatio || 1, 2);
-    this.coarse = 0;
+    this.quality = FEW_ARMS[0];
     renderer.setPixelRatio(this.fine);
     pane.appendChild(renderer.domElement);
     this.renderer = renderer;
@@ -33,28 +69,23 @@ class Stage {
     for (const path of [["Lights"], ["Grid"], ["Axes"]]) this.meshcat.delete_path(path);
     this.meshcat.set_property(["Background"], "visible", false);
     this.meshcat.hide_background();
-    this.meshcat.scene.environment = this.surroundings();
     this.addCamera();
     this.addLights();
     new ResizeObserver(() => { this.resize(); if (!this.turned && this.onResize) this.onResize(); }).observe(pane);
     this.resize();
   }
 
-  /** A room of soft lamps to be mirrored in everything. */
+  /** What the room of soft lamps looks like from its middle, to be mirrored in everything. */
   surroundings() {
     const room = new THREE.Scene();
-    const lamp = (color, w, h, x, y, z) => {
-      const m = new THREE.Mesh(new THREE.PlaneGeometry(w, h), new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide }));
-      m.position.set(x, y, z);
+    for (const { color, size, place } of LAMPS) {
+      const m = new THREE.Mesh(new THREE.PlaneGeometry(...size), new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide }));
+      m.position.set(...place);
       m.lookAt(0, 0, 0);
-      m.material.color.multiplyScalar(2.2);
+      m.material.color.multiplyScalar(LAMP_LIGHT);
       room.add(m);
-    };
-    const walls = new THREE.Mesh(new THREE.SphereGeometry(20, 24, 16), new THREE.MeshBasicMaterial({ color: 0x4b4f54, side: THREE.BackSide }));
-    room.add(walls);
-    lamp(0xffffff, 9, 9, 0, 12, 0);
-    lamp(0xfff1e0, 4, 8, 11, 4, 5);
-    lamp(0xe4eeff, 4, 8, -11, 5, -4);
+    }
+    room.add(new THREE.Mesh(new THREE.SphereGeometry(20, 24, 16), new THREE.MeshBasicMaterial({ color: WALLS, side: THREE.BackSide })));
     const generator = new THREE.PMREMGenerator(this.renderer);
     // Blurring it as a mirror sees it would take seconds where no graphics card is, and no surface here is a mirror.
     const texture = generator.fromScene(room).texture;
@@ -87,7 +118,9 @@ class Stage {
     this.key.shadow.bias = -0.0004;
     const fill = new THREE.DirectionalLight(0xdfeaff, 0.16);
     fill.position.set(3, 4, 2);
-    lights.add(this.key, this.key.target, fill, new THREE.HemisphereLight(0xffffff, 0xb9c0c9, 0.12));
+    // For surfaces that do not mirror the room.
+    this.room = new THREE.LightProbe(roomLight(), 0);
+    lights.add(this.room, this.key, this.key.target, fill, new THREE.HemisphereLight(0xffffff, 0xb9c0c9, 0.12));
     this.meshcat.set_object(["rr1plan", "lights"], lights);
   }
 
@@ -101,14 +134,20 @@ class Stage {
     lens.updateProjectionMatrix();
     this.key.shadow.normalBias = 0.006 * radius;
     this.meshcat.set_object(["rr1plan", "floor"], this.floor(center, radius, floor));
+    // What has to do with shadows is new.
+    this.apply(this.quality);
   }
 
   floor(center, radius, height) {
     const group = new THREE.Group();
-    const size = 14 * radius;
-    const shade = new THREE.Mesh(new THREE.PlaneGeometry(size, size), new THREE.ShadowMaterial({ opacity: 0.24 }));
+    const size = 14 * radius, slope = (center.z - height) / 1.5;
+    // As large as the lamp's picture on the floor: each of its pixels costs a look at the shadows.
+    const reach = 2 * 1.35 * Math.SQRT2 * Math.hypot(0.55, 0.75, 1.5) / 1.5 * radius;
+    const shade = new THREE.Mesh(new THREE.PlaneGeometry(reach, reach), new THREE.ShadowMaterial({ opacity: 0.24 }));
+    shade.position.set(0.55 * slope, 0.75 * slope, 0);
     shade.receiveShadow = true;
     shade.material.depthWrite = false;
+    this.shade = shade;
     const step = 10 ** Math.floor(Math.log10(radius * 0.5));
     const grid = new THREE.Mesh(new THREE.PlaneGeometry(size, size), new THREE.ShaderMaterial({
       transparent: true, depthWrite: false, side: THREE.DoubleSide,
@@ -196,7 +235,7 @@ class Stage {
     this.camera.updateProjectionMatrix();
   }
 
-  /** Parts of the window that no card covers, from -1 to 1 each way: beside the headline and below it, or all if both are slits. */
+  /** Parts of the window that no card covers, from -1 to 1 each way: beside or below each card, or all if these are slits. */
   rooms() {
     const pane = this.pane.getBoundingClientRect();
     const covered = (id) => {
@@ -210,8 +249,9 @@ class Stage {
       left: x(pane.left + gap), right: x((side || { left: pane.right }).left - gap),
       bottom: y((bar || { top: pane.bottom }).top - gap), top: y(pane.top + gap),
     };
-    if (!head) return [room];
-    const rooms = [{ ...room, left: x(head.right + gap) }, { ...room, top: y(head.bottom + gap) }];
+    const beside = head ? [{ left: x(head.right + gap) }, { top: y(head.bottom + gap) }] : [{}];
+    const below = side ? [{}, { right: x(pane.right - gap), top: y(side.bottom + gap) }] : [{}];
+    const rooms = beside.flatMap((one) => below.map((two) => ({ ...room, ...one, ...two, top: Math.min(...[room, one, two].map((r) => r.top ?? 1)) })));
     const wide = rooms.filter((r) => r.right - r.left > 0.4 && r.top - r.bottom > 0.4);
     return wide.length ? wide : [room];
   }
@@ -223,13 +263,20 @@ class Stage {
     this.meshcat.set_dirty();
   }
 
-  /** 0: everything; then fewer pixels, then shadows that stand still, then fewer pixels again. */
-  setCoarse(level) {
-    if (level === this.coarse) return;
-    this.coarse = level;
-    this.renderer.shadowMap.autoUpdate = level < 2;
-    this.renderer.setPixelRatio(this.fine * [1, 0.75, 0.6, 0.42][level]);
-    this.meshcat.set_dirty();
+  /** Draws as much as a level of `pace.js` says. */
+  setQuality(quality) {
+    if (quality !== this.quality) this.apply(quality);
+  }
+
+  apply(quality) {
+    this.quality = quality;
+    const { renderer, meshcat } = this;
+    if (quality.rich && !meshcat.scene.environment) meshcat.scene.environment = this.surroundings();
+    this.room.intensity = quality.rich ? 0 : 0.85;
+    renderer.shadowMap.autoUpdate = quality.shadows === "moving";
+    if (this.shade) this.shade.visible = quality.shadows !== "none";
+    if (renderer.getPixelRatio() !== this.fine * quality.pixels) renderer.setPixelRatio(this.fine * quality.pixels);
+    meshcat.set_dirty();
   }
 
   show(name, group) {
@@ -262,14 +309,14 @@ class EmptyStage {
     this.camera = new THREE.PerspectiveCamera(34, 1, 0.01, 200);
     this.controls = { target: new THREE.Vector3() };
     this.key = { intensity: 0 };
-    this.coarse = 0;
+    this.quality = FEW_ARMS[0];
     this.turned = false;
   }
 
   look() {}
   furnish() {}
   show() {}
-  setCoarse() {}
+  setQuality() {}
   draw() {}
 }
 

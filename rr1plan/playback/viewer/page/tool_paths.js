@@ -36,37 +36,70 @@ function addRings(points, radius, sides, positions, normals) {
 }
 
 /**
- * The tools' ways as tubes: faint as a whole, bright as far as the motion has come.
- * The triangles of all tubes are sorted by time, so that one call draws the bright part of all.
+ * The tool paths as tubes, or as lines, which are faster: faint as a whole, bright up to the current time.
+ * The pieces of all paths are sorted by time, so that one call draws the bright part of all.
  */
 class ToolPath {
   constructor(kinematics, track, radius) {
-    const many = kinematics.arms.length, sides = many > 24 ? 4 : 7;
+    const many = kinematics.arms.length;
     const most = Math.max(60, Math.min(400, Math.floor(6000 / many)));
+    this.radius = radius;
+    this.sides = many > MANY ? 4 : 7;
     this.pieces = Math.max(2, Math.min(most, Math.ceil(60 * (track.end - track.start))));
     const rows = [];
     for (let i = 0; i <= this.pieces; i++) {
       rows.push(track.at(track.start + (i / this.pieces) * (track.end - track.start), kinematics.rest()));
     }
-    const positions = [], normals = [], colors = [], indices = [];
-    const lines = toolLines(kinematics, track.columns, rows);
-    for (const { arm, points } of lines) {
-      addRings(points, radius, sides, positions, normals);
-      const color = light(armColor(kinematics.arms.indexOf(arm)));
-      for (let i = 0; i < points.length * sides; i++) colors.push(color.r, color.g, color.b);
-    }
-    for (let i = 0; i < this.pieces; i++) {
-      for (let line = 0; line < lines.length; line++) {
-        const ring = (line * (this.pieces + 1) + i) * sides;
-        for (let k = 0; k < sides; k++) {
-          const a = ring + k, b = ring + ((k + 1) % sides);
-          indices.push(a, b, a + sides, b, b + sides, a + sides);
-        }
+    this.lines = toolLines(kinematics, track.columns, rows).map(({ arm, points }) => ({ points, color: light(armColor(kinematics.arms.indexOf(arm))) }));
+    this.group = new THREE.Group();
+    this.drawn = {};
+    this.done = 0;
+  }
+
+  setTubes(on) {
+    const kind = on ? "tubes" : "lines";
+    if (kind === this.kind) return;
+    this.kind = kind;
+    if (!this.drawn[kind]) this.group.add((this.drawn[kind] = on ? this.makeTubes() : this.makeLines()).group);
+    for (const [name, { group }] of Object.entries(this.drawn)) group.visible = name === kind;
+    this.show(this.done);
+  }
+
+  makeTubes() {
+    const { sides } = this, positions = [], normals = [], indices = [];
+    for (const { points } of this.lines) addRings(points, this.radius, sides, positions, normals);
+    this.eachPiece((ring) => {
+      for (let k = 0; k < sides; k++) {
+        const a = sides * ring + k, b = sides * ring + ((k + 1) % sides);
+        indices.push(a, b, a + sides, b, b + sides, a + sides);
       }
-    }
-    this.perPiece = 6 * sides * lines.length;
+    });
+    const attributes = { position: positions, normal: normals, color: this.colors(sides) };
+    return this.paths(THREE.Mesh, attributes, indices, 6 * sides,
+      new THREE.MeshBasicMaterial({ vertexColors: true, transparent: true, opacity: 0.22, depthWrite: false }),
+      new THREE.MeshLambertMaterial({ vertexColors: true, emissive: 0x333333 }));
+  }
+
+  makeLines() {
+    const indices = [];
+    this.eachPiece((ring) => indices.push(ring, ring + 1));
+    const attributes = { position: this.lines.flatMap(({ points }) => points.flatMap((p) => [p.x, p.y, p.z])), color: this.colors(1) };
+    return this.paths(THREE.LineSegments, attributes, indices, 2,
+      new THREE.LineBasicMaterial({ vertexColors: true, transparent: true, opacity: 0.3, depthWrite: false }),
+      new THREE.LineBasicMaterial({ vertexColors: true }));
+  }
+
+  /** Calls f(number of the ring at its beginning) for all pieces in the order of time. */
+  eachPiece(f) {
+    for (let i = 0; i < this.pieces; i++) for (let line = 0; line < this.lines.length; line++) f(line * (this.pieces + 1) + i);
+  }
+
+  colors(sides) {
+    return this.lines.flatMap(({ points, color }) => Array(points.length * sides).fill(color.toArray()).flat());
+  }
+
+  paths(Kind, attributes, indices, perPiece, faint, bright) {
     const [whole, part] = [new THREE.BufferGeometry(), new THREE.BufferGeometry()];
-    const attributes = { position: positions, normal: normals, color: colors };
     for (const [name, values] of Object.entries(attributes)) {
       const attribute = new THREE.Float32BufferAttribute(values, 3);
       whole.setAttribute(name, attribute);
@@ -74,15 +107,16 @@ class ToolPath {
     }
     whole.setIndex(indices);
     part.setIndex(whole.index);
-    this.part = part;
-    this.group = new THREE.Group();
-    this.group.add(new THREE.Mesh(whole, new THREE.MeshBasicMaterial({ vertexColors: true, transparent: true, opacity: 0.22, depthWrite: false })));
-    this.group.add(new THREE.Mesh(part, new THREE.MeshLambertMaterial({ vertexColors: true, emissive: 0x333333 })));
-    for (const mesh of this.group.children) mesh.frustumCulled = false;
+    const group = new THREE.Group();
+    group.add(new Kind(whole, faint), new Kind(part, bright));
+    for (const part of group.children) part.frustumCulled = false;
+    return { group, part, count: perPiece * this.lines.length };
   }
 
   show(fraction) {
-    this.part.setDrawRange(0, this.perPiece * Math.round(fraction * this.pieces));
+    this.done = fraction;
+    const drawn = this.drawn[this.kind];
+    if (drawn) drawn.part.setDrawRange(0, drawn.count * Math.round(fraction * this.pieces));
   }
 }
 

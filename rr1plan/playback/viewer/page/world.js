@@ -3,7 +3,7 @@
 const LINK_GREY = [0.77, 0.79, 0.82];
 const OBSTACLE = [0.58, 0.65, 0.74];
 const HELD = [0.96, 0.73, 0.27];
-const TOUCHED = [0.86, 0.08, 0.2];
+const TOUCHED = [0.86, 0.08, 0.2], FADED = 0.82;
 const GHOSTS = { start: [0.25, 0.47, 0.85], goal: [0.1, 0.62, 0.42], replay: [0.62, 0.3, 0.78] };
 const IDENTITY = identity();
 
@@ -26,12 +26,17 @@ class World {
     this.poses = new Float64Array(16 * kinematics.links);
     this.root = new THREE.Group();
     this.layers = {};
+    this.filled = new Set();
+    this.linkBodies = new Map();
+    this.detail = { levels: new Int8Array(kinematics.arms.length), version: 1 };
+    this.reach = kinematics.arms.map((arm) => this.reachOf(arm));
+    this.lens = { eye: new THREE.Vector3(), frustum: new THREE.Frustum(), ball: new THREE.Sphere(), view: new THREE.Matrix4() };
     const rest = kinematics.rest();
     kinematics.forwardAll(rest, this.poses);
-    const count = kinematics.arms.length, sides = count > 24 ? 10 : count > 4 ? 18 : 36;
-    this.robots = this.layer("robots", new Bodies(this.linkItems("visuals", LINK_GREY), { roughness: 0.5, sides }));
+    const count = kinematics.arms.length, sides = count > MANY ? 10 : count > 4 ? 18 : 36;
+    this.robots = this.layer("robots", new Bodies(this.linkItems("visuals", LINK_GREY), { roughness: 0.5 }));
     this.held = this.layer("robots", new Bodies(this.heldItems(), {}));
-    this.collisions = this.layer("collisions", new Bodies(this.linkItems("collisions", [0.05, 0.72, 0.66]), { opacity: 0.4, order: 3, sides }));
+    this.collisions = this.layer("collisions", new Bodies(this.linkItems("collisions", [0.05, 0.72, 0.66]), { opacity: 0.4, order: 3 }));
     this.spheres = new Spheres(doc, kinematics, sides);
     for (const [name, bodies] of this.spheres.layers) this.layer(name, bodies);
     this.moving = [this.robots, this.held, this.collisions, ...this.spheres.layers.values()];
@@ -45,6 +50,7 @@ class World {
 
   layer(name, bodies) {
     this.group(name).add(bodies.group);
+    if (bodies.sets.length) this.filled.add(name);
     return bodies;
   }
 
@@ -56,37 +62,58 @@ class World {
     return this.layers[name];
   }
 
+  /** Something is in a layer, drawn by now or not. */
   has(name) {
     const layer = this.layers[name];
-    return Boolean(layer) && layer.children.some((c) => c.children.length > 0 || !c.isGroup);
+    return this.filled.has(name) || (Boolean(layer) && layer.children.some((c) => c.children.length > 0 || !c.isGroup));
   }
 
   // ---- what is drawn ---------------------------------------------------------------------
 
+  /** The links of arms, each as one body for each of its colors. */
   linkItems(kind, fallback, arms = this.kinematics.arms) {
     const items = [];
     for (const arm of arms) {
-      for (const part of arm.robot[kind]) {
-        items.push(this.item(part, part.pose, arm.firstLink + part.link, fallback,
-          `${arm.name}/${arm.robot.links[part.link]}`, this.kinematics.arms.indexOf(arm)));
+      const index = this.kinematics.arms.indexOf(arm);
+      for (const { body, link, color, opacity } of this.bodiesOf(arm.robot, kind, fallback)) {
+        items.push({ body, local: null, frame: arm.firstLink + link, color, opacity, element: `${arm.name}/${arm.robot.links[link]}`, arm: index });
       }
     }
     return items;
   }
 
-  item(part, pose, frame, fallback, element, arm) {
-    const color = part.color || [...fallback, 1];
-    return {
-      shape: this.doc.shapes[part.shape], pose, frame, element, arm,
-      color: color.slice(0, 3), opacity: color[3] === undefined ? 1 : Math.max(0.05, color[3]),
-    };
+  /** The bodies of a robot's links, shared by its arms: one per link and color; without a fallback color one per link. */
+  bodiesOf(robot, kind, fallback) {
+    if (!this.linkBodies.has(robot)) this.linkBodies.set(robot, {});
+    const known = this.linkBodies.get(robot), name = fallback ? kind : `${kind} in one color`;
+    if (!known[name]) {
+      const sorted = new Map();
+      for (const part of robot[kind]) {
+        const { color, opacity } = fallback ? this.paintOf(part, fallback) : { color: null, opacity: 1 };
+        const key = `${part.link} ${color} ${opacity}`;
+        if (!sorted.has(key)) sorted.set(key, { link: part.link, color, opacity, parts: [] });
+        sorted.get(key).parts.push({ shape: this.doc.shapes[part.shape], pose: part.pose });
+      }
+      const opaque = [...sorted.values()].filter(({ opacity }) => opacity === 1);
+      known[name] = [...sorted.values()].map(({ parts, ...rest }) => {
+        const covers = opaque.filter(({ link }) => link === rest.link).flatMap((other) => other.parts);
+        return { body: new LinkBody(parts, covers), ...rest };
+      });
+    }
+    return known[name];
+  }
+
+  paintOf({ color }, fallback) {
+    if (!color) return { color: fallback, opacity: 1 };
+    return { color: color.slice(0, 3), opacity: color[3] === undefined ? 1 : Math.max(0.05, color[3]) };
   }
 
   objectItems(object, frame, fallback, arm) {
-    return object.parts.map((part) => {
-      const pose = identity();
+    return object.parts.flatMap((part) => {
+      const found = shapeBody(this.doc.shapes[part.shape], 40), pose = identity();
+      if (!found) return [];
       multiply(pose, 0, object.pose, 0, part.pose, 0);
-      return this.item(part, pose, frame, fallback, object.name, arm);
+      return [{ body: found.body, local: scaled(pose, found.scale), frame, element: object.name, arm, ...this.paintOf(part, fallback) }];
     });
   }
 
@@ -106,10 +133,11 @@ class World {
     const points = [];
     const v = new THREE.Vector3(), T = new THREE.Matrix4();
     const known = new Map();
-    for (const { items, drawn } of this.obstacles.sets) {
-      if (drawn.geometry.type === "SphereGeometry" || drawn.geometry.attributes.position.count > 30000) continue;
-      if (!known.has(drawn.geometry)) known.set(drawn.geometry, new THREE.EdgesGeometry(drawn.geometry, 40).attributes.position);
-      const edges = known.get(drawn.geometry);
+    for (const { items, body } of this.obstacles.sets) {
+      const geometry = body.geometry(0);
+      if (geometry.type === "SphereGeometry" || geometry.attributes.position.count > 30000) continue;
+      if (!known.has(geometry)) known.set(geometry, new THREE.EdgesGeometry(geometry, 40).attributes.position);
+      const edges = known.get(geometry);
       for (const item of items) {
         T.fromArray(item.local);
         for (let i = 0; i < edges.count; i++) {
@@ -174,51 +202,122 @@ class World {
   // ---- ghosts: the same arms elsewhere -----------------------------------------------------
 
   addGhosts() {
-    for (const ghost of this.doc.ghosts) {
-      const arm = this.kinematics.arms.find((a) => a.name === ghost.arm);
-      const poses = new Float64Array(this.poses.length);
-      this.kinematics.forward(arm, this.kinematics.standing(ghost.arm, ghost.q), poses);
-      this.ghost(ghost.kind, [arm]).update(poses);
+    this.still = [];
+    for (const kind of ["start", "goal"]) {
+      const ghosts = this.doc.ghosts.filter((ghost) => ghost.kind === kind), items = [];
+      const arms = ghosts.map((ghost) => this.kinematics.arms.find((a) => a.name === ghost.arm));
+      const poses = new Float64Array(16 * arms.reduce((sum, arm) => sum + arm.robot.links.length, 0)), own = new Float64Array(this.poses.length);
+      let first = 0;
+      ghosts.forEach(({ q }, i) => {
+        const arm = arms[i], count = arm.robot.links.length;
+        this.kinematics.forward(arm, this.kinematics.standing(arm.name, q), own);
+        poses.set(own.subarray(16 * arm.firstLink, 16 * (arm.firstLink + count)), 16 * first);
+        items.push(...this.ghostItems(kind, arm, first));
+        first += count;
+      });
+      if (items.length) this.still.push({ bodies: this.ghost(kind, items), poses });
     }
     const track = this.doc.replay;
     if (!track) return;
     const moved = this.kinematics.arms.filter((a) => track.columns.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
-    this.replay = this.ghost("replay", moved);
+    this.replay = this.ghost("replay", moved.flatMap((arm) => this.ghostItems("replay", arm, arm.firstLink)));
     this.replayPoses = Float64Array.from(this.poses);
   }
 
-  ghost(kind, arms) {
-    const items = this.linkItems("visuals", LINK_GREY, arms).map((item) => ({ ...item, color: GHOSTS[kind], opacity: 1 }));
-    return this.layer(kind, new Bodies(items, { opacity: 0.28, order: kind === "start" ? 7 : 8, sides: 18 }));
+  /** An arm of one color, its poses from the first link on. */
+  ghostItems(kind, arm, first) {
+    const index = this.kinematics.arms.indexOf(arm);
+    return this.bodiesOf(arm.robot, "visuals", null).map(({ body, link }) => (
+      { body, local: null, frame: first + link, color: GHOSTS[kind], opacity: 1, element: `${arm.name}/${arm.robot.links[link]}`, arm: index }));
+  }
+
+  ghost(kind, items) {
+    return this.layer(kind, new Bodies(items, { opacity: 0.28, order: kind === "start" ? 7 : 8 }));
   }
 
   // ---- motion ------------------------------------------------------------------------------
 
   update(q) {
     this.kinematics.forwardAll(q, this.poses);
-    for (const bodies of this.moving) if (bodies.group.parent.visible) bodies.update(this.poses);
+    this.place();
   }
 
   updateReplay(q) {
     if (!this.replay || !this.layers.replay.visible) return;
     this.kinematics.forwardAll(q, this.replayPoses);
-    this.replay.update(this.replayPoses);
+    this.replay.update(this.replayPoses, this.detail);
+  }
+
+  /** Puts what is shown of the arms to where their links are. */
+  place() {
+    for (const bodies of this.moving) if (bodies.group.parent.visible) bodies.update(this.poses, this.detail);
+    for (const { bodies, poses } of this.still) if (bodies.group.parent.visible) bodies.update(poses, this.detail);
+  }
+
+  /**
+   * Draws each arm as fine as it is seen, and those outside of the picture not at all.
+   * tolerance: pixels of the window that may be left out, of its height; true when something changed.
+   */
+  chooseDetail(camera, height, tolerance) {
+    const { levels } = this.detail, { eye, frustum, ball, view } = this.lens;
+    camera.updateMatrixWorld();
+    eye.setFromMatrixPosition(camera.matrixWorld);
+    frustum.setFromProjectionMatrix(view.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse));
+    const wide = (2 * Math.tan((camera.fov * Math.PI) / 360)) / height;
+    let changed = false;
+    this.kinematics.arms.forEach((arm, i) => {
+      ball.center.set(arm.base[12], arm.base[14], -arm.base[13]);
+      const near = Math.max(camera.near, eye.distanceTo(ball.center) - this.reach[i]);
+      // Beside the picture an arm may still throw its shadow into it.
+      ball.radius = 2 * this.reach[i];
+      const level = frustum.intersectsSphere(ball) ? levelOf(tolerance * wide * near) : -1;
+      changed = changed || level !== levels[i];
+      levels[i] = level;
+    });
+    if (changed) this.detail.version += 1;
+    return changed;
+  }
+
+  /** How far parts of an arm can get from its base [m], at most. */
+  reachOf(arm) {
+    const { robot } = arm, far = new Float64Array(robot.links.length), distance = (pose) => Math.hypot(pose[12], pose[13], pose[14]);
+    for (const joint of robot.joints) {
+      const limits = joint.kind === 1 && joint.column >= 0 ? robot.limits[joint.column].map((v) => Math.abs(joint.offset + joint.factor * (v || 0))) : [Math.abs(joint.offset)];
+      far[joint.child] = far[joint.parent] + distance(joint.origin) + (joint.kind === 1 ? Math.max(...limits) : 0);
+    }
+    const radius = (index) => {
+      const { min, max } = this.boxOf(index), corner = new THREE.Vector3(...["x", "y", "z"].map((axis) => Math.max(-min[axis], max[axis])));
+      return Math.max(0, corner.x) && corner.length();
+    };
+    const held = this.doc.attachments.filter((h) => h.arm === arm.name).flatMap((h) => (
+      h.parts.map((part) => far[robot.links.indexOf(h.link)] + distance(h.pose) + distance(part.pose) + radius(part.shape))));
+    const own = [...robot.visuals, ...robot.collisions].map((part) => far[part.link] + distance(part.pose) + radius(part.shape));
+    return Math.max(0.01, ...own, ...held);
+  }
+
+  /** Lit by the room around, with shadows on everything; or plainly, which is faster. */
+  setRich(on) {
+    for (const bodies of [this.robots, this.held, this.obstacles]) bodies.setRich(on);
   }
 
   /** Colors by arm (on colored parts only: gray and black parts stay), and touching elements in red. */
   paint(byArm, touched = []) {
-    const hsl = {};
+    const hsl = {}, color = new THREE.Color(), red = new Set(touched);
+    // Among very many colors red is seen only where the others are faint.
+    const faint = red.size && this.kinematics.arms.length > MANY ? 0.72 : 0;
+    const faded = (rgb) => rgb.map((v) => (1 - faint) * v + faint * FADED);
     const choose = (item) => {
-      if (touched.includes(item.element)) return TOUCHED;
-      if (!byArm || item.arm < 0) return item.color;
-      const { s, l } = new THREE.Color(...item.color).getHSL(hsl);
-      if (s < 0.25) return item.color;
+      if (red.has(item.element)) return TOUCHED;
+      if (!byArm || item.arm < 0) return faded(item.color);
+      const { s, l } = color.setRGB(...item.color).getHSL(hsl);
+      if (s < 0.25) return faded(item.color);
       const own = armColor(item.arm), shade = 0.6 + 0.8 * l;
-      return own.map((v) => Math.min(1, v * shade));
+      return faded(own.map((v) => Math.min(1, v * shade)));
     };
     this.robots.paint(choose);
-    this.held.paint((item) => (touched.includes(item.element) ? TOUCHED : item.color));
-    this.obstacles.paint((item) => (touched.includes(item.element) ? TOUCHED : item.color));
+    for (const bodies of [this.held, this.obstacles]) bodies.paint((item) => (red.has(item.element) ? TOUCHED : item.color));
+    this.obstacles.update(this.poses);
+    this.place();
   }
 
   // ---- extent ------------------------------------------------------------------------------
@@ -248,31 +347,41 @@ class World {
     // The start, the middle and the end; of very many arms the start alone.
     const instants = [1, samples.length >> 1, samples.length - 1].slice(0, this.kinematics.arms.length > 12 ? 1 : 3);
     const bodies = instants.flatMap((i) => this.bodyCorners(samples[i]));
-    const framed = arms.isEmpty() ? cornersOf(near) : [...links.map((p) => [...p, 0.08 * size]), ...bodies, ...cornersOf(around)];
+    const framed = arms.isEmpty() ? cornersOf(near) : [...links.map((p) => [...p, Math.min(0.08 * size, 0.2)]), ...bodies, ...cornersOf(around)];
     return { near, framed, whole: whole.union(near), floor: this.floor === null ? Math.min(0, lowest) : this.floor };
   }
 
-  /** Corners of the boxes around the parts of arms at a configuration, as balls without a radius. */
+  /** Corners of the boxes around the parts of arms at a configuration, as balls without a radius; of many arms of one box each. */
   bodyCorners(q) {
-    const poses = new Float64Array(this.poses.length), T = new THREE.Matrix4(), corner = new THREE.Vector3(), found = [];
+    const poses = new Float64Array(this.poses.length), T = new THREE.Matrix4(), placed = identity(), found = [];
     this.kinematics.forwardAll(q, poses);
-    for (const { drawn, items } of this.robots.sets) {
-      drawn.geometry.computeBoundingBox();
-      const corners = cornersOf(drawn.geometry.boundingBox), placed = identity();
-      for (const item of items) {
-        multiply(placed, 0, poses, 16 * item.frame, item.local, 0);
+    for (const arm of this.kinematics.arms) {
+      const whole = new THREE.Box3();
+      for (const { shape: index, pose, link } of arm.robot.visuals) {
+        multiply(placed, 0, poses, 16 * (arm.firstLink + link), pose, 0);
         T.fromArray(placed);
-        for (const [x, y, z] of corners) found.push([...corner.set(x, y, z).applyMatrix4(T).toArray(), 0]);
+        const box = this.boxOf(index);
+        if (this.kinematics.arms.length > 12) whole.union(box.clone().applyMatrix4(T));
+        else for (const [x, y, z] of cornersOf(box)) found.push([...new THREE.Vector3(x, y, z).applyMatrix4(T).toArray(), 0]);
       }
+      found.push(...cornersOf(whole));
     }
     return found;
   }
 
+  /** The box around a shape of the document. */
+  boxOf(index) {
+    const shape = this.doc.shapes[index];
+    if (!shape.box) shape.box = shapeBox(shape);
+    return shape.box;
+  }
+
   obstacleBox() {
     const box = new THREE.Box3(), T = new THREE.Matrix4();
-    for (const { drawn, items } of this.obstacles.sets) {
-      drawn.geometry.computeBoundingBox();
-      for (const item of items) box.union(drawn.geometry.boundingBox.clone().applyMatrix4(T.fromArray(item.local)));
+    for (const { body, items } of this.obstacles.sets) {
+      const geometry = body.geometry(0);
+      geometry.computeBoundingBox();
+      for (const item of items) box.union(geometry.boundingBox.clone().applyMatrix4(T.fromArray(item.local)));
     }
     for (const object of this.doc.obstacles) {
       for (const part of object.parts) {
