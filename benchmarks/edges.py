@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 import rr1plan as rp
-from rr1plan.collision import CollisionChecker
+from rr1plan.collision import CollisionChecker, TimedChecker
 from rr1plan.collision.edge_kernel import FREE, EdgeKernel
 from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.scene.motion_bench import problem_set_joints, read_problem_set
@@ -79,7 +79,7 @@ def _among_moving_arms(args: argparse.Namespace) -> int:
             bare = bare.without_arm(arm)
         near = {arm: motions[arm] for arm in arms[:count]}
         begin = time.process_time()
-        timed = CollisionChecker(bare, [middle]).among(near)
+        timed = TimedChecker(CollisionChecker(bare, [middle]), near)
         timed.edge_is_free(*edges[0])
         ready = 1e3 * (time.process_time() - begin)
         free = np.array([timed.edge_is_free(*edge) for edge in edges])

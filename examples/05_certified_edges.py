@@ -33,7 +33,7 @@ print(f"that proof looked at {checker.done.configurations} configurations")
 cell = rp.place_ring(robot, 2, radius=0.9)
 one, two = cell.arms
 across = rp.Trajectory.from_samples(cell.joint_names([two]), [1.0, 2.0, 3.0], [[1.5, 0.0], [0.0, 0.0], [1.5, 0.0]])
-timed = rp.CollisionChecker(cell, [one]).among({two: across})
+timed = rp.TimedChecker(rp.CollisionChecker(cell, [one]), {two: across})
 for begin in (0.0, 1.5, 2.8):
     free = timed.edge_is_free([-1.4, 0.0], [1.4, 0.0], begin, begin + 1.0)
     print(f"an edge from {begin} s to {begin + 1.0} s is free among moving arms: {free}")

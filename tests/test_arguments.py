@@ -98,6 +98,7 @@ def calls(folder: Path) -> dict[str, Call]:
     pair = rp.plan_motion(rp.random_grid(rp.load_robot("rr1"), 3, 2.0, rng=0), rng=0)
     line, diagram = pair.timeline(), _a_diagram()
     checker = rp.CollisionChecker(scene)
+    timed_checker = rp.TimedChecker(checker, {})
     kinematics = rp.Kinematics(scene)
     q, T, names, budget = np.zeros(2), transforms.identity(), scene.joint_names(), rp.Budget(0.2)
     cover = next(iter(rp.cover_with_spheres(robot).values()))
@@ -182,7 +183,23 @@ def calls(folder: Path) -> dict[str, Call]:
         "ElementCover.at": (cover.at, {"level": 0}),
         **{
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"q0": q, "q1": q + 0.1})
-            for verb in ("edge_is_free", "edge_is_free_slowly", "first_contact")
+            for verb in ("edge_is_free", "edge_is_free_slowly")
+        },
+        "CollisionChecker.first_contact": (checker.first_contact, {"q0": q, "q1": q + 0.1, "precision": 1e-9}),
+        "TimedChecker": (rp.TimedChecker, {"checker": checker, "motions": {}}),
+        **{
+            f"TimedChecker.{verb}": (
+                getattr(timed_checker, verb),
+                {"q_from": q, "q_to": q + 0.1, "t_from": 0.0, "t_to": 1.0},
+            )
+            for verb in ("edge_is_free", "first_contact")
+        },
+        **{
+            f"TimedChecker.{verb}": (
+                getattr(timed_checker, verb),
+                {"trajectory": trajectory, "t_from": None, "t_to": None},
+            )
+            for verb in ("trajectory_is_free", "first_contact_of")
         },
         "CollisionChecker.keep_margin": (checker.keep_margin, {"margin": 0.0}),
         "CollisionChecker.move_obstacle": (checker.move_obstacle, {"name": "box", "pose": [0, 0, 0.5]}),
@@ -190,7 +207,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "CollisionChecker.path_is_free": (checker.path_is_free, {"waypoints": [q, q + 0.1]}),
         **{
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"coefficients": [q, q + 0.1], "duration": 1.0})
-            for verb in ("polynomial_is_free", "polynomial_is_free_slowly")
+            for verb in ("polynomial_is_free", "polynomial_is_free_slowly", "first_contact_on")
         },
         "cover_with_spheres": (rp.cover_with_spheres, {"thing": robot}),
         "load_csv": (rp.load_csv, {"file": folder / "t.csv"}),
@@ -566,6 +583,7 @@ _NOT_CALLED = {
         "Contact",
         "ElementCover",
         "FirstContact",
+        "TimedContact",
         "Nearest",
         "IkResult",
         "MotionPlan",

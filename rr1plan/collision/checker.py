@@ -32,11 +32,9 @@ from rr1plan.collision.collision_geometry import geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
 from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
 from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs
-from rr1plan.collision.timed_checker import TimedChecker, shifted_polynomial
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.scene import Scene
-from rr1plan.trajectory import Trajectory
 from rr1plan.transforms import as_pose
 
 TOLERANCE = 1e-6
@@ -360,18 +358,6 @@ class CollisionChecker(CoalChecker):
                 blocked, pair = middle, found
         return FirstContact(free, read_only(shifted_polynomial(curve, free * duration)[0]), self._names(pair))
 
-    def among(self, motions: Mapping[str, Trajectory]) -> TimedChecker:
-        """Edges of these arms in space and time, among other arms that follow trajectories.
-
-        Args:
-            motions: Trajectories of other arms of the scene by name; all others stand still. See `TimedChecker`.
-
-        Raises:
-            UnknownNameError: a trajectory of an arm that is not in the scene.
-            InputError: a trajectory of an arm that this checker moves, or with the columns of another arm.
-        """
-        return TimedChecker(self, motions)
-
     def _checked_curve(self, coefficients: ArrayLike, duration: float) -> tuple[Array, float]:
         curve = finite_array("coefficients", coefficients, (None, self.nq))
         duration = finite_number("duration", duration)
@@ -411,3 +397,12 @@ def _check_reach(curve: Array, duration: float) -> None:
 
 def _rebuild(scene: Scene, arms: tuple[str, ...], margin: float, tolerance: float) -> CollisionChecker:
     return CollisionChecker(scene, arms, margin=margin, tolerance=tolerance)
+
+
+def shifted_polynomial(coefficients: Array, shift: float) -> Array:
+    """The coefficients of p(shift + t), shape (k + 1, nq) as those of p."""
+    shifted = coefficients.copy()
+    for first in range(len(shifted) - 1):
+        for k in range(len(shifted) - 2, first - 1, -1):
+            shifted[k] += shift * shifted[k + 1]
+    return shifted

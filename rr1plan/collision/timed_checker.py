@@ -10,13 +10,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import FARTHEST, Array, Value, finite_number, known_name, of_kind, read_only
 from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.checker import CollisionChecker, shifted_polynomial
 from rr1plan.collision.collision_geometry import geometries_of
 from rr1plan.collision.edge_kernel import FREE
 from rr1plan.collision.reach_broad_phase import ball_gaps, bases_of, placed_balls, reach_ball
@@ -27,9 +28,6 @@ from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from rr1plan.collision.checker import CollisionChecker
 
 _INTS = NDArray[np.int64]
 # Slices of a motion: their duration [s], and how many there are at most.
@@ -82,10 +80,11 @@ class TimedChecker:
     """
 
     def __init__(self, checker: CollisionChecker, motions: Mapping[str, Trajectory]) -> None:
+        of_kind("checker", checker, CollisionChecker)
         self._scene = scene = checker.scene
         self._motions = _checked_motions(scene, checker.arms, motions)
         self.arms, self.joint_names = checker.arms, checker.joint_names
-        self._alone = type(checker)(
+        self._alone = CollisionChecker(
             _without(scene, tuple(self._motions)), self.arms, margin=checker.margin, tolerance=checker.tolerance
         )
         self.near_arms = _near_arms(scene, self.arms, tuple(self._motions), checker.distance)
@@ -96,7 +95,7 @@ class TimedChecker:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles as what it was made from."""
         alone = self._alone
-        return _rebuild, (type(alone), self._scene, self.arms, alone.margin, alone.tolerance, self._motions)
+        return _rebuild, (self._scene, self.arms, alone.margin, alone.tolerance, self._motions)
 
     @property
     def motions(self) -> dict[str, Trajectory]:
@@ -110,7 +109,7 @@ class TimedChecker:
             return None
         alone, near = self._alone, {name: self._motions[name] for name in self.near_arms}
         arms = [*self.arms, *near]
-        whole = type(alone)(self._scene, arms, margin=alone.margin, tolerance=alone.tolerance)
+        whole = CollisionChecker(self._scene, arms, margin=alone.margin, tolerance=alone.tolerance)
         return _MovingPairs(whole, self.arms, near)
 
     def edge_is_free(self, q_from: ArrayLike, q_to: ArrayLike, t_from: float, t_to: float) -> bool:
@@ -225,14 +224,13 @@ class TimedChecker:
 
 
 def _rebuild(
-    kind: type[CollisionChecker],
     scene: Scene,
     arms: tuple[str, ...],
     margin: float,
     tolerance: float,
     motions: Mapping[str, Trajectory],
 ) -> TimedChecker:
-    return TimedChecker(kind(scene, arms, margin=margin, tolerance=tolerance), motions)
+    return TimedChecker(CollisionChecker(scene, arms, margin=margin, tolerance=tolerance), motions)
 
 
 class _MovingPairs:
@@ -452,15 +450,6 @@ def _pieces(breaks: Array, coefficients: Array, t_from: float, t_to: float) -> I
     if count == 0:
         # At rest all the time, or an instant.
         yield t_from, _position(breaks, coefficients, t_from)[None], 0.0
-
-
-def shifted_polynomial(coefficients: Array, shift: float) -> Array:
-    """The coefficients of p(shift + t), shape (k + 1, nq) as those of p."""
-    shifted = coefficients.copy()
-    for first in range(len(shifted) - 1):
-        for k in range(len(shifted) - 2, first - 1, -1):
-            shifted[k] += shift * shifted[k + 1]
-    return shifted
 
 
 def _position(breaks: Array, coefficients: Array, time: float) -> Array:

@@ -16,7 +16,7 @@ import rr1plan as rp
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from concave_meshes import mug, soup
 
-from rr1plan.collision import CollisionChecker
+from rr1plan.collision import CollisionChecker, TimedChecker
 from rr1plan.collision.edge_kernel import EdgeKernel, ExactKernel
 from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.kernels.planner_kernels import LIBRARY, load_library
@@ -70,7 +70,7 @@ def timed_edges():
         q = scene.arms[arm].q + rng.normal(size=(len(times), 6))
         rates = [np.zeros_like(q)] * (k % 3)
         motions[arm] = rp.Trajectory.from_samples(scene.joint_names([arm]), times, q, *rates)
-    timed = checker.among(motions)
+    timed = TimedChecker(checker, motions)
     start = np.concatenate([scene.arms[arm].q for arm in arms[:2]])
     for begin in np.linspace(-0.5, 2.0, 12).tolist():
         end = start + rng.normal(size=12)

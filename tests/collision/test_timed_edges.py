@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision import CollisionChecker, timed_checker
+from rr1plan.collision import CollisionChecker, TimedChecker, timed_checker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.kernels.planner_kernels import LIBRARY
 from rr1plan.robot import Geometry, Joint, Link, Robot
@@ -67,7 +67,7 @@ def test_random_edges_agree_with_coal_sampled_and_with_the_referee(pair):
     verdicts = []
     for _ in range(7):
         motion = random_motion(pair.joint_names(["right"]), rng, 0.8 * low, 0.8 * high)
-        timed = left.among({"right": motion})
+        timed = TimedChecker(left, {"right": motion})
         for _ in range(4):
             a = rng.uniform(low, high)
             b = np.clip(a + 0.4 * rng.normal(size=6), low, high)
@@ -156,16 +156,16 @@ def test_a_contact_of_half_a_millisecond_and_one_millimeter_is_found_between_tic
         hit = Trajectory.from_samples(names, times, [right[0], right[1], right[2], right[1], right[0]])
         miss = Trajectory.from_samples(names, times, [right[0], right[1], right[1], right[1], right[0]])
         moved = q[:6] + 1e-5 * rng.normal(size=6)
-        assert not left.among({"right": hit}).edge_is_free(q[:6], moved, 0.0, 2 * tick)
-        contact = left.among({"right": hit}).first_contact(q[:6], moved, 0.0, 2 * tick)
+        assert not TimedChecker(left, {"right": hit}).edge_is_free(q[:6], moved, 0.0, 2 * tick)
+        contact = TimedChecker(left, {"right": hit}).first_contact(q[:6], moved, 0.0, 2 * tick)
         assert abs(contact.time - tick) < 4e-4
         # No false alarm at 2 mm, wherever the edge begins and ends in time.
-        timed = left.among({"right": miss})
+        timed = TimedChecker(left, {"right": miss})
         assert timed.edge_is_free(q[:6], q[:6], 0.0, 2 * tick)
         assert timed.edge_is_free(q[:6], q[:6], tick, tick)
         # Who arrives there late is hit by an arm that has finished.
         finished = Trajectory.from_samples(names, [0.0, 0.1], [right[0], right[2]])
-        timed = left.among({"right": finished})
+        timed = TimedChecker(left, {"right": finished})
         assert not timed.edge_is_free(q[:6], q[:6], 5.0, 6.0)
         assert timed.edge_is_free(q[:6], q[:6], -5.0, 0.0)
 
@@ -174,7 +174,7 @@ def test_arms_rest_before_and_after_their_trajectories(sliders):
     one = CollisionChecker(sliders, ["one"])
     # It crosses the way of the other after it has stood at the crossing until 1 s, or stops there at 3 s.
     for times, positions in (([1.0, 2.0], [0.0, 1.0]), ([2.0, 3.0], [1.0, 0.0])):
-        timed = one.among({"two": slide("two", times, positions)})
+        timed = TimedChecker(one, {"two": slide("two", times, positions)})
         begins, ends = [[-1.0], [1.0]], ([-2.0, 0.9], [2.05, 2.9], [3.5, 4.5])
         free = [timed.edge_is_free(*begins, *interval) for interval in ends]
         assert free == ([False, True, True] if times[0] == 1.0 else [True, True, False])
@@ -183,7 +183,7 @@ def test_arms_rest_before_and_after_their_trajectories(sliders):
 
 def test_the_first_contact_is_that_of_arithmetic(sliders):
     # Both at 1 m/s toward the crossing: the balls touch where both are 0.1 / sqrt(2) m away from it.
-    timed = CollisionChecker(sliders, ["one"]).among({"two": slide("two", [0.0, 2.0], [-1.0, 1.0])})
+    timed = TimedChecker(CollisionChecker(sliders, ["one"]), {"two": slide("two", [0.0, 2.0], [-1.0, 1.0])})
     contact = timed.first_contact([-1.0], [1.0], 0.0, 2.0)
     assert contact.time == pytest.approx(1.0 - 0.1 / np.sqrt(2.0), abs=2e-6)
     assert contact.q == pytest.approx([-0.1 / np.sqrt(2.0)], abs=2e-6)
@@ -192,7 +192,7 @@ def test_the_first_contact_is_that_of_arithmetic(sliders):
     assert timed.edge_is_free([-1.0], [1.0], 0.1415, 2.1415)
     assert not timed.edge_is_free([-1.0], [1.0], 0.1414, 2.1414)
     # The same far from time zero.
-    late = CollisionChecker(sliders, ["one"]).among({"two": slide("two", [1e6, 1e6 + 2.0], [-1.0, 1.0])})
+    late = TimedChecker(CollisionChecker(sliders, ["one"]), {"two": slide("two", [1e6, 1e6 + 2.0], [-1.0, 1.0])})
     assert late.edge_is_free([-1.0], [1.0], 1e6 + 0.1415, 1e6 + 2.1415)
     assert not late.edge_is_free([-1.0], [1.0], 1e6 + 0.1414, 1e6 + 2.1414)
     # Less than a micrometer counts as contact.
@@ -202,9 +202,12 @@ def test_the_first_contact_is_that_of_arithmetic(sliders):
 def test_every_arm_moves_at_its_own_base(sliders):
     one = CollisionChecker(sliders, ["one"])
     for name, free in (("two", False), ("far", True)):
-        assert one.among({name: slide(name, [0.0, 2.0], [-1.0, 1.0])}).edge_is_free([-1.0], [1.0], 0.0, 2.0) == free
+        assert (
+            TimedChecker(one, {name: slide(name, [0.0, 2.0], [-1.0, 1.0])}).edge_is_free([-1.0], [1.0], 0.0, 2.0)
+            == free
+        )
     both = {name: slide(name, [0.0, 2.0], [-1.0, 1.0]) for name in ("far", "two")}
-    assert one.among(both).first_contact([-1.0], [1.0], 0.0, 2.0).pair in (
+    assert TimedChecker(one, both).first_contact([-1.0], [1.0], 0.0, 2.0).pair in (
         ("one/cart", "two/cart"),
         ("two/cart", "one/cart"),
     )
@@ -215,7 +218,7 @@ def test_a_fast_arm_is_met_wherever_it_is_on_its_way(sliders):
     for times in ([0.0, 0.3], [0.0, 0.1], [5.0, 6.0]):
         for name, place in (("one", 0.0), ("far", 3.0)):
             for positions in ([-4.0, 4.0], [4.0, -4.0]):
-                timed = CollisionChecker(sliders, [name]).among({"two": slide("two", times, positions)})
+                timed = TimedChecker(CollisionChecker(sliders, [name]), {"two": slide("two", times, positions)})
                 met = times[0] + (place - positions[0]) / (positions[1] - positions[0]) * (times[1] - times[0])
                 near = 0.1 / 8.0 * (times[1] - times[0])
                 for begin, end, free in (
@@ -231,33 +234,31 @@ def test_a_fast_arm_is_met_wherever_it_is_on_its_way(sliders):
 def test_arms_without_a_trajectory_stand_still_and_those_with_one_are_not_obstacles(sliders):
     blocked = sliders.with_configuration("two", [0.0])
     one = CollisionChecker(blocked, ["one"])
-    assert not one.among({}).edge_is_free([-1.0], [1.0], 0.0, 1.0)
-    contact = one.among({}).first_contact([-1.0], [1.0], 2.0, 4.0)
+    assert not TimedChecker(one, {}).edge_is_free([-1.0], [1.0], 0.0, 1.0)
+    contact = TimedChecker(one, {}).first_contact([-1.0], [1.0], 2.0, 4.0)
     assert contact.time == pytest.approx(2.9, abs=1e-5)
     away = {"two": Trajectory.rest(("two/slide",), [-1.0])}
-    assert one.among(away).edge_is_free([-1.0], [1.0], 0.0, 1.0)
+    assert TimedChecker(one, away).edge_is_free([-1.0], [1.0], 0.0, 1.0)
     # Contacts of the others with each other or with obstacles are not this edge's.
     wall = sliders.with_obstacle("wall", Box((0.2, 0.2, 0.2)), [0, 1.0, 0])
-    assert (
-        CollisionChecker(wall, ["one"])
-        .among({"two": slide("two", [0.0, 1.0], [0.5, 1.0])})
-        .edge_is_free([-1.0], [1.0], 0.0, 1.0)
+    assert TimedChecker(CollisionChecker(wall, ["one"]), {"two": slide("two", [0.0, 1.0], [0.5, 1.0])}).edge_is_free(
+        [-1.0], [1.0], 0.0, 1.0
     )
 
 
 def test_the_earlier_of_two_contacts_is_reported(sliders):
     wall = sliders.with_obstacle("wall", Box((0.2, 0.2, 0.2)), [0.5, 0, 0])
     one = CollisionChecker(wall, ["one"])
-    crossing = one.among({"two": slide("two", [0.0, 2.0], [-1.0, 1.0])})
+    crossing = TimedChecker(one, {"two": slide("two", [0.0, 2.0], [-1.0, 1.0])})
     assert set(crossing.first_contact([-1.0], [1.0], 0.0, 2.0).pair) == {"one/cart", "two/cart"}
-    late = one.among({"two": slide("two", [3.0, 4.0], [-1.0, 1.0])}).first_contact([-1.0], [1.0], 0.0, 2.0)
+    late = TimedChecker(one, {"two": slide("two", [3.0, 4.0], [-1.0, 1.0])}).first_contact([-1.0], [1.0], 0.0, 2.0)
     assert set(late.pair) == {"one/cart", "wall"}
     assert late.time == pytest.approx(1.35, abs=1e-5)
 
 
 def test_several_arms_move_along_edges_together(pair, sliders):
     both = CollisionChecker(sliders, ["one", "far"])
-    timed = both.among({"two": slide("two", [0.0, 4.0], [-1.0, 3.5])})
+    timed = TimedChecker(both, {"two": slide("two", [0.0, 4.0], [-1.0, 3.5])})
     assert not timed.edge_is_free([0.5, -1.0], [0.6, 1.0], 0.0, 7.11)
     found = timed.first_contact([0.5, 0.0], [0.6, 0.0], 0.0, 4.0)
     assert set(found.pair) == {"far/cart", "two/cart"}
@@ -266,14 +267,18 @@ def test_several_arms_move_along_edges_together(pair, sliders):
     for end in np.linspace(-1.0, 1.0, 9):
         free = whole.edge_is_free([0.5, -1.0, -1.0], [end, 3.0, 1.0])
         assert (
-            both.among({"two": slide("two", [1.0, 2.0], [-1.0, 3.0])}).edge_is_free([0.5, -1.0], [end, 1.0], 1.0, 2.0)
+            TimedChecker(both, {"two": slide("two", [1.0, 2.0], [-1.0, 3.0])}).edge_is_free(
+                [0.5, -1.0], [end, 1.0], 1.0, 2.0
+            )
             == free
         )
 
 
 def test_padding_margin_and_allowed_contacts_hold_among_moving_arms(sliders):
     def passes(scene, margin=0.0):
-        timed = CollisionChecker(scene, ["one"], margin=margin).among({"two": slide("two", [0.0, 2.0], [-1.0, 1.0])})
+        timed = TimedChecker(
+            CollisionChecker(scene, ["one"], margin=margin), {"two": slide("two", [0.0, 2.0], [-1.0, 1.0])}
+        )
         return timed.edge_is_free([-1.0], [1.0], 0.16, 2.16)  # at 0.0131 m
 
     assert passes(sliders)
@@ -288,8 +293,8 @@ def test_padding_margin_and_allowed_contacts_hold_among_moving_arms(sliders):
 def test_a_motion_that_jumps_is_refused_where_the_jump_may_touch(sliders):
     one = CollisionChecker(sliders, ["one"])
     jump = Trajectory(("two/slide",), [0.0, 1.0, 2.0], [[[-1.0]], [[1.0]]])
-    assert not one.among({"two": jump}).edge_is_free([0.0], [0.0], 0.0, 2.0)
-    assert one.among({"two": jump}).edge_is_free([2.5], [2.5], 0.0, 2.0)
+    assert not TimedChecker(one, {"two": jump}).edge_is_free([0.0], [0.0], 0.0, 2.0)
+    assert TimedChecker(one, {"two": jump}).edge_is_free([2.5], [2.5], 0.0, 2.0)
 
 
 def test_trajectories_of_any_degree_and_order_of_columns(pair):
@@ -301,7 +306,7 @@ def test_trajectories_of_any_degree_and_order_of_columns(pair):
     order = [3, 0, 5, 1, 2, 4]
     turned = Trajectory(tuple(names[i] for i in order), motion.breaks, motion.coefficients[:, :, order])
     own = Trajectory.from_samples(left.joint_names, [0.2, 0.9, 1.2], rng.uniform(low, high, (3, 6)), rates[0])
-    one, two = (left.among({"right": m}) for m in (motion, turned))
+    one, two = (TimedChecker(left, {"right": m}) for m in (motion, turned))
     for t0, t1 in ((None, None), (0.0, 0.5), (0.25, 0.25), (-1.0, 0.0), (1.0, 3.0), (2.0, 3.0)):
         assert one.trajectory_is_free(own, t0, t1) == two.trajectory_is_free(own, t0, t1)
         assert one.trajectory_is_free(own, t0, t1) == (one.first_contact_of(own, t0, t1) is None)
@@ -316,7 +321,7 @@ def test_all_libraries_give_the_same_answers(pair, monkeypatch):
         low, high = np.maximum(left.limits.lower, -2.0), np.minimum(left.limits.upper, 2.0)
         found = []
         for _ in range(10):
-            timed = left.among({"right": random_motion(pair.joint_names(["right"]), rng, low, high)})
+            timed = TimedChecker(left, {"right": random_motion(pair.joint_names(["right"]), rng, low, high)})
             contact = timed.first_contact(rng.uniform(low, high), rng.uniform(low, high), 0.5, 1.5)
             found.append(None if contact is None else (contact.time, contact.pair, contact.q.tobytes()))
         answers.append(found)
@@ -324,7 +329,9 @@ def test_all_libraries_give_the_same_answers(pair, monkeypatch):
 
 
 def test_a_copy_by_pickle_gives_the_same_answers(sliders):
-    timed = CollisionChecker(sliders, ["one"], margin=0.01).among({"two": slide("two", [0.0, 2.0], [-1.0, 1.0])})
+    timed = TimedChecker(
+        CollisionChecker(sliders, ["one"], margin=0.01), {"two": slide("two", [0.0, 2.0], [-1.0, 1.0])}
+    )
     contact = timed.first_contact([-1.0], [1.0], 0.0, 2.0)
     copy = pickle.loads(pickle.dumps(timed))
     again = copy.first_contact([-1.0], [1.0], 0.0, 2.0)
@@ -336,18 +343,18 @@ def test_bad_input_is_named(sliders, pair):
     one = CollisionChecker(sliders, ["one"])
     good = slide("two", [0.0, 1.0], [-1.0, 1.0])
     with pytest.raises(UnknownNameError, match="tow"):
-        one.among({"tow": good})
+        TimedChecker(one, {"tow": good})
     with pytest.raises(InputError, match="'one' moves along the edges"):
-        one.among({"one": slide("one", [0.0, 1.0], [-1.0, 1.0])})
+        TimedChecker(one, {"one": slide("one", [0.0, 1.0], [-1.0, 1.0])})
     with pytest.raises(InputError, match=r"trajectory of 'far' has the joints two/slide, expected far/slide"):
-        one.among({"far": good})
+        TimedChecker(one, {"far": good})
     with pytest.raises(InputError, match="motions"):
-        one.among([good])
+        TimedChecker(one, [good])
     with pytest.raises(InputError, match="motion of 'two'"):
-        one.among({"two": np.zeros(3)})
+        TimedChecker(one, {"two": np.zeros(3)})
     with pytest.raises(InputError, match="may reach"):
-        one.among({"two": slide("two", [0.0, 1.0], [-1.0, 1e6])})
-    timed = one.among({"two": good})
+        TimedChecker(one, {"two": slide("two", [0.0, 1.0], [-1.0, 1e6])})
+    timed = TimedChecker(one, {"two": good})
     with pytest.raises(InputError, match=r"t_to = 1.0 s is before t_from = 2.0 s"):
         timed.edge_is_free([0.0], [1.0], 2.0, 1.0)
     with pytest.raises(InputError, match="t_from"):

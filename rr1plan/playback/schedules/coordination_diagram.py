@@ -2,77 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from rr1plan.checks import Array, known_name, true_or_false
+from rr1plan.checks import true_or_false
 from rr1plan.playback.schedules.figure_files import check_width, save_figure
+from rr1plan.playback.schedules.pair_schedule import Axes, PairSchedule
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Axes = Literal["time", "length"]
-_AXES = ("time", "length")
 
-
-@dataclass(frozen=True, eq=False, repr=False)
-class CoordinationDiagram:
-    """Two arms on their paths, which draws itself: O'Donnell and Lozano-Pérez, ICRA 1989.
-
-    A point of the diagram is a place of the one arm on its path (across) and a place of the other (up). Paths are cut
-    into segments; a cell is blocked unless both arms are proven not to touch anywhere on the two segments.
-
-    Args:
-        names: The two arms.
-        numbers: Number of each in its scene, which decides its color.
-        blocked: Which cells are blocked, shape (m + 2, n + 2): start, segments and goal of both paths.
-        lengths: Path length at the ends of all segments [rad], shapes (m + 1,) and (n + 1,).
-        undelayed: When each arm would be there without waiting [s], of the same shapes.
-        times: Times of the plan [s], shape (k,).
-        places: Ends of segments where both arms are then, with fractions between two of them, shape (k, 2).
-    """
-
-    names: tuple[str, str]
-    numbers: tuple[int, int]
-    blocked: NDArray[np.uint8]
-    lengths: tuple[Array, Array]
-    undelayed: tuple[Array, Array]
-    times: Array
-    places: Array
-
-    @property
-    def blocked_share(self) -> float:
-        """Share of the cells between starts and goals that are blocked; 0 where an arm does not move."""
-        inner = self.blocked[1:-1, 1:-1]
-        return float(inner.mean()) if inner.size else 0.0
+class CoordinationDiagram(PairSchedule):
+    """Two arms on their paths, drawn: O'Donnell and Lozano-Pérez, ICRA 1989."""
 
     def __repr__(self) -> str:
         return f"CoordinationDiagram({' and '.join(self.names)}, {self.blocked_share:.0%} blocked)"
-
-    def curve(self, axes: Axes = "time") -> Array:
-        """The plan as a curve: places of both arms at `times`, shape (k, 2).
-
-        Args:
-            axes: "time": by when an arm would be there without waiting [s]; "length": by path length [rad].
-
-        Raises:
-            UnknownNameError: other axes.
-        """
-        scales = self.scales(axes)
-        columns = [np.interp(self.places[:, k], np.arange(len(scales[k])), scales[k]) for k in range(2)]
-        return np.column_stack(columns)
-
-    def scales(self, axes: Axes = "time") -> tuple[Array, Array]:
-        """Where the ends of segments are on both axes; see `curve`.
-
-        Raises:
-            UnknownNameError: other axes.
-        """
-        return self.undelayed if known_name("axes", axes, _AXES) == "time" else self.lengths
 
     def figure(self, *, axes: Axes = "time", width: float = 8.0, dark: bool = False) -> Figure:
         """A matplotlib figure.

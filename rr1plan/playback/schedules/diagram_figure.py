@@ -18,7 +18,7 @@ from rr1plan.playback.schedules.arm_colors import arm_color
 from rr1plan.playback.schedules.figure_files import Look, look_of, style_of
 
 if TYPE_CHECKING:
-    from rr1plan.playback.schedules.coordination_diagram import Axes, CoordinationDiagram
+    from rr1plan.playback.schedules.pair_schedule import Axes, PairSchedule
 
 _BAND = 0.035  # width of the bands of starts and goals, as a share of the axis
 _HEIGHT = 0.98  # of the figure, over its width
@@ -27,7 +27,7 @@ _TICKS = 8  # times that are written beside the curve, about
 _CLOSE = 0.05  # nearer to each other they are not, as a share of the picture
 
 
-def draw(diagram: CoordinationDiagram, axes: Axes, width: float, dark: bool) -> Figure:
+def draw(diagram: PairSchedule, axes: Axes, width: float, dark: bool) -> Figure:
     """The diagram as a matplotlib figure."""
     look = look_of(dark)
     with rc_context(style_of(look)):
@@ -61,7 +61,7 @@ def _edges(scale: Array) -> Array:
     return np.concatenate([[-band], inner, [whole + band]])
 
 
-def _draw_cells(plot: mpl_axes.Axes, diagram: CoordinationDiagram, axes: Axes, look: Look) -> None:
+def _draw_cells(plot: mpl_axes.Axes, diagram: PairSchedule, axes: Axes, look: Look) -> None:
     """Bands of starts and goals, and blocked cells; an arm that does not move has one column across the picture."""
     one, two = diagram.scales(axes)
     cells = diagram.blocked != 0
@@ -84,7 +84,7 @@ def _draw_cells(plot: mpl_axes.Axes, diagram: CoordinationDiagram, axes: Axes, l
     plot.add_patch(Rectangle((0.0, 0.0), width, height, fill=False, edgecolor=look.soft, linewidth=1.0, zorder=3))
 
 
-def _draw_curve(plot: mpl_axes.Axes, diagram: CoordinationDiagram, axes: Axes, look: Look) -> None:
+def _draw_curve(plot: mpl_axes.Axes, diagram: PairSchedule, axes: Axes, look: Look) -> None:
     """The plan from lower left to upper right: both move, or one of them waits."""
     points, times = diagram.curve(axes), diagram.times
     plot.plot(points[:, 0], points[:, 1], color=look.paper, linewidth=5.0, zorder=4, solid_capstyle="round")
@@ -137,7 +137,7 @@ def _round_step(least: float) -> float:
     return float(next(power * k for k in (1, 2, 5, 10) if power * k >= least))
 
 
-def _draw_axes(plot: mpl_axes.Axes, diagram: CoordinationDiagram, axes: Axes, look: Look) -> None:
+def _draw_axes(plot: mpl_axes.Axes, diagram: PairSchedule, axes: Axes, look: Look) -> None:
     one, two = diagram.scales(axes)
     (width, across), (height, up) = _extent(one), _extent(two)
     plot.set_facecolor(look.paper)
@@ -153,7 +153,7 @@ def _draw_axes(plot: mpl_axes.Axes, diagram: CoordinationDiagram, axes: Axes, lo
     plot.set_title(f"{diagram.names[0]} and {diagram.names[1]}, {diagram.times[-1]:.2f} s", loc="left")
 
 
-def _legend(diagram: CoordinationDiagram, look: Look) -> list[Any]:
+def _legend(diagram: PairSchedule, look: Look) -> list[Any]:
     handles: list[Any] = [
         Patch(color=look.blocked, label="not proven apart"),
         Line2D([], [], color=look.ink, linewidth=2.6, label="the plan"),

@@ -16,7 +16,7 @@ from rr1plan.playback.schedules.arm_colors import arm_color
 from rr1plan.playback.schedules.figure_files import Look, look_of, style_of
 
 if TYPE_CHECKING:
-    from rr1plan.playback.schedules.timeline import Timeline
+    from rr1plan.playback.schedules.timeline_rows import TimelineRows
 
 _ROW, _TALLEST, _FRAME = 0.46, 11.0, 1.9  # heights of a row, of all rows at most, of the frame [inch]
 _MOST_NAMED = 40  # rows that have names, and arrows for waits
@@ -24,7 +24,7 @@ _MOST_WORDS = 6  # conflicts that are named in words
 _BAR, _REST = 0.62, 0.16  # heights of bars in rows
 
 
-def draw(line: Timeline, width: float, dark: bool) -> Figure:
+def draw(line: TimelineRows, width: float, dark: bool) -> Figure:
     """The time line as a matplotlib figure."""
     look = look_of(dark)
     with rc_context(style_of(look)):
@@ -44,7 +44,7 @@ def draw(line: Timeline, width: float, dark: bool) -> Figure:
     return figure
 
 
-def _draw_frame(axes: Axes, line: Timeline, look: Look) -> None:
+def _draw_frame(axes: Axes, line: TimelineRows, look: Look) -> None:
     """Axes, rows and names."""
     count = len(line.arms)
     axes.set_facecolor(look.paper)
@@ -66,7 +66,7 @@ def _draw_frame(axes: Axes, line: Timeline, look: Look) -> None:
     axes.axvline(line.start + line.makespan, color=look.ink, linewidth=1.2)
 
 
-def _draw_rows(axes: Axes, line: Timeline, look: Look) -> None:
+def _draw_rows(axes: Axes, line: TimelineRows, look: Look) -> None:
     """Bars where arms move, thin lines where they wait, marks where they could have arrived."""
     for row, arm in enumerate(line.arms):
         color = arm_color(line.numbers[arm])
@@ -81,7 +81,7 @@ def _draw_rows(axes: Axes, line: Timeline, look: Look) -> None:
             )
 
 
-def _draw_arrows(axes: Axes, line: Timeline) -> None:
+def _draw_arrows(axes: Axes, line: TimelineRows) -> None:
     """From each arm that is waited for to the one that waits, at the time when that goes on."""
     place = {arm: row for row, arm in enumerate(line.arms)}
     for wait in line.waits:
@@ -101,7 +101,7 @@ def _draw_arrows(axes: Axes, line: Timeline) -> None:
             axes.plot([wait.end], [ends[0]], "o", color=color, markersize=6, markeredgecolor="white", zorder=5)
 
 
-def _draw_conflicts(axes: Axes, line: Timeline, look: Look) -> None:
+def _draw_conflicts(axes: Axes, line: TimelineRows, look: Look) -> None:
     """A cross in the rows of the arms that touch, joined by a line; numbers refer to the words below."""
     place = {arm: row for row, arm in enumerate(line.arms)}
     for number, (violation, arms) in enumerate(zip(line.conflicts, line.touching, strict=True), start=1):
@@ -118,7 +118,7 @@ def _draw_conflicts(axes: Axes, line: Timeline, look: Look) -> None:
             )  # fmt: skip
 
 
-def _name_conflicts(axes: Axes, line: Timeline, look: Look) -> None:
+def _name_conflicts(axes: Axes, line: TimelineRows, look: Look) -> None:
     if not line.conflicts:
         return
     words = [f"{k}  {v.message}" for k, v in enumerate(line.conflicts[:_MOST_WORDS], start=1)]
@@ -130,7 +130,7 @@ def _name_conflicts(axes: Axes, line: Timeline, look: Look) -> None:
     )  # fmt: skip
 
 
-def _legend(line: Timeline, look: Look) -> list[Any]:
+def _legend(line: TimelineRows, look: Look) -> list[Any]:
     handles: list[Any] = [Patch(color=look.soft, label="moves")]
     if line.waits:
         handles.append(Line2D([], [], color=look.soft, alpha=0.6, linewidth=4, label="waits"))
@@ -156,7 +156,7 @@ def _legend(line: Timeline, look: Look) -> list[Any]:
     return handles
 
 
-def _title(line: Timeline) -> str:
+def _title(line: TimelineRows) -> str:
     parts = [f"{line.name}: {counted(len(line.arms), 'arm')}", f"makespan {line.makespan:.2f} s"]
     if line.undelayed:
         slowest = max(line.undelayed.values())

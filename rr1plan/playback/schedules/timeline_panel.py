@@ -10,13 +10,13 @@ from rr1plan.playback.schedules.arm_colors import arm_color
 from rr1plan.playback.viewer.view_options import Panel
 
 if TYPE_CHECKING:
-    from rr1plan.playback.schedules.timeline import Timeline
+    from rr1plan.playback.schedules.timeline_rows import TimelineRows
 
 _WIDTH = 440  # [px]
 _MOST_CONFLICTS = 30
 
 
-def timeline_panel(line: Timeline) -> Panel:
+def timeline_panel(line: TimelineRows) -> Panel:
     """The panel of a time line."""
     html, css, script = (_asset(f"timeline.{kind}") for kind in ("html", "css", "js"))
     return Panel("timeline", "Who moves when", html=html, css=css, script=script, data=_data(line), width=_WIDTH)
@@ -26,7 +26,7 @@ def _asset(name: str) -> str:
     return (files("rr1plan.playback.viewer") / "page" / name).read_text(encoding="utf-8")
 
 
-def _data(line: Timeline) -> dict[str, Any]:
+def _data(line: TimelineRows) -> dict[str, Any]:
     place = {arm: row for row, arm in enumerate(line.arms)}
     arms: list[dict[str, Any]] = []
     for arm in line.arms:
@@ -49,6 +49,6 @@ def _data(line: Timeline) -> dict[str, Any]:
     return {"arms": arms, **times, "conflicts": conflicts, "summary": _summary(line)}
 
 
-def _summary(line: Timeline) -> str:
+def _summary(line: TimelineRows) -> str:
     waiting = f", {line.waiting:.2f} s of waiting in all" if line.waits else ""
     return f"{counted(len(line.arms), 'arm')}, {line.makespan:.2f} s{waiting}"

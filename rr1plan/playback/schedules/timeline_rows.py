@@ -1,0 +1,68 @@
+"""The content of a time line: intervals of motion and rest of each arm, and conflicts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from rr1plan.checks import counted, known_name
+from rr1plan.planning import Wait
+from rr1plan.report import Violation
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class TimelineRows:
+    """When each arm of a motion moves and rests, whom it waits for, and where arms touch.
+
+    Args:
+        name: Of the scene.
+        arms: The moving arms.
+        numbers: Number of each in its scene, which decides its color.
+        motions: When each arm moves: begin and end [s], one interval after the other.
+        waits: Rests of arms before they arrive.
+        start: When the clock of the motion begins [s], usually 0.
+        makespan: How long after that the last arm arrives [s].
+        undelayed: How long the path of each arm takes without waiting [s], where that is known.
+        conflicts: What the referee found between two elements: collisions, and pairs that it cannot decide.
+        touching: Of each conflict the arms that have a part in it.
+    """
+
+    name: str
+    arms: tuple[str, ...]
+    numbers: Mapping[str, int]
+    motions: Mapping[str, tuple[Interval, ...]]
+    waits: tuple[Wait, ...]
+    start: float
+    makespan: float
+    undelayed: Mapping[str, float] = field(default_factory=dict)
+    conflicts: tuple[Violation, ...] = ()
+    touching: tuple[tuple[str, ...], ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("numbers", "motions", "undelayed"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def arrival(self, arm: str) -> float:
+        """When an arm is at rest for good [s].
+
+        Raises:
+            UnknownNameError: no such arm.
+        """
+        known_name("moving arm", arm, self.arms)
+        return self.motions[arm][-1][1] if self.motions[arm] else self.start
+
+    @property
+    def waiting(self) -> float:
+        """Sum of the times that arms rest before they arrive [s]."""
+        return sum(wait.end - wait.begin for wait in self.waits)
+
+    def __str__(self) -> str:
+        lines = [f"{counted(len(self.arms), 'arm')}, makespan {self.makespan:.3f} s, {self.waiting:.3f} s of waiting"]
+        for wait in self.waits:
+            whom = f" for {', '.join(wait.others)}" if wait.others else ""
+            lines.append(f"  {wait.arm} waits{whom} from {wait.begin:.3f} to {wait.end:.3f} s")
+        lines += [f"  {violation.message}" for violation in self.conflicts]
+        return "\n".join(lines)
