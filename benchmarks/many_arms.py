@@ -37,12 +37,12 @@ from shared import heading, make_parser, number, pin_to_core, save, table, track
 import rr1plan as rp
 from rr1plan.multi import dual_arm_shelf, plan_many_arms, random_grid, ring_swap
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.diagram_cache import DiagramCache
-from rr1plan.multi.path_pool import PathPool
+from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.portfolio import merged_trajectory
-from rr1plan.multi.safe_intervals import blocked_times, earliest_schedule
-from rr1plan.multi.schedule import Schedule
 from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.diagram_cache import DiagramCache
+from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
+from rr1plan.multi.timing.schedule import Schedule
 
 # The farthest that RR1's tool gets from its shoulder, and from the axis of its shoulder [m].
 _REACH, _HORIZONTAL_REACH = 0.85, 0.64

@@ -174,7 +174,7 @@ class MotionPlan:
 
         if self.many_arms is None:
             return timeline(self.trajectory, self.scene, report=self._report)
-        from rr1plan.multi.waits import undelayed, waits_of
+        from rr1plan.multi.timing.waits import undelayed, waits_of
 
         schedules = self.many_arms.schedules
         return timeline(
@@ -197,7 +197,7 @@ class MotionPlan:
             InputError: the same arm twice, arms that move as one, or a motion that has no schedules.
             NoPlanError: there is no timed motion.
         """
-        from rr1plan.multi.waits import pair_timing
+        from rr1plan.multi.timing.waits import pair_timing
         from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram
 
         names = (one, two)

@@ -14,7 +14,7 @@ from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:
     from rr1plan.multi.portfolio import ManyArmsResult
-    from rr1plan.multi.schedule import Schedule
+    from rr1plan.multi.timing.schedule import Schedule
     from rr1plan.playback.schedules.timeline import Timeline
 
 _MANY_ARMS = "many_arms"

@@ -14,7 +14,7 @@ from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
 from rr1plan.collision.tables.exact_tables import exact_scratch, exact_struct
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.model import Kinematics
-from rr1plan.multi.hop_timing import BLENDED, HopTiming
+from rr1plan.multi.paths.hop_timing import BLENDED, HopTiming
 from rr1plan.object_cache import kept_in
 from rr1plan.retiming.torque_limits import InverseDynamics
 from rr1plan.robot.joint_limits import Limits

@@ -12,8 +12,8 @@ import numpy as np
 
 from rr1plan.collision.collision_geometry import geometries_of
 from rr1plan.collision.reach_broad_phase import bases_of, near_balls, placed_balls, reach_ball
-from rr1plan.multi.agent_path import AgentPath
-from rr1plan.multi.diagram_cache import DiagramCache
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.scene import Scene
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from rr1plan.multi.schedule import Schedule
+from rr1plan.multi.timing.schedule import Schedule
 
 
 @dataclass(frozen=True)

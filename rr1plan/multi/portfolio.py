@@ -22,17 +22,17 @@ import numpy as np
 
 from rr1plan.checks import Seed, Value, as_generator, finite_number, known_name
 from rr1plan.errors import InputError
-from rr1plan.multi.diagram_cache import DiagramCache
-from rr1plan.multi.hop_timing import HopTiming
-from rr1plan.multi.improvement import PlanImprover
 from rr1plan.multi.interaction import arms_in_reach, interaction_groups, meeting_groups
-from rr1plan.multi.path_pool import PathPool
+from rr1plan.multi.paths.hop_timing import HopTiming
+from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality
 from rr1plan.multi.preflight import MARGINS, Preflight, preflight
-from rr1plan.multi.prioritized import COUPLED_FIRST, PrioritizedPlanner, Statistics
-from rr1plan.multi.schedule import Schedule
-from rr1plan.multi.small_teams import plan_small_team
+from rr1plan.multi.search.improvement import PlanImprover
+from rr1plan.multi.search.prioritized import COUPLED_FIRST, PrioritizedPlanner, Statistics
+from rr1plan.multi.search.small_teams import plan_small_team
 from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.diagram_cache import DiagramCache
+from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.path import Path
 from rr1plan.planning import Budget, PlanStatus, ProgressCallback, check_question
 from rr1plan.scene.problem import Problem

@@ -11,9 +11,9 @@ from rr1plan.checks import Array, Seed
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.coordination import are_apart
-from rr1plan.multi.hop_timing import BLENDED, HopTiming
-from rr1plan.multi.placed_path import placed_configuration
+from rr1plan.multi.paths.hop_timing import BLENDED, HopTiming
+from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.timing.coordination import are_apart
 from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
 from rr1plan.planning import PlanStatus

@@ -14,11 +14,11 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.multi import dual_arm_shelf, place_grid, plan_many_arms, random_grid, ring_swap
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.arm_roadmap import ArmRoadmap, build_roadmap
-from rr1plan.multi.conflict_based_search import ConflictBasedSearch, SearchResult, schedule_of
 from rr1plan.multi.portfolio import merged_trajectory
-from rr1plan.multi.relative_conflicts import RelativeConflicts
-from rr1plan.multi.roadmap_search import Departure, Presence, Settling, earliest_moves
+from rr1plan.multi.search.arm_roadmap import ArmRoadmap, build_roadmap
+from rr1plan.multi.search.conflict_based_search import ConflictBasedSearch, SearchResult, schedule_of
+from rr1plan.multi.search.relative_conflicts import RelativeConflicts
+from rr1plan.multi.search.roadmap_search import Departure, Presence, Settling, earliest_moves
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.planning import Budget, PlanStatus
 

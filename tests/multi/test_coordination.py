@@ -10,10 +10,10 @@ import pytest
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
-from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.coordination import are_apart, coordination_diagram
-from rr1plan.multi.placed_path import placed_configuration
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.timing.coordination import are_apart, coordination_diagram
 from rr1plan.path import Path
 
 # Two arms side by side whose hands sweep the same room.

@@ -11,14 +11,14 @@ import pytest
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
 from rr1plan.multi import plan_many_arms
-from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.coordination import coordination_diagram
-from rr1plan.multi.coupled_windows import CoupledWindows
-from rr1plan.multi.path_pool import PathPool
-from rr1plan.multi.safe_intervals import blocked_times, earliest_schedule
-from rr1plan.multi.schedule import Schedule, extended
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.search.coupled_windows import CoupledWindows
 from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.coordination import coordination_diagram
+from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
+from rr1plan.multi.timing.schedule import Schedule, extended
 from rr1plan.planning import Budget
 
 _BUDGET = Budget(seconds=60.0)

@@ -11,10 +11,10 @@ import pytest
 import rr1plan as rp
 from rr1plan.multi import plan_many_arms, portfolio, random_grid
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.coordination import ends_are_apart, may_touch
-from rr1plan.multi.diagram_cache import DiagramCache
 from rr1plan.multi.interaction import arms_in_reach, meeting_groups
-from rr1plan.multi.path_pool import PathPool
+from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.timing.coordination import ends_are_apart, may_touch
+from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.planning import Budget
 
 _BUDGET = Budget(seconds=60.0)

@@ -11,10 +11,10 @@ import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.multi import place_grid, plan_many_arms, random_grid
-from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.hop_timing import HopTiming, jerk_limited_line, times_along
-from rr1plan.multi.schedule import Leg, Schedule
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.hop_timing import HopTiming, jerk_limited_line, times_along
+from rr1plan.multi.timing.schedule import Leg, Schedule
 from rr1plan.path import Path
 from rr1plan.planning import Budget, PlanStatus
 

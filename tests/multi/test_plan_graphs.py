@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.multi.coordination import coordination_diagram
-from rr1plan.multi.temporal_plan_graph import agreeing_diagram, pairs_in_reach
+from rr1plan.multi.execution.temporal_plan_graph import agreeing_diagram, pairs_in_reach
+from rr1plan.multi.timing.coordination import coordination_diagram
 from rr1plan.planning import Budget
 from rr1plan.retiming.path_speed import Grid, fastest_speeds
 

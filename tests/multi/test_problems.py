@@ -21,7 +21,7 @@ from rr1plan.multi import (
     shared_bin,
     shelf_rows,
 )
-from rr1plan.multi.endpoint_sampling import front_of
+from rr1plan.multi.scenarios.endpoint_sampling import front_of
 
 _KINDS: dict[str, Callable[[rp.Robot, int], rp.Problem]] = {
     "grid": lambda robot, seed: random_grid(robot, 6, 0.55, seed),

@@ -10,10 +10,10 @@ import pytest
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.multi import place_grid
-from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.safe_intervals import BlockedTimes, blocked_times, earliest_schedule, safe_intervals
-from rr1plan.multi.schedule import Leg, Occupancy, Schedule, extended, rest_row
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.timing.safe_intervals import BlockedTimes, blocked_times, earliest_schedule, safe_intervals
+from rr1plan.multi.timing.schedule import Leg, Occupancy, Schedule, extended, rest_row
 from rr1plan.path import Path
 
 _POINTS = np.array(

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.multi.schedule import Leg, Schedule
-from rr1plan.multi.waits import pair_timing, undelayed, waits_of
+from rr1plan.multi.timing.schedule import Leg, Schedule
+from rr1plan.multi.timing.waits import pair_timing, undelayed, waits_of
 
 
 @pytest.fixture(scope="module")

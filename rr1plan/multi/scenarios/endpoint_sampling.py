@@ -15,9 +15,9 @@ from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.model import Kinematics, solve_ik
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.coordination import are_apart
 from rr1plan.multi.interaction import arms_in_reach
-from rr1plan.multi.placed_path import placed_configuration
+from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.timing.coordination import are_apart
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import PoseGoal, Problem

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, Value, finite_array, read_only
 from rr1plan.errors import InputError
-from rr1plan.multi.agent_path import AgentPath
-from rr1plan.multi.schedule import Leg, Schedule
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.timing.schedule import Leg, Schedule
 from rr1plan.path import check_joint_names
 from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import Grid

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.multi.agent_path import AgentPath
-from rr1plan.multi.coordination import Blocked, coordination_diagram
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.timing.coordination import Blocked, coordination_diagram
 
 # Intervals are extended by this at both ends, far above the rounding of times; conflicts that are shorter are none [s].
 _ROUNDING, _SHORTEST = 1e-7, 1e-8

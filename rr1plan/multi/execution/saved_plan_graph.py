@@ -9,8 +9,8 @@ import numpy as np
 from rr1plan.checks import of_kind
 from rr1plan.errors import FormatError, InputError
 from rr1plan.export.plan_files import read_plan_file, save_motion
-from rr1plan.multi.route import Route
-from rr1plan.multi.temporal_plan_graph import PlanGraph
+from rr1plan.multi.execution.route import Route
+from rr1plan.multi.execution.temporal_plan_graph import PlanGraph
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory

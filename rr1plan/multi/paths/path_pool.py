@@ -14,8 +14,8 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import RetimingError
-from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
 from rr1plan.planners import RrtConnect, plan

@@ -25,17 +25,17 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import RetimingError
-from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.coordination import Blocked, are_apart
-from rr1plan.multi.coupled_windows import CoupledWindows
-from rr1plan.multi.diagram_cache import DiagramCache
-from rr1plan.multi.path_pool import PathPool
-from rr1plan.multi.placed_path import placed_configuration
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.preflight import affordable_margin
-from rr1plan.multi.safe_intervals import blocked_times, earliest_schedule
-from rr1plan.multi.schedule import Schedule
+from rr1plan.multi.search.coupled_windows import CoupledWindows
 from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.coordination import Blocked, are_apart
+from rr1plan.multi.timing.diagram_cache import DiagramCache
+from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
+from rr1plan.multi.timing.schedule import Schedule
 
 # Paths of a pool before another agent is evicted, and at most.
 _DETOURS, _MOST_PATHS = 3, 12

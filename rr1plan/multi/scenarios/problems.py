@@ -14,7 +14,9 @@ import numpy as np
 from rr1plan.checks import Array, Seed, as_generator, items_of, of_kind, positive_number, whole_number
 from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.endpoint_sampling import (
+from rr1plan.multi.interaction import arms_in_reach
+from rr1plan.multi.preflight import goal_configurations
+from rr1plan.multi.scenarios.endpoint_sampling import (
     CLEARANCE,
     ToolBox,
     check_robot,
@@ -23,8 +25,6 @@ from rr1plan.multi.endpoint_sampling import (
     sample_configurations,
     tool_in_box,
 )
-from rr1plan.multi.interaction import arms_in_reach
-from rr1plan.multi.preflight import goal_configurations
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.placement import place_grid, place_ring

@@ -22,19 +22,19 @@ from rr1plan.checks import Array, Seed, Value, as_generator, finite_number, know
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct
-from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.coordination import Blocked, are_apart
+from rr1plan.multi.execution.running_plan import Part, RunningPlan, Stop, part_of, stops_of
+from rr1plan.multi.execution.temporal_plan_graph import closed_diagram
 from rr1plan.multi.interaction import arms_in_reach
-from rr1plan.multi.path_pool import PathPool
-from rr1plan.multi.placed_path import placed_configuration
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.portfolio import ManyArmsResult
 from rr1plan.multi.preflight import MARGINS, affordable_margin
-from rr1plan.multi.running_plan import Part, RunningPlan, Stop, part_of, stops_of
-from rr1plan.multi.safe_intervals import BlockedTimes, blocked_times, earliest_schedule
-from rr1plan.multi.schedule import Leg, Schedule
 from rr1plan.multi.stopwatch import Stopwatch
-from rr1plan.multi.temporal_plan_graph import closed_diagram
+from rr1plan.multi.timing.coordination import Blocked, are_apart
+from rr1plan.multi.timing.safe_intervals import BlockedTimes, blocked_times, earliest_schedule
+from rr1plan.multi.timing.schedule import Leg, Schedule
 from rr1plan.path import Path
 from rr1plan.planners.goal_configurations import GoalSearch, check_start
 from rr1plan.planning import Budget

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.multi.agent_path import AgentPath
-from rr1plan.multi.coordination import Blocked, coordination_diagram
+from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.preflight import MARGINS
-from rr1plan.multi.schedule import Leg, Occupancy, Schedule, extended, rest_row
+from rr1plan.multi.timing.coordination import Blocked, coordination_diagram
+from rr1plan.multi.timing.schedule import Leg, Occupancy, Schedule, extended, rest_row
 from rr1plan.planning import Wait
 
 # By how much earlier a leg would have to begin to be in somebody's way: at least so much [s], or shares of the wait.

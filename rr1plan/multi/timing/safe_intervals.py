@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.multi.agent_path import AgentPath
-from rr1plan.multi.coordination import Blocked
-from rr1plan.multi.schedule import Leg, Occupancy, Schedule, rest_row
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.timing.coordination import Blocked
+from rr1plan.multi.timing.schedule import Leg, Occupancy, Schedule, rest_row
 
 # Blocked times are extended by this at both ends, far above the rounding of times [s].
 _ROUNDING = 1e-7

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from rr1plan.collision.checker import TOLERANCE
 from rr1plan.kernels.planner_kernels import CStruct, load_library
-from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.placed_path import placed_configuration
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Scene
 

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 from rr1plan.checks import Value, finite_number, items_of, known_name, of_kind, shown
 from rr1plan.errors import InputError
-from rr1plan.multi.route_motion import RouteMotion, slower
-from rr1plan.multi.temporal_plan_graph import PlanGraph
+from rr1plan.multi.execution.route_motion import RouteMotion, slower
+from rr1plan.multi.execution.temporal_plan_graph import PlanGraph
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 

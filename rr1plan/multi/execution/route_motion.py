@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.multi.route import Route
+from rr1plan.multi.execution.route import Route
 from rr1plan.retiming.path_speed import Grid, fastest_speeds, timed
 from rr1plan.retiming.timed_pieces import SHORTEST, Pieces, concatenate
 from rr1plan.robot.joint_limits import Limits

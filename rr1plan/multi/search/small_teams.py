@@ -11,15 +11,15 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.arm_roadmap import ArmRoadmap, build_roadmap
-from rr1plan.multi.conflict_based_search import ConflictBasedSearch, schedule_of
-from rr1plan.multi.coordination import are_apart
-from rr1plan.multi.path_pool import PathPool
-from rr1plan.multi.placed_path import placed_configuration
+from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.preflight import MARGINS
-from rr1plan.multi.relative_conflicts import RelativeConflicts
-from rr1plan.multi.schedule import Schedule
+from rr1plan.multi.search.arm_roadmap import ArmRoadmap, build_roadmap
+from rr1plan.multi.search.conflict_based_search import ConflictBasedSearch, schedule_of
+from rr1plan.multi.search.relative_conflicts import RelativeConflicts
 from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.coordination import are_apart
+from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.retiming.path_blends import clean
 
 MOST_ARMS = 8

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.schedule import Schedule
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.timing.schedule import Schedule
 
 # Instants closer than this are one [s].
 _SAME_TIME = 1e-6

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rr1plan.multi.arm_roadmap import ArmRoadmap
-from rr1plan.multi.safe_intervals import safe_intervals
+from rr1plan.multi.search.arm_roadmap import ArmRoadmap
+from rr1plan.multi.timing.safe_intervals import safe_intervals
 
 _ALWAYS = [(-math.inf, math.inf)]
 

@@ -17,17 +17,17 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import RetimingError
-from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.composite_waypoints import composite_waypoints, waypoints_of_arm
-from rr1plan.multi.diagram_cache import DiagramCache
-from rr1plan.multi.path_changes import changed_waypoints
-from rr1plan.multi.path_pool import PathPool
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.composite_waypoints import composite_waypoints, waypoints_of_arm
+from rr1plan.multi.paths.path_changes import changed_waypoints
+from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality, plan_quality
 from rr1plan.multi.preflight import affordable_margin
-from rr1plan.multi.safe_intervals import blocked_times, earliest_schedule
-from rr1plan.multi.schedule import Schedule
 from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.diagram_cache import DiagramCache
+from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
+from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.path import Path
 from rr1plan.planners.shortcut import shorten
 from rr1plan.retiming.path_blends import clean

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, Value, finite_number, known_name, of_kind
 from rr1plan.errors import InputError
-from rr1plan.multi.agent_path import AgentPath
+from rr1plan.multi.execution.route import Route, route_of
+from rr1plan.multi.execution.route_motion import RouteMotion
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.projected_path import path_of_arm
 from rr1plan.multi.portfolio import ManyArmsResult
-from rr1plan.multi.projected_path import path_of_arm
-from rr1plan.multi.route import Route, route_of
-from rr1plan.multi.route_motion import RouteMotion
-from rr1plan.multi.schedule import Occupancy, Schedule, rest_row
+from rr1plan.multi.timing.schedule import Occupancy, Schedule, rest_row
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.hop_timing import jerk_limited_line, times_along
-from rr1plan.multi.placed_path import placed_path
+from rr1plan.multi.paths.hop_timing import jerk_limited_line, times_along
+from rr1plan.multi.paths.placed_path import placed_path
 from rr1plan.path import Path
 from rr1plan.retiming.check_limits import check_limits
 from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, round_corners

@@ -13,7 +13,7 @@ import numpy as np
 
 from rr1plan.checks import Array, Seed, as_generator, positive_number, whole_number
 from rr1plan.errors import InputError
-from rr1plan.multi.endpoint_sampling import (
+from rr1plan.multi.scenarios.endpoint_sampling import (
     ToolBox,
     check_robot,
     facing,

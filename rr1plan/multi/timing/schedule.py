@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.multi.agent_path import AgentPath
-from rr1plan.multi.coordination import Blocked
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.timing.coordination import Blocked
 from rr1plan.retiming.timed_pieces import SHORTEST, Pieces
 from rr1plan.trajectory import Trajectory
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.path import Path
 from rr1plan.retiming.path_blends import Curve
 

@@ -20,12 +20,12 @@ from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from itertools import combinations
 
-from rr1plan.multi.agent_path import AgentPath
-from rr1plan.multi.arm_roadmap import ArmRoadmap
-from rr1plan.multi.relative_conflicts import Action, Conflict, RelativeConflicts
-from rr1plan.multi.roadmap_search import Constraint, Departure, Move, Presence, Settling, earliest_moves
-from rr1plan.multi.schedule import Leg, Schedule
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.search.arm_roadmap import ArmRoadmap
+from rr1plan.multi.search.relative_conflicts import Action, Conflict, RelativeConflicts
+from rr1plan.multi.search.roadmap_search import Constraint, Departure, Move, Presence, Settling, earliest_moves
 from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.schedule import Leg, Schedule
 
 _INSTANT = 1e-6  # [s]
 # A departure is put off until the conflict with rest that ends is this short, then by half of it [s].

@@ -7,11 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from rr1plan.multi.agent_path import AgentPath
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.coordination import Blocked, coordination_diagram, ends_are_apart, may_touch
+from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.preflight import MARGINS
-from rr1plan.multi.schedule import extended
+from rr1plan.multi.timing.coordination import Blocked, coordination_diagram, ends_are_apart, may_touch
+from rr1plan.multi.timing.schedule import extended
 
 _FEWEST = 3  # diagrams for which threads are started
 

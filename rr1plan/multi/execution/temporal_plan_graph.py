@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, Value, known_name, of_kind
 from rr1plan.errors import FormatError, InputError
-from rr1plan.multi.agent_path import AgentPath
-from rr1plan.multi.coordination import Blocked, coordination_diagram
+from rr1plan.multi.execution.route import Route, route_of
 from rr1plan.multi.interaction import arms_in_reach
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.projected_path import path_of_arm
 from rr1plan.multi.preflight import MARGINS
-from rr1plan.multi.projected_path import path_of_arm
-from rr1plan.multi.route import Route, route_of
-from rr1plan.multi.schedule import Occupancy, Schedule, extended
+from rr1plan.multi.timing.coordination import Blocked, coordination_diagram
+from rr1plan.multi.timing.schedule import Occupancy, Schedule, extended
 
 if TYPE_CHECKING:
     from rr1plan.multi.portfolio import ManyArmsResult

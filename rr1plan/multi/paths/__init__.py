@@ -1,0 +1,1 @@
+"""Paths of agents: in segments, with their bodies, found by the planners of single arms."""
