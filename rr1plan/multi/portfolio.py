@@ -21,8 +21,9 @@ from types import MappingProxyType
 import numpy as np
 
 from rr1plan.checks import Seed, Value, as_generator, finite_number, known_name
+from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
 from rr1plan.errors import InputError
-from rr1plan.multi.interaction import arms_in_reach, interaction_groups, meeting_groups
+from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality

@@ -19,13 +19,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rr1plan.checks import Array, Seed, Value, as_generator, finite_number, known_name, of_kind
+from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.execution.running_plan import Part, RunningPlan, Stop, part_of, stops_of
 from rr1plan.multi.execution.temporal_plan_graph import closed_diagram
-from rr1plan.multi.interaction import arms_in_reach
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.paths.placed_path import placed_configuration

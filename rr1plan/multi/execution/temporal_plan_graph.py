@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, Value, known_name, of_kind
+from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import FormatError, InputError
 from rr1plan.multi.execution.route import Route, route_of
-from rr1plan.multi.interaction import arms_in_reach
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.projected_path import path_of_arm
 from rr1plan.multi.preflight import MARGINS

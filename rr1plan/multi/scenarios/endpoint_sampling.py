@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from rr1plan.checks import Array, finite_array, of_kind
+from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.model import Kinematics, solve_ik
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.interaction import arms_in_reach
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.timing.coordination import are_apart
 from rr1plan.robot import Robot

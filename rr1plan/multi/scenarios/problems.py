@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rr1plan.checks import Array, Seed, as_generator, items_of, of_kind, positive_number, whole_number
+from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.interaction import arms_in_reach
 from rr1plan.multi.preflight import goal_configurations
 from rr1plan.multi.scenarios.endpoint_sampling import (
     CLEARANCE,

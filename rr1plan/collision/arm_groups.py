@@ -1,0 +1,52 @@
+"""Groups of arms that can meet, directly or through others, by what they can reach."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from rr1plan.collision.collision_geometry import geometries_of
+from rr1plan.collision.reach_broad_phase import bases_of, near_balls, placed_balls, reach_ball
+from rr1plan.scene import Scene
+
+
+def arms_in_reach(scene: Scene, arms: Iterable[str], margin: float) -> dict[str, frozenset[str]]:
+    """Of each arm those that it can meet, by balls that contain all an arm can reach.
+
+    Args:
+        scene: The scene.
+        arms: The arms that move.
+        margin: Distance to keep beyond the padding [m].
+    """
+    names = tuple(arms)
+    geometries = geometries_of(scene)
+    padding = max((scene.padding, *scene.pair_padding.values())) + margin
+    balls = placed_balls(np.array([reach_ball(geometries[a]) for a in names]).reshape(-1, 4), bases_of(scene, names))
+    near: dict[str, set[str]] = {name: set() for name in names}
+    for i, j in near_balls(balls, padding).tolist():
+        near[names[i]].add(names[j])
+        near[names[j]].add(names[i])
+    return {name: frozenset(others) for name, others in near.items()}
+
+
+def interaction_groups(near: Mapping[str, Iterable[str]]) -> list[tuple[str, ...]]:
+    """Connected components, each in the order of the arms.
+
+    Args:
+        near: Of each arm those that it can meet.
+    """
+    groups, seen = [], set()
+    order = {name: i for i, name in enumerate(near)}
+    for first in near:
+        if first in seen:
+            continue
+        group, open_ = {first}, [first]
+        while open_:
+            for other in near[open_.pop()]:
+                if other not in group:
+                    group.add(other)
+                    open_.append(other)
+        seen |= group
+        groups.append(tuple(sorted(group, key=order.__getitem__)))
+    return groups
