@@ -34,7 +34,7 @@ def _problem(name: str, rr1: rp.Robot) -> rp.Problem:
 @pytest.fixture(scope="module", params=["ring-3", "ring-8", "grid-9", "shelf-2"])
 def plan(request: pytest.FixtureRequest, rr1: rp.Robot) -> Plan:
     problem = _problem(request.param, rr1)
-    result = rp.plan_many_arms(problem, rng=0, budget=_BUDGET)
+    result = rp.plan_many_arms(problem, method="separate_paths", rng=0, budget=_BUDGET)
     assert result.found, result.reason
     return problem, result, rp.plan_graph(result)
 
@@ -42,7 +42,7 @@ def plan(request: pytest.FixtureRequest, rr1: rp.Robot) -> Plan:
 @pytest.fixture(scope="module")
 def ring(rr1: rp.Robot) -> Plan:
     problem = _problem("ring-3", rr1)
-    result = rp.plan_many_arms(problem, rng=0, budget=_BUDGET)
+    result = rp.plan_many_arms(problem, method="separate_paths", rng=0, budget=_BUDGET)
     return problem, result, rp.plan_graph(result)
 
 
@@ -199,7 +199,7 @@ def test_an_execution_without_delays_is_about_as_fast_as_the_plan(plan: Plan) ->
 def test_a_slower_arm_takes_as_much_longer(rr1: rp.Robot) -> None:
     scene = rp.place_grid(rr1, 1, 1)
     problem = rp.Problem(scene, None, {"arm01": [0.4, 0.1, 0.3, 0.2, 1.2, 0.3]})
-    graph = rp.plan_graph(rp.plan_many_arms(problem, rng=0))
+    graph = rp.plan_graph(rp.plan_many_arms(problem, method="separate_paths", rng=0))
     plain = rp.execute_plan(graph, scene)
     slow = rp.execute_plan(graph, scene, {"arm01": rp.ArmDelay(slowdown=0.3)})
     assert slow.makespan == pytest.approx(1.3 * plain.makespan)
