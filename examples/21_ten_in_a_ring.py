@@ -3,7 +3,7 @@
 import rr1plan as rp
 
 problem = rp.load_problems("rr1_ring")["swap"]
-motion = rp.plan_motion(problem, rng=0, budget=rp.Budget(seconds=30))
+motion = rp.plan_motion(problem, planner="many_arms_separate", rng=0, budget=rp.Budget(seconds=30))
 print(motion)
 line = motion.timeline()
 print(line)

@@ -29,7 +29,9 @@ from rr1plan.validation import validate
 # Imports faster than this [s] only look up modules that are already loaded.
 _NO_IMPORTS = 0.01
 _MARGIN = 0.002  # [m]
-MANY_ARMS, MANY_ARMS_ANYTIME = "many_arms", "many_arms_anytime"
+_MANY_ARMS, _ANYTIME = "many_arms", "many_arms_anytime"
+MANY_ARMS_METHODS = {_MANY_ARMS: "portfolio", "many_arms_separate": "separate_paths", _ANYTIME: "portfolio"}
+"""Planners of many arms by name, and the method of `plan_many_arms` that each stands for."""
 """Planners that plan a path for each arm and schedule them; they make trajectories, not paths."""
 _LEAVES_PATHS = "ruckig_direct"
 # Up to this many arms are planned in their joint space unless a planner is named.
@@ -58,8 +60,8 @@ def plan_motion(
     Args:
         problem: The question.
         planner: A name of `planner_names()`, an instance of `Planner`, or "many_arms", which plans a path for each arm
-            and schedules them (`rr1plan.multi.plan_many_arms`); "many_arms_anytime" then improves the motion until the
-            budget ends. Default: "rrt_connect" for one or two arms and for retiming "ruckig_direct", else "many_arms".
+            and schedules them (`plan_many_arms`); "many_arms_separate" keeps the paths of arms separate where it can,
+            and "many_arms_anytime" improves the motion until the budget ends. Default: "rrt_connect" for one or two arms and for retiming "ruckig_direct", else "many_arms".
         retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
             waypoint; with the others the report names jerk as not checked.
         shorten: Whether to shorten the path; that of a planner that `keeps_shape`, such as the Cartesian one, is left
@@ -90,8 +92,8 @@ def plan_motion(
     known_name("retiming", retiming, retiming_names())
     if planner is None:
         as_one = len(problem.arms) <= _PLANNED_AS_ONE or retiming == _LEAVES_PATHS
-        planner = "rrt_connect" if as_one else MANY_ARMS
-    if isinstance(planner, str) and planner in (MANY_ARMS, MANY_ARMS_ANYTIME):
+        planner = "rrt_connect" if as_one else _MANY_ARMS
+    if isinstance(planner, str) and planner in MANY_ARMS_METHODS:
         check_many_arms_retiming(planner, retiming)
         return _plan_many_arms(problem, planner, retiming, torque_limits, seconds, margin, budget, generator, progress)
     chosen = chosen_planner(planner)
@@ -166,12 +168,13 @@ def _plan_many_arms(
         with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
         with _timed(seconds, "plan", progress):
-            improvement = (budget or Budget()) if planner == MANY_ARMS_ANYTIME else None
+            improvement = (budget or Budget()) if planner == _ANYTIME else None
             found = plan_many_arms(
                 problem,
                 margin=margin,
                 budget=budget,
                 improvement=improvement,
+                method=MANY_ARMS_METHODS[planner],
                 retiming=retiming,
                 torque_limits=torque_limits,
                 rng=rng,

@@ -14,10 +14,9 @@ from rr1plan.multi.timing.waits import pair_timing, undelayed, waits_of
 def motion() -> rp.MotionPlan:
     """Eight arms in a ring, of which some wait."""
     problem = rp.ring_swap(rp.load_robot("rr1"), 8, 0.6, rng=0)
-    found = rp.plan_many_arms(problem, method="separate_paths", rng=0, budget=rp.Budget(60))
-    assert found.trajectory is not None
-    assert rp.validate(found.trajectory, problem.scene, problem).certified
-    return rp.MotionPlan(problem, rp.PlanResult(found.status, None), many_arms=found, _trajectory=found.trajectory)
+    found = rp.plan_motion(problem, planner="many_arms_separate", rng=0, budget=rp.Budget(60))
+    assert found.valid
+    return found
 
 
 def in_contact(schedules: list[Schedule], problem: rp.Problem, step: float = 0.005) -> set[frozenset[str]]:
