@@ -59,9 +59,10 @@ def plan_motion(
 
     Args:
         problem: The question.
-        planner: A name of `planner_names()`, an instance of `Planner`, or "many_arms", which plans a path for each arm
-            and schedules them (`plan_many_arms`); "many_arms_separate" keeps the paths of arms separate where it can,
-            and "many_arms_anytime" improves the motion until the budget ends. Default: "rrt_connect" for one or two arms and for retiming "ruckig_direct", else "many_arms".
+        planner: A name of `planner_names()`, an instance of `Planner`, or one of these, by `plan_many_arms`: "many_arms"
+            plans a path for each arm and schedules them, "many_arms_separate" keeps the paths of arms separate where it
+            can, "many_arms_anytime" improves the motion until the budget ends. Default: "rrt_connect" for one or two
+            arms and for retiming "ruckig_direct", else "many_arms".
         retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
             waypoint; with the others the report names jerk as not checked.
         shorten: Whether to shorten the path; that of a planner that `keeps_shape`, such as the Cartesian one, is left
