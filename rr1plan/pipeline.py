@@ -59,7 +59,7 @@ def plan_motion(
 
     Args:
         problem: The question.
-        planner: A name of `planner_names()`, an instance of `Planner`, or one of these, by `plan_many_arms`: "many_arms"
+        planner: A name of `planner_names()`, an instance of `Planner`, or (by `plan_many_arms`) "many_arms"
             plans a path for each arm and schedules them, "many_arms_separate" keeps the paths of arms separate where it
             can, "many_arms_anytime" improves the motion until the budget ends. Default: "rrt_connect" for one or two
             arms and for retiming "ruckig_direct", else "many_arms".
