@@ -34,19 +34,25 @@ INLINE f64x8 along_origin(const FrameLanes *frame, Vec8 n) {
     return n.x * frame->origin[0] + n.y * frame->origin[1] + n.z * frame->origin[2];
 }
 
+// Directions whose part across the axis of a cylinder is smaller than this have a point inside the rim as the lowest.
+#define LEAST_ACROSS 1e-6
+
 INLINE Support8 lowest_of_cylinder(const Point *points, Vec8 n) {
     const Point *center = points, *axis = points + 1;
     double half_length = points[2].x, radius = points[2].y;
     f64x8 along = n.x * axis->x + n.y * axis->y + n.z * axis->z;
     Vec8 across = {n.x - along * axis->x, n.y - along * axis->y, n.z - along * axis->z};
-    f64x8 part = -radius / max_lanes(sqrt_lanes(vec8_dot(across, across)), splat(1e-12));
+    f64x8 length = sqrt_lanes(vec8_dot(across, across));
+    // n.p from its parts: where n is along the axis, the rounding of `across` times the radius over its length is not small.
+    f64x8 part = -radius / max_lanes(length, splat(LEAST_ACROSS));
     f64x8 end = select_less(along, splat(0.0), splat(half_length), splat(-half_length));
     Vec8 p = {
         center->x + end * axis->x + across.x * part,
         center->y + end * axis->y + across.y * part,
         center->z + end * axis->z + across.z * part,
     };
-    return (Support8){vec8_dot(n, p), p};
+    f64x8 middle = n.x * center->x + n.y * center->y + n.z * center->z;
+    return (Support8){middle + end * along - radius * length, p};
 }
 
 // Take points into account in the search for the lowest one.
