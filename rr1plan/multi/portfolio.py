@@ -2,7 +2,7 @@
 
     result = plan_many_arms(problem)
 
-Each arm gets a path of its own first. Arms whose paths do not meet are planned apart; the groups of others are found
+First each arm is planned alone. Arms whose paths do not meet keep their paths; the groups of others follow
 from what their paths sweep, and are joined where a later path of one meets another. Each group goes through the same
 stages until one solves it, under one deadline: the joint space of up to four arms, timing on the fixed paths of each
 arm alone, detours, eviction, and windows of time on which arms that conflict are coupled. Groups are planned side by
@@ -191,7 +191,7 @@ def plan_many_arms(
     found = preflight(problem, near, largest, generator, timing)
     if found.status is not None:
         return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
-    # Each arm has random numbers of its own, so that it is planned the same whatever the others are.
+    # Random numbers depend on the arm alone, so that its path does not depend on the others.
     seeds = {arm: int(generator.integers(2**63)) for arm in problem.arms}
     diagrams = DiagramCache(largest)
     if method == _SEARCH:

@@ -45,7 +45,7 @@ class Inside:
         pairs = triangle[np.argsort(edge, kind="stable")][np.repeat(sharing == 2, sharing)].reshape(-1, 2)
         graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
         number, part = connected_components(graph, directed=False)
-        # How often each edge occurs in each part, but for edges without a length.
+        # Count each edge of each part, without edges of no length.
         long = ends[:, 0] != ends[:, 1]
         own, times = np.unique((part[triangle] * len(sharing) + edge)[long], return_counts=True)
         is_open = np.bincount(own[times % 2 == 1] // len(sharing), minlength=number) > 0
