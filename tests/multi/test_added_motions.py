@@ -74,7 +74,8 @@ def test_arms_that_were_planned_as_one_get_goals_of_their_own(rr1: rp.Robot) -> 
     assert plan.arms == problem.arms
     together = next(s.path.agent.arms for s in result.schedules if len(s.path.agent.arms) > 1)
     start = problem.scene.split(problem.start, problem.arms)[together[0]]
-    added = rp.add_motion(result, together[0], [start, _free_goal(plan, together[0], np.random.default_rng(0))], at=0.1)
+    goals = [start, _free_goal(plan, together[0], np.random.default_rng(0))]
+    added = rp.add_motion(result, together[0], goals, at=0.1, budget=_BUDGET, rng=0)
     if added:
         _assert_same_before(plan, added.plan, 0.4)
         assert rp.validate(added.plan.trajectory, plan.scene).certified
