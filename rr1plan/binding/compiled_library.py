@@ -5,9 +5,11 @@ from __future__ import annotations
 import ctypes
 import platform
 import sys
+from collections.abc import Callable
 from functools import cached_property
 from itertools import takewhile
 from pathlib import Path
+from typing import Any
 
 from rr1plan.binding.c_memory import argument_type
 from rr1plan.binding.c_sources import KernelSources
@@ -71,6 +73,7 @@ class KernelLibrary:
                 function = getattr(library, name)
                 function.restype = _RESULTS[prototype.result]
                 function.argtypes = [argument_type(self.sources, kind) for kind in prototype.arguments]
+                setattr(library, name, _interruptible(function))
             expected = self.sources.layout()
             compiled = (ctypes.c_int64 * (len(expected) + 1)).in_dll(library, "rr1_layout")
         except (OSError, AttributeError, ValueError) as error:
@@ -89,6 +92,23 @@ class KernelLibrary:
         if not self.variants:
             raise InstallationError(f"no compiled kernels for {platform.machine()} in {self.folder}; {HOW_TO_BUILD}")
         return self.load(self.variant_file(self.variants[0]))
+
+
+def _interruptible(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of a library, during a call of which Ctrl-C raises a KeyboardInterrupt.
+
+    While arguments are converted, `ctypes` turns every exception into an ArgumentError that keeps nothing but its text.
+    """
+
+    def call(*arguments: Any) -> Any:
+        try:
+            return function(*arguments)
+        except ctypes.ArgumentError as error:
+            if KeyboardInterrupt.__name__ in str(error):
+                raise KeyboardInterrupt from error
+            raise
+
+    return call
 
 
 def _unloadable(file: Path, error: Exception) -> InstallationError:

@@ -53,6 +53,21 @@ def test_every_field_is_where_the_compiler_has_it(name: str, variant: str) -> No
     assert len(expected) > 10
 
 
+@pytest.mark.parametrize("raised", [KeyboardInterrupt, MemoryError])
+def test_ctrl_c_while_arguments_are_converted_is_no_other_error(raised: type[BaseException]) -> None:
+    class Interrupted:
+        @property
+        def flags(self) -> None:
+            raise raised
+
+    expected = KeyboardInterrupt if raised is KeyboardInterrupt else ctypes.ArgumentError
+    for library in LIBRARIES.values():
+        name, prototype = next((n, p) for n, p in library.sources.prototypes.items() if p.arguments[0].endswith("*"))
+        arguments = (Interrupted() if kind.endswith("*") else 0 for kind in prototype.arguments)
+        with pytest.raises(expected):
+            getattr(library.fastest, name)(*arguments)
+
+
 def test_headers_are_read_as_c_reads_them() -> None:
     text = """
     // A comment; with a semicolon.
