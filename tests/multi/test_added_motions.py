@@ -184,7 +184,7 @@ def test_bad_input_is_refused(planar2r: rp.Robot) -> None:
     with pytest.raises(rp.InputError, match=r"freeze is -0\.3"):
         rp.add_motion(plan, "left", [0.0, 0.0], at=0.0, freeze=-0.3)
     with pytest.raises(rp.InputError, match="plan is"):
-        rp.add_motion("plan", "left", [0.0, 0.0], at=0.0)  # type: ignore[arg-type]
+        rp.add_motion("plan", "left", [0.0, 0.0], at=0.0)
     with pytest.raises(rp.InputError, match="goal of 'left'"):
         rp.add_motion(plan, "left", [0.0, 0.0, 0.0], at=0.0)
     touching = {"left": [0.0, 0.0], "right": [np.pi, 0.0]}

@@ -135,4 +135,4 @@ def test_what_is_impossible_is_refused(rr1: rp.Robot) -> None:
     with pytest.raises(UnknownNameError, match="retiming"):
         plan_many_arms(problem, retiming="smooth")
     with pytest.raises(InputError, match="torque_limits"):
-        plan_many_arms(problem, torque_limits=1)  # type: ignore[arg-type]
+        plan_many_arms(problem, torque_limits=1)

@@ -130,14 +130,14 @@ def _fcl_sees_no_contact(problem: rp.Problem, motion: rp.Trajectory, samples: in
     return True
 
 
-def _placed_shapes(arm, q):  # type: ignore[no-untyped-def]
+def _placed_shapes(arm, q):
     poses = arm.robot.link_poses(q)
     for link in arm.robot.links:
         for part in link.collisions:
             yield part.shape, arm.base @ poses[link.name] @ part.pose
 
 
-def _fcl_object(shape, pose):  # type: ignore[no-untyped-def]
+def _fcl_object(shape, pose):
     kind = fcl.Capsule if isinstance(shape, rp.Capsule) else fcl.Cylinder
     geometry = kind(shape.radius, shape.length)
     return fcl.CollisionObject(geometry, fcl.Transform(pose[:3, :3], pose[:3, 3]))
@@ -204,7 +204,7 @@ def test_plan_motion_improves_by_name_until_the_budget_ends() -> None:
 
 def test_what_is_no_budget_is_refused() -> None:
     with pytest.raises(InputError, match="expected a Budget"):
-        plan_many_arms(_problem("shelf-2"), improvement=5.0)  # type: ignore[arg-type]
+        plan_many_arms(_problem("shelf-2"), improvement=5.0)
 
 
 def test_changed_polylines_keep_their_ends_and_the_limits(rr1: rp.Robot) -> None:

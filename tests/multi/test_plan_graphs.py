@@ -247,7 +247,7 @@ def test_mujoco_sees_no_contact_in_a_delayed_execution(ring: Plan) -> None:
 )
 def test_bad_delays_are_refused(wrong: dict[str, object], said: str) -> None:
     with pytest.raises(rp.InputError, match=said):
-        rp.ArmDelay(**wrong)  # type: ignore[arg-type]
+        rp.ArmDelay(**wrong)
 
 
 def test_executions_of_what_is_not_there_are_refused(ring: Plan, rr1: rp.Robot) -> None:

@@ -373,7 +373,7 @@ def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> N
 
     class Nothing(rp.Controller):
         def update(self, state: rp.JointState) -> rp.SetPoint:
-            return None  # type: ignore[return-value]
+            return None
 
     class NotFinite(rp.Controller):
         def update(self, state: rp.JointState) -> rp.SetPoint:
@@ -402,7 +402,7 @@ def test_bad_arguments_are_refused(scene: rp.Scene) -> None:
     with pytest.raises(rp.UnknownNameError, match="rr1/elbow"):
         sim.activate(Sway(["rr1/elbow"]))
     with pytest.raises(rp.InputError, match="controller"):
-        sim.activate(object())  # type: ignore[arg-type]
+        sim.activate(object())
     with pytest.raises(rp.InputError, match="speed"):
         sim.run(duration=1.0, speed=0.0)
     with pytest.raises(rp.InputError, match="host and a port"):
