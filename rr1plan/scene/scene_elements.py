@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -55,11 +54,6 @@ class Obstacle(Value):
         object.__setattr__(self, "pose", as_pose(self.pose, "obstacle pose"))
         if not self.geometries:
             raise InputError("an obstacle has at least one shape, got none")
-
-    @cached_property
-    def kept(self) -> dict[Any, Any]:
-        """Cache of values computed from this obstacle, shared by all scenes that it is in; not pickled."""
-        return {}
 
 
 def posed_shapes(values: Any) -> tuple[Geometry, ...]:
