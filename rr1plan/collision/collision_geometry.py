@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, arm_geometry
 from rr1plan.collision.arm_instances import ArmInstances, arm_instances
+from rr1plan.collision.convex.convex_bodies import is_surfaceless
 from rr1plan.collision.obstacle_geometry import obstacle_geometry, stationary_arm_geometry
 from rr1plan.collision.reach_broad_phase import Near, find_near
 from rr1plan.errors import InputError
@@ -70,7 +71,7 @@ class CollisionGeometry:
         self.obstacles = (*standing, *[all_obstacles[name] for name in near.obstacles])
         self.rules = _rules(scene, near, arms)
         elements = tuple(chain.from_iterable([thing.elements for thing in self.obstacles]))
-        surfaceless = tuple(chain.from_iterable([thing.surfaceless for thing in self.obstacles]))
+        surfaceless = tuple([is_surfaceless(shape) for thing in self.obstacles for shape in thing.shapes])
         self.pairs = _solid_pairs(_PairContent(self.instances, arms, self.rules, elements, surfaceless))
 
     @cached_property
