@@ -4,8 +4,8 @@ An arm that stands still is an obstacle. Arms and obstacles that a moving arm ca
 `reach_broad_phase.py`), so that the size of everything built here grows with what is near, not with the scene.
 
 A geometry knows no padding, so scenes that differ in that alone share it as a whole; its parts are shared by content:
-an arm's geometry by all arms with equal robots and held objects, an obstacle's by all scenes that it is in, and the
-pairs by all scenes that differ only in where things are.
+an arm's geometry by all arms with equal robots and held objects, the pairs by all scenes that differ only in where
+things are.
 """
 
 from __future__ import annotations
