@@ -329,7 +329,7 @@ def _fits(cells: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _kind(cell: Mapping[str, Any]) -> float:
-    """What tells apart cells of one set besides the arms: the spacing of a grid; rings have radii by their arms."""
+    """The parameter of a set besides the number of arms: the spacing of a grid."""
     return float(cell["share"]) if cell["set"] == "grid" else 0.0
 
 

@@ -51,8 +51,8 @@ def demo(options: Namespace, console: Console) -> int:
     for name, seconds in steps.items():
         console.say(f"  {name}: {milliseconds(seconds)}{inner if name.startswith('plan') else ''}")
     console.say("wrote")
-    for what, file in files.items():
-        console.say(f"  {what}: {file}")
+    for content, file in files.items():
+        console.say(f"  {content}: {file}")
     console.result(
         {**summary(motion), "replay": replay.to_dict(), "steps": steps, "files": {k: str(v) for k, v in files.items()}}
     )

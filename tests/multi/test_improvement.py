@@ -117,7 +117,7 @@ def test_every_state_is_certified_and_cheaper_than_the_one_before(planar2r: rp.R
 
 
 def _fcl_sees_no_contact(problem: rp.Problem, motion: rp.Trajectory, samples: int = 60) -> bool:
-    """Whether links of different arms are apart at many instants, by python-fcl on their capsules and cylinders."""
+    """Whether links of different arms are free of contact at many instants, by python-fcl on capsules and cylinders."""
     for q in motion(np.linspace(motion.start_time, motion.end_time, samples)):
         per_arm = []
         for name, values in problem.scene.split(q, problem.arms).items():

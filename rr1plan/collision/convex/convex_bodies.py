@@ -1,7 +1,6 @@
-"""Our shapes as Coal's.
+"""Shapes as Coal's collision geometries.
 
-Every one of them is solid but for the meshes of obstacles that are not convex: their surface is hollow to Coal, and
-`coal_pairs.py` adds their inside.
+All are solid except concave meshes of obstacles, which are surfaces to Coal; `coal_pairs.py` adds their interior.
 """
 
 from __future__ import annotations
@@ -91,7 +90,7 @@ def cut_meshes(scene: Scene, progress: ProgressCallback) -> None:
 
 
 def _check_reach(cloud: PointCloud) -> None:
-    """Refuse a point cloud that Coal would lose cells of, here and not when Coal is asked."""
+    """Refuse a point cloud so large for its resolution that Coal's octree would lose cells."""
     reach = float(np.abs(cloud.points).max()) / cloud.resolution
     if reach > _OCTREE_REACH:
         raise InputError(

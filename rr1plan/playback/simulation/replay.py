@@ -124,7 +124,7 @@ class Replay(Value):
                 f"  the motion was not followed: {counted(lost, 'joint')} of {len(self.joint_names)} more than "
                 f"{_TRACKED:g} rad or m from the set-point"
             )
-        lines += [f"  {what}" for what in self.remarks]
+        lines += [f"  {remark}" for remark in self.remarks]
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"
             for c in self.contacts
