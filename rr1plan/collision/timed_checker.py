@@ -297,11 +297,10 @@ class _MovingPairs:
         if self._certify(breaks, coefficients, t_from, t_to, find_first=True) == FREE:
             return None
         result = self._scratch.value.result
-        pair = int(result.pair) if result.pair < len(self._owner) else self._first_child(int(result.pair))
+        pair = int(result.pair)
+        if pair >= len(self._owner):  # two boxes of bodies: the first pair of bodies in them
+            pair = int(self._scene.part("pairs")[pair, 2])
         return max(t_from, float(result.free_until)), self._whole.pairs[self._owner[pair]]
-
-    def _first_child(self, pair: int) -> int:
-        return int(self._scene.part("pairs")[pair, 2])
 
     def _certify(self, breaks: Array, coefficients: Array, t_from: float, t_to: float, *, find_first: bool) -> int:
         terms, stride = coefficients.shape[1:]

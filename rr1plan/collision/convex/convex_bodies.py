@@ -143,7 +143,9 @@ def _coal_geometry(shape: Shape) -> Any:
         case HalfSpace(normal, offset):
             return coal.Halfspace(np.array(normal), offset)
         case PointCloud():
-            return _octree(shape)
+            _check_reach(shape)
+            # The cells' centers, not the points: a point on a cell's face then cannot fall on either side.
+            return coal.makeOctree(occupied_cells(shape), shape.resolution)
         case _:
             return _convex(shape) if shape.convex else surface_of(shape)
 
@@ -155,12 +157,6 @@ def _convex(mesh: Mesh) -> Any:
     for a, b, c in mesh.faces:
         triangles.append(coal.Triangle(int(a), int(b), int(c)))
     return coal.Convex(vertices, triangles)
-
-
-def _octree(cloud: PointCloud) -> Any:
-    _check_reach(cloud)
-    # The cells' centers, not the points: a point on a cell's face then cannot fall on either side.
-    return coal.makeOctree(occupied_cells(cloud), cloud.resolution)
 
 
 # ---- concave meshes ------------------------------------------------------------------------------------

@@ -62,11 +62,6 @@ class Part(Value):
             leave = np.maximum(leave, enter)
         return Occupancy(self.rows[kept], enter[kept], leave[kept])
 
-    @property
-    def row_at_the_end(self) -> int:
-        """The row that it occupies last."""
-        return int(self.occupancy.rows[-1])
-
     def until(self, time: float) -> Part:
         """The same part, left for another path at a time [s]."""
         return replace(self, end=min(self.end, time))
