@@ -125,6 +125,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.simulation.gripper_controller import GripperStatus as GripperStatus
     from rr1plan.playback.simulation.replay import Replay as Replay
     from rr1plan.playback.simulation.replay import ReplayContact as ReplayContact
+    from rr1plan.playback.simulation.replay import ReplayRecord as ReplayRecord
     from rr1plan.playback.simulation.replay_trajectory import simulate as simulate
     from rr1plan.playback.simulation.simulation import Simulation as Simulation
     from rr1plan.playback.simulation.state_broadcaster import JointStateBroadcaster as JointStateBroadcaster
@@ -315,7 +316,7 @@ _EXPORTS = {
     "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
     "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
-    "rr1plan.playback.simulation.replay": ("Replay", "ReplayContact"),
+    "rr1plan.playback.simulation.replay": ("Replay", "ReplayContact", "ReplayRecord"),
     "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.replay_trajectory": ("simulate",),
     "rr1plan.playback.simulation.simulation": ("Simulation",),

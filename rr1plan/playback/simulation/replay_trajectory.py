@@ -20,7 +20,7 @@ from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.controllers import Controller, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointTargets
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
-from rr1plan.playback.simulation.replay import Replay, ReplayContact
+from rr1plan.playback.simulation.replay import Replay, ReplayContact, ReplayRecord
 from rr1plan.playback.simulation.simulation import Simulation
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
@@ -97,9 +97,7 @@ def simulate(
     return Replay(
         mode=mode,
         joint_names=trajectory.joint_names,
-        times=times[kept],
-        desired=desired[np.ix_(kept, columns)],
-        actual=seen.actual[np.ix_(kept, columns)],
+        record=ReplayRecord(times[kept], desired[np.ix_(kept, columns)], seen.actual[np.ix_(kept, columns)]),
         max_error=np.abs(error).max(axis=0),
         rms_error=np.sqrt((error**2).mean(axis=0)),
         peak_effort=seen.effort[columns],

@@ -263,10 +263,11 @@ def _steady(path: Path) -> Trajectory:
 
 def _replayed(replay: Replay) -> Trajectory:
     """What the simulator recorded, as straight lines between its samples."""
-    if len(replay.times) < 2:
-        return Trajectory.rest(replay.joint_names, replay.actual[0])
-    slopes = np.diff(replay.actual, axis=0) / np.diff(replay.times)[:, None]
-    return Trajectory(replay.joint_names, replay.times, np.stack([replay.actual[:-1], slopes], axis=1))
+    times, positions = replay.record.times, replay.record.actual
+    if len(times) < 2:
+        return Trajectory.rest(replay.joint_names, positions[0])
+    slopes = np.diff(positions, axis=0) / np.diff(times)[:, None]
+    return Trajectory(replay.joint_names, times, np.stack([positions[:-1], slopes], axis=1))
 
 
 def _summary(replay: Replay) -> dict[str, Any]:
