@@ -125,6 +125,8 @@ if TYPE_CHECKING:
     from rr1plan.playback.simulation.controllers import SetPoint as SetPoint
     from rr1plan.playback.simulation.gripper_controller import GripperController as GripperController
     from rr1plan.playback.simulation.gripper_controller import GripperStatus as GripperStatus
+    from rr1plan.playback.simulation.recorder import Recorder as Recorder
+    from rr1plan.playback.simulation.replay import BodyMotion as BodyMotion
     from rr1plan.playback.simulation.replay import Replay as Replay
     from rr1plan.playback.simulation.replay import ReplayContact as ReplayContact
     from rr1plan.playback.simulation.replay_trajectory import simulate as simulate
@@ -299,7 +301,8 @@ _EXPORTS = {
     "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
     "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
-    "rr1plan.playback.simulation.replay": ("Replay", "ReplayContact"),
+    "rr1plan.playback.simulation.recorder": ("Recorder",),
+    "rr1plan.playback.simulation.replay": ("BodyMotion", "Replay", "ReplayContact"),
     "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.replay_trajectory": ("simulate",),
     "rr1plan.playback.simulation.simulation": ("Simulation",),
