@@ -25,6 +25,13 @@ if TYPE_CHECKING:
     from rr1plan.batch import Answer as Answer
     from rr1plan.batch import PlanFailure as PlanFailure
     from rr1plan.batch import plan_many as plan_many
+    from rr1plan.calibration.calibrate import calibrate as calibrate
+    from rr1plan.calibration.joint_calibration import Calibration as Calibration
+    from rr1plan.calibration.joint_calibration import CalibrationFit as CalibrationFit
+    from rr1plan.calibration.joint_calibration import JointCalibration as JointCalibration
+    from rr1plan.calibration.joint_calibration import ZeroShift as ZeroShift
+    from rr1plan.calibration.joint_calibration import load_calibration as load_calibration
+    from rr1plan.calibration.measurement_poses import propose_calibration_poses as propose_calibration_poses
     from rr1plan.checks import Array as Array
     from rr1plan.checks import Seed as Seed
     from rr1plan.collision import CollisionChecker as CollisionChecker
@@ -201,6 +208,15 @@ __version__ = "0.1.0"
 # A test checks that these names and the imports above agree.
 _EXPORTS = {
     "rr1plan.batch": ("Answer", "PlanFailure", "plan_many"),
+    "rr1plan.calibration.joint_calibration": (
+        "Calibration",
+        "CalibrationFit",
+        "JointCalibration",
+        "ZeroShift",
+        "load_calibration",
+    ),
+    "rr1plan.calibration.calibrate": ("calibrate",),
+    "rr1plan.calibration.measurement_poses": ("propose_calibration_poses",),
     "rr1plan.checks": ("Array", "Seed"),
     "rr1plan.collision": (
         "CollisionChecker",
