@@ -25,6 +25,13 @@ if TYPE_CHECKING:
     from rr1plan.batch import Answer as Answer
     from rr1plan.batch import PlanFailure as PlanFailure
     from rr1plan.batch import plan_many as plan_many
+    from rr1plan.calibration.calibrate import calibrate as calibrate
+    from rr1plan.calibration.joint_calibration import Calibration as Calibration
+    from rr1plan.calibration.joint_calibration import CalibrationFit as CalibrationFit
+    from rr1plan.calibration.joint_calibration import JointCalibration as JointCalibration
+    from rr1plan.calibration.joint_calibration import ZeroShift as ZeroShift
+    from rr1plan.calibration.joint_calibration import load_calibration as load_calibration
+    from rr1plan.calibration.measurement_poses import propose_calibration_poses as propose_calibration_poses
     from rr1plan.checks import Array as Array
     from rr1plan.checks import Seed as Seed
     from rr1plan.collision import CollisionChecker as CollisionChecker
@@ -123,6 +130,8 @@ if TYPE_CHECKING:
     from rr1plan.playback.simulation.controllers import SetPoint as SetPoint
     from rr1plan.playback.simulation.gripper_controller import GripperController as GripperController
     from rr1plan.playback.simulation.gripper_controller import GripperStatus as GripperStatus
+    from rr1plan.playback.simulation.recorder import Recorder as Recorder
+    from rr1plan.playback.simulation.replay import BodyMotion as BodyMotion
     from rr1plan.playback.simulation.replay import Replay as Replay
     from rr1plan.playback.simulation.replay import ReplayContact as ReplayContact
     from rr1plan.playback.simulation.replay import ReplayRecord as ReplayRecord
@@ -164,6 +173,8 @@ if TYPE_CHECKING:
     from rr1plan.scene import Obstacle as Obstacle
     from rr1plan.scene import Scene as Scene
     from rr1plan.scene import scene_differences as scene_differences
+    from rr1plan.scene.loose_bodies import load_body as load_body
+    from rr1plan.scene.loose_bodies import stack_bodies as stack_bodies
     from rr1plan.scene.model_library import installed_robot_names as installed_robot_names
     from rr1plan.scene.model_library import load_problems as load_problems
     from rr1plan.scene.model_library import load_robot as load_robot
@@ -198,6 +209,15 @@ __version__ = "0.1.0"
 # A test checks that these names and the imports above agree.
 _EXPORTS = {
     "rr1plan.batch": ("Answer", "PlanFailure", "plan_many"),
+    "rr1plan.calibration.joint_calibration": (
+        "Calibration",
+        "CalibrationFit",
+        "JointCalibration",
+        "ZeroShift",
+        "load_calibration",
+    ),
+    "rr1plan.calibration.calibrate": ("calibrate",),
+    "rr1plan.calibration.measurement_poses": ("propose_calibration_poses",),
     "rr1plan.checks": ("Array", "Seed"),
     "rr1plan.collision": (
         "CollisionChecker",
@@ -316,7 +336,8 @@ _EXPORTS = {
     "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
     "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
-    "rr1plan.playback.simulation.replay": ("Replay", "ReplayContact", "ReplayRecord"),
+    "rr1plan.playback.simulation.recorder": ("Recorder",),
+    "rr1plan.playback.simulation.replay": ("BodyMotion", "Replay", "ReplayContact", "ReplayRecord"),
     "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.replay_trajectory": ("simulate",),
     "rr1plan.playback.simulation.simulation": ("Simulation",),
@@ -342,6 +363,7 @@ _EXPORTS = {
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),
     "rr1plan.retiming.path_blends": ("CurveChecker",),
     "rr1plan.robot": ("Color", "Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
+    "rr1plan.scene.loose_bodies": ("load_body", "stack_bodies"),
     "rr1plan.scene": ("Arm", "Attachment", "Obstacle", "Scene", "scene_differences"),
     "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
     "rr1plan.trajectory": ("Trajectory",),

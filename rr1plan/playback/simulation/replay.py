@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from rr1plan.checks import Array, Value, counted, read_only
+from rr1plan.scene import Obstacle
 
 # An arm is tracked while no joint is farther than this from its set-point [rad or m].
 _TRACKED = 0.01
@@ -31,18 +34,38 @@ class ReplayContact:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class BodyMotion(Value):
+    """Recorded poses of loose bodies.
+
+    Args:
+        bodies: The bodies by name.
+        poses: Position [m] and quaternion (wxyz) of each at the times of the record, shape (n, bodies, 7); NaN while it
+            was not in the scene.
+    """
+
+    bodies: Mapping[str, Obstacle]
+    poses: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bodies", MappingProxyType(dict(self.bodies)))
+        read_only(self.poses)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class ReplayRecord(Value):
-    """Positions recorded during a replay.
+    """Positions of joints and loose bodies recorded during a replay.
 
     Args:
         times: Instants [s], shape (n,).
         desired: Set-points [rad], shape (n, nq).
         actual: Positions that were reached [rad], shape (n, nq).
+        bodies: Poses of loose bodies; None if there are none, and in a kinematic replay.
     """
 
     times: Array
     desired: Array
     actual: Array
+    bodies: BodyMotion | None = None
 
     def __post_init__(self) -> None:
         for array in (self.times, self.desired, self.actual):
@@ -56,7 +79,7 @@ class Replay(Value):
     Args:
         mode: "dynamic" (servos move the arms) or "kinematic" (the arms are put where they should be).
         joint_names: Columns of the arrays, "arm/joint", as in the trajectory.
-        record: Set-points and positions over time.
+        record: Set-points and positions over time, and the poses of loose bodies.
         max_error: Largest tracking error of each joint over all steps [rad], shape (nq,).
         rms_error: Root mean square tracking error of each joint over all steps [rad], shape (nq,).
         peak_effort: Largest share of the effort limit each joint used, shape (nq,); above 1 only in an arm whose masses
