@@ -67,7 +67,7 @@ class MotionPlan:
 
     @property
     def scene(self) -> Scene:
-        """Where it happens."""
+        """The scene."""
         if self._scene is not None:
             return self._scene
         assert self.problem is not None, "a plan without a problem is made with its scene"
@@ -162,7 +162,7 @@ class MotionPlan:
         return save_html(file, self.scene, **self._content(), replay=replay, options=self._page_options(options))
 
     def timeline(self) -> Timeline:
-        """When each arm moves and rests, whom it waits for in a plan of many arms, and where arms touch in a bad one.
+        """The time line: when each arm moves and rests, which arms it waits for, and contacts that the referee found.
 
         Raises:
             NoPlanError: there is no timed motion.
@@ -183,7 +183,7 @@ class MotionPlan:
         )
 
     def coordination_diagram(self, one: str, two: str) -> CoordinationDiagram:
-        """Where two arms of a plan of many arms exclude each other on their paths, and how they are timed.
+        """The coordination diagram of two arms of a plan of many arms, with their schedules.
 
         Args:
             one: An arm that moves.

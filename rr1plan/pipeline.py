@@ -31,7 +31,7 @@ _NO_IMPORTS = 0.01
 _MARGIN = 0.002  # [m]
 _MANY_ARMS, _ANYTIME = "many_arms", "many_arms_anytime"
 MANY_ARMS_METHODS = {_MANY_ARMS: "portfolio", "many_arms_separate": "separate_paths", _ANYTIME: "portfolio"}
-"""Planners that schedule a path for each arm by name, and the method of `plan_many_arms` that each stands for."""
+"""Planners that schedule a path for each arm: their names, and the method of `plan_many_arms` of each."""
 _LEAVES_PATHS = "ruckig_direct"
 # Up to this many arms are planned in their joint space unless a planner is named.
 _PLANNED_AS_ONE = 2
