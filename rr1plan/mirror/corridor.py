@@ -14,11 +14,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, Value, finite_array, of_kind, read_only
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
+from rr1plan.model.joint_turns import TURN, rotary
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -60,6 +61,7 @@ class Corridor(Value):
         distances: Distances of all pairs of bodies there [m], shape (k, p).
         levers: How far a change of each joint moves each pair against each other at most [m/rad], shape (p, nq).
         pairs: The elements of each pair.
+        rotary: Which joints are where they were after a whole turn, shape (nq,).
     """
 
     joint_names: tuple[str, ...]
@@ -68,6 +70,7 @@ class Corridor(Value):
     distances: Array
     levers: Array
     pairs: tuple[tuple[str, str], ...]
+    rotary: NDArray[np.bool_]
 
     def __repr__(self) -> str:
         free = self.free_change()
@@ -80,6 +83,11 @@ class Corridor(Value):
             each = self.distances[:, :, None] / self.levers[None]
         return np.asarray(each.min(axis=(0, 1), initial=np.inf))
 
+    def deviation(self, q: ArrayLike, planned: ArrayLike) -> Array:
+        """Configuration less planned configuration [rad or m], without whole turns; they are of the same shape."""
+        off = np.subtract(q, planned)
+        return np.where(self.rotary, off - TURN * np.round(off / TURN), off)
+
     def position(self, q: ArrayLike) -> CorridorPosition:
         """Where a configuration is in the corridor, at the sample of the motion that leaves it the most room.
 
@@ -89,7 +97,7 @@ class Corridor(Value):
         Raises:
             InputError: wrong shape or not finite.
         """
-        off = np.abs(self.configurations - finite_array("q", q, (len(self.joint_names),)))
+        off = np.abs(self.deviation(finite_array("q", q, (len(self.joint_names),)), self.configurations))
         order = np.argsort(off @ self.levers.max(axis=0, initial=0.0), kind="stable")[:_NEAREST]
         uses = (off[order] @ self.levers.T) / self.distances[order]
         k = int(np.argmin(uses.max(axis=1)))
@@ -118,6 +126,7 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
     columns = [trajectory.joint_names.index(name) for name in names]
     checker = CollisionChecker(scene, trajectory.arms)
     levers = _levers(checker)
+    turning = np.concatenate([rotary(scene.arms[arm].robot) for arm in checker.arms])
     pairs = tuple(checker.pairs[owner] for owner in checker.solid_owner)
     now, step = trajectory.start_time, _LONGEST
     times: list[float] = []
@@ -142,7 +151,7 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
             step *= 0.5
         now = min(now + step, trajectory.end_time)
     samples = [read_only(np.array(rows)) for rows in (times, configurations, distances)]
-    return Corridor(names, samples[0], samples[1], samples[2], read_only(levers), pairs)
+    return Corridor(names, samples[0], samples[1], samples[2], read_only(levers), pairs, read_only(turning))
 
 
 def _levers(checker: CollisionChecker) -> Array:

@@ -49,8 +49,8 @@ class Mirror:
         state: The newest `MirrorState`; None before the first message.
 
     Raises:
-        InputError: a plan that is in collision or of other joints, a corridor of other joints, a file that cannot be
-            written, or a callback that is none.
+        InputError: a scene without arms, a plan that is in collision or of other joints, a corridor of other joints,
+            a file that cannot be written, or a callback that is none.
         UnknownNameError: a plan for arms that the scene does not have.
     """
 
@@ -65,6 +65,8 @@ class Mirror:
         on_event: Callable[[MirrorEvent], None] | None = None,
     ) -> None:
         of_kind("scene", scene, Scene)
+        if not scene.arms:
+            raise InputError("the scene has no arm to mirror")
         of_kind("plan", plan, Trajectory, optional=True)
         of_kind("corridor", corridor, Corridor, optional=True)
         check_callback("on_event", on_event)
@@ -74,7 +76,7 @@ class Mirror:
             raise InputError(f"the corridor is of other joints than the plan: {', '.join(self.corridor.joint_names)}")
         self._start = None if start is None else finite_number("start", start)
         self._on_event = on_event
-        planned = () if plan is None else plan.joint_names
+        planned = () if self.corridor is None else self.corridor.joint_names
         self._reader = MessageReader(scene, scene.joint_names(None if plan is None else plan.arms))
         self._world = build_mujoco(scene)
         self.model: mujoco.MjModel = self._world.model
@@ -112,7 +114,7 @@ class Mirror:
             InputError: a port that is none.
             BackendError: no free port.
         """
-        self._page = MirrorPage(self.scene, self.plan, port)
+        self._page = MirrorPage(self.scene, self.plan, self._statistics.joint_names, port)
         return self._page.open(open_browser, quiet)
 
     def run(self, stream: Iterable[StateMessage | StreamError], *, duration: float | None = None) -> MirrorReport:
@@ -193,11 +195,11 @@ class Mirror:
         """Deviation from the plan at its time, and the place in the corridor."""
         if self.plan is None or self.corridor is None or self._start is None:
             return None, None
-        values = dict(zip(self.scene.joint_names(), q.tolist(), strict=True))
-        measured = np.array([values[name] for name in self.plan.joint_names])
+        names = self.corridor.joint_names
+        measured = q[[self.scene.joint_names().index(name) for name in names]]
         planned = self.plan(self.plan.start_time + now - self._start)
-        position = self.corridor.position([values[name] for name in self.corridor.joint_names])
-        return read_only(measured - planned), position
+        planned = planned[[self.plan.joint_names.index(name) for name in names]]
+        return read_only(self.corridor.deviation(measured, planned)), self.corridor.position(measured)
 
     def _contacts(self, q: Array) -> tuple[tuple[str, str], ...]:
         """Pairs that touch in MuJoCo, which is put into the state."""

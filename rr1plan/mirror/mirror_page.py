@@ -24,16 +24,16 @@ class MirrorPage:
     Args:
         scene: The scene.
         plan: The plan; None: the panel has no deviations.
+        names: The joints whose deviations the panel shows.
         port: As in `show`.
 
     Attributes:
         viewer: The page itself.
     """
 
-    def __init__(self, scene: Scene, plan: Trajectory | None, port: int | None) -> None:
-        names = () if plan is None else plan.joint_names
+    def __init__(self, scene: Scene, plan: Trajectory | None, names: tuple[str, ...], port: int | None) -> None:
         html, css, script = (_asset(f"mirror.{kind}") for kind in ("html", "css", "js"))
-        data = {"joints": list(names), "limit": 0.0, "state": None}
+        data = {"joints": list(names), "state": None}
         panel = Panel("mirror", "Mirror", html=html, css=css, script=script, data=data, width=_WIDTH)
         options = ViewOptions(title=f"{scene.name}: mirror", play=False, panels=(panel,))
         self.viewer = Viewer(scene, trajectory=plan, options=options, port=port)

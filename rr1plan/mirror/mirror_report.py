@@ -41,7 +41,7 @@ class MirrorState(Value):
     Args:
         time: When it was measured, on the clock of the sender [s].
         q: Planning joints of all arms of the scene [rad or m], shape (nq,).
-        deviation: Measured less planned positions of the joints of the plan [rad or m]; None without a plan.
+        deviation: Measured less planned positions [rad or m], of the joints of the corridor; None without a plan.
         corridor: Where the arms are in the certified corridor; None without a plan.
         contacts: Pairs of elements that touch and must not.
     """

@@ -52,11 +52,14 @@ def made(kind: str, scene: rp.Scene) -> tuple[rp.Controller, Callable[[], object
     if kind == "velocity":
         drift = rp.ForwardVelocityController(ARM)
         return drift, lambda: drift.command(np.full(len(ARM), 0.1))
+    if kind == "manual":
+        hand = rp.ManualController(ARM)
+        return hand, lambda: hand.command(scene.configuration() + 0.02)
     grip = rp.GripperController(["rr1/finger_joint"])
     return grip, lambda: grip.command([0.02])
 
 
-KINDS = ("own", "trajectory", "position", "velocity", "gripper")
+KINDS = ("own", "trajectory", "position", "velocity", "manual", "gripper")
 
 
 # ---- the contract of every controller --------------------------------------------------------------
@@ -262,6 +265,50 @@ def test_velocities_stop_at_the_limits(scene: rp.Scene) -> None:
     assert sim.state(ARM[1:2]).positions[0] == pytest.approx(upper, abs=1e-3)
     with pytest.raises(rp.InputError, match="above its limit"):
         drift.command([1000.0])
+
+
+def test_manual_control_follows_sliders_and_keys_within_speed_and_limits(scene: rp.Scene) -> None:
+    sim = rp.Simulation(scene)
+    hand = rp.ManualController(ARM, speed=0.1, step=0.05)
+    with pytest.raises(rp.InputError, match="not active"):
+        hand.press("+")
+    sim.activate(hand)
+    start, limit = sim.configuration(), scene.limits()
+    hand.move(ARM[1], 9.0)  # as far as the joint goes
+    speeds: list[float] = []
+    ended = sim.on_step(lambda s: speeds.append(float(np.abs(s.velocities[:6]).max())))
+    sim.run(duration=1.5)
+    ended()
+    assert sim.configuration()[1] == pytest.approx(limit.upper[1], abs=1e-4)
+    assert max(speeds) <= 0.1 * limit.velocity[1] * 1.02
+    assert [hand.press(key) for key in ("3", "+", "+", "-", "x", "9", "")] == [
+        True,
+        True,
+        True,
+        True,
+        False,
+        False,
+        False,
+    ]
+    assert hand.selected == ARM[2]
+    sim.run(duration=1.0)
+    assert sim.configuration()[2] == pytest.approx(start[2] + 0.05, abs=1e-3)
+    # A new target takes over on the way, without a jump of the velocity.
+    hand.move(ARM[0], 1.0)
+    sim.run(duration=0.3)
+    before = sim.velocities[0]
+    assert before > 0.1
+    hand.move(ARM[0], -1.0)
+    sim.step()
+    assert abs(sim.velocities[0] - before) < 0.05
+    sim.run(duration=0.2)
+    hand.press(" ")
+    there = sim.configuration()[0]
+    sim.run(duration=2.0)
+    assert sim.configuration()[0] == pytest.approx(there, abs=0.1)
+    assert np.abs(sim.velocities).max() < 1e-3
+    with pytest.raises(rp.UnknownNameError, match="unknown joint 'rr1/shouldr_joint'"):
+        hand.move("rr1/shouldr_joint", 0.0)
 
 
 def test_a_gripper_arrives_or_stalls(scene: rp.Scene) -> None:
