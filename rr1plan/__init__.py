@@ -351,7 +351,6 @@ _EXPORTS = {
     "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
     "rr1plan.playback.simulation.manual_controller": ("ManualController",),
-    "rr1plan.playback.simulation.replay": ("Replay", "ReplayContact"),
     "rr1plan.playback.simulation.recorder": ("Recorder",),
     "rr1plan.playback.simulation.replay": ("BodyMotion", "Replay", "ReplayContact"),
     "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
