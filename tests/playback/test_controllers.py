@@ -474,6 +474,12 @@ def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> N
         np.testing.assert_array_equal(sim.configuration(), scene.configuration())
 
 
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "own"])
+def test_commands_need_an_active_controller(kind: str, scene: rp.Scene) -> None:
+    with pytest.raises(rp.InputError, match="the controller is not active; activate it in a simulation first"):
+        made(kind, scene)[1]()
+
+
 def test_bad_arguments_are_refused(scene: rp.Scene) -> None:
     for arguments in ({"dt": 0.0}, {"dt": math.nan}, {"threads": 0}, {"stiffness": -1.0}):
         with pytest.raises(rp.InputError, match=next(iter(arguments))):

@@ -65,7 +65,7 @@ class ManualController(Controller):
             InputError: another shape, not finite, or a controller that is not active.
         """
         targets = finite_array("positions", positions, (len(self.joint_names),))
-        self._check_active()
+        self.check_active()
         self._target = np.clip(targets, self.joints.lower, self.joints.upper)
 
     def move(self, joint: str, position: float) -> None:
@@ -81,7 +81,7 @@ class ManualController(Controller):
         """
         known_name("joint", joint, self.joint_names)
         value = finite_number("position", position)
-        self._check_active()
+        self.check_active()
         targets = self._target.copy()
         targets[self.joint_names.index(joint)] = value
         self.command(targets)
@@ -96,7 +96,7 @@ class ManualController(Controller):
             InputError: no text, or a controller that is not active.
         """
         check_text("key", key)
-        self._check_active()
+        self.check_active()
         if key in ("+", "-"):
             i = self.joint_names.index(self.selected)
             self.move(self.selected, float(self._target[i]) + (self.step if key == "+" else -self.step))
@@ -124,7 +124,3 @@ class ManualController(Controller):
         accelerations = (velocities - self._velocities) / dt
         self._velocities = np.where(arrives, 0.0, velocities)
         return SetPoint(self._positions, self._velocities, np.where(arrives, 0.0, accelerations))
-
-    def _check_active(self) -> None:
-        if not hasattr(self, "joints"):
-            raise InputError("the controller is not active; activate it in a simulation first")
