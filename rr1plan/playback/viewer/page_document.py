@@ -102,9 +102,7 @@ def view_document(
             for name, a in scene.attachments.items()
         ],
         "shapes": shapes.rows,
-        "track": None
-        if motion is None
-        else _track(motion, scene) | {"timed": trajectory is not None or path is None},
+        "track": None if motion is None else _track(motion, scene) | {"timed": trajectory is not None or path is None},
         "replay": None if replay is None else _track(_replayed(replay), scene) | {"summary": _summary(replay)},
         "path": None if path is None else _waypoints(path, scene),
         "ghosts": ghosts,
