@@ -267,6 +267,27 @@ class PlanGraph(Entry):
     together: list[OwnDependency]
 
 
+# ---- sequences -----------------------------------------------------------------------------
+
+
+class Attach(Entry):
+    obstacle: Name
+    arm: Name
+    link: Name
+    touch: list[Name]
+
+
+class SequenceStage(Entry):
+    """When a segment of a sequence happens, what may touch meanwhile, and what it attaches or detaches."""
+
+    label: Text
+    begin: float
+    end: float
+    allowed: list[Pair]
+    attach: Attach | None = None
+    detach: Name | None = None
+
+
 # ---- documents -----------------------------------------------------------------------------
 
 
@@ -325,8 +346,19 @@ class MotionDocument(Document, kw_only=True):
     plan_graph: PlanGraph | None = None
 
 
+class SequenceDocument(Document, kw_only=True):
+    """A planned sequence; the report is checked as that of a motion."""
+
+    robots: list[Robot]
+    scene: Scene
+    trajectory: Trajectory
+    stages: Annotated[list[SequenceStage], Meta(min_length=1)]
+    report: dict[str, Any] | None = None
+
+
 DOCUMENTS: dict[str, type[Document]] = {
     "path": PathDocument,
     "trajectory": TrajectoryDocument,
     "motion": MotionDocument,
+    "sequence": SequenceDocument,
 }

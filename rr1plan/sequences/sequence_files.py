@@ -1,0 +1,105 @@
+"""Planned sequences in files: scene, trajectory and stages, judged again when they are read."""
+
+from __future__ import annotations
+
+import pathlib
+
+from rr1plan.checks import of_kind
+from rr1plan.errors import FormatError, InputError
+from rr1plan.export.motion_files import fit_trajectory
+from rr1plan.export.motion_schema import SequenceStage as StageEntry
+from rr1plan.export.plan_files import read_plan_file, save_stages
+from rr1plan.progress import ProgressCallback
+from rr1plan.scene import Scene, pair, scene_differences
+from rr1plan.sequences.grippers import gripper_joints, with_grippers
+from rr1plan.sequences.segments import Attach, Detach
+from rr1plan.sequences.sequence_plan import SequencePlan
+from rr1plan.sequences.stage_validation import validate_stages
+from rr1plan.sequences.stages import SequenceStage, check_stages
+from rr1plan.trajectory import Trajectory
+
+
+def save_sequence(file: str | pathlib.Path, plan: SequencePlan, *, embed: bool = False) -> pathlib.Path:
+    """Write a planned sequence to a JSON file and return the file's path; see `SequencePlan.save`."""
+    entries = [_entry(stage) for stage in plan.stages]
+    return save_stages(file, plan.scene, plan.trajectory, entries, report=plan.report, embed=embed)
+
+
+def load_sequence(
+    file: str | pathlib.Path,
+    scene: Scene | None = None,
+    *,
+    torque_limits: bool = False,
+    jerk_limits: bool = False,
+    progress: ProgressCallback | None = None,
+) -> SequencePlan:
+    """Read a planned sequence from a file and validate all its stages, in its scene or in another.
+
+    A report in the file is ignored.
+
+    Args:
+        file: A file that `SequencePlan.save` wrote.
+        scene: The scene at the beginning (default: that in the file), with grippers locked or not; `changes` of the
+            result lists the differences from the scene in which the sequence was planned.
+        torque_limits: Check torques too.
+        jerk_limits: Check jerk limits too.
+        progress: Called during the collision certificate.
+
+    Raises:
+        FormatError: a truncated, modified or unsupported file, one that holds no sequence, or one that does not fit
+            the scene.
+    """
+    of_kind("scene", scene, Scene, optional=True)
+    saved = read_plan_file(file, scene)
+    if saved.stages is None or saved.trajectory is None or saved.scene is None:
+        raise FormatError("holds no sequence; read it with load_motion", file)
+    try:
+        where = saved.scene if scene is None else _with_moving_grippers(scene, saved.trajectory)
+        trajectory = fit_trajectory(saved.trajectory, where)
+        stages = tuple(_stage(entry) for entry in saved.stages)
+        check_stages(trajectory, stages)
+        report = validate_stages(
+            trajectory, where, stages, torque_limits=torque_limits, jerk_limits=jerk_limits, progress=progress
+        )
+    except InputError as error:
+        raise FormatError(f"cannot be a sequence of its scene: {error}", file) from error
+    changes = () if scene is None else scene_differences(saved.scene, where)
+    return SequencePlan(where, stages=stages, changes=changes, _trajectory=trajectory, _report=report)
+
+
+def _with_moving_grippers(scene: Scene, trajectory: Trajectory) -> Scene:
+    """The scene with the gripper joints as planning joints that a trajectory has columns for."""
+    moving = {}
+    for name, arm in scene.arms.items():
+        joints = tuple(j for j in gripper_joints(arm.robot) if f"{name}/{j}" in trajectory.joint_names)
+        if joints:
+            moving[name] = joints
+    return with_grippers(scene, moving)
+
+
+def _entry(stage: SequenceStage) -> dict[str, object]:
+    """A stage as JSON data, by the schema."""
+    change, attach = stage.change, None
+    if isinstance(change, Attach):
+        attach = {name: getattr(change, name) for name in ("obstacle", "arm", "link")} | {"touch": list(change.touch or ())}
+    return {
+        "label": stage.label,
+        "begin": stage.begin,
+        "end": stage.end,
+        "allowed": sorted(sorted(names) for names in stage.allowed),
+        "attach": attach,
+        "detach": change.name if isinstance(change, Detach) else None,
+    }
+
+
+def _stage(entry: StageEntry) -> SequenceStage:
+    change: Attach | Detach | None = None
+    if entry.attach is not None and entry.detach is not None:
+        raise InputError(f"stage {entry.label!r} attaches and detaches, expected one of them")
+    if entry.attach is not None:
+        held = entry.attach
+        change = Attach(held.obstacle, arm=held.arm, link=held.link, touch=held.touch)
+    elif entry.detach is not None:
+        change = Detach(entry.detach)
+    allowed = frozenset(pair(a, b) for a, b in entry.allowed)
+    return SequenceStage(entry.label, entry.begin, entry.end, allowed, change)
