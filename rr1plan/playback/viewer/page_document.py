@@ -107,6 +107,23 @@ def view_document(
     }
 
 
+def with_carried(document: Document, places: Mapping[str, list[dict[str, Any]]]) -> Document:
+    """The document with some objects that change their places in the motion.
+
+    Args:
+        document: What `view_document` made.
+        places: Of each such object its places in order: "from" which time on [s], at which "arm" and "link" (None: in
+            the world), and its "pose" there, shape (4, 4).
+    """
+    things = {thing["name"]: thing for kind in ("obstacles", "attachments") for thing in document[kind]}
+    carried = [
+        {"name": name, "parts": things[name]["parts"], "places": [{**p, "pose": _numbers(p["pose"])} for p in own]}
+        for name, own in places.items()
+    ]
+    rest = {kind: [t for t in document[kind] if t["name"] not in places] for kind in ("obstacles", "attachments")}
+    return {**document, **rest, "carried": carried}
+
+
 def first_camera(scene: Scene, motion: Trajectory | None, ghosts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """From where the page is looked at first: at the motion, or where there is none at the ghosts."""
     return choose_camera(scene, motion, [(ghost["arm"], ghost["q"]) for ghost in ghosts])._asdict()

@@ -131,6 +131,7 @@ class Viewer {
   /** Draws the configuration and tells everyone. */
   show() {
     const { player, world } = this;
+    world.carry(player.time);
     world.update(this.q);
     this.shownAt = performance.now();
     if (this.conflicts.at(this.manual ? null : player.time)) this.paint();

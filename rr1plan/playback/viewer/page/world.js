@@ -36,10 +36,11 @@ class World {
     const count = kinematics.arms.length, sides = count > MANY ? 10 : count > 4 ? 18 : 36;
     this.robots = this.layer("robots", new Bodies(this.linkItems("visuals", LINK_GREY), { roughness: 0.5 }));
     this.held = this.layer("robots", new Bodies(this.heldItems(), {}));
+    this.carried = this.layer("robots", new Bodies(this.carriedItems(), {}));
     this.collisions = this.layer("collisions", new Bodies(this.linkItems("collisions", [0.05, 0.72, 0.66]), { opacity: 0.4, order: 3 }));
     this.spheres = new Spheres(doc, kinematics, sides);
     for (const [name, bodies] of this.spheres.layers) this.layer(name, bodies);
-    this.moving = [this.robots, this.held, this.collisions, ...this.spheres.layers.values()];
+    this.moving = [this.robots, this.held, this.carried, this.collisions, ...this.spheres.layers.values()];
     this.obstacles = this.layer("obstacles", new Bodies(this.obstacleItems(), { roughness: 0.75 }));
     this.obstacles.update(this.poses);
     this.addEdges();
@@ -126,6 +127,33 @@ class World {
       const index = this.kinematics.arms.findIndex((a) => a.name === held.arm);
       return this.objectItems(held, this.kinematics.linkIndex(this.kinematics.arms[index], held.link), HELD, index);
     });
+  }
+
+  /** Objects that are taken up and put down in the motion; `carry` gives them their places. */
+  carriedItems() {
+    this.carriers = (this.doc.carried || []).map((object) => {
+      const items = this.objectItems({ ...object, pose: IDENTITY }, -1, HELD, -1);
+      return { places: object.places, place: null, items, own: items.map((item) => item.local) };
+    });
+    this.carry(-Infinity);
+    return this.carriers.flatMap(({ items }) => items);
+  }
+
+  /** Puts such objects to where they are at a time: at a link or in the world. */
+  carry(time) {
+    for (const carrier of this.carriers) {
+      const { places, items, own } = carrier;
+      let low = 0, high = places.length;
+      while (high - low > 1) { const middle = (low + high) >> 1; if (places[middle].from <= time) low = middle; else high = middle; }
+      const place = places[low];
+      if (place === carrier.place) continue;
+      carrier.place = place;
+      const arm = this.kinematics.arms.find((a) => a.name === place.arm), frame = arm ? this.kinematics.linkIndex(arm, place.link) : -1;
+      items.forEach((item, i) => {
+        Object.assign(item, { frame, local: identity() });
+        multiply(item.local, 0, place.pose, 0, own[i], 0);
+      });
+    }
   }
 
   /** Thin dark edges: boxes in front of boxes stay readable. */
@@ -297,7 +325,7 @@ class World {
 
   /** Lit by the room around, with shadows on everything; or plainly, which is faster. */
   setRich(on) {
-    for (const bodies of [this.robots, this.held, this.obstacles]) bodies.setRich(on);
+    for (const bodies of [this.robots, this.held, this.carried, this.obstacles]) bodies.setRich(on);
   }
 
   /** Colors by arm (on colored parts only: gray and black parts stay), and touching elements in red. */
@@ -315,7 +343,7 @@ class World {
       return faded(own.map((v) => Math.min(1, v * shade)));
     };
     this.robots.paint(choose);
-    for (const bodies of [this.held, this.obstacles]) bodies.paint((item) => (red.has(item.element) ? TOUCHED : item.color));
+    for (const bodies of [this.held, this.carried, this.obstacles]) bodies.paint((item) => (red.has(item.element) ? TOUCHED : item.color));
     this.obstacles.update(this.poses);
     this.place();
   }
