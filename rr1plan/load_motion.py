@@ -52,7 +52,7 @@ def load_motion(
     """
     of_kind("scene", scene, Scene, optional=True)
     saved = read_motion(file, scene, topic)
-    if saved.stages is not None:
+    if saved.sequence is not None:
         raise FormatError("holds a sequence of stages, whose scenes differ; read it with load_sequence", file)
     where = saved.scene if scene is None else scene
     if where is None:

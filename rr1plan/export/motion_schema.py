@@ -292,6 +292,13 @@ class SequenceStage(Entry):
     detach: Name | None = None
 
 
+class Sequence(Entry):
+    """The stages of a motion, and the planning joints that belong to grippers, by arm."""
+
+    stages: Annotated[list[SequenceStage], Meta(min_length=1)]
+    gripper_joints: dict[Name, list[Name]]
+
+
 # ---- documents -----------------------------------------------------------------------------
 
 
@@ -356,7 +363,7 @@ class SequenceDocument(Document, kw_only=True):
     robots: list[Robot]
     scene: Scene
     trajectory: Trajectory
-    stages: Annotated[list[SequenceStage], Meta(min_length=1)]
+    sequence: Sequence
     report: dict[str, Any] | None = None
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import hashlib
 import json
 import pathlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,7 +52,7 @@ class SavedMotion(Value):
         report: The referee's report at the time of saving.
         problem: The planning problem.
         plan_graph: The temporal plan graph as numbers, texts and lists; `rr1plan.load_plan_graph` makes a value of it.
-        stages: The stages of a sequence as they are in the file; `rr1plan.load_sequence` makes values of them.
+        sequence: The stages of a sequence as they are in the file; `rr1plan.load_sequence` makes values of them.
         units: The unit of each column of the trajectory or path.
         made_for: Names and hashes of the scene and its robots.
     """
@@ -63,7 +63,7 @@ class SavedMotion(Value):
     report: Report | None = None
     problem: Problem | None = None
     plan_graph: Mapping[str, Any] | None = None
-    stages: tuple[schema.SequenceStage, ...] | None = None
+    sequence: schema.Sequence | None = None
     units: tuple[str, ...] | None = None
     made_for: schema.SceneReference | None = None
 
@@ -143,11 +143,11 @@ def save_motion(
     return _save(file, "motion", scene, entries, embed)
 
 
-def save_stages(
+def save_sequence_document(
     file: _File,
     scene: Scene,
     trajectory: Trajectory,
-    stages: Sequence[Mapping[str, object]],
+    sequence: Mapping[str, object],
     *,
     report: Report | None = None,
     embed: bool = False,
@@ -158,14 +158,14 @@ def save_stages(
         file: The file; read it with `rr1plan.load_sequence`.
         scene: The scene at the beginning.
         trajectory: The motion.
-        stages: Its stages as the schema has them.
+        sequence: Its stages and gripper joints as the schema has them.
         report: The referee's report.
         embed: Put large meshes and point clouds into the file; see `save_motion`.
 
     Raises:
         InputError: a value that cannot be saved, or the file cannot be written.
     """
-    entries = _motion_entries(scene, None, trajectory, report, None) | {"stages": [dict(stage) for stage in stages]}
+    entries = _motion_entries(scene, None, trajectory, report, None) | {"sequence": dict(sequence)}
     return _save(file, "sequence", scene, entries, embed)
 
 
@@ -377,7 +377,7 @@ def _saved(document: schema.Document, geometry: _Geometry) -> SavedMotion:
         report=None if whole is None or whole.report is None else Report.from_dict(whole.report),
         problem=_problem(motion, scene),
         plan_graph=None if motion is None or motion.plan_graph is None else msgspec.to_builtins(motion.plan_graph),
-        stages=None if sequence is None else tuple(sequence.stages),
+        sequence=None if sequence is None else sequence.sequence,
         units=None if whole is not None else tuple(columns[0].units),
         made_for=document.made_for,
     )

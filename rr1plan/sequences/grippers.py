@@ -6,7 +6,7 @@ value of the robot (`with_gripper_joints`), so that checker, referee, simulator 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 
@@ -78,7 +78,7 @@ def with_gripper_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
     )
 
 
-def with_grippers(scene: Scene, joints: dict[str, tuple[str, ...]]) -> Scene:
+def with_grippers(scene: Scene, joints: Mapping[str, tuple[str, ...]]) -> Scene:
     """A scene in which the gripper joints of some arms are planning joints, at their present values.
 
     Args:

@@ -59,8 +59,9 @@ def plan_sequence(
     known_name("retiming", retiming, retiming_names())
     chosen_planner(planner)
     found = SequenceSearch(sequence, planner, retiming, budget or Budget(), rng, progress).run()
-    scene = with_grippers(sequence.scene, dict(sequence.moving_grippers))
-    plan = SequencePlan(scene, found.status, found.reason, failed=found.failed, sequence=sequence)
+    grippers = sequence.moving_grippers
+    scene = with_grippers(sequence.scene, grippers)
+    plan = SequencePlan(scene, found.status, found.reason, found.failed, sequence, gripper_joints=grippers)
     if found.status is not PlanStatus.FOUND:
         return plan
     trajectory, stages = _on_one_clock(sequence.scene, scene, found.steps)

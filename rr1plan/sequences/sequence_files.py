@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import pathlib
+from collections.abc import Mapping
+from dataclasses import replace
 
 from rr1plan.checks import of_kind
 from rr1plan.errors import FormatError, InputError
 from rr1plan.export.motion_files import fit_trajectory
 from rr1plan.export.motion_schema import SequenceStage as StageEntry
-from rr1plan.export.plan_files import read_plan_file, save_stages
+from rr1plan.export.plan_files import read_plan_file, save_sequence_document
 from rr1plan.progress import ProgressCallback
 from rr1plan.scene import Scene, pair, scene_differences
-from rr1plan.sequences.grippers import gripper_joints, with_grippers
+from rr1plan.sequences.grippers import with_grippers
 from rr1plan.sequences.segments import Attach, Detach
 from rr1plan.sequences.sequence_plan import SequencePlan
 from rr1plan.sequences.stage_validation import validate_stages
 from rr1plan.sequences.stages import SequenceStage, check_stages
-from rr1plan.trajectory import Trajectory
 
 
 def save_sequence(file: str | pathlib.Path, plan: SequencePlan, *, embed: bool = False) -> pathlib.Path:
     """Write a planned sequence to a JSON file and return the file's path; see `SequencePlan.save`."""
-    entries = [_entry(stage) for stage in plan.stages]
-    return save_stages(file, plan.scene, plan.trajectory, entries, report=plan.report, embed=embed)
+    entries = {
+        "stages": [_entry(stage) for stage in plan.stages],
+        "gripper_joints": {arm: list(joints) for arm, joints in plan.gripper_joints.items()},
+    }
+    return save_sequence_document(file, plan.scene, plan.trajectory, entries, report=plan.report, embed=embed)
 
 
 def load_sequence(
@@ -51,12 +55,13 @@ def load_sequence(
     """
     of_kind("scene", scene, Scene, optional=True)
     saved = read_plan_file(file, scene)
-    if saved.stages is None or saved.trajectory is None or saved.scene is None:
+    if saved.sequence is None or saved.trajectory is None or saved.scene is None:
         raise FormatError("holds no sequence; read it with load_motion", file)
     try:
-        where = saved.scene if scene is None else _with_moving_grippers(scene, saved.trajectory)
+        grippers = {arm: tuple(joints) for arm, joints in saved.sequence.gripper_joints.items()}
+        where = saved.scene if scene is None else _with_planned_grippers(scene, grippers)
         trajectory = fit_trajectory(saved.trajectory, where)
-        stages = tuple(_stage(entry) for entry in saved.stages)
+        stages = tuple(_stage(entry) for entry in saved.sequence.stages)
         check_stages(trajectory, stages)
         report = validate_stages(
             trajectory, where, stages, torque_limits=torque_limits, jerk_limits=jerk_limits, progress=progress
@@ -64,17 +69,17 @@ def load_sequence(
     except InputError as error:
         raise FormatError(f"cannot be a sequence of its scene: {error}", file) from error
     changes = () if scene is None else scene_differences(saved.scene, where)
-    return SequencePlan(where, stages=stages, changes=changes, _trajectory=trajectory, _report=report)
+    plan = SequencePlan(where, stages=stages, gripper_joints=grippers, changes=changes)
+    return replace(plan, _trajectory=trajectory, _report=report)
 
 
-def _with_moving_grippers(scene: Scene, trajectory: Trajectory) -> Scene:
-    """The scene with the gripper joints as planning joints that a trajectory has columns for."""
-    moving = {}
-    for name, arm in scene.arms.items():
-        joints = tuple(j for j in gripper_joints(arm.robot) if f"{name}/{j}" in trajectory.joint_names)
-        if joints:
-            moving[name] = joints
-    return with_grippers(scene, moving)
+def _with_planned_grippers(scene: Scene, grippers: Mapping[str, tuple[str, ...]]) -> Scene:
+    """The scene with some gripper joints as planning joints, as far as they are locked in it."""
+    locked = {
+        arm: tuple(name for name in joints if name in scene.arm(arm).robot.locked_joints)
+        for arm, joints in grippers.items()
+    }
+    return with_grippers(scene, locked)
 
 
 def _entry(stage: SequenceStage) -> dict[str, object]:

@@ -14,7 +14,6 @@ from rr1plan.playback.viewer.live_viewer import Viewer, open_viewer
 from rr1plan.playback.viewer.page_document import Document, with_carried
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options, with_panel
 from rr1plan.playback.viewer import view_document
-from rr1plan.sequences.segments import Attach
 
 if TYPE_CHECKING:
     from rr1plan.sequences.sequence_plan import SequencePlan
@@ -52,14 +51,9 @@ def _page_parts(plan: SequencePlan, options: ViewOptions | None) -> tuple[Docume
 def _places(plan: SequencePlan) -> Mapping[str, list[dict[str, Any]]]:
     """Where each object that is attached or detached is: of each place the time from which on, the link and the pose."""
     first = plan.scene
-    changing = dict.fromkeys(
-        change.obstacle if isinstance(change, Attach) else change.name
-        for change in (stage.change for stage in plan.events)
-        if change is not None
-    )
-    places: dict[str, list[dict[str, Any]]] = {name: [] for name in changing}
+    places: dict[str, list[dict[str, Any]]] = {name: [] for name in plan.carried_names}
     for stage, scene in [(None, first), *zip(plan.stages, plan.scenes(), strict=True)]:
-        for name in changing:
+        for name in plan.carried_names:
             held = scene.attachments.get(name)
             place = {
                 "arm": None if held is None else held.arm,

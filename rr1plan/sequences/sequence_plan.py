@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from rr1plan.checks import counted
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import Array, counted, finite_array, known_name
 from rr1plan.errors import NoPlanError
 from rr1plan.planning import PlanStatus
 from rr1plan.report import Report
 from rr1plan.scene import Scene
+from rr1plan.sequences.segments import Attach
 from rr1plan.sequences.sequence import Sequence
-from rr1plan.sequences.stages import SequenceStage, check_stages, stage_scenes
+from rr1plan.sequences.stages import SequenceStage, check_stages, scene_at, stage_scenes
 from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -32,6 +38,7 @@ class SequencePlan:
         failed: Index of that segment in `sequence.segments`.
         sequence: The sequence; None for one from a file.
         stages: When each segment happens; empty without a plan.
+        gripper_joints: The planning joints of `scene` that belong to grippers, by arm.
         changes: For a sequence from a file: differences between the scene it was planned in and `scene`.
     """
 
@@ -41,11 +48,13 @@ class SequencePlan:
     failed: int | None = None
     sequence: Sequence | None = None
     stages: tuple[SequenceStage, ...] = ()
+    gripper_joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     changes: tuple[str, ...] = ()
     _trajectory: Trajectory | None = field(default=None)
     _report: Report | None = field(default=None)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "gripper_joints", MappingProxyType(dict(self.gripper_joints)))
         if self._trajectory is not None:
             check_stages(self._trajectory, self.stages)
 
@@ -89,6 +98,41 @@ class SequencePlan:
             NoPlanError: there is no motion.
         """
         return stage_scenes(self.scene, self.trajectory, self.stages)
+
+    @property
+    def carried_names(self) -> tuple[str, ...]:
+        """The objects that are attached or detached, in the order in which that happens first."""
+        changes = (stage.change for stage in self.events)
+        return tuple(dict.fromkeys(c.obstacle if isinstance(c, Attach) else c.name for c in changes if c is not None))
+
+    def object_poses(self, name: str, times: ArrayLike) -> Array:
+        """Where an object is while it is held, and where it was put down.
+
+        Args:
+            name: An object of the scene, held or not.
+            times: Instants [s], shape (n,).
+
+        Returns:
+            T_world_object, shape (n, 4, 4).
+
+        Raises:
+            UnknownNameError: no such object.
+            NoPlanError: there is no motion.
+        """
+        known_name("object", name, (*self.scene.obstacles, *self.scene.attachments))
+        instants = finite_array("times", times, (None,))
+        scenes = self.scenes()
+        begins = np.array([stage.begin for stage in self.stages])
+        numbers = np.clip(np.searchsorted(begins, instants, side="right") - 1, 0, len(scenes) - 1)
+        poses = np.empty((len(instants), 4, 4))
+        for row, (k, time) in enumerate(zip(numbers.tolist(), instants.tolist(), strict=True)):
+            held = scenes[k].attachments.get(name)
+            if held is None:
+                poses[row] = scenes[k].obstacles[name].pose
+            else:
+                now = scene_at(scenes[k], self.trajectory, time)
+                poses[row] = now.link_poses()[f"{held.arm}/{held.link}"] @ held.pose
+        return poses
 
     def __repr__(self) -> str:
         if self._report is None:

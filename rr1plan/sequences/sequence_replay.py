@@ -1,0 +1,264 @@
+"""Replay of a planned sequence in MuJoCo: objects are loose bodies that fingers hold by contact and friction alone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from rr1plan.checks import Array, Value, check_callback, counted, finite_number, of_kind, positive_number, read_only
+from rr1plan.errors import InputError
+from rr1plan.playback.simulation.replay import ReplayContact
+from rr1plan.playback.simulation.simulation import Simulation
+from rr1plan.playback.simulation.trajectory_controller import JointTrajectoryController
+from rr1plan.progress import ProgressCallback, fraction_callback
+from rr1plan.robot.link_masses import DENSITY, solid_inertial
+from rr1plan.scene import Scene, pair
+from rr1plan.sequences.segments import Attach
+from rr1plan.sequences.sequence_plan import SequencePlan
+from rr1plan.transforms import rotation_angle
+
+# An object is where the plan has it while it is no farther away than this [m].
+_NEAR = 0.01
+# A joint that is tracked stays this near its set-point [rad or m].
+_TRACKED = 0.01
+# Friction of contacts in relation to their stiffness across; a larger value keeps held objects from creeping.
+_FRICTION_STIFFNESS = 10.0
+# Friction across a contact and around its normal; the usual contact has none around it.
+_WITH_TORSION = 4
+_MOST_STEPS = 5_000_000
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CarriedObject(Value):
+    """What became of an object in a replay.
+
+    Args:
+        name: The object.
+        poses: T_world_object at the times of the record, shape (n, 4, 4).
+        offsets: Its distance from where the plan has it at those times [m], shape (n,).
+        angle: By how much it is turned in the end, against the plan [rad].
+    """
+
+    name: str
+    poses: Array
+    offsets: Array
+    angle: float
+
+    @property
+    def max_offset(self) -> float:
+        """Largest distance from where the plan has it [m]."""
+        return float(self.offsets.max(initial=0.0))
+
+    @property
+    def final_offset(self) -> float:
+        """Its distance from where the plan leaves it [m]."""
+        return float(self.offsets[-1])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SequenceReplay(Value):
+    """The outcome of `simulate_sequence`.
+
+    Args:
+        joint_names: Columns of the arrays below, "arm/joint", as in the trajectory.
+        times: Instants of the record [s], shape (n,).
+        actual: Positions that were reached [rad or m], shape (n, nq).
+        max_error: Largest tracking error over all steps [rad or m], shape (nq,); 0 of gripper joints, which an object
+            keeps from their set-points.
+        objects: What became of the objects that are attached or detached.
+        contacts: Contacts of arms that no stage allows, in order of time.
+        steps: Steps of the simulator.
+        timestep: Length of a step [s].
+        wall_seconds: Time the replay took [s].
+        remarks: What had to be assumed.
+    """
+
+    joint_names: tuple[str, ...]
+    times: Array
+    actual: Array
+    max_error: Array
+    objects: Mapping[str, CarriedObject]
+    contacts: tuple[ReplayContact, ...]
+    steps: int
+    timestep: float
+    wall_seconds: float
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("times", "actual", "max_error"):
+            read_only(getattr(self, name))
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds for each second it took."""
+        return self.steps * self.timestep / max(self.wall_seconds, 1e-12)
+
+    @property
+    def carried(self) -> bool:
+        """All objects stayed within 1 cm of where the plan has them."""
+        return all(one.max_offset <= _NEAR for one in self.objects.values())
+
+    @property
+    def tracked(self) -> bool:
+        """No joint of an arm was farther than 0.01 rad (or m) from its set-point."""
+        return bool((self.max_error <= _TRACKED).all())
+
+    def __bool__(self) -> bool:
+        """Arms followed their motion without contact, and objects did, too."""
+        return self.carried and self.tracked and not self.contacts
+
+    def __repr__(self) -> str:
+        worst = max((one.max_offset for one in self.objects.values()), default=0.0)
+        return f"SequenceReplay({self.steps * self.timestep:.3f} s, objects {1e3 * worst:.2f} mm off at most)"
+
+    def __str__(self) -> str:
+        lines = [
+            f"replay: {counted(self.steps, 'step')} of {self.timestep * 1e3:g} ms, "
+            f"{self.real_time_factor:.1f} times real time",
+            f"  tracking error: {float(self.max_error.max(initial=0.0)):.2e} rad at most",
+        ]
+        for one in self.objects.values():
+            lines.append(
+                f"  {one.name}: {1e3 * one.max_offset:.2f} mm from the plan at most, {1e3 * one.final_offset:.2f} mm and "
+                f"{np.degrees(one.angle):.2f} degrees in the end"
+            )
+        lines += [f"  {remark}" for remark in self.remarks]
+        lines += [
+            f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"
+            for c in self.contacts
+        ]
+        return "\n".join(lines if self.contacts else [*lines, "  contacts: none that no stage allows"])
+
+
+def simulate_sequence(
+    plan: SequencePlan,
+    *,
+    dt: float = 0.002,
+    record_dt: float = 0.02,
+    stiffness: float = 200.0,
+    hold: float = 0.5,
+    progress: ProgressCallback | None = None,
+) -> SequenceReplay:
+    """Replay a planned sequence in MuJoCo, where fingers hold objects by contact and friction alone.
+
+    Objects that are attached or detached are loose bodies from the beginning to the end. One without a mass gets that of
+    its shapes at 1000 kg/m³, as a remark says. Contacts have elliptic friction cones, and friction around their normals.
+
+    Args:
+        plan: The sequence, found.
+        dt: Time of a step [s].
+        record_dt: Time between recorded positions [s].
+        stiffness: Natural frequency of the joint servos [rad/s]; those of the fingers press with it.
+        hold: How long to go on after the end [s].
+        progress: Called about ten times a second; False cancels.
+
+    Raises:
+        NoPlanError: there is no motion.
+        InputError: numbers out of range, or an object that cannot be loose.
+        BackendError: MuJoCo does not take the scene, or its simulation became unstable.
+        CancelledError: `progress` returned False.
+    """
+    of_kind("plan", plan, SequencePlan)
+    check_callback("progress", progress)
+    dt, record_dt = positive_number("dt", dt), positive_number("record_dt", record_dt)
+    hold = finite_number("hold", hold)
+    if hold < 0.0:
+        raise InputError(f"hold is {hold}, expected a time >= 0")
+    trajectory = plan.trajectory
+    if trajectory.duration + hold > _MOST_STEPS * dt:
+        raise InputError(f"{trajectory.duration + hold:g} s in steps of {dt:g} s are too many; take longer steps")
+    scene, names, remarks = _physical(plan)
+    sim = Simulation(scene, dt, stiffness=stiffness)
+    _set_contacts(sim, names)
+    steps = max(1, int(np.ceil((trajectory.duration + hold) / dt - 1e-9)))
+    stride = max(1, round(min(record_dt / dt, steps)))
+    columns = [sim.joint_names.index(name) for name in trajectory.joint_names]
+    arm = np.array([_is_arm_joint(plan, name) for name in trajectory.joint_names], dtype=bool)
+    times, actual, worst = [], [], np.zeros(len(columns))
+    poses: dict[str, list[Array]] = {name: [] for name in names}
+    report = fraction_callback("simulate", progress)
+
+    def record(sim: Simulation) -> None:
+        q = sim.positions[columns]
+        np.maximum(worst, np.abs(q - trajectory(trajectory.start_time + sim.time)), out=worst, where=arm)
+        if sim.steps % stride == 0 or sim.steps == steps:
+            times.append(trajectory.start_time + sim.time)
+            actual.append(q)
+            for name in names:
+                poses[name].append(sim.body_pose(name))
+            if report is not None:
+                report(sim.steps / steps)
+
+    record(sim)
+    sim.on_step(record)
+    if trajectory.joint_names:
+        controller = JointTrajectoryController(trajectory.joint_names, goal_tolerance=np.inf)
+        sim.activate(controller)
+        controller.send(trajectory.shifted(-trajectory.start_time))
+    began = time.perf_counter()
+    sim.step(steps)
+    wall = time.perf_counter() - began
+    objects = {name: _carried(plan, name, np.array(times), np.array(own)) for name, own in poses.items()}
+    return SequenceReplay(
+        joint_names=trajectory.joint_names,
+        times=np.array(times),
+        actual=np.array(actual),
+        max_error=worst,
+        objects=objects,
+        contacts=sim.contacts,
+        steps=steps,
+        timestep=dt,
+        wall_seconds=wall,
+        remarks=(*remarks, *(f"MuJoCo: {text}" for text in sim.warnings)),
+    )
+
+
+def _physical(plan: SequencePlan) -> tuple[Scene, tuple[str, ...], tuple[str, ...]]:
+    """The scene with loose objects and all contacts that a stage allows; the objects; what was assumed."""
+    scene, remarks = plan.scene, []
+    names = plan.carried_names
+    for name in names:
+        if name in scene.attachments:
+            scene = scene.detach(name)
+    things = dict(scene.obstacles)
+    for name in names:
+        if things[name].mass is None:
+            inertial = solid_inertial(things[name].geometries)
+            if inertial is None:
+                raise InputError(f"{name!r} has neither a mass nor a volume, so it cannot be simulated as a loose body")
+            things[name] = replace(things[name], mass=inertial.mass)
+            remarks.append(f"mass of {name!r} taken as {inertial.mass:.3g} kg, its volume at {DENSITY:g} kg/m³")
+    touched = {
+        pair(f"{stage.change.arm}/{link}", stage.change.obstacle)
+        for stage in plan.events
+        if isinstance(stage.change, Attach)
+        for link in stage.change.touch or ()
+    }
+    allowed = scene.allowed.union(touched, *(stage.allowed for stage in plan.stages))
+    return replace(scene, obstacles=things, allowed=allowed), names, tuple(remarks)
+
+
+def _set_contacts(sim: Simulation, names: tuple[str, ...]) -> None:
+    """Contacts that hold: elliptic friction cones, stiff friction, and friction around the normals of some bodies."""
+    for tile in sim.tiles:
+        tile.model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        tile.model.opt.impratio = _FRICTION_STIFFNESS
+        loose = [k for k, element in enumerate(tile.world.geom_elements) if element in names]
+        tile.model.geom_condim[loose] = _WITH_TORSION
+
+
+def _is_arm_joint(plan: SequencePlan, name: str) -> bool:
+    """Whether a column belongs to an arm rather than to its gripper."""
+    arm, joint = name.split("/", 1)
+    return joint not in plan.gripper_joints.get(arm, ())
+
+
+def _carried(plan: SequencePlan, name: str, times: Array, poses: Array) -> CarriedObject:
+    planned = plan.object_poses(name, times)
+    offsets = np.linalg.norm(poses[:, :3, 3] - planned[:, :3, 3], axis=1)
+    angle = rotation_angle(planned[-1, :3, :3].T @ poses[-1, :3, :3])
+    return CarriedObject(name, read_only(poses), read_only(offsets), float(angle))
