@@ -165,6 +165,8 @@ if TYPE_CHECKING:
     from rr1plan.scene import Obstacle as Obstacle
     from rr1plan.scene import Scene as Scene
     from rr1plan.scene import scene_differences as scene_differences
+    from rr1plan.scene.loose_bodies import load_body as load_body
+    from rr1plan.scene.loose_bodies import stack_bodies as stack_bodies
     from rr1plan.scene.model_library import installed_robot_names as installed_robot_names
     from rr1plan.scene.model_library import load_problems as load_problems
     from rr1plan.scene.model_library import load_robot as load_robot
@@ -323,6 +325,7 @@ _EXPORTS = {
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),
     "rr1plan.retiming.path_blends": ("CurveChecker",),
     "rr1plan.robot": ("Color", "Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
+    "rr1plan.scene.loose_bodies": ("load_body", "stack_bodies"),
     "rr1plan.scene": ("Arm", "Attachment", "Obstacle", "Scene", "scene_differences"),
     "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
     "rr1plan.trajectory": ("Trajectory",),
