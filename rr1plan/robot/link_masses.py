@@ -71,8 +71,9 @@ def solid_inertial(geometries: tuple[Geometry, ...], mass: float | None = None) 
             except InputError:  # flat
                 continue
         solid = coal_shape(shape)
-        mass, center = DENSITY * solid.computeVolume(), solid.computeCOM().ravel()
-        inertia = pin.Inertia(mass, center, DENSITY * solid.computeMomentofInertiaRelatedToCOM())
+        inertia = pin.Inertia(
+            DENSITY * solid.computeVolume(), solid.computeCOM().ravel(), DENSITY * solid.computeMomentofInertiaRelatedToCOM()
+        )
         total += inertia.se3Action(pin.SE3(np.array(geometry.pose)))
     if total.mass <= 0.0:
         return None

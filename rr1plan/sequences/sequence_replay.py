@@ -6,7 +6,6 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 
 from rr1plan.checks import Array, Value, check_callback, counted, finite_number, of_kind, positive_number, read_only
@@ -25,9 +24,7 @@ from rr1plan.transforms import rotation_angle
 _NEAR = 0.01
 # A joint that is tracked stays this near its set-point [rad or m].
 _TRACKED = 0.01
-# Friction of contacts in relation to their stiffness across; a larger value keeps held objects from creeping.
-_FRICTION_STIFFNESS = 10.0
-# Friction across a contact and around its normal; the usual contact has none around it.
+# MuJoCo's number of dimensions of a contact with friction across it and around its normal.
 _WITH_TORSION = 4
 _MOST_STEPS = 5_000_000
 
@@ -146,7 +143,7 @@ def simulate_sequence(
     """Replay a planned sequence in MuJoCo, where fingers hold objects by contact and friction alone.
 
     Objects that are attached or detached are loose bodies from the beginning to the end. One without a mass gets that of
-    its shapes at 1000 kg/m³, as a remark says. Contacts have elliptic friction cones, and friction around their normals.
+    its shapes at 1000 kg/m³, as a remark says. Their contacts have friction around the normals, too.
 
     Args:
         plan: The sequence, found.
@@ -173,7 +170,7 @@ def simulate_sequence(
         raise InputError(f"{trajectory.duration + hold:g} s in steps of {dt:g} s are too many; take longer steps")
     scene, names, remarks = _physical(plan)
     sim = Simulation(scene, dt, stiffness=stiffness)
-    _set_contacts(sim, names)
+    _add_torsion(sim, names)
     steps = max(1, int(np.ceil((trajectory.duration + hold) / dt - 1e-9)))
     stride = max(1, round(min(record_dt / dt, steps)))
     columns = [sim.joint_names.index(name) for name in trajectory.joint_names]
@@ -242,13 +239,11 @@ def _physical(plan: SequencePlan) -> tuple[Scene, tuple[str, ...], tuple[str, ..
     return replace(scene, obstacles=things, allowed=allowed), names, tuple(remarks)
 
 
-def _set_contacts(sim: Simulation, names: tuple[str, ...]) -> None:
-    """Contacts that hold: elliptic friction cones, stiff friction, and friction around the normals of some bodies."""
+def _add_torsion(sim: Simulation, names: tuple[str, ...]) -> None:
+    """Give contacts of some bodies friction around their normals, so that a body does not turn between two fingers."""
     for tile in sim.tiles:
-        tile.model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-        tile.model.opt.impratio = _FRICTION_STIFFNESS
-        loose = [k for k, element in enumerate(tile.world.geom_elements) if element in names]
-        tile.model.geom_condim[loose] = _WITH_TORSION
+        held = [k for k, element in enumerate(tile.world.geom_elements) if element in names]
+        tile.model.geom_condim[held] = _WITH_TORSION
 
 
 def _is_arm_joint(plan: SequencePlan, name: str) -> bool:
