@@ -72,7 +72,9 @@ def solid_inertial(geometries: tuple[Geometry, ...], mass: float | None = None) 
                 continue
         solid = coal_shape(shape)
         inertia = pin.Inertia(
-            DENSITY * solid.computeVolume(), solid.computeCOM().ravel(), DENSITY * solid.computeMomentofInertiaRelatedToCOM()
+            DENSITY * solid.computeVolume(),
+            solid.computeCOM().ravel(),
+            DENSITY * solid.computeMomentofInertiaRelatedToCOM(),
         )
         total += inertia.se3Action(pin.SE3(np.array(geometry.pose)))
     if total.mass <= 0.0:

@@ -38,11 +38,13 @@ def gripper_joints(robot: Robot) -> tuple[str, ...]:
 @lru_cache(maxsize=64)
 def gripper_links(robot: Robot) -> tuple[str, ...]:
     """The links that the gripper's joints move, or where there are none the links fixed to the tool."""
-    joints = {name for name in gripper_joints(robot)}
+    joints = set(gripper_joints(robot))
     movers = [j.name for j in robot.joints if j.name in joints or _leader(robot, j) in joints]
     moved = _carried_by(robot, movers)
     if not moved:
-        moved = next({link.name for link in body} for body in robot.bodies if robot.tool in {part.name for part in body})
+        moved = next(
+            {link.name for link in body} for body in robot.bodies if robot.tool in {part.name for part in body}
+        )
     return tuple(link.name for link in robot.links if link.name in moved)
 
 
@@ -103,7 +105,9 @@ def only_gripper_joint(robot: Robot) -> str:
     joints = gripper_joints(robot)
     if len(joints) != 1:
         found = f"{len(joints)} ({', '.join(joints)})" if joints else "none"
-        raise InputError(f"robot {robot.name!r} has {found} locked joints in its hand, expected one that moves its fingers")
+        raise InputError(
+            f"robot {robot.name!r} has {found} locked joints in its hand, expected one that moves its fingers"
+        )
     return joints[0]
 
 
@@ -184,7 +188,9 @@ def grip_depth(robot: Robot, width: float) -> float:
     value = opening_value(robot, width)
     planned = with_gripper_joints(robot, (joint.name,))
     scene = Scene(obstacles={"thing": _plate(robot, width)}).with_arm("arm", planned)
-    others = {f"arm/{link.name}" for link in robot.links if link.collisions} - {f"arm/{n}" for n in gripper_links(robot)}
+    others = {f"arm/{link.name}" for link in robot.links if link.collisions} - {
+        f"arm/{n}" for n in gripper_links(robot)
+    }
     pairs = {frozenset((name, "thing")) for name in others} | {
         frozenset((a, b)) for a in scene.element_names for b in scene.element_names if a < b and "thing" not in (a, b)
     }
@@ -192,6 +198,15 @@ def grip_depth(robot: Robot, width: float) -> float:
     nearest = CollisionChecker(replace(scene, allowed=frozenset(pairs))).nearest(q)
     T = inverse(robot.link_poses(robot.home)[robot.tool])
     return float((T @ np.append(nearest.point_a, 1.0))[2])
+
+
+def open_value(robot: Robot) -> float:
+    """The value of the gripper's joint at which its fingers are farthest apart.
+
+    Raises:
+        InputError: a gripper without exactly one joint.
+    """
+    return _open_and_closed(robot, robot.joint(only_gripper_joint(robot)))[0]
 
 
 def _plate(robot: Robot, width: float) -> Obstacle:
@@ -208,7 +223,9 @@ def _open_and_closed(robot: Robot, joint: Joint) -> tuple[float, float]:
     for value in (joint.lower, joint.upper):
         poses = robot.with_locked_joints({joint.name: value}).link_poses(robot.home)
         centers = [
-            (poses[name] @ geometry.pose)[:3, 3] for name in gripper_links(robot) for geometry in robot.link(name).collisions
+            (poses[name] @ geometry.pose)[:3, 3]
+            for name in gripper_links(robot)
+            for geometry in robot.link(name).collisions
         ]
         spread = max((float(np.linalg.norm(a - b)) for a in centers for b in centers), default=0.0)
         ends.append((spread, value))

@@ -69,9 +69,7 @@ def plan_sequence(
     return replace(plan, stages=stages, _trajectory=trajectory, _report=report)
 
 
-def _on_one_clock(
-    before: Scene, scene: Scene, steps: Rows[Step]
-) -> tuple[Trajectory, tuple[SequenceStage, ...]]:
+def _on_one_clock(before: Scene, scene: Scene, steps: Rows[Step]) -> tuple[Trajectory, tuple[SequenceStage, ...]]:
     """One trajectory of all that moves, and the stages of it.
 
     Args:
@@ -79,7 +77,9 @@ def _on_one_clock(
         scene: The same, in which all that moves is a planning joint.
         steps: The planned segments.
     """
-    moving = {name.split("/", 1)[0] for step in steps if step.trajectory is not None for name in step.trajectory.joint_names}
+    moving = {
+        name.split("/", 1)[0] for step in steps if step.trajectory is not None for name in step.trajectory.joint_names
+    }
     names = scene.joint_names([arm for arm in scene.arms if arm in moving]) if moving else ()
     q: Array = scene.configuration([arm for arm in scene.arms if arm in moving]) if moving else np.zeros(0)
     breaks, pieces, stages, clock = [0.0], [], [], 0.0

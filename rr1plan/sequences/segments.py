@@ -107,7 +107,9 @@ class StraightLine(Value):
         if self.offset is not None:
             return f"straight line by {_vector(self.offset)} m{' in the axes of the tool' * (self.axes == 'tool')}"
         several = len(self.goal) > 1
-        return f"straight line to one of {len(self.goal)} goals" if several else f"straight line to {_place(self.goal[0])}"
+        return (
+            f"straight line to one of {len(self.goal)} goals" if several else f"straight line to {_place(self.goal[0])}"
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -58,7 +58,9 @@ class Sequence(Value):
         holders = {name: held.arm for name, held in self.scene.attachments.items()}
         for k, segment in enumerate(segments):
             if not isinstance(segment, _KINDS):
-                raise InputError(f"segment {k + 1} is {shown(segment)}, expected one of {', '.join(c.__name__ for c in _KINDS)}")
+                raise InputError(
+                    f"segment {k + 1} is {shown(segment)}, expected one of {', '.join(c.__name__ for c in _KINDS)}"
+                )
             try:
                 self._check(segment, holders)
             except InputError as error:
@@ -77,8 +79,8 @@ class Sequence(Value):
     def _check(self, segment: Segment, holders: dict[str, str]) -> None:
         """Check a segment against the scene, and note which arm holds what after it."""
         scene = self.scene
-        for both in () if isinstance(segment, Attach | Detach | Pause) else segment.allow:
-            for name in both:
+        if isinstance(segment, FreeMotion | StraightLine | MoveGripper):
+            for name in frozenset[str]().union(*segment.allow):
                 known_name("element", name, (*scene.element_names, *scene.arms))
         if isinstance(segment, FreeMotion):
             for arm, goals in goals_by_arm(segment, scene).items():
@@ -88,22 +90,32 @@ class Sequence(Value):
             if segment.goal:
                 _check_goals(scene, arm, segment.goal, holders)
         elif isinstance(segment, MoveGripper):
-            robot = scene.arms[scene.only_arm(segment.arm)].robot
-            if segment.around is not None:
-                known_name("object", segment.around, (*scene.obstacles, *scene.attachments))
-            if segment.position is None:
-                only_gripper_joint(robot)
-            else:
-                robot.with_locked_joints(gripper_values(robot, segment.position))
+            _check_gripper(scene, segment)
         elif isinstance(segment, Attach):
-            known_name("obstacle", segment.obstacle, {*scene.obstacles, *scene.attachments} - set(holders))
-            arm = scene.only_arm(segment.arm)
-            for link in (segment.link, *(segment.touch or ())):
-                if link is not None:
-                    scene.arms[arm].robot.link(link)
-            holders[segment.obstacle] = arm
+            _check_attach(scene, segment, holders)
         elif isinstance(segment, Detach):
             holders.pop(known_name("held object", segment.name, holders))
+
+
+def _check_gripper(scene: Scene, segment: MoveGripper) -> None:
+    """Refuse what the gripper cannot do, or something to close around that there is not."""
+    robot = scene.arms[scene.only_arm(segment.arm)].robot
+    if segment.around is not None:
+        known_name("object", segment.around, (*scene.obstacles, *scene.attachments))
+    if segment.position is None:
+        only_gripper_joint(robot)
+    else:
+        robot.with_locked_joints(gripper_values(robot, segment.position))
+
+
+def _check_attach(scene: Scene, segment: Attach, holders: dict[str, str]) -> None:
+    """Refuse what is held already, or links that there are not, and note who holds it from here on."""
+    known_name("obstacle", segment.obstacle, {*scene.obstacles, *scene.attachments} - set(holders))
+    arm = scene.only_arm(segment.arm)
+    for link in (segment.link, *(segment.touch or ())):
+        if link is not None:
+            scene.arms[arm].robot.link(link)
+    holders[segment.obstacle] = arm
 
 
 def goals_by_arm(segment: FreeMotion, scene: Scene) -> dict[str, tuple[Any, ...]]:
@@ -134,7 +146,7 @@ def _check_goals(scene: Scene, arm: str, goals: tuple[Any, ...], holders: Mappin
 
 
 def goals_of_links(scene: Scene, arm: str, goals: Iterable[Any]) -> list[Any]:
-    """Goals of an arm as those of its links: where an object is to be brought becomes where the link that holds it goes."""
+    """Goals of an arm as those of its links; goals of an object become those of the link that holds it."""
     return list(_goals_of_links(scene, arm, goals))
 
 

@@ -86,7 +86,9 @@ def _entry(stage: SequenceStage) -> dict[str, object]:
     """A stage as JSON data, by the schema."""
     change, attach = stage.change, None
     if isinstance(change, Attach):
-        attach = {name: getattr(change, name) for name in ("obstacle", "arm", "link")} | {"touch": list(change.touch or ())}
+        attach = {name: getattr(change, name) for name in ("obstacle", "arm", "link")} | {
+            "touch": list(change.touch or ())
+        }
     return {
         "label": stage.label,
         "begin": stage.begin,

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from rr1plan.checks import true_or_false
 from rr1plan.files.file_access import write_text
+from rr1plan.playback.viewer import view_document
 from rr1plan.playback.viewer.html_page import page_html
 from rr1plan.playback.viewer.live_viewer import Viewer, open_viewer
 from rr1plan.playback.viewer.page_document import Document, with_carried
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options, with_panel
-from rr1plan.playback.viewer import view_document
 
 if TYPE_CHECKING:
     from rr1plan.sequences.sequence_plan import SequencePlan
@@ -49,7 +49,7 @@ def _page_parts(plan: SequencePlan, options: ViewOptions | None) -> tuple[Docume
 
 
 def _places(plan: SequencePlan) -> Mapping[str, list[dict[str, Any]]]:
-    """Where each object that is attached or detached is: of each place the time from which on, the link and the pose."""
+    """Where each object that is attached or detached is: since when, at which link or in the world, and its pose."""
     first = plan.scene
     places: dict[str, list[dict[str, Any]]] = {name: [] for name in plan.carried_names}
     for stage, scene in [(None, first), *zip(plan.stages, plan.scenes(), strict=True)]:

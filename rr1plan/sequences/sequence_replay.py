@@ -118,11 +118,11 @@ class SequenceReplay(Value):
             f"{self.real_time_factor:.1f} times real time",
             f"  tracking error: {float(self.max_error.max(initial=0.0)):.2e} rad at most",
         ]
-        for one in self.objects.values():
-            lines.append(
-                f"  {one.name}: {1e3 * one.max_offset:.2f} mm from the plan at most, {1e3 * one.final_offset:.2f} mm and "
-                f"{np.degrees(one.angle):.2f} degrees in the end"
-            )
+        lines += [
+            f"  {one.name}: at most {1e3 * one.max_offset:.2f} mm from where the plan has it, "
+            f"{1e3 * one.final_offset:.2f} mm and {np.degrees(one.angle):.2f} degrees in the end"
+            for one in self.objects.values()
+        ]
         lines += [f"  {remark}" for remark in self.remarks]
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"
@@ -142,8 +142,8 @@ def simulate_sequence(
 ) -> SequenceReplay:
     """Replay a planned sequence in MuJoCo, where fingers hold objects by contact and friction alone.
 
-    Objects that are attached or detached are loose bodies from the beginning to the end. One without a mass gets that of
-    its shapes at 1000 kg/m³, as a remark says. Their contacts have friction around the normals, too.
+    Objects that are attached or detached are loose bodies all the time. One without a mass gets that of its shapes at
+    1000 kg/m³, as a remark says. Their contacts have friction around the normals, too.
 
     Args:
         plan: The sequence, found.

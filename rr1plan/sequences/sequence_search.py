@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from rr1plan.checks import Array, Seed, as_generator, counted
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.errors import CancelledError, InputError
+from rr1plan.errors import InputError
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.path import Path
 from rr1plan.pipeline import plan_motion
@@ -27,7 +27,14 @@ from rr1plan.planning import Budget, Planner, PlanStatus, Progress, ProgressCall
 from rr1plan.retiming import retime
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import JointGoal, PoseGoal, Problem
-from rr1plan.sequences.grippers import closing_value, finger_contacts, gripper_values, only_gripper_joint, opening_value, with_grippers
+from rr1plan.sequences.grippers import (
+    closing_value,
+    finger_contacts,
+    gripper_values,
+    only_gripper_joint,
+    opening_value,
+    with_grippers,
+)
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, Pause, Segment, StraightLine
 from rr1plan.sequences.sequence import Sequence, goals_by_arm, goals_of_links
 from rr1plan.sequences.stages import changed_scene, explicit
@@ -208,8 +215,8 @@ class SequenceSearch:
                 problem, checker, self._seed(), max_per_goal=_MOST_PER_GOAL, max_composites=_MOST_CANDIDATES
             )
             found = search.find()
-        if found.status is not None:
-            self._fail(k, found.status, found.reason)
+            if found.status is not None:
+                self._fail(k, found.status, _why_no_goal(problem, checker, found.reason))
         return list(found.configurations)
 
     def _plan_leg(self, leg: _FreeLeg) -> bool:
@@ -274,7 +281,7 @@ class SequenceSearch:
         after = replace(scene, arms={**scene.arms, name: replace(arm, robot=moved)})
         columns = own.joint_names([name])
         if (start == end).all():
-            return Step(segment, seconds=segment.seconds), after
+            return Step(segment), after
         checker = CollisionChecker(own, [name])
         if not checker.edge_is_free(start, end):
             contact = checker.first_contact(start, end)
@@ -352,6 +359,16 @@ def gripper_target(segment: MoveGripper, scene: Scene, arm: str) -> Mapping[str,
         held = scene.detach(segment.around)
         thing = held.obstacles[segment.around]
     return {joint: closing_value(placed, thing, segment.squeeze)}
+
+
+def _why_no_goal(problem: Problem, checker: CollisionChecker, reason: str) -> str:
+    """Why no configuration was found; of many alternatives for the first one only."""
+    count = max(len(goals) for goals in problem.goal.values())
+    if count == 1:
+        return reason
+    first = Problem(problem.scene, problem.start, {arm: goals[0] for arm, goals in problem.goal.items()})
+    found = GoalSearch(first, checker, 0).find()
+    return f"of {count} goals, the first: {found.reason or reason}"
 
 
 def _allowing(scene: Scene, segment: FreeMotion | StraightLine | MoveGripper) -> Scene:

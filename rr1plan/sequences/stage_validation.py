@@ -69,9 +69,7 @@ def validate_stages(
     return _merged(reports, violations, trajectory.duration)
 
 
-def _jumps(
-    kind: ViolationKind, names: tuple[str, ...], time: float, expected: Array, found: Array
-) -> list[Violation]:
+def _jumps(kind: ViolationKind, names: tuple[str, ...], time: float, expected: Array, found: Array) -> list[Violation]:
     """Joints that are elsewhere than where they should be at a time."""
     where = "starts" if kind == "start" else "goes on"
     return [
