@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,10 +17,12 @@ from rr1plan.scene.problem import PoseGoal
 from rr1plan.sequences.grippers import grip_depth, gripper_links, only_gripper_joint, open_value, opening_value
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, Segment, StraightLine
 from rr1plan.shapes import Box
-from rr1plan.transforms import as_pose, rotation_about
+from rr1plan.transforms import as_pose, inverse, rotation_about
 
 # Where fingers grasp an object, as shares of its height.
-_HEIGHTS = (0.5, 0.75)
+_HEIGHTS = (0.5, 0.65, 0.8, 0.9)
+# An object fits between fingers that are open by this much more than its width on each side [m].
+_PLAY = 2e-4
 # How much wider than the object the fingers are open on each side [m].
 _ROOM = 0.015
 # Things nearer than this below an object support it [m].
@@ -33,7 +35,7 @@ def top_grasps(scene: Scene, obstacle: str, *, arm: str | None = None, yaws: int
     """Poses of the tool from which a gripper with two fingers can grasp an object from above.
 
     A box that stands on a face is grasped at two opposite faces, anything else at some angles around the vertical, each
-    at its middle and higher up. Sides that the gripper does not open for are left out. The tool's z axis points out of
+    at its middle or higher up. Sides that the gripper does not open for are left out. The tool's z axis points out of
     the hand, its x axis along the travel of the fingers.
 
     Args:
@@ -108,7 +110,7 @@ def pick_and_place(
     above = [_shifted(goal, -height * _pose_of(goal)[:3, 2]) for goal in goals]
     over = [_shifted(goal, np.array([0.0, 0.0, height])) for goal in places]
     return [
-        MoveGripper(_opening(robot, width), arm=arm),
+        _open(robot, arm, width),
         FreeMotion(above, arm=arm),
         StraightLine(offset=[0.0, 0.0, height], axes="tool", arm=arm),
         MoveGripper(around=obstacle, arm=arm),
@@ -117,7 +119,7 @@ def pick_and_place(
         FreeMotion(over, arm=arm),
         StraightLine(offset=[0.0, 0.0, -height], arm=arm, allow=rest),
         Detach(obstacle),
-        MoveGripper(_opening(robot, width), arm=arm, allow=[(f"{arm}/{name}", obstacle) for name in _fingers(robot)]),
+        _open(robot, arm, width, [(f"{arm}/{name}", obstacle) for name in _fingers(robot)]),
         StraightLine(offset=[0.0, 0.0, -height], axes="tool", arm=arm),
     ]
 
@@ -129,26 +131,45 @@ def _grasps(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple[f
     if angles is None:
         angles = [2.0 * np.pi * k / yaws for k in range(yaws)]
     found: list[tuple[float, PoseGoal]] = []
-    narrowest = np.inf
+    widths = []
     for angle in angles:
         turn = rotation_about([0.0, 0.0, 1.0], angle)
         low, high = bounding_box(thing.geometries, _turned(turn.T) @ thing.pose)
-        width = float(high[0] - low[0])
-        narrowest = min(narrowest, width)
+        width = round(float(high[0] - low[0]), 9)
+        widths.append(width)
         try:
-            depth = grip_depth(robot, width)
+            depth, fits = grip_depth(robot, width), _fit(robot, thing, width)
         except InputError:
             continue
         for share in _HEIGHTS:
             at = np.array([*(0.5 * (low + high))[:2], low[2] + share * (high[2] - low[2])])
-            T = np.eye(4)
             # The tool's z axis points down, its x axis along the width.
-            T[:3, :3] = turn @ np.diag([1.0, -1.0, -1.0])
+            T = _turned(turn @ np.diag([1.0, -1.0, -1.0]))
             T[:3, 3] = turn @ at - depth * T[:3, 2]
-            found.append((width, PoseGoal(robot.tool, T)))
+            if fits(T):
+                found.append((width, PoseGoal(robot.tool, T)))
     if not found:
-        raise InputError(f"the gripper does not open for {name!r}, which is {1e3 * narrowest:.3g} mm wide at least")
+        raise InputError(
+            f"the gripper cannot grasp {name!r} from above, which is {1e3 * min(widths):.3g} mm wide at least"
+        )
     return found
+
+
+def _fit(robot: Robot, thing: Obstacle, width: float) -> Callable[[Array], bool]:
+    """Whether an object fits between fingers that are open for its width, nothing but its sides near the fingers.
+
+    Raises:
+        InputError: the gripper does not open so wide.
+    """
+    opened = robot.with_locked_joints({only_gripper_joint(robot): opening_value(robot, width + 2.0 * _PLAY)})
+    scene = Scene(obstacles={"thing": thing}).with_arm("arm", opened)
+    checker, T_tool = CollisionChecker(scene), opened.link_poses(opened.home)[opened.tool]
+
+    def fits(T_world_tool: Array) -> bool:
+        checker.move_obstacle("thing", T_tool @ inverse(T_world_tool) @ thing.pose)
+        return checker.is_free(opened.home)
+
+    return fits
 
 
 def _box_angles(thing: Obstacle) -> list[float] | None:
@@ -200,14 +221,17 @@ def _supports(scene: Scene, name: str, arm: str, poses: Iterable[Array]) -> list
     return list(found)
 
 
-def _opening(robot: Robot, width: float | None) -> float:
-    """The joint value at which fingers are open for a width [m] with room, or as far as they go."""
+def _open(robot: Robot, arm: str, width: float | None, allow: Iterable[tuple[str, str]] = ()) -> MoveGripper:
+    """Open the fingers for a width [m] with room on both sides, or as far as they go."""
     if width is not None:
+        wide = width + 2.0 * _ROOM
         try:
-            return opening_value(robot, width + 2.0 * _ROOM)
+            opening_value(robot, wide)
         except InputError:
             pass
-    return open_value(robot)
+        else:
+            return MoveGripper(width=wide, arm=arm, allow=allow)
+    return MoveGripper(open_value(robot), arm=arm, allow=allow)
 
 
 def _fingers(robot: Robot) -> list[str]:

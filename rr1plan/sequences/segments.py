@@ -105,7 +105,7 @@ class StraightLine(Value):
     def label(self) -> str:
         """What it is, in a few words."""
         if self.offset is not None:
-            return f"straight line by {_vector(self.offset)} m{' in the axes of the tool' * (self.axes == 'tool')}"
+            return f"straight line by {_vector(self.offset)} m{' in its own axes' * (self.axes == 'tool')}"
         several = len(self.goal) > 1
         return (
             f"straight line to one of {len(self.goal)} goals" if several else f"straight line to {_place(self.goal[0])}"

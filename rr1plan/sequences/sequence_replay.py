@@ -26,6 +26,8 @@ _NEAR = 0.01
 _TRACKED = 0.01
 # MuJoCo's number of dimensions of a contact with friction across it and around its normal.
 _WITH_TORSION = 4
+# Iterations of the solver that keeps what friction holds from creeping, as MuJoCo's soft contacts do by themselves.
+_NO_SLIP = 5
 _MOST_STEPS = 5_000_000
 
 
@@ -170,7 +172,7 @@ def simulate_sequence(
         raise InputError(f"{trajectory.duration + hold:g} s in steps of {dt:g} s are too many; take longer steps")
     scene, names, remarks = _physical(plan)
     sim = Simulation(scene, dt, stiffness=stiffness)
-    _add_torsion(sim, names)
+    _hold_by_friction(sim, names)
     steps = max(1, int(np.ceil((trajectory.duration + hold) / dt - 1e-9)))
     stride = max(1, round(min(record_dt / dt, steps)))
     columns = [sim.joint_names.index(name) for name in trajectory.joint_names]
@@ -239,9 +241,10 @@ def _physical(plan: SequencePlan) -> tuple[Scene, tuple[str, ...], tuple[str, ..
     return replace(scene, obstacles=things, allowed=allowed), names, tuple(remarks)
 
 
-def _add_torsion(sim: Simulation, names: tuple[str, ...]) -> None:
-    """Give contacts of some bodies friction around their normals, so that a body does not turn between two fingers."""
+def _hold_by_friction(sim: Simulation, names: tuple[str, ...]) -> None:
+    """Let friction hold bodies as dry friction does: they neither creep nor turn freely between two fingers."""
     for tile in sim.tiles:
+        tile.model.opt.noslip_iterations = _NO_SLIP
         held = [k for k, element in enumerate(tile.world.geom_elements) if element in names]
         tile.model.geom_condim[held] = _WITH_TORSION
 
