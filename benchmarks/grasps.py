@@ -62,8 +62,8 @@ def _run(kind: str, seed: int) -> dict[str, Any]:
     placed = thing.final_offset <= _NEAR and thing.angle <= _UPRIGHT
     answer |= {"duration": plan.trajectory.duration, "carried": bool(replay), "placed": bool(placed)}
     answer |= {"max_offset": thing.max_offset, "final_offset": thing.final_offset, "angle": thing.angle}
-    answer |= {"max_error": float(replay.max_error.max()), "contacts": len(replay.contacts)}
-    answer["real_time_factor"] = replay.real_time_factor
+    answer |= {"max_error": replay.max_error, "contacts": len(replay.contacts)}
+    answer["real_time_factor"] = replay.replay.real_time_factor
     return answer
 
 

@@ -12,23 +12,22 @@ scene = (
 )
 
 # Several grasps from above, and any angle at the new place: the planner takes a pair with which all segments can be done.
-grasps = rp.top_grasps(scene, "block")
-print(f"{len(grasps)} grasps from above")
-segments = [*rp.pick_and_place(scene, "block", [-0.28, -0.15, 0.03], grasps=grasps), rp.Pause(0.2), rp.FreeMotion("home")]
-sequence = rp.Sequence(scene, segments)
-plan = rp.plan_sequence(sequence, rng=0)
+print(f"{len(rp.top_grasps(scene, 'block'))} grasps from above")
+segments = [*rp.pick_and_place(scene, "block", [-0.28, -0.15, 0.03]), rp.Pause(0.2), rp.FreeMotion("home")]
+plan = rp.plan_sequence(rp.Sequence(scene, segments), rng=0)
 print(plan)
 for event in plan.events:
     print(f"at {event.begin:.2f} s: {event.label}")
 
-# Held by contact and friction alone; the plan is where it should be.
+# In MuJoCo the block is a loose body, held by contact and friction alone.
 replay = rp.simulate_sequence(plan)
 print(replay)
 
 # The same file, in the same cell and in one with something in the way of the block.
 plan.save("26_pick_and_place.json")
 print("read again:", repr(rp.load_sequence("26_pick_and_place.json")))
-later = scene.with_obstacle("late_ball", rp.Sphere(0.02), plan.object_poses("block", [plan.events[0].end + 0.4])[0])
+carried = plan.object_poses("block", [plan.stages[6].end])[0]
+later = scene.with_obstacle("late_ball", rp.Sphere(0.01), carried[:3, 3] - [0, 0, 0.035])
 changed = rp.load_sequence("26_pick_and_place.json", later)
 print("with a ball:", changed.report.violations[0].message)
 

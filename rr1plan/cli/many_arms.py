@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from rr1plan.checks import counted, known_name
@@ -78,7 +79,7 @@ def say_many(motion: MotionPlan, console: Console) -> None:
         return
     console.say(
         f"{counted(len(many.paths), 'arm')}: makespan {many.makespan:.3f} s, "
-        f"{many.ratio:.2f} times the slowest arm alone; {many.waiting:.3f} s of waiting"
+        f"{many.ratio:.2f} times the slowest arm alone; {many.quality.waiting:.3f} s of waiting"
     )
     _say_groups(many, console)
     _say_waits(motion.timeline(), console)
@@ -122,11 +123,4 @@ def many_values(motion: MotionPlan) -> Mapping[str, Any]:
     if not many.found:
         return {"many_arms": {"groups": groups}}
     waits = [{"arm": w.arm, "begin": w.begin, "end": w.end, "others": list(w.others)} for w in motion.timeline().waits]
-    numbers = {
-        "makespan": many.makespan,
-        "slowest_alone": many.slowest_alone,
-        "ratio": many.ratio,
-        "path_length": many.path_length,
-        "waiting": many.waiting,
-    }
-    return {"many_arms": {**numbers, "groups": groups, "waits": waits}}
+    return {"many_arms": {**asdict(many.quality), "ratio": many.ratio, "groups": groups, "waits": waits}}

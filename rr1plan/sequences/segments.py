@@ -105,7 +105,7 @@ class StraightLine(Value):
     def label(self) -> str:
         """What it is, in a few words."""
         if self.offset is not None:
-            return f"straight line by {_vector(self.offset)} m{' in its own axes' * (self.axes == 'tool')}"
+            return f"straight line {_shift(self.offset, self.axes == 'tool')}"
         several = len(self.goal) > 1
         return (
             f"straight line to one of {len(self.goal)} goals" if several else f"straight line to {_place(self.goal[0])}"
@@ -296,6 +296,14 @@ def _place(goal: Any) -> str:
     if isinstance(goal, str):
         return repr(goal)
     return "a configuration" if not isinstance(goal, Goal) or isinstance(goal, JointGoal) else "a region"
+
+
+def _shift(offset: Array, in_tool: bool) -> str:
+    """An offset in a few words."""
+    if offset[0] == offset[1] == 0.0:
+        ways = ("back", "ahead") if in_tool else ("down", "up")
+        return f"{1000.0 * abs(float(offset[2])):.4g} mm {ways[int(offset[2] > 0.0)]}"
+    return f"by {_vector(offset)} m{' in the axes of the tool' * in_tool}"
 
 
 def _vector(values: Array) -> str:

@@ -6,7 +6,7 @@ import pathlib
 from collections.abc import Mapping
 from dataclasses import replace
 
-from rr1plan.checks import of_kind
+from rr1plan.checks import file_path, of_kind
 from rr1plan.errors import FormatError, InputError
 from rr1plan.export.motion_files import fit_trajectory
 from rr1plan.export.motion_schema import SequenceStage as StageEntry
@@ -19,6 +19,9 @@ from rr1plan.sequences.sequence_plan import SequencePlan
 from rr1plan.sequences.stage_validation import validate_stages
 from rr1plan.sequences.stages import SequenceStage, check_stages
 
+# The kind of a file stands in its first bytes.
+_HEAD = 200
+
 
 def save_sequence(file: str | pathlib.Path, plan: SequencePlan, *, embed: bool = False) -> pathlib.Path:
     """Write a planned sequence to a JSON file and return the file's path; see `SequencePlan.save`."""
@@ -27,6 +30,15 @@ def save_sequence(file: str | pathlib.Path, plan: SequencePlan, *, embed: bool =
         "gripper_joints": {arm: list(joints) for arm, joints in plan.gripper_joints.items()},
     }
     return save_sequence_document(file, plan.scene, plan.trajectory, entries, report=plan.report, embed=embed)
+
+
+def holds_sequence(file: str | pathlib.Path) -> bool:
+    """Whether a file names itself that of a sequence; `load_sequence` says what is wrong with one."""
+    path = file_path(file)
+    if path.suffix != ".json" or not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        return b'"kind": "sequence"' in stream.read(_HEAD)
 
 
 def load_sequence(

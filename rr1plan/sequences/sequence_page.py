@@ -2,68 +2,81 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from rr1plan.checks import true_or_false
+import numpy as np
+
+from rr1plan.checks import Array, of_kind
 from rr1plan.files.file_access import write_text
 from rr1plan.playback.viewer import view_document
 from rr1plan.playback.viewer.html_page import page_html
-from rr1plan.playback.viewer.live_viewer import Viewer, open_viewer
-from rr1plan.playback.viewer.page_document import Document, with_carried
+from rr1plan.playback.viewer.live_viewer import Viewer
+from rr1plan.playback.viewer.page_document import Document, with_moving_objects
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options, with_panel
+from rr1plan.sequences.sequence_replay import SequenceReplay
+from rr1plan.transforms import quaternion_from_rotation
 
 if TYPE_CHECKING:
     from rr1plan.sequences.sequence_plan import SequencePlan
 
+# Time between two poses of an object that a page interpolates [s].
+_FRAME = 1.0 / 60.0
 
-def save_sequence_html(file: str | FilePath, plan: SequencePlan, options: ViewOptions | None = None) -> FilePath:
+
+def save_sequence_html(
+    file: str | FilePath, plan: SequencePlan, replay: SequenceReplay | None, options: ViewOptions | None
+) -> FilePath:
     """Write one self-contained page of a sequence; see `SequencePlan.save_html`."""
-    document, options = _page_parts(plan, options)
+    document, options = _page_parts(plan, replay, options)
     return write_text(file, page_html(document, options))
 
 
-def show_sequence(
-    plan: SequencePlan, *, options: ViewOptions | None, port: int | None, open_browser: bool, quiet: bool
-) -> Viewer:
-    """Open a live page of a sequence; see `SequencePlan.show`."""
-    open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
-    document, options = _page_parts(plan, options)
-    return open_viewer(_SequenceViewer(plan, document, options, port), open_browser, quiet)
+class SequenceViewer(Viewer):
+    """A live page of a sequence. `SequencePlan.show` makes one; see `Viewer` for its methods.
 
+    Args:
+        plan: The sequence.
+        replay: What a simulation made of it, or None.
+        options: As in `rr1plan.show`.
+        port: First port to try, or None.
+    """
 
-class _SequenceViewer(Viewer):
-    """A live page of a sequence."""
-
-    def __init__(self, plan: SequencePlan, document: Document, options: ViewOptions, port: int | None) -> None:
+    def __init__(
+        self, plan: SequencePlan, replay: SequenceReplay | None, options: ViewOptions | None, port: int | None
+    ) -> None:
+        document, options = _page_parts(plan, replay, options)
         self._open(plan.scene, document, options, port)
 
 
-def _page_parts(plan: SequencePlan, options: ViewOptions | None) -> tuple[Document, ViewOptions]:
+def _page_parts(
+    plan: SequencePlan, replay: SequenceReplay | None, options: ViewOptions | None
+) -> tuple[Document, ViewOptions]:
     """The document of a page and its options, with the panel of the stages."""
     options = checked_options(options)
-    document = view_document(plan.scene, trajectory=plan.trajectory, report=plan.report, options=options)
-    return with_carried(document, _places(plan)), with_panel(options, _stage_panel(plan))
+    of_kind("replay", replay, SequenceReplay, optional=True)
+    scene, names, trajectory = plan.scene, plan.carried_names, plan.trajectory
+    for name in names:
+        if name in scene.attachments:
+            scene = scene.detach(name)
+    document = view_document(
+        scene,
+        trajectory=trajectory,
+        report=plan.report,
+        replay=None if replay is None else replay.replay,
+        options=options,
+    )
+    if replay is None and names:
+        times = trajectory.sample_times(_FRAME)
+        poses = {name: np.array([_coordinates(T) for T in plan.object_poses(name, times)]) for name in names}
+        document = with_moving_objects(document, times, poses)
+    return document, with_panel(options, _stage_panel(plan))
 
 
-def _places(plan: SequencePlan) -> Mapping[str, list[dict[str, Any]]]:
-    """Where each object that is attached or detached is: since when, at which link or in the world, and its pose."""
-    first = plan.scene
-    places: dict[str, list[dict[str, Any]]] = {name: [] for name in plan.carried_names}
-    for stage, scene in [(None, first), *zip(plan.stages, plan.scenes(), strict=True)]:
-        for name in plan.carried_names:
-            held = scene.attachments.get(name)
-            place = {
-                "arm": None if held is None else held.arm,
-                "link": None if held is None else held.link,
-                "pose": (scene.obstacles[name] if held is None else held).pose,
-            }
-            last = places[name][-1] if places[name] else None
-            if last is None or (last["arm"], last["link"]) != (place["arm"], place["link"]):
-                places[name].append(place | {"from": plan.trajectory.start_time if stage is None else stage.begin})
-    return places
+def _coordinates(T: Array) -> Array:
+    """Position and quaternion of a pose, shape (7,)."""
+    return np.concatenate([T[:3, 3], quaternion_from_rotation(T[:3, :3])])
 
 
 def _stage_panel(plan: SequencePlan) -> Panel:

@@ -11,18 +11,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, counted, finite_array, known_name
+from rr1plan.checks import Array, counted, finite_array, known_name, true_or_false
 from rr1plan.errors import NoPlanError
 from rr1plan.planning import PlanStatus
 from rr1plan.report import Report
 from rr1plan.scene import Scene
 from rr1plan.sequences.segments import Attach
 from rr1plan.sequences.sequence import Sequence
-from rr1plan.sequences.stages import SequenceStage, check_stages, scene_at, stage_scenes
+from rr1plan.sequences.stages import SequenceStage, check_stages, stage_scenes
 from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from rr1plan.playback.viewer import Viewer, ViewOptions
+    from rr1plan.sequences.sequence_replay import SequenceReplay
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,13 +126,15 @@ class SequencePlan:
         begins = np.array([stage.begin for stage in self.stages])
         numbers = np.clip(np.searchsorted(begins, instants, side="right") - 1, 0, len(scenes) - 1)
         poses = np.empty((len(instants), 4, 4))
-        for row, (k, time) in enumerate(zip(numbers.tolist(), instants.tolist(), strict=True)):
+        columns = {arm: [n.split("/", 1)[0] == arm for n in self.trajectory.joint_names] for arm in self.scene.arms}
+        for row, (k, q) in enumerate(zip(numbers.tolist(), self.trajectory(instants), strict=True)):
             held = scenes[k].attachments.get(name)
             if held is None:
                 poses[row] = scenes[k].obstacles[name].pose
             else:
-                now = scene_at(scenes[k], self.trajectory, time)
-                poses[row] = now.link_poses()[f"{held.arm}/{held.link}"] @ held.pose
+                arm = scenes[k].arms[held.arm]
+                own = q[columns[held.arm]] if any(columns[held.arm]) else arm.q
+                poses[row] = arm.base @ arm.robot.link_poses(own)[held.link] @ held.pose
         return poses
 
     def __repr__(self) -> str:
@@ -143,18 +146,27 @@ class SequencePlan:
         if self._report is None:
             return f"no plan ({self.status.value}): {self.reason}"
         width = max(len(stage.label) for stage in self.stages)
-        lines = [f"{counted(len(self.stages), 'stage')}, {self.trajectory.duration:.3f} s"]
+        lines = [self.size()]
         for k, stage in enumerate(self.stages):
             seconds = f"{stage.begin:7.3f} s" + ("" if stage.change else f" to {stage.end:7.3f} s")
             lines.append(f"  {k + 1:3d}  {stage.label:<{width}}  {seconds}")
         lines += [f"  changed      {change}" for change in self.changes]
         return "\n".join([*lines, str(self._report)])
 
+    def size(self) -> str:
+        """Number of stages and duration: "11 stages, 4.461 s".
+
+        Raises:
+            NoPlanError: there is no motion.
+        """
+        return f"{counted(len(self.stages), 'stage')}, {self.trajectory.duration:.3f} s"
+
     # ---- pages and files -------------------------------------------------------------------------
 
     def show(
         self,
         *,
+        replay: SequenceReplay | None = None,
         options: ViewOptions | None = None,
         port: int | None = None,
         open_browser: bool = True,
@@ -162,22 +174,28 @@ class SequencePlan:
     ) -> Viewer:
         """Open the motion in a live page, where held objects move with the hand; arguments as in `rr1plan.show`.
 
+        With a replay, objects are where the simulation had them, and a shadow shows what the arms did.
+
         Raises:
             NoPlanError: there is no motion.
         """
-        from rr1plan.sequences.sequence_page import show_sequence
+        from rr1plan.playback.viewer.live_viewer import open_viewer
+        from rr1plan.sequences.sequence_page import SequenceViewer
 
-        return show_sequence(self, options=options, port=port, open_browser=open_browser, quiet=quiet)
+        open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
+        return open_viewer(SequenceViewer(self, replay, options, port), open_browser, quiet)
 
-    def save_html(self, file: str | FilePath, *, options: ViewOptions | None = None) -> FilePath:
-        """Write one self-contained page that plays the motion offline; held objects move with the hand.
+    def save_html(
+        self, file: str | FilePath, *, replay: SequenceReplay | None = None, options: ViewOptions | None = None
+    ) -> FilePath:
+        """Write one self-contained page that plays the motion offline; arguments as in `show`.
 
         Raises:
             NoPlanError: there is no motion.
         """
         from rr1plan.sequences.sequence_page import save_sequence_html
 
-        return save_sequence_html(file, self, options)
+        return save_sequence_html(file, self, replay, options)
 
     def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:
         """Write scene, trajectory, stages and report to one JSON file; read it with `rr1plan.load_sequence`.

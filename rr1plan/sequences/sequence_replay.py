@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from rr1plan.checks import Array, Value, check_callback, counted, finite_number, of_kind, positive_number, read_only
 from rr1plan.errors import InputError
-from rr1plan.playback.simulation.replay import ReplayContact
+from rr1plan.playback.simulation.recorder import Recorder
+from rr1plan.playback.simulation.replay import Replay, ReplayContact
 from rr1plan.playback.simulation.simulation import Simulation
 from rr1plan.playback.simulation.trajectory_controller import JointTrajectoryController
 from rr1plan.progress import ProgressCallback, fraction_callback
@@ -18,7 +20,7 @@ from rr1plan.robot.link_masses import DENSITY, solid_inertial
 from rr1plan.scene import Scene, pair
 from rr1plan.sequences.segments import Attach
 from rr1plan.sequences.sequence_plan import SequencePlan
-from rr1plan.transforms import rotation_angle
+from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 
 # An object is where the plan has it while it is no farther away than this [m].
 _NEAR = 0.01
@@ -29,6 +31,8 @@ _WITH_TORSION = 4
 # Iterations of the solver that keeps what friction holds from creeping, as MuJoCo's soft contacts do by themselves.
 _NO_SLIP = 5
 _MOST_STEPS = 5_000_000
+# Steps between two reports of progress.
+_REPORT_EVERY = 50
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,38 +67,25 @@ class SequenceReplay(Value):
     """The outcome of `simulate_sequence`.
 
     Args:
-        joint_names: Columns of the arrays below, "arm/joint", as in the trajectory.
-        times: Instants of the record [s], shape (n,).
-        actual: Positions that were reached [rad or m], shape (n, nq).
-        max_error: Largest tracking error over all steps [rad or m], shape (nq,); 0 of gripper joints, which an object
-            keeps from their set-points.
+        replay: What joints and loose bodies did. Objects keep fingers from their set-points, so that tracking errors of
+            gripper joints are no fault.
         objects: What became of the objects that are attached or detached.
-        contacts: Contacts of arms that no stage allows, in order of time.
-        steps: Steps of the simulator.
-        timestep: Length of a step [s].
-        wall_seconds: Time the replay took [s].
+        max_error: Largest tracking error of any joint of an arm [rad or m].
         remarks: What had to be assumed.
     """
 
-    joint_names: tuple[str, ...]
-    times: Array
-    actual: Array
-    max_error: Array
+    replay: Replay
     objects: Mapping[str, CarriedObject]
-    contacts: tuple[ReplayContact, ...]
-    steps: int
-    timestep: float
-    wall_seconds: float
+    max_error: float
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("times", "actual", "max_error"):
-            read_only(getattr(self, name))
+        object.__setattr__(self, "objects", MappingProxyType(dict(self.objects)))
 
     @property
-    def real_time_factor(self) -> float:
-        """Simulated seconds for each second it took."""
-        return self.steps * self.timestep / max(self.wall_seconds, 1e-12)
+    def contacts(self) -> tuple[ReplayContact, ...]:
+        """Contacts of arms that no stage allows, in order of time."""
+        return self.replay.contacts
 
     @property
     def carried(self) -> bool:
@@ -104,7 +95,7 @@ class SequenceReplay(Value):
     @property
     def tracked(self) -> bool:
         """No joint of an arm was farther than 0.01 rad (or m) from its set-point."""
-        return bool((self.max_error <= _TRACKED).all())
+        return self.max_error <= _TRACKED
 
     def __bool__(self) -> bool:
         """Arms followed their motion without contact, and objects did, too."""
@@ -112,13 +103,14 @@ class SequenceReplay(Value):
 
     def __repr__(self) -> str:
         worst = max((one.max_offset for one in self.objects.values()), default=0.0)
-        return f"SequenceReplay({self.steps * self.timestep:.3f} s, objects {1e3 * worst:.2f} mm off at most)"
+        return f"SequenceReplay({self.replay!r}, objects {1e3 * worst:.2f} mm off at most)"
 
     def __str__(self) -> str:
+        replay = self.replay
         lines = [
-            f"replay: {counted(self.steps, 'step')} of {self.timestep * 1e3:g} ms, "
-            f"{self.real_time_factor:.1f} times real time",
-            f"  tracking error: {float(self.max_error.max(initial=0.0)):.2e} rad at most",
+            f"replay: {counted(replay.steps, 'step')} of {replay.timestep * 1e3:g} ms, "
+            f"{replay.real_time_factor:.1f} times real time",
+            f"  tracking error: {self.max_error:.2e} rad at most",
         ]
         lines += [
             f"  {one.name}: at most {1e3 * one.max_offset:.2f} mm from where the plan has it, "
@@ -131,6 +123,15 @@ class SequenceReplay(Value):
             for c in self.contacts
         ]
         return "\n".join(lines if self.contacts else [*lines, "  contacts: none that no stage allows"])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The summary as plain values, for JSON (without the recorded positions)."""
+        objects = {
+            name: {"max_offset": one.max_offset, "final_offset": one.final_offset, "angle": one.angle}
+            for name, one in self.objects.items()
+        }
+        own = {"max_error": self.max_error, "carried": self.carried, "tracked": self.tracked, "objects": objects}
+        return {**self.replay.to_dict(), **own, "remarks": list(self.remarks)}
 
 
 def simulate_sequence(
@@ -174,46 +175,34 @@ def simulate_sequence(
     sim = Simulation(scene, dt, stiffness=stiffness)
     _hold_by_friction(sim, names)
     steps = max(1, int(np.ceil((trajectory.duration + hold) / dt - 1e-9)))
-    stride = max(1, round(min(record_dt / dt, steps)))
-    columns = [sim.joint_names.index(name) for name in trajectory.joint_names]
-    arm = np.array([_is_arm_joint(plan, name) for name in trajectory.joint_names], dtype=bool)
-    times, actual, worst = [], [], np.zeros(len(columns))
-    poses: dict[str, list[Array]] = {name: [] for name in names}
     report = fraction_callback("simulate", progress)
+    columns = np.array([sim.joint_names.index(name) for name in trajectory.joint_names], dtype=np.int64)
+    of_arms = np.array([_is_arm_joint(plan, name) for name in trajectory.joint_names], dtype=np.bool_)
+    worst = 0.0
 
-    def record(sim: Simulation) -> None:
-        q = sim.positions[columns]
-        np.maximum(worst, np.abs(q - trajectory(trajectory.start_time + sim.time)), out=worst, where=arm)
-        if sim.steps % stride == 0 or sim.steps == steps:
-            times.append(trajectory.start_time + sim.time)
-            actual.append(q)
-            for name in names:
-                poses[name].append(sim.body_pose(name))
-            if report is not None:
-                report(sim.steps / steps)
+    def note(sim: Simulation) -> None:
+        nonlocal worst
+        error = np.abs(sim.positions[columns] - trajectory(sim.time))
+        worst = max(worst, float(error[of_arms].max(initial=0.0)))
+        if report is not None and sim.steps % _REPORT_EVERY == 0:
+            report(sim.steps / steps)
 
-    record(sim)
-    sim.on_step(record)
+    sim.on_step(note)
     if trajectory.joint_names:
         controller = JointTrajectoryController(trajectory.joint_names, goal_tolerance=np.inf)
         sim.activate(controller)
-        controller.send(trajectory.shifted(-trajectory.start_time))
-    began = time.perf_counter()
-    sim.step(steps)
-    wall = time.perf_counter() - began
-    objects = {name: _carried(plan, name, np.array(times), np.array(own)) for name, own in poses.items()}
-    return SequenceReplay(
-        joint_names=trajectory.joint_names,
-        times=np.array(times),
-        actual=np.array(actual),
-        max_error=worst,
-        objects=objects,
-        contacts=sim.contacts,
-        steps=steps,
-        timestep=dt,
-        wall_seconds=wall,
-        remarks=(*remarks, *(f"MuJoCo: {text}" for text in sim.warnings)),
+        controller.send(trajectory)
+    with Recorder(sim, record_dt) as recorder:
+        sim.step(steps)
+    replay = recorder.replay()
+    bodies = (
+        {}
+        if replay.bodies is None
+        else dict(zip(replay.bodies.bodies, replay.bodies.poses.swapaxes(0, 1), strict=True))
     )
+    objects = {name: _carried(plan, name, replay.times, bodies[name]) for name in names}
+    worst = float(replay.max_error[of_arms].max(initial=0.0))
+    return SequenceReplay(replay, objects, worst, (*remarks, *(f"MuJoCo: {text}" for text in sim.warnings)))
 
 
 def _physical(plan: SequencePlan) -> tuple[Scene, tuple[str, ...], tuple[str, ...]]:
@@ -255,7 +244,11 @@ def _is_arm_joint(plan: SequencePlan, name: str) -> bool:
     return joint not in plan.gripper_joints.get(arm, ())
 
 
-def _carried(plan: SequencePlan, name: str, times: Array, poses: Array) -> CarriedObject:
+def _carried(plan: SequencePlan, name: str, times: Array, coordinates: Array) -> CarriedObject:
+    """What became of an object, from its positions and quaternions (n, 7)."""
+    poses = np.tile(np.eye(4), (len(times), 1, 1))
+    poses[:, :3, 3] = coordinates[:, :3]
+    poses[:, :3, :3] = [rotation_from_quaternion(row) for row in coordinates[:, 3:]]
     planned = plan.object_poses(name, times)
     offsets = np.linalg.norm(poses[:, :3, 3] - planned[:, :3, 3], axis=1)
     angle = rotation_angle(planned[-1, :3, :3].T @ poses[-1, :3, :3])

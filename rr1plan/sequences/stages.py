@@ -50,8 +50,10 @@ def check_stages(trajectory: Trajectory, stages: Sequence[SequenceStage]) -> Non
     """Require that stages follow each other without a gap, from the beginning of the trajectory to its end.
 
     Raises:
-        InputError: no stages, or others.
+        InputError: no stages, or others; or a trajectory that does not begin at zero.
     """
+    if trajectory.start_time != 0.0:
+        raise InputError(f"the trajectory of a sequence begins at {trajectory.start_time:g} s, expected 0 s")
     if not stages:
         raise InputError("a sequence has at least one stage, got none")
     times = [trajectory.start_time, *(stage.end for stage in stages)]

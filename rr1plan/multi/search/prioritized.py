@@ -274,11 +274,11 @@ class PrioritizedPlanner:
         found = self._adopt_windows(windows, sets)
         if len(sets) == 1 or (found and self.makespan <= self._slow_from()):
             return found
-        apart = self._plan()
+        separate = self._plan()
         arrival = self.makespan if found else math.inf
         as_one = self._adopt_windows(windows, [arms])
         if as_one and self.makespan > arrival:
-            self._return_to(apart)
+            self._return_to(separate)
         return found or as_one
 
     def _first_guess(self, arm: str, effort: int) -> AgentPath:

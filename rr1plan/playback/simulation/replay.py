@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from rr1plan.checks import Array, Value, counted, read_only
+from rr1plan.scene import Obstacle
 
 # An arm is tracked while no joint is farther than this from its set-point [rad or m].
 _TRACKED = 0.01
@@ -31,6 +34,24 @@ class ReplayContact:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class BodyMotion(Value):
+    """Recorded poses of loose bodies.
+
+    Args:
+        bodies: The bodies by name.
+        poses: Position [m] and quaternion (wxyz) of each at the times of the record, shape (n, bodies, 7); NaN while it
+            was not in the scene.
+    """
+
+    bodies: Mapping[str, Obstacle]
+    poses: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bodies", MappingProxyType(dict(self.bodies)))
+        read_only(self.poses)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Replay(Value):
     """The outcome of `simulate`.
 
@@ -51,6 +72,7 @@ class Replay(Value):
         settings: Version and options that made it, for a record.
         remarks: What the replay lacked, in words: masses that the robot's file does not give, a finer step, what MuJoCo
             warned of.
+        bodies: What loose bodies did; None if there are none, and in a kinematic replay.
     """
 
     mode: str
@@ -67,6 +89,7 @@ class Replay(Value):
     wall_seconds: float
     settings: dict[str, Any] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    bodies: BodyMotion | None = None
 
     def __post_init__(self) -> None:
         for name in ("times", "desired", "actual", "max_error", "rms_error", "peak_effort"):
@@ -124,7 +147,7 @@ class Replay(Value):
                 f"  the motion was not followed: {counted(lost, 'joint')} of {len(self.joint_names)} more than "
                 f"{_TRACKED:g} rad or m from the set-point"
             )
-        lines += [f"  {what}" for what in self.remarks]
+        lines += [f"  {remark}" for remark in self.remarks]
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"
             for c in self.contacts

@@ -304,10 +304,18 @@ class Simulation:
         Raises:
             UnknownNameError: no such loose body.
         """
-        position, _ = self._body(name).body_state(name)
+        position = self.body_coordinates(name)
         pose = identity().copy()
         pose[:3, 3], pose[:3, :3] = position[:3], rotation_from_quaternion(position[3:])
         return pose
+
+    def body_coordinates(self, name: str) -> Array:
+        """Position [m] and quaternion (wxyz) of a loose body, shape (7,).
+
+        Raises:
+            UnknownNameError: no such loose body.
+        """
+        return self._body(name).body_state(name)[0].copy()
 
     def body_velocity(self, name: str) -> Array:
         """Linear velocity of a loose body's origin [m/s] and its angular velocity [rad/s], in world axes, shape (6,).

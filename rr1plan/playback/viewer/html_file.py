@@ -38,7 +38,8 @@ def save_html(
         problem: The query: its start and goal are drawn as ghosts.
         report: The referee's verdict on the trajectory, shown as a badge. Elements that collide are red at that
             time, and the time line is marked there.
-        replay: What a simulation made of the trajectory, drawn as a shadow beside it; its contacts are shown likewise.
+        replay: What a simulation made of the trajectory, drawn as a shadow beside it; its contacts are shown likewise,
+            and loose bodies move as they did there. Without a trajectory or path it is played itself.
         options: How the page looks (default: `ViewOptions()`).
 
     Returns:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, known_name, number_array, of_kind
 from rr1plan.path import Path
-from rr1plan.playback.simulation.replay import Replay
+from rr1plan.playback.simulation.replay import BodyMotion, Replay
 from rr1plan.playback.viewer.camera import choose_camera
 from rr1plan.playback.viewer.page_shapes import ShapeTable
 from rr1plan.playback.viewer.view_options import ViewOptions, checked_options
@@ -83,6 +83,10 @@ def view_document(
     rows = [_arm_row(name, scene, robots) for name in scene.arms]
     unique = {index: scene.arms[row["name"]].robot for row in rows for index in [row["robot"]]}
     motion = trajectory if trajectory is not None or path is None else _steady(path)
+    if motion is None and replay is not None:
+        motion = _replayed(replay)
+    bodies = None if replay is None else replay.bodies
+    fixed = {name: o for name, o in scene.obstacles.items() if bodies is None or name not in bodies.bodies}
     ghosts = [] if problem is None else _ghosts(problem)
     return {
         "title": scene.name if options.title is None else options.title,
@@ -90,14 +94,17 @@ def view_document(
         "robots": [_robot(unique[i], shapes, spheres) for i in sorted(unique)],
         "arms": rows,
         "columns": list(scene.joint_names()) if scene.arms else [],
-        "obstacles": [_object(name, o.geometries, o.pose, shapes) for name, o in scene.obstacles.items()],
+        "obstacles": [_object(name, o.geometries, o.pose, shapes) for name, o in fixed.items()],
+        "bodies": None if replay is None or bodies is None else _bodies(bodies, replay.times, shapes),
         "attachments": [
             _object(name, a.geometries, a.pose, shapes)
             | {"arm": a.arm, "link": a.link, "spheres": _spheres({name: a.geometries}) if spheres else None}
             for name, a in scene.attachments.items()
         ],
         "shapes": shapes.rows,
-        "track": None if motion is None else _track(motion, scene) | {"timed": trajectory is not None},
+        "track": None
+        if motion is None
+        else _track(motion, scene) | {"timed": trajectory is not None or path is None},
         "replay": None if replay is None else _track(_replayed(replay), scene) | {"summary": _summary(replay)},
         "path": None if path is None else _waypoints(path, scene),
         "ghosts": ghosts,
@@ -107,21 +114,22 @@ def view_document(
     }
 
 
-def with_carried(document: Document, places: Mapping[str, list[dict[str, Any]]]) -> Document:
-    """The document with some objects that change their places in the motion.
+def with_moving_objects(document: Document, times: Array, poses: Mapping[str, Array]) -> Document:
+    """The document with some objects that move, as loose bodies do along a replay.
 
     Args:
         document: What `view_document` made.
-        places: Of each such object its places in order: "from" which time on [s], at which "arm" and "link" (None: in
-            the world), and its "pose" there, shape (4, 4).
+        times: Instants [s], shape (n,).
+        poses: Position [m] and quaternion (wxyz) of each such object at these instants, shape (n, 7).
     """
     things = {thing["name"]: thing for kind in ("obstacles", "attachments") for thing in document[kind]}
-    carried = [
-        {"name": name, "parts": things[name]["parts"], "places": [{**p, "pose": _numbers(p["pose"])} for p in own]}
-        for name, own in places.items()
-    ]
-    rest = {kind: [t for t in document[kind] if t["name"] not in places] for kind in ("obstacles", "attachments")}
-    return {**document, **rest, "carried": carried}
+    fixed = {kind: [t for t in document[kind] if t["name"] not in poses] for kind in ("obstacles", "attachments")}
+    bodies = {
+        "objects": [{"name": name, "pose": _numbers(np.eye(4)), "parts": things[name]["parts"]} for name in poses],
+        "times": pack_array(times, "f8"),
+        "poses": pack_array(np.stack(list(poses.values()), axis=1)),
+    }
+    return {**document, **fixed, "bodies": bodies}
 
 
 def first_camera(scene: Scene, motion: Trajectory | None, ghosts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
@@ -223,6 +231,15 @@ def _part(geometry: Geometry, shapes: ShapeTable) -> dict[str, Any]:
 
 def _object(name: str, geometries: Iterable[Geometry], pose: Array, shapes: ShapeTable) -> dict[str, Any]:
     return {"name": name, "pose": _numbers(pose), "parts": [_part(g, shapes) for g in geometries]}
+
+
+def _bodies(motion: BodyMotion, times: Array, shapes: ShapeTable) -> dict[str, Any]:
+    """Loose bodies, and their positions and quaternions along a replay."""
+    return {
+        "objects": [_object(name, body.geometries, np.eye(4), shapes) for name, body in motion.bodies.items()],
+        "times": pack_array(times, "f8"),
+        "poses": pack_array(motion.poses),
+    }
 
 
 def _numbers(T: Array) -> list[float]:

@@ -15,10 +15,13 @@ const buttons = data.map(({ label, begin }) => {
   return button;
 });
 
+let marked = -1;
 function mark(time) {
   // Of stages that begin at once the last one, except at the end of all.
   const now = data.reduce((found, { begin, end }, i) => (begin <= time && (end > time || end > begin || found < 0) ? i : found), -1);
+  if (now === marked) return;
   buttons.forEach((button, i) => button.classList.toggle("now", i === now));
+  marked = now;
 }
 
 viewer.on("change", (q, time) => mark(time));

@@ -131,10 +131,10 @@ class Viewer {
   /** Draws the configuration and tells everyone. */
   show() {
     const { player, world } = this;
-    world.carry(player.time);
     world.update(this.q);
     this.shownAt = performance.now();
     if (this.conflicts.at(this.manual ? null : player.time)) this.paint();
+    world.updateBodies(player.time);
     if (this.replayTrack) world.updateReplay(this.replayTrack.at(player.time, this.kinematics.rest()));
     if (this.toolPath) this.toolPath.show(this.manual ? 1 : player.fraction);
     this.controls.refresh();
