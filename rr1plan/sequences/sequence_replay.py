@@ -195,13 +195,9 @@ def simulate_sequence(
     with Recorder(sim, record_dt) as recorder:
         sim.step(steps)
     replay = recorder.replay()
-    bodies = (
-        {}
-        if replay.bodies is None
-        else dict(zip(replay.bodies.bodies, replay.bodies.poses.swapaxes(0, 1), strict=True))
-    )
-    objects = {name: _carried(plan, name, replay.times, bodies[name]) for name in names}
-    worst = float(replay.max_error[of_arms].max(initial=0.0))
+    bodies = replay.bodies
+    rows = {} if bodies is None else dict(zip(bodies.bodies, bodies.poses.swapaxes(0, 1), strict=True))
+    objects = {name: _carried(plan, name, replay.times, rows[name]) for name in names}
     return SequenceReplay(replay, objects, worst, (*remarks, *(f"MuJoCo: {text}" for text in sim.warnings)))
 
 
