@@ -30,7 +30,7 @@ from rr1plan.scene import Scene
 
 
 class CoalChecker:
-    """Which elements of a scene touch, and how far apart they are, at a configuration: what `CollisionChecker` adds to.
+    """Contacts and distances of the elements of a scene at a configuration; the base of `CollisionChecker`.
 
     Coal's objects are made when they are first needed.
 

@@ -148,6 +148,6 @@ def _balls_around(balls: Array, begins: Sequence[int]) -> Array:
     centers, radii = balls[:, :3], balls[:, 3]
     low = np.minimum.reduceat(centers - radii[:, None], begins)
     middle = 0.5 * (low + np.maximum.reduceat(centers + radii[:, None], begins))
-    apart = centers - np.repeat(middle, np.diff([*begins, len(balls)]), axis=0)
-    radius = np.maximum.reduceat(np.linalg.norm(apart, axis=1) + radii, begins)
+    offsets = centers - np.repeat(middle, np.diff([*begins, len(balls)]), axis=0)
+    radius = np.maximum.reduceat(np.linalg.norm(offsets, axis=1) + radii, begins)
     return np.concatenate([middle, (radius * _RELATIVE + _ROUNDING)[:, None]], axis=1)

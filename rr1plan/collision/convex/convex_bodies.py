@@ -1,7 +1,6 @@
-"""Our shapes as Coal's.
+"""Shapes as Coal's collision geometries.
 
-Every one of them is solid but for the meshes of obstacles that are not convex: their surface is hollow to Coal, and
-`coal_pairs.py` adds their inside.
+All are solid except concave meshes of obstacles, which are surfaces to Coal; `coal_pairs.py` adds their interior.
 """
 
 from __future__ import annotations
@@ -100,7 +99,7 @@ def _cut(element: str, geometries: Sequence[Geometry], progress: ProgressCallbac
 
 
 def _check_reach(cloud: PointCloud) -> None:
-    """Refuse a point cloud that Coal would lose cells of, here and not when Coal is asked."""
+    """Refuse a point cloud so large for its resolution that Coal's octree would lose cells."""
     reach = float(np.abs(cloud.points).max()) / cloud.resolution
     if reach > _OCTREE_REACH:
         raise InputError(
@@ -153,7 +152,9 @@ def _coal_geometry(shape: Shape) -> Any:
         case HalfSpace(normal, offset):
             return coal.Halfspace(np.array(normal), offset)
         case PointCloud():
-            return _octree(shape)
+            _check_reach(shape)
+            # The cells' centers, not the points: a point on a cell's face then cannot fall on either side.
+            return coal.makeOctree(occupied_cells(shape), shape.resolution)
         case _:
             return _convex(shape) if shape.convex else surface_of(shape)
 
@@ -165,12 +166,6 @@ def _convex(mesh: Mesh) -> Any:
     for a, b, c in mesh.faces:
         triangles.append(coal.Triangle(int(a), int(b), int(c)))
     return coal.Convex(vertices, triangles)
-
-
-def _octree(cloud: PointCloud) -> Any:
-    _check_reach(cloud)
-    # The cells' centers, not the points: a point on a cell's face then cannot fall on either side.
-    return coal.makeOctree(occupied_cells(cloud), cloud.resolution)
 
 
 # ---- concave meshes ------------------------------------------------------------------------------------

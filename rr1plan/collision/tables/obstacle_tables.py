@@ -196,12 +196,10 @@ def balls_of(things: Sequence[ObstacleGeometry]) -> Array:
 
 def fixed_links(instances: ArmInstances) -> tuple[ObstacleGeometry, ...]:
     """The solids of the arms that no joint moves, an object for each arm; cached."""
-    return kept_in(instances.kept, "fixed links", lambda: _fixed_links(instances))
-
-
-def _fixed_links(instances: ArmInstances) -> tuple[ObstacleGeometry, ...]:
     arms = zip(instances.geometries, instances.bases, strict=True)
-    return tuple(fixed_links_of(geometry).at(base) for geometry, base in arms)
+    return kept_in(
+        instances.kept, "fixed links", lambda: tuple(fixed_links_of(geometry).at(base) for geometry, base in arms)
+    )
 
 
 def fixed_links_of(geometry: ArmGeometry) -> ObstacleGeometry:
