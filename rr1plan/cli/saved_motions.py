@@ -51,7 +51,7 @@ def saved_motion(file: str, options: Namespace, console: Console, checks: dict[s
 
 
 def say_changes(motion: MotionPlan, console: Console) -> None:
-    """Where a motion is looked at, what it is made of, and what differs from where it was made."""
+    """Print the scene of a motion, its parts, and the differences from the scene that it was made in."""
     console.say(f"in the scene {motion.scene.name}: {motion.size()}")
     if motion.changes:
         console.say("the scene differs from the one that the motion was made in:")
