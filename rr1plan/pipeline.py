@@ -100,7 +100,8 @@ def plan_motion(
             _cut_meshes(problem.scene, progress)
             margin = affordable_margin(problem, (problem.margin or _MARGIN) if margin is None else margin)
             roomy = problem.with_margin(margin)
-            warm_up(roomy)
+            with checker_from_pool(problem.scene, problem.arms, margin) as motions:
+                motions.warm_up()
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), chosen.name), seconds)
     with _timed(seconds, "plan"):

@@ -9,7 +9,6 @@ import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.plan import told_to
 from rr1plan.errors import InputError, NoPlanError
-from rr1plan.load_motion import load_motion
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.scene.model_library import load_scene
 
@@ -47,7 +46,7 @@ def saved_motion(file: str, options: Namespace, console: Console, checks: dict[s
     with console.progress("loading the scene"):
         where = None if options.scene is None else load_scene(options.scene)
     with console.progress("checking") as advance:
-        return load_motion(file, where, topic=options.topic, **(checks or {}), progress=told_to(advance))
+        return rp.load_motion(file, where, topic=options.topic, **(checks or {}), progress=told_to(advance))
 
 
 def say_changes(motion: MotionPlan, console: Console) -> None:

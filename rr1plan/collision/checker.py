@@ -27,7 +27,7 @@ from rr1plan.checks import (
     positive_number,
     read_only,
 )
-from rr1plan.collision.coal_checker import CoalChecker, checked_margin
+from rr1plan.collision.coal_checker import CoalChecker, checked_margin, is_plain
 from rr1plan.collision.collision_geometry import geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
 from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
@@ -359,13 +359,17 @@ class CollisionChecker(CoalChecker):
         return FirstContact(free, read_only(shifted_polynomial(curve, free * duration)[0]), self._names(pair))
 
     def _checked_curve(self, coefficients: ArrayLike, duration: float) -> tuple[Array, float]:
+        terms = getattr(coefficients, "shape", ())[:1]
+        if is_plain(coefficients, (*terms, self.nq)) and terms != (0,) and type(duration) is float:
+            count = len(coefficients)
+            # No number that is not finite passes.
+            if duration >= 0.0 and np.abs(coefficients).max() * count * max(1.0, duration) ** (count - 1) <= FARTHEST:
+                return coefficients, duration
         curve = finite_array("coefficients", coefficients, (None, self.nq))
         duration = finite_number("duration", duration)
         if len(curve) == 0 or duration < 0.0:
             raise InputError(f"a curve of {len(curve)} coefficients and duration {duration}, expected >= 1 and >= 0")
-        largest = float(np.abs(curve).max(initial=0.0))
-        if not (duration <= 1.0 and largest * len(curve) <= FARTHEST):
-            _check_reach(curve, duration)
+        _check_reach(curve, duration)
         return curve, duration
 
     def _certify(self, q0: Array, q1: Array) -> Answer:

@@ -44,7 +44,7 @@ def simulate(
     mode: Mode = "dynamic",
     dt: float = 0.002,
     record_dt: float = 0.01,
-    stiffness: float = 80.0,
+    stiffness: float = 160.0,
     hold: float = 0.0,
     progress: ProgressCallback | None = None,
 ) -> Replay:

@@ -143,8 +143,7 @@ class JointTrajectoryController(Controller):
                 beginning farther from the set-points than `start_tolerance`.
         """
         of_kind("trajectory", trajectory, Trajectory)
-        if not hasattr(self, "joints"):
-            raise InputError("the controller is not active; activate it in a simulation first")
+        self.check_active()
         if set(trajectory.joint_names) != set(self.joint_names):
             odd = sorted(set(trajectory.joint_names) ^ set(self.joint_names))
             whose = "the trajectory" if odd[0] in trajectory.joint_names else "the controller"
