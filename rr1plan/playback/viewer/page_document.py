@@ -112,6 +112,24 @@ def view_document(
     }
 
 
+def with_moving_objects(document: Document, times: Array, poses: Mapping[str, Array]) -> Document:
+    """The document with some objects that move, as loose bodies do along a replay.
+
+    Args:
+        document: What `view_document` made.
+        times: Instants [s], shape (n,).
+        poses: Position [m] and quaternion (wxyz) of each such object at these instants, shape (n, 7).
+    """
+    things = {thing["name"]: thing for kind in ("obstacles", "attachments") for thing in document[kind]}
+    fixed = {kind: [t for t in document[kind] if t["name"] not in poses] for kind in ("obstacles", "attachments")}
+    bodies = {
+        "objects": [{"name": name, "pose": _numbers(np.eye(4)), "parts": things[name]["parts"]} for name in poses],
+        "times": pack_array(times, "f8"),
+        "poses": pack_array(np.stack(list(poses.values()), axis=1)),
+    }
+    return {**document, **fixed, "bodies": bodies}
+
+
 def first_camera(scene: Scene, motion: Trajectory | None, ghosts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """From where the page is looked at first: at the motion, or where there is none at the ghosts."""
     return choose_camera(scene, motion, [(ghost["arm"], ghost["q"]) for ghost in ghosts])._asdict()
