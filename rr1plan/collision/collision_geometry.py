@@ -1,4 +1,4 @@
-"""What the moving arms of a scene can touch: instances of arms, obstacles near them, and the pairs to check.
+"""The collision geometry of a scene: instances of arms, obstacles near them, and the pairs to check.
 
 An arm that stands still is an obstacle. Arms and obstacles that a moving arm can never come near are left out (see
 `reach_broad_phase.py`), so that the size of everything built here grows with what is near, not with the scene.
@@ -92,7 +92,7 @@ class CollisionGeometry:
 
 
 def held_by_arm(scene: Scene) -> dict[str, dict[str, Attachment]]:
-    """What each arm holds, of those that hold anything."""
+    """The attached objects of each arm that has any."""
     held: dict[str, dict[str, Attachment]] = {}
     for name, thing in scene.attachments.items():
         held.setdefault(thing.arm, {})[name] = thing
@@ -153,7 +153,7 @@ class SolidPairs:
 
 @dataclass(frozen=True)
 class _PairContent:
-    """All that the pairs depend on, to compare.
+    """The inputs of the list of pairs, to compare.
 
     Args:
         instances: The moving arms.

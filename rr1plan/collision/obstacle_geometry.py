@@ -88,7 +88,7 @@ def stationary_arm_geometry(name: str, geometry: ArmGeometry, base: Array, q: Ar
 
 @dataclass(frozen=True, eq=False)
 class PlacedArm:
-    """Where an arm's solids are at a configuration, in the frame of its base.
+    """An arm's solids at a configuration, in the frame of its base.
 
     Args:
         solids: Its solids; their elements are names of links and of held objects.
@@ -109,7 +109,7 @@ _RELATIVE, _ROUNDING = 1.0 + 1e-9, 1e-9
 
 
 def placed_arm(geometry: ArmGeometry, q: bytes) -> PlacedArm:
-    """Where an arm's solids are at a configuration, given as bytes; arms with equal geometries share it."""
+    """An arm's solids at a configuration, given as bytes; arms with equal geometries share them."""
     kept: dict[bytes, PlacedArm] = geometry.kept.setdefault("configurations", {})
     return kept_in(kept, q, lambda: _new_placed_arm(geometry, np.frombuffer(q)), _MOST_PLACED)
 
