@@ -126,7 +126,7 @@ def stack_bodies(
     check_text("prefix", prefix)
     T, turned = as_pose(pose, "pose"), identity().copy()
     turned[:3, :3] = body.pose[:3, :3]
-    lower, upper = _bounding_box(body.geometries, turned)
+    lower, upper = bounding_box(body.geometries, turned)
     pitch = upper - lower + gaps
     number = np.arange(count)
     layer, rest = np.divmod(number, along_x * along_y)
@@ -141,7 +141,7 @@ def stack_bodies(
     return stack
 
 
-def _bounding_box(geometries: tuple[Geometry, ...], pose: Array) -> Array:
+def bounding_box(geometries: tuple[Geometry, ...], pose: Array) -> Array:
     """Lower and upper corner of shapes placed at a pose, shape (2, 3)."""
     corners = []
     for geometry in geometries:

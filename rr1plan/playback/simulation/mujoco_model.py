@@ -109,7 +109,7 @@ Solver = Literal["newton", "cg"]
 
 
 def build_mujoco(
-    scene: Scene, *, timestep: float = 0.002, stiffness: float = 80.0, solver: Solver = "newton"
+    scene: Scene, *, timestep: float = 0.002, stiffness: float = 160.0, solver: Solver = "newton"
 ) -> MujocoScene:
     """Build and compile a scene's MuJoCo model.
 

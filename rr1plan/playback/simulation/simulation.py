@@ -172,7 +172,7 @@ class Simulation:
         scene: Scene,
         dt: float = 0.002,
         *,
-        stiffness: float = 80.0,
+        stiffness: float = 160.0,
         threads: int = 1,
         solver: Solver = "newton",
     ) -> None:
