@@ -145,6 +145,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.simulation.replay import BodyMotion as BodyMotion
     from rr1plan.playback.simulation.replay import Replay as Replay
     from rr1plan.playback.simulation.replay import ReplayContact as ReplayContact
+    from rr1plan.playback.simulation.replay import ReplayRecord as ReplayRecord
     from rr1plan.playback.simulation.replay_trajectory import simulate as simulate
     from rr1plan.playback.simulation.simulation import Simulation as Simulation
     from rr1plan.playback.simulation.state_broadcaster import JointStateBroadcaster as JointStateBroadcaster
@@ -199,6 +200,22 @@ if TYPE_CHECKING:
     from rr1plan.scene.problem import PoseGoal as PoseGoal
     from rr1plan.scene.problem import Problem as Problem
     from rr1plan.scene.problem import RegionGoal as RegionGoal
+    from rr1plan.sequences.pick_and_place import pick_and_place as pick_and_place
+    from rr1plan.sequences.pick_and_place import top_grasps as top_grasps
+    from rr1plan.sequences.plan_sequence import plan_sequence as plan_sequence
+    from rr1plan.sequences.segments import Attach as Attach
+    from rr1plan.sequences.segments import Detach as Detach
+    from rr1plan.sequences.segments import FreeMotion as FreeMotion
+    from rr1plan.sequences.segments import MoveGripper as MoveGripper
+    from rr1plan.sequences.segments import Pause as Pause
+    from rr1plan.sequences.segments import StraightLine as StraightLine
+    from rr1plan.sequences.sequence import Sequence as Sequence
+    from rr1plan.sequences.sequence_files import load_sequence as load_sequence
+    from rr1plan.sequences.sequence_plan import SequencePlan as SequencePlan
+    from rr1plan.sequences.sequence_replay import CarriedObject as CarriedObject
+    from rr1plan.sequences.sequence_replay import SequenceReplay as SequenceReplay
+    from rr1plan.sequences.sequence_replay import simulate_sequence as simulate_sequence
+    from rr1plan.sequences.stages import SequenceStage as SequenceStage
     from rr1plan.shapes import Box as Box
     from rr1plan.shapes import Capsule as Capsule
     from rr1plan.shapes import Cylinder as Cylinder
@@ -352,7 +369,7 @@ _EXPORTS = {
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
     "rr1plan.playback.simulation.manual_controller": ("ManualController",),
     "rr1plan.playback.simulation.recorder": ("Recorder",),
-    "rr1plan.playback.simulation.replay": ("BodyMotion", "Replay", "ReplayContact"),
+    "rr1plan.playback.simulation.replay": ("BodyMotion", "Replay", "ReplayContact", "ReplayRecord"),
     "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.replay_trajectory": ("simulate",),
     "rr1plan.playback.simulation.simulation": ("Simulation",),
@@ -380,6 +397,14 @@ _EXPORTS = {
     "rr1plan.robot": ("Color", "Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
     "rr1plan.scene.loose_bodies": ("load_body", "stack_bodies"),
     "rr1plan.scene": ("Arm", "Attachment", "Obstacle", "Scene", "scene_differences"),
+    "rr1plan.sequences.pick_and_place": ("pick_and_place", "top_grasps"),
+    "rr1plan.sequences.plan_sequence": ("plan_sequence",),
+    "rr1plan.sequences.segments": ("Attach", "Detach", "FreeMotion", "MoveGripper", "Pause", "StraightLine"),
+    "rr1plan.sequences.sequence": ("Sequence",),
+    "rr1plan.sequences.sequence_files": ("load_sequence",),
+    "rr1plan.sequences.sequence_plan": ("SequencePlan",),
+    "rr1plan.sequences.sequence_replay": ("CarriedObject", "SequenceReplay", "simulate_sequence"),
+    "rr1plan.sequences.stages": ("SequenceStage",),
     "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
     "rr1plan.trajectory": ("Trajectory",),
     "rr1plan.validation": ("certify_path", "validate"),

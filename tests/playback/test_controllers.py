@@ -191,7 +191,7 @@ def test_simulate_is_the_same_motion(scene: rp.Scene) -> None:
     rows = [sim.configuration()]
     sim.on_step(lambda s: rows.append(s.configuration()))
     sim.step(replay.steps)
-    np.testing.assert_allclose(np.array(rows), replay.actual, atol=1e-9)
+    np.testing.assert_allclose(np.array(rows), replay.record.actual, atol=1e-9)
 
 
 def test_points_are_interpolated_by_what_they_carry(scene: rp.Scene) -> None:

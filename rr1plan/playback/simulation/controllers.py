@@ -61,7 +61,7 @@ class JointState(NamedTuple):
 
 
 class SetPoint(NamedTuple):
-    """What the servos of some joints have to follow.
+    """Set-points for the servos of some joints.
 
     Args:
         positions: Positions [rad or m], shape (n,).

@@ -13,7 +13,7 @@ from rr1plan.playback.simulation.controllers import Controller, JointInfo, Joint
 
 
 class GripperStatus(enum.Enum):
-    """How a gripper stands to its last command."""
+    """The state of a gripper's last command."""
 
     MOVING = "moving"
     ARRIVED = "arrived"

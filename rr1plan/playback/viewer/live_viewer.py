@@ -91,12 +91,12 @@ class Viewer:
 
     @property
     def pages(self) -> int:
-        """How many pages look on."""
+        """Number of connected pages."""
         return self._server.pages
 
     @property
     def closed(self) -> bool:
-        """The page is served no longer."""
+        """Whether the page is no longer served."""
         return not self._server.running
 
     def load(
@@ -132,7 +132,7 @@ class Viewer:
         self._options = replace(self._options, panels=tuple(known.values()))
 
     def update(self, q: ArrayLike | Mapping[str, str | ArrayLike]) -> None:
-        """Put the arms somewhere, at once and as often as you like; pages show the newest.
+        """Set the configuration of the arms at once; pages show the latest one.
 
         Args:
             q: Configuration of all arms of the scene [rad or m], shape (nq,), or a mapping from arm
@@ -189,7 +189,7 @@ class Viewer:
                 pass
 
     def play(self) -> None:
-        """Let the motion run."""
+        """Start the clock of the motion."""
         self._server.command("play")
 
     def pause(self) -> None:
@@ -245,7 +245,7 @@ class Viewer:
             return True
 
     def close(self) -> None:
-        """Serve the page no longer; more than once is fine."""
+        """Stop serving the page; may be called more than once."""
         self._server.close()
         self._ended.set()
 

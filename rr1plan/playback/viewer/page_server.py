@@ -73,7 +73,7 @@ class PageServer:
 
     @property
     def pages(self) -> int:
-        """How many pages look on."""
+        """Number of connected pages."""
         return len(self._clients)
 
     @property
