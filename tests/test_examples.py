@@ -282,6 +282,25 @@ def a_tower_falls_and_a_page_shows_it(said: str, folder: Path) -> None:
     assert '"poses"' in (folder / "25_loose_bodies.html").read_text()
 
 
+def an_arm_is_calibrated_and_its_slipped_belt_is_named(said: str, folder: Path) -> None:
+    assert "20 poses to measure in" in said
+    assert "left out: row 5" in said
+    assert number(r"zeros are off by at most (\S+) deg", said) < 0.5
+    assert number(r"moved: elbow_joint: \+(\S+) deg", said) == pytest.approx(2.0, abs=0.5)
+    assert number(r"all others by less than (\S+) standard", said) < 4.0
+    assert "not determined: {'hand_joint': ('zero', 'scale', 'sign')}" in said
+    assert rp.load_calibration(folder / "31_rr1.toml").unit == "steps"
+
+
+def an_arm_that_is_pushed_leaves_the_corridor_and_comes_back(said: str, folder: Path) -> None:
+    assert said.index("outside: left the certified corridor") < said.index("inside the certified corridor again")
+    assert number(r"(\d+) messages, ", said) > 100
+    assert number(r"at most (\S+) rad or m off the plan", said) > 0.01
+    assert "MuJoCo has 0 contacts" in said
+    assert len((folder / "32_run.jsonl").read_text().splitlines()) == number(r"from the file: (\d+) messages", said)
+    assert 0.0 < number(r"5 mrad off: (\d+) % of the corridor", said) < 300.0
+
+
 CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "01_first_motion": the_first_motion_is_proven_and_replayed,
     "02_robots": robots_have_presets_and_grippers_and_bad_files_are_refused,
@@ -308,6 +327,8 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "23_no_schedule": what_has_no_schedule_says_why,
     "24_simulation": a_simulation_is_commanded_while_it_runs,
     "25_loose_bodies": a_tower_falls_and_a_page_shows_it,
+    "31_calibration": an_arm_is_calibrated_and_its_slipped_belt_is_named,
+    "32_mirror": an_arm_that_is_pushed_leaves_the_corridor_and_comes_back,
 }
 
 
