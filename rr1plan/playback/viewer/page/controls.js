@@ -267,7 +267,7 @@ class Controls {
       slider.oninput = () => {
         const value = Number(slider.value);
         this.viewer.setJoint(column, value);
-        if (this.viewer.live) this.viewer.live.tellSlider(column, value);
+        if (this.viewer.live) this.viewer.live.sendSlider(column, value);
       };
       line.append(label, out, slider);
       row.fold.append(line);

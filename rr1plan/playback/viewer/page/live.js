@@ -38,8 +38,8 @@ class Live {
     if (Object.hasOwn(acts, message.type)) acts[message.type]();
   }
 
-  /** Tells the program that a slider was moved. */
-  tellSlider(column, value) {
+  /** Sends the position that a slider was moved to. */
+  sendSlider(column, value) {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ type: "slider", column, value }));
   }
 
