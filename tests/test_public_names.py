@@ -80,7 +80,7 @@ _INTERNAL = {
         f"CollisionChecker.{name}"
         for name in ("context", "exact_kernel", "fixed", "geometry", "model", "solids", "tables")
     ),
-    *("Scene.contact_rules", "Scene.kept", "Scene.kept_for_any_padding", "GroupResult", "Obstacle.kept"),
+    *("Scene.contact_rules", "Scene.kept", "Scene.kept_for_any_padding", "GroupResult"),
     *("Schedule", "Schedule.occupancy", "Part", "Part.occupancy", "Route"),
 }
 # Those of data classes are their fields.

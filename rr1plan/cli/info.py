@@ -176,7 +176,7 @@ def doctor(options: Namespace, console: Console) -> int:
 
 
 def _kernels() -> dict[str, str]:
-    """Which variant of the compiled kernels this processor runs, by library.
+    """The variant of the compiled kernels that this processor runs, by library.
 
     Raises:
         InstallationError: one is not there, or cannot be loaded.

@@ -114,7 +114,7 @@ def simulate(
 
 
 class _Seen(NamedTuple):
-    """What a replay saw: positions of all joints at all times, shares of effort limits, contacts, loose bodies."""
+    """Observations of a replay: all joint positions, shares of effort limits, contacts, loose bodies."""
 
     actual: Array
     effort: Array
@@ -213,7 +213,7 @@ def _reporter(progress: Callable[[float], None] | None, steps: int) -> Callable[
 
 
 def _remarks(scene: Scene, sim: Simulation, desired: Array) -> tuple[str, ...]:
-    """What the description or the step lacks for the physics, in words."""
+    """Remarks on data that the robot's description or the step lacks for the physics."""
     arms = scene.arms.items()
     massless = [name for tile in sim.tiles for name in tile.world.massless_joints]
     links = [f"{name}/{link}" for name, arm in arms for link in arm.robot.links_of_assumed_mass]

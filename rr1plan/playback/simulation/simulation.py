@@ -44,7 +44,7 @@ from rr1plan.playback.simulation.controllers import Controller, JointInfo, Joint
 from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.playback.simulation.mujoco_model import MujocoScene, Solver, build_mujoco
 from rr1plan.playback.simulation.replay import ReplayContact
-from rr1plan.playback.simulation.tiles import tile_scenes
+from rr1plan.playback.simulation.tiles import check_memory, tile_scenes
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
@@ -151,8 +151,9 @@ class Simulation:
         stiffness: Natural frequency of the joint servos [rad/s].
         threads: Threads for arms that can never meet, and for heaps of loose bodies.
         solver: What computes the forces of contacts where there are loose bodies: "newton" to convergence, which holds
-            grasped bodies; or conjugate gradients ("cg") in ten iterations, which take a fraction of the time for heaps
-            of hundreds of bodies, and let them sink a few centimeters into each other when they crash.
+            grasped bodies; or conjugate gradients ("cg") in at most twenty iterations, with fewer points of contact,
+            which take a fraction of the time for heaps of hundreds of bodies; these sink deeper into each other when
+            they crash.
 
     Attributes:
         scene: The scene; its loose bodies where they began, see `current_scene`.
@@ -161,7 +162,8 @@ class Simulation:
         tiles: The MuJoCo models with their data.
 
     Raises:
-        InputError: a step or stiffness that is not above zero, or a point cloud of too many cells.
+        InputError: a step or stiffness that is not above zero, a point cloud of too many cells, or more arms or bodies
+            than the machine has memory for.
         BackendError: MuJoCo does not take the scene.
     """
 
@@ -536,7 +538,9 @@ class Simulation:
     def _build(self, scene: Scene) -> list[Tile]:
         tiles = []
         with mujoco_warnings() as warnings:
-            for part in tile_scenes(scene):
+            parts = tile_scenes(scene)
+            check_memory(parts)
+            for part in parts:
                 world = build_mujoco(part, timestep=self.dt, stiffness=self._stiffness, solver=self._solver)
                 tiles.append(Tile(world, self._indices(world.joint_names), self._threads))
         self._warnings += warnings

@@ -38,8 +38,8 @@ class Live {
     if (Object.hasOwn(acts, message.type)) acts[message.type]();
   }
 
-  /** Sends the position that a slider was moved to. */
-  sendSlider(column, value) {
+  /** Reports a moved slider to the program. */
+  tellSlider(column, value) {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ type: "slider", column, value }));
   }
 
