@@ -284,7 +284,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         _view,
     ),
     "mirror": (
-        "mirror.mirror",
+        "joint_stream.mirror",
         "show joint states live, beside a plan and its certified corridor",
         (
             "rr1plan mirror udp://127.0.0.1:9000 --plan motion.json --record run.jsonl",
