@@ -99,6 +99,8 @@ def pick_and_place(
         width, goals = None, list(items_of("grasps", grasps, "PoseGoal"))
         for goal in goals:
             of_kind("one of grasps", goal, PoseGoal)
+        if not goals:
+            raise InputError("grasps is empty, expected at least one PoseGoal")
     places = _places(thing, obstacle, place)
     given = (
         None
@@ -200,6 +202,8 @@ def _places(thing: Obstacle, name: str, place: PoseGoal | ArrayLike | Sequence[P
             goals.append(PoseGoal(name, turned))
     else:
         goals = list(items_of("place", place, "PoseGoal"))
+    if not goals:
+        raise InputError("place is an empty list, expected at least one PoseGoal")
     for goal in goals:
         of_kind("one of the places", goal, PoseGoal)
         if goal.frame != name or goal.quaternion is None:
