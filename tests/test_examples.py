@@ -271,6 +271,34 @@ def a_simulation_is_commanded_while_it_runs(said: str, folder: Path) -> None:
     assert len((folder / "24_states.jsonl").read_text().splitlines()) == 200
 
 
+def a_block_is_carried_by_friction(said: str, folder: Path) -> None:
+    assert FREE in said
+    assert number(r"(\d+) grasps from above", said) >= 4
+    taken, left = (number(rf"at (\S+) s: {what} 'block'", said) for what in ("attach", "detach"))
+    assert 0.0 < taken < left
+    assert number(r"block: at most (\S+) mm from where the plan has it", said) < 10.0
+    assert "contacts: none that no stage allows" in said
+    assert "read again: SequencePlan(13 stages, Report(certified" in said
+    assert re.search(r"with a ball: stage 7 .*late_ball and block overlap", said)
+    assert re.search(r"too far: no plan \(infeasible\): segment 7 .*out of reach", said)
+    assert (folder / "26_pick_and_place.html").stat().st_size > 100_000
+
+
+def three_blocks_end_in_a_row(said: str, folder: Path) -> None:
+    assert re.search(r"34 stages, \S+ s: Report\(certified", said)
+    for name, y in (("red", -0.06), ("green", -0.14), ("blue", -0.22)):
+        assert f"{name} at [-0.28, {y}], " in said
+    assert max(numbers(r"(\S+) mm off in the simulation", said)) < 5.0
+    assert (folder / "27_blocks.html").exists()
+
+
+def a_bar_goes_from_one_arm_to_the_other(said: str, folder: Path) -> None:
+    assert FREE in said
+    assert re.findall(r"at \S+ s: (\w+) 'bar'", said) == ["attach", "detach", "attach", "detach"]
+    assert number(r"bar: at most (\S+) mm from where the plan has it", said) < 10.0
+    assert rp.load_sequence(folder / "28_hand_over.json").valid
+
+
 CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "01_first_motion": the_first_motion_is_proven_and_replayed,
     "02_robots": robots_have_presets_and_grippers_and_bad_files_are_refused,
@@ -296,6 +324,9 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "22_hundred_on_a_grid": a_hundred_arms_move_at_once,
     "23_no_schedule": what_has_no_schedule_says_why,
     "24_simulation": a_simulation_is_commanded_while_it_runs,
+    "26_pick_and_place": a_block_is_carried_by_friction,
+    "27_blocks": three_blocks_end_in_a_row,
+    "28_hand_over": a_bar_goes_from_one_arm_to_the_other,
 }
 
 
