@@ -116,7 +116,8 @@ def calls(folder: Path) -> dict[str, Call]:
     many = rp.plan_many_arms(problem, rng=0)
     graph, running = rp.plan_graph(many), rp.RunningPlan.of(many)
     rp.save_plan_graph(folder / "g.json", graph, many.trajectory, scene)
-    with_block = rp.Scene().with_arm("arm", rp.load_robot("rr1")).with_obstacle("block", rp.Sphere(0.02), [-0.3, 0, 0.1])
+    rr1 = rp.Scene().with_arm("arm", rp.load_robot("rr1"))
+    with_block = rr1.with_obstacle("block", rp.Sphere(0.02), [-0.3, 0, 0.1])
     steps = rp.plan_sequence(rp.Sequence(scene, [rp.FreeMotion(q + 0.1), rp.Pause(0.1)]), rng=0)
     steps.save(folder / "q.json")
     shown = dict.fromkeys(("trajectory", "path", "problem", "report", "replay", "options"))
@@ -149,9 +150,6 @@ def calls(folder: Path) -> dict[str, Call]:
 
     def shown_page(**options: Any) -> None:
         rp.show(**options).close()
-
-    def shown_sequence(**options: Any) -> None:
-        steps.show(**options).close()
 
     def shown_picture(**options: Any) -> None:
         picture.show(**options).close()
@@ -308,7 +306,10 @@ def calls(folder: Path) -> dict[str, Call]:
         "SequencePlan.object_poses": (steps.object_poses, {"name": "box", "times": [0.0, 0.1]}),
         "SequencePlan.save": (steps.save, {"file": folder / "o.json", "embed": False}),
         "SequencePlan.save_html": (steps.save_html, {"file": folder / "o.html", "replay": None, "options": None}),
-        "SequencePlan.show": (shown_sequence, live | {"replay": None, "options": None}),
+        "SequencePlan.show": (
+            lambda **options: steps.show(**options).close(),
+            live | {"replay": None, "options": None},
+        ),
         "load_sequence": (
             rp.load_sequence,
             {"file": folder / "q.json", "scene": None, "torque_limits": False, "jerk_limits": False, "progress": None},
