@@ -62,6 +62,16 @@ if TYPE_CHECKING:
     from rr1plan.export.robot_formats import save_rosbag as save_rosbag
     from rr1plan.export.ros_trajectories import load_joint_trajectory as load_joint_trajectory
     from rr1plan.load_motion import load_motion as load_motion
+    from rr1plan.mirror.corridor import Corridor as Corridor
+    from rr1plan.mirror.corridor import CorridorPosition as CorridorPosition
+    from rr1plan.mirror.corridor import certified_corridor as certified_corridor
+    from rr1plan.mirror.joint_states import StateMessage as StateMessage
+    from rr1plan.mirror.joint_states import StreamError as StreamError
+    from rr1plan.mirror.joint_states import read_states as read_states
+    from rr1plan.mirror.mirror import Mirror as Mirror
+    from rr1plan.mirror.mirror_report import MirrorEvent as MirrorEvent
+    from rr1plan.mirror.mirror_report import MirrorReport as MirrorReport
+    from rr1plan.mirror.mirror_report import MirrorState as MirrorState
     from rr1plan.model import IkResult as IkResult
     from rr1plan.model import Kinematics as Kinematics
     from rr1plan.model import copies_within_limits as copies_within_limits
@@ -130,10 +140,12 @@ if TYPE_CHECKING:
     from rr1plan.playback.simulation.controllers import SetPoint as SetPoint
     from rr1plan.playback.simulation.gripper_controller import GripperController as GripperController
     from rr1plan.playback.simulation.gripper_controller import GripperStatus as GripperStatus
+    from rr1plan.playback.simulation.manual_controller import ManualController as ManualController
     from rr1plan.playback.simulation.recorder import Recorder as Recorder
     from rr1plan.playback.simulation.replay import BodyMotion as BodyMotion
     from rr1plan.playback.simulation.replay import Replay as Replay
     from rr1plan.playback.simulation.replay import ReplayContact as ReplayContact
+    from rr1plan.playback.simulation.replay import ReplayRecord as ReplayRecord
     from rr1plan.playback.simulation.replay_trajectory import simulate as simulate
     from rr1plan.playback.simulation.simulation import Simulation as Simulation
     from rr1plan.playback.simulation.state_broadcaster import JointStateBroadcaster as JointStateBroadcaster
@@ -267,6 +279,10 @@ _EXPORTS = {
     "rr1plan.shapes.point_cloud_files": ("load_point_cloud",),
     "rr1plan.export.ros_trajectories": ("load_joint_trajectory",),
     "rr1plan.robot.disabled_collisions": ("PairProposal", "propose_disabled_collisions"),
+    "rr1plan.mirror.corridor": ("Corridor", "CorridorPosition", "certified_corridor"),
+    "rr1plan.mirror.joint_states": ("StateMessage", "StreamError", "read_states"),
+    "rr1plan.mirror.mirror": ("Mirror",),
+    "rr1plan.mirror.mirror_report": ("MirrorEvent", "MirrorReport", "MirrorState"),
     "rr1plan.model": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
     "rr1plan.scene.model_library": (
         "installed_robot_names",
@@ -351,8 +367,9 @@ _EXPORTS = {
     "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
     "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
+    "rr1plan.playback.simulation.manual_controller": ("ManualController",),
     "rr1plan.playback.simulation.recorder": ("Recorder",),
-    "rr1plan.playback.simulation.replay": ("BodyMotion", "Replay", "ReplayContact"),
+    "rr1plan.playback.simulation.replay": ("BodyMotion", "Replay", "ReplayContact", "ReplayRecord"),
     "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.replay_trajectory": ("simulate",),
     "rr1plan.playback.simulation.simulation": ("Simulation",),

@@ -271,6 +271,17 @@ def a_simulation_is_commanded_while_it_runs(said: str, folder: Path) -> None:
     assert len((folder / "24_states.jsonl").read_text().splitlines()) == 200
 
 
+def a_tower_falls_and_a_page_shows_it(said: str, folder: Path) -> None:
+    heights = ("top block at", "drawn at", "bodies, the top one at")
+    standing, drawn, again = (number(rf"{words} (\S+) m", said) for words in heights)
+    assert standing == pytest.approx(drawn, abs=0.002)
+    assert again == drawn
+    assert number(r"(\d) of 8 blocks lie", said) >= 6
+    assert number(r"deepest penetration (\S+) mm", said) < 20
+    assert "forbidden contacts: []" in said
+    assert '"poses"' in (folder / "25_loose_bodies.html").read_text()
+
+
 def a_block_is_carried_by_friction(said: str, folder: Path) -> None:
     assert FREE in said
     assert number(r"(\d+) grasps from above", said) >= 4
@@ -324,6 +335,7 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "22_hundred_on_a_grid": a_hundred_arms_move_at_once,
     "23_no_schedule": what_has_no_schedule_says_why,
     "24_simulation": a_simulation_is_commanded_while_it_runs,
+    "25_loose_bodies": a_tower_falls_and_a_page_shows_it,
     "26_pick_and_place": a_block_is_carried_by_friction,
     "27_blocks": three_blocks_end_in_a_row,
     "28_hand_over": a_bar_goes_from_one_arm_to_the_other,

@@ -9,7 +9,6 @@ import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.plan import told_to
 from rr1plan.errors import InputError, NoPlanError
-from rr1plan.load_motion import load_motion
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.scene.model_library import load_scene
 from rr1plan.sequences.sequence_files import holds_sequence, load_sequence
@@ -60,7 +59,7 @@ def saved_motion(
     with console.progress("checking") as advance:
         if options.topic is None and holds_sequence(file):
             return load_sequence(file, where, **(checks or {}), progress=told_to(advance))
-        return load_motion(file, where, topic=options.topic, **(checks or {}), progress=told_to(advance))
+        return rp.load_motion(file, where, topic=options.topic, **(checks or {}), progress=told_to(advance))
 
 
 def say_changes(motion: MotionPlan | SequencePlan, console: Console) -> None:

@@ -49,7 +49,7 @@ _POLL = 0.05  # time between two looks at what threads do [s]
 
 @dataclass(frozen=True)
 class GroupResult:
-    """What came of one interaction group.
+    """The result of one interaction group.
 
     Args:
         arms: Its arms.
@@ -147,7 +147,7 @@ def plan_many_arms(
     rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> ManyArmsResult:
-    """Plan the motions of all moving arms on one clock; between them, they are certified in continuous time.
+    """Plan the motions of all moving arms on one clock, certified between the arms in continuous time.
 
     Args:
         problem: The problem. Arms that move without a goal may yield and come back.

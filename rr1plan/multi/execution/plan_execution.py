@@ -23,7 +23,7 @@ from rr1plan.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class ArmDelay(Value):
-    """What delays an arm. Arms of one agent, which move as one, are delayed together.
+    """Delays of an arm. The arms of one agent move as one and are delayed together.
 
     Args:
         start: It starts so much later [s].
@@ -59,7 +59,7 @@ def _not_negative(name: str, value: object) -> float:
 
 @dataclass(frozen=True, eq=False)
 class PlanExecution(Value):
-    """How a plan was executed.
+    """The execution of a plan.
 
     Args:
         trajectory: All arms of the plan on one clock.

@@ -71,7 +71,7 @@ class RouteSteps(Value):
 
 @dataclass(frozen=True, eq=False)
 class Route(Value):
-    """The way of an agent.
+    """The unrolled path of an agent: all segments and rests in order.
 
     Args:
         joint_names: Name of each column, "arm/joint", length nq.

@@ -126,7 +126,7 @@ class RunningPlan(Value):
         return tuple(self.parts)
 
     def configuration(self, arm: str, time: float) -> Array:
-        """Where an arm is at a time [s], shape (nq,); within its limits, whatever the rounding.
+        """Configuration of an arm at a time [s], shape (nq,), within its limits in spite of rounding.
 
         Raises:
             UnknownNameError: the plan has no such arm.
@@ -139,7 +139,7 @@ class RunningPlan(Value):
         return np.asarray(np.where(np.abs(nearest - q) < _ROUNDING, nearest, q))
 
     def velocity(self, arm: str, time: float) -> Array:
-        """How fast the joints of an arm are at a time [s], shape (nq,) [rad/s or m/s].
+        """Joint velocities of an arm at a time [s], shape (nq,) [rad/s or m/s].
 
         Raises:
             UnknownNameError: the plan has no such arm.
@@ -147,7 +147,7 @@ class RunningPlan(Value):
         return np.asarray(self._columns(arm, time, 1))
 
     def goal(self, arm: str) -> Array:
-        """Where an arm ends, shape (nq,).
+        """Final configuration of an arm, shape (nq,).
 
         Raises:
             UnknownNameError: the plan has no such arm.
@@ -162,7 +162,7 @@ class RunningPlan(Value):
         return np.asarray(self.trajectory(finite_number("time", time), derivative)[columns])
 
     def part_at(self, arm: str, time: float) -> Part:
-        """On which path an arm is."""
+        """The part in which an arm is at a time [s]."""
         return next(part for part in self.parts[arm] if time <= part.end)
 
     def with_parts(self, changed: Mapping[str, tuple[Part, ...]], trajectory: Trajectory, now: float) -> RunningPlan:

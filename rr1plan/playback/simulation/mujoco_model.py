@@ -109,7 +109,7 @@ Solver = Literal["newton", "cg"]
 
 
 def build_mujoco(
-    scene: Scene, *, timestep: float = 0.002, stiffness: float = 80.0, solver: Solver = "newton"
+    scene: Scene, *, timestep: float = 0.002, stiffness: float = 160.0, solver: Solver = "newton"
 ) -> MujocoScene:
     """Build and compile a scene's MuJoCo model.
 
@@ -143,7 +143,7 @@ def build_mujoco(
     model = _compile(spec)
     elements = tuple(builder.elements[model.geom(i).name] for i in range(model.ngeom))
     efforts = np.array([joint.joint.effort for joint in builder.joints])
-    joints, bodies = tuple(j.name for j in builder.joints), tuple(_loose_bodies(scene))
+    joints, bodies = tuple(j.name for j in builder.joints), tuple(loose_bodies(scene))
     return MujocoScene(scene, spec, model, joints, bodies, elements, efforts, massless)
 
 
@@ -174,7 +174,7 @@ class _Builder:
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
         self.spec.compiler.balanceinertia = True
-        if _loose_bodies(scene):
+        if loose_bodies(scene):
             self._set_solver(solver)
         self._surface = {"priority": 1, "solref": [max(_CONTACT_TIME, 2.0 * timestep), 1.0]}
         self.joints: list[_PlacedJoint] = []
@@ -320,7 +320,7 @@ def _few_boxes(cloud: PointCloud) -> tuple[Array, Array]:
 
 def _excluded_pairs(scene: Scene) -> Iterator[tuple[str, str]]:
     """Pairs of bodies that may touch: an arm's own, and what the scene allows between arms and fixed things."""
-    loose = _loose_bodies(scene)
+    loose = loose_bodies(scene)
     owned: dict[str | None, list[str]] = {}
     for element in scene.element_names:
         owned.setdefault(scene.owner(element), []).append(element)
@@ -342,7 +342,8 @@ def _body_name(element: str) -> str:
     return f"{element}#" if element.rstrip("#") == "world" else element
 
 
-def _loose_bodies(scene: Scene) -> dict[str, Obstacle]:
+def loose_bodies(scene: Scene) -> dict[str, Obstacle]:
+    """The obstacles with a mass, by name."""
     return {name: thing for name, thing in scene.obstacles.items() if thing.mass is not None}
 
 

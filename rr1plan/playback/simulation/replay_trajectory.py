@@ -21,7 +21,7 @@ from rr1plan.playback.simulation.controllers import Controller, JointState, SetP
 from rr1plan.playback.simulation.joint_map import JointTargets
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
 from rr1plan.playback.simulation.recorder import BodyLog
-from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayContact
+from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayContact, ReplayRecord
 from rr1plan.playback.simulation.simulation import Simulation
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
@@ -44,7 +44,7 @@ def simulate(
     mode: Mode = "dynamic",
     dt: float = 0.002,
     record_dt: float = 0.01,
-    stiffness: float = 80.0,
+    stiffness: float = 160.0,
     hold: float = 0.0,
     progress: ProgressCallback | None = None,
 ) -> Replay:
@@ -98,9 +98,9 @@ def simulate(
     return Replay(
         mode=mode,
         joint_names=trajectory.joint_names,
-        times=times[kept],
-        desired=desired[np.ix_(kept, columns)],
-        actual=seen.actual[np.ix_(kept, columns)],
+        record=ReplayRecord(
+            times[kept], desired[np.ix_(kept, columns)], seen.actual[np.ix_(kept, columns)], seen.bodies
+        ),
         max_error=np.abs(error).max(axis=0),
         rms_error=np.sqrt((error**2).mean(axis=0)),
         peak_effort=seen.effort[columns],
@@ -110,7 +110,6 @@ def simulate(
         wall_seconds=seen.wall,
         settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness},
         remarks=seen.remarks,
-        bodies=seen.bodies,
     )
 
 

@@ -73,19 +73,29 @@ class Tile:
     Attributes:
         model: MuJoCo's model.
         data: MuJoCo's data.
+        joints: Number of its joints.
+        state: Views of their positions, velocities and efforts, shape (joints,) each.
         bodies: Index of each of its loose bodies among them.
     """
 
     def __init__(self, world: MujocoScene, columns: NDArray[np.int64], threads: int) -> None:
-        self.world, self.columns = world, columns
+        self.world = world
+        first, count = int(columns[0]) if len(columns) else 0, len(columns)
+        in_order = np.array_equal(columns, np.arange(first, first + count))
+        self.columns: NDArray[np.int64] | slice = slice(first, first + count) if in_order else columns
+        self.joints = count
         self.model: Any = world.model
         self.data: Any = mujoco.MjData(world.model)
         if threads > 1 and len(world.body_names) >= _A_HEAP:
             mujoco.mju_threadpool(self.data, threads - 1)
-        self._control = np.zeros((len(columns), 3))
+        # Views of MuJoCo's arrays, which stay where they are: to make one takes as long as a small sum.
+        data = self.data
+        self.state = data.qpos[:count], data.qvel[:count], data.actuator_force
+        self._control = data.ctrl.reshape(count, 3)
+        self._bias = data.qfrc_bias[:count]
         self.bodies = {name: i for i, name in enumerate(world.body_names)}
         self._torque, self._accelerations = np.zeros((2, self.model.nv))
-        self._alarms = self.data.warning.number
+        self._alarms = data.warning.number
         self._state_size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION)
 
     def refresh(self) -> None:
@@ -94,18 +104,17 @@ class Tile:
 
     def command(self, positions: Array, velocities: Array, accelerations: Array, efforts: Array) -> None:
         """Set-points of all joints of the simulation for the next step, with the feed-forward torque."""
-        control, joints = self._control, len(self.columns)
+        control, joints = self._control, self.joints
         self._accelerations[:joints] = accelerations[self.columns]
         mujoco.mj_mulM(self.model, self.data, self._torque, self._accelerations)
         control[:, 0] = positions[self.columns]
         control[:, 1] = velocities[self.columns]
-        control[:, 2] = self._torque[:joints] + self.data.qfrc_bias[:joints] + efforts[self.columns]
-        self.data.ctrl[:] = control.ravel()
+        control[:, 2] = self._torque[:joints] + self._bias + efforts[self.columns]
 
     def advance(self) -> None:
         """Take a step from the present state, and refresh what follows from the new one."""
         mujoco.mj_step2(self.model, self.data)
-        mujoco.mj_step1(self.model, self.data)
+        self.refresh()
 
     def is_unstable(self) -> bool:
         """Whether MuJoCo has warned of values that are not finite or too large."""
@@ -113,7 +122,7 @@ class Tile:
 
     def body_state(self, name: str) -> tuple[Array, Array]:
         """Position and quaternion (7,) of a loose body, and its linear and its own angular velocity (6,), as views."""
-        joints, i = len(self.columns), self.bodies[name]
+        joints, i = self.joints, self.bodies[name]
         qpos, qvel = self.data.qpos[joints + 7 * i :], self.data.qvel[joints + 6 * i :]
         return qpos[:7], qvel[:6]
 
@@ -161,7 +170,7 @@ class Simulation:
         scene: Scene,
         dt: float = 0.002,
         *,
-        stiffness: float = 80.0,
+        stiffness: float = 160.0,
         threads: int = 1,
         solver: Solver = "newton",
     ) -> None:
@@ -534,8 +543,8 @@ class Simulation:
         return tiles
 
     def _set_joints(self, tile: Tile, positions: Array, velocities: Array) -> None:
-        tile.data.qpos[: len(tile.columns)] = positions[tile.columns]
-        tile.data.qvel[: len(tile.columns)] = velocities[tile.columns]
+        tile.state[0][:] = positions[tile.columns]
+        tile.state[1][:] = velocities[tile.columns]
 
     def _body(self, name: str) -> Tile:
         """The model with a loose body."""
@@ -630,16 +639,17 @@ class Simulation:
 
     def _note_contacts(self) -> None:
         for tile in self.tiles:
-            if tile.data.ncon:
+            depth = -float(tile.data.contact.dist.min()) if tile.data.ncon else -math.inf
+            if depth >= 0.0:
                 self._contacts.add(tile.world, tile.data, self.time)
-                self._deepest = max(self._deepest, -float(tile.data.contact.dist.min()))
+                self._deepest = max(self._deepest, depth)
 
     def _observe(self) -> None:
         """Collect the state of all joints from the models."""
         rates = np.empty((3, len(self.joint_names)))
         for tile in self.tiles:
-            joints, data = len(tile.columns), tile.data
-            rates[:, tile.columns] = data.qpos[:joints], data.qvel[:joints], data.actuator_force
+            for row, values in zip(rates, tile.state, strict=True):
+                row[tile.columns] = values
         self._now = JointState(self.time, *rates)
 
     def _state(self, indices: NDArray[np.int64]) -> JointState:

@@ -85,7 +85,7 @@ def view_document(
     motion = trajectory if trajectory is not None or path is None else _steady(path)
     if motion is None and replay is not None:
         motion = _replayed(replay)
-    bodies = None if replay is None else replay.bodies
+    bodies = None if replay is None else replay.record.bodies
     fixed = {name: o for name, o in scene.obstacles.items() if bodies is None or name not in bodies.bodies}
     ghosts = [] if problem is None else _ghosts(problem)
     return {
@@ -95,16 +95,14 @@ def view_document(
         "arms": rows,
         "columns": list(scene.joint_names()) if scene.arms else [],
         "obstacles": [_object(name, o.geometries, o.pose, shapes) for name, o in fixed.items()],
-        "bodies": None if replay is None or bodies is None else _bodies(bodies, replay.times, shapes),
+        "bodies": None if replay is None or bodies is None else _bodies(bodies, replay.record.times, shapes),
         "attachments": [
             _object(name, a.geometries, a.pose, shapes)
             | {"arm": a.arm, "link": a.link, "spheres": _spheres({name: a.geometries}) if spheres else None}
             for name, a in scene.attachments.items()
         ],
         "shapes": shapes.rows,
-        "track": None
-        if motion is None
-        else _track(motion, scene) | {"timed": trajectory is not None or path is None},
+        "track": None if motion is None else _track(motion, scene) | {"timed": trajectory is not None or path is None},
         "replay": None if replay is None else _track(_replayed(replay), scene) | {"summary": _summary(replay)},
         "path": None if path is None else _waypoints(path, scene),
         "ghosts": ghosts,
@@ -297,10 +295,11 @@ def _steady(path: Path) -> Trajectory:
 
 def _replayed(replay: Replay) -> Trajectory:
     """What the simulator recorded, as straight lines between its samples."""
-    if len(replay.times) < 2:
-        return Trajectory.rest(replay.joint_names, replay.actual[0])
-    slopes = np.diff(replay.actual, axis=0) / np.diff(replay.times)[:, None]
-    return Trajectory(replay.joint_names, replay.times, np.stack([replay.actual[:-1], slopes], axis=1))
+    times, positions = replay.record.times, replay.record.actual
+    if len(times) < 2:
+        return Trajectory.rest(replay.joint_names, positions[0])
+    slopes = np.diff(positions, axis=0) / np.diff(times)[:, None]
+    return Trajectory(replay.joint_names, times, np.stack([positions[:-1], slopes], axis=1))
 
 
 def _summary(replay: Replay) -> dict[str, Any]:

@@ -96,9 +96,11 @@ class Viewer {
 
   // ---- the configuration -------------------------------------------------------------------
 
-  setQ(q) {
+  /** Shows a configuration, and in place of the clock where it is from. */
+  setQ(q, origin = "by hand") {
     this.player.pause();
     this.manual = true;
+    this.origin = origin;
     this.q.set(q);
     this.show();
   }
