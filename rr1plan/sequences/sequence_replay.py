@@ -195,9 +195,9 @@ def simulate_sequence(
     with Recorder(sim, record_dt) as recorder:
         sim.step(steps)
     replay = recorder.replay()
-    bodies = replay.bodies
+    bodies = replay.record.bodies
     rows = {} if bodies is None else dict(zip(bodies.bodies, bodies.poses.swapaxes(0, 1), strict=True))
-    objects = {name: _carried(plan, name, replay.times, rows[name]) for name in names}
+    objects = {name: _carried(plan, name, replay.record.times, rows[name]) for name in names}
     return SequenceReplay(replay, objects, worst, (*remarks, *(f"MuJoCo: {text}" for text in sim.warnings)))
 
 
