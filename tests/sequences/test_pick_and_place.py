@@ -77,6 +77,7 @@ def test_the_support_may_be_touched_while_the_object_is_lifted_and_lowered(table
         ({"supports": ["floor"]}, "'floor'"),
         ({"grasps": ["home"]}, "grasps"),
         ({"grasps": []}, "grasps"),
+        ({"grasps": [rp.PoseGoal("tool", [0, 0, 0.1])]}, "grasps has no quaternion"),
     ],
 )
 def test_bad_arguments(table: rp.Scene, arguments: dict, message: str) -> None:
