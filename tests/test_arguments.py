@@ -200,6 +200,10 @@ def calls(folder: Path) -> dict[str, Call]:
     many = rp.plan_many_arms(problem, rng=0)
     graph, running = rp.plan_graph(many), rp.RunningPlan.of(many)
     rp.save_plan_graph(folder / "g.json", graph, many.trajectory, scene)
+    rr1 = rp.Scene().with_arm("arm", rp.load_robot("rr1"))
+    with_block = rr1.with_obstacle("block", rp.Sphere(0.02), [-0.3, 0, 0.1])
+    steps = rp.plan_sequence(rp.Sequence(scene, [rp.FreeMotion(q + 0.1), rp.Pause(0.1)]), rng=0)
+    steps.save(folder / "q.json")
     shown = dict.fromkeys(("trajectory", "path", "problem", "report", "replay", "options"))
     live = {"port": None, "open_browser": False, "quiet": True}
     picture = rp.cspace(scene, problem, resolution=8)
@@ -364,6 +368,49 @@ def calls(folder: Path) -> dict[str, Call]:
             | {"improvement": budget, "method": "portfolio", "retiming": "blend", "torque_limits": False},
         ),
         "plan_graph": (rp.plan_graph, {"result": many}),
+        "FreeMotion": (rp.FreeMotion, {"goal": q, "arm": None, "allow": []}),
+        "StraightLine": (
+            rp.StraightLine,
+            {"goal": None, "offset": [0.1, 0.0, 0.0], "axes": "world", "arm": None, "allow": [("arm", "box")]},
+        ),
+        "MoveGripper": (
+            rp.MoveGripper,
+            {"position": 0.1, "width": None, "around": None, "squeeze": 0.0, "seconds": 0.1, "arm": None, "allow": []},
+        ),
+        "Attach": (rp.Attach, {"obstacle": "box", "arm": None, "link": None, "touch": []}),
+        "Detach": (rp.Detach, {"name": "box"}),
+        "Pause": (rp.Pause, {"seconds": 0.1}),
+        "Sequence": (rp.Sequence, {"scene": scene, "segments": [rp.FreeMotion(q)]}),
+        "SequenceStage": (
+            rp.SequenceStage,
+            {"label": "rest", "begin": 0.0, "end": 0.0, "allowed": frozenset(), "change": rp.Detach("box")},
+        ),
+        "plan_sequence": (
+            rp.plan_sequence,
+            {"sequence": steps.sequence, "planner": "rrt_connect", "retiming": "blend", "budget": budget, "rng": 0}
+            | {"progress": None},
+        ),
+        "SequencePlan.object_poses": (steps.object_poses, {"name": "box", "times": [0.0, 0.1]}),
+        "SequencePlan.save": (steps.save, {"file": folder / "o.json", "embed": False}),
+        "SequencePlan.save_html": (steps.save_html, {"file": folder / "o.html", "replay": None, "options": None}),
+        "SequencePlan.show": (
+            lambda **options: steps.show(**options).close(),
+            live | {"replay": None, "options": None},
+        ),
+        "load_sequence": (
+            rp.load_sequence,
+            {"file": folder / "q.json", "scene": None, "torque_limits": False, "jerk_limits": False, "progress": None},
+        ),
+        "simulate_sequence": (
+            rp.simulate_sequence,
+            {"plan": steps, "dt": 0.01, "record_dt": 0.1, "stiffness": 50.0, "hold": 0.0, "progress": None},
+        ),
+        "top_grasps": (rp.top_grasps, {"scene": with_block, "obstacle": "block", "arm": None, "yaws": 4}),
+        "pick_and_place": (
+            rp.pick_and_place,
+            {"scene": with_block, "obstacle": "block", "place": [-0.3, -0.1, 0.03], "arm": None}
+            | {"grasps": None, "supports": None, "height": 0.05},
+        ),
         "PlanGraph.waits_for": (graph.waits_for, {"arm": "arm"}),
         "ArmDelay": (rp.ArmDelay, {"start": 0.1, "slowdown": 0.1, "pauses": [(0.1, 0.2)]}),
         "execute_plan": (
@@ -725,6 +772,7 @@ _NOT_CALLED = {
         "PairProposal",
         "BodyMotion",
     ),
+    *("SequencePlan", "SequenceReplay", "CarriedObject"),
     *("ReplayRecord", "CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
     *("Progress", "SearchTree", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
     *("AddedMotion", "Dependency", "Node", "PlanExecution", "Part", "Part.until", "PlanGraph", "PlanGraph.from_dict"),

@@ -71,6 +71,7 @@ CALLABLES = dict(public_callables())
 # JSON-like data, which has no other type.
 _UNTYPED = {
     *("Panel", "Replay", "Replay.to_dict", "Report.to_dict", "Report.from_dict", "pack_array", "PairProposal.get"),
+    "SequenceReplay.to_dict",
     *("PairProposal.keys", "PairProposal.items", "PairProposal.values"),
     *("PlanGraph.to_dict", "PlanGraph.from_dict"),
 }
