@@ -172,6 +172,8 @@ class Obstacle(Entry):
     name: Name
     geometries: Annotated[list[Geometry], Meta(min_length=1)]
     pose: Pose
+    mass: Positive | None = None
+    friction: NotNegative = 1.0
 
 
 class Attachment(Entry):
@@ -181,6 +183,8 @@ class Attachment(Entry):
     link: Name
     pose: Pose
     touch: list[Name]
+    mass: Positive | None = None
+    friction: NotNegative = 1.0
 
 
 class PairPadding(Entry):

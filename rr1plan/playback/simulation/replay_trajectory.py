@@ -172,11 +172,11 @@ def _kinematic(scene: Scene, times: Array, desired: Array, dt: float, report: Ca
         model, data = world.model, mujoco.MjData(world.model)
         began = time.perf_counter()
         for k, q in enumerate(desired):
-            data.qpos[:] = q
+            data.qpos[: len(q)] = q  # loose bodies stay where they stand
             mujoco.mj_kinematics(model, data)
             mujoco.mj_collision(model, data)
             if data.ncon:
-                contacts.add(data, world.geom_elements, float(times[k]))
+                contacts.add(world, data, float(times[k]))
             report(k)
         wall = time.perf_counter() - began
     remarks = tuple(f"MuJoCo: {text}" for text in warnings)

@@ -19,6 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -31,6 +32,7 @@ from rr1plan.checks import (
     counted,
     finite_array,
     finite_number,
+    known_name,
     of_kind,
     positive_number,
     whole_number,
@@ -44,7 +46,8 @@ from rr1plan.playback.simulation.mujoco_model import MujocoScene, build_mujoco
 from rr1plan.playback.simulation.replay import ReplayContact
 from rr1plan.playback.simulation.tiles import tile_scenes
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
-from rr1plan.scene import Scene
+from rr1plan.scene import Arm, Scene
+from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
 
 _UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}")) for kind in ("QPOS", "QVEL", "QACC", "CTRL")]
 _MOST_STIFFNESS = 1e6  # [rad/s]
@@ -67,6 +70,7 @@ class Tile:
     Attributes:
         model: MuJoCo's model.
         data: MuJoCo's data.
+        bodies: Index of each of its loose bodies among them.
     """
 
     def __init__(self, world: MujocoScene, columns: NDArray[np.int64]) -> None:
@@ -74,7 +78,8 @@ class Tile:
         self.model: Any = world.model
         self.data: Any = mujoco.MjData(world.model)
         self._control = np.zeros((len(columns), 3))
-        self._torque = np.zeros(self.model.nv)
+        self.bodies = {name: i for i, name in enumerate(world.body_names)}
+        self._torque, self._accelerations = np.zeros((2, self.model.nv))
         self._alarms = self.data.warning.number
         self._state_size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION)
 
@@ -84,11 +89,12 @@ class Tile:
 
     def command(self, positions: Array, velocities: Array, accelerations: Array, efforts: Array) -> None:
         """Set-points of all joints of the simulation for the next step, with the feed-forward torque."""
-        control = self._control
-        mujoco.mj_mulM(self.model, self.data, self._torque, accelerations[self.columns])
+        control, joints = self._control, len(self.columns)
+        self._accelerations[:joints] = accelerations[self.columns]
+        mujoco.mj_mulM(self.model, self.data, self._torque, self._accelerations)
         control[:, 0] = positions[self.columns]
         control[:, 1] = velocities[self.columns]
-        control[:, 2] = self._torque + self.data.qfrc_bias + efforts[self.columns]
+        control[:, 2] = self._torque[:joints] + self.data.qfrc_bias[:joints] + efforts[self.columns]
         self.data.ctrl[:] = control.ravel()
 
     def advance(self) -> None:
@@ -99,6 +105,12 @@ class Tile:
     def is_unstable(self) -> bool:
         """Whether MuJoCo has warned of values that are not finite or too large."""
         return bool(self._alarms[_UNSTABLE].any())
+
+    def body_state(self, name: str) -> tuple[Array, Array]:
+        """Position and quaternion (7,) of a loose body, and its linear and its own angular velocity (6,), as views."""
+        joints, i = len(self.columns), self.bodies[name]
+        qpos, qvel = self.data.qpos[joints + 7 * i :], self.data.qvel[joints + 6 * i :]
+        return qpos[:7], qvel[:6]
 
     def save(self) -> Array:
         """The state from which a run can be repeated exactly."""
@@ -117,7 +129,7 @@ class Simulation:
     """A scene in MuJoCo, to be stepped; nothing moves that no controller commands.
 
     Joint damping and friction of the description are left out: they belong to a drive, whose controller compensates
-    them. The scene is not changed.
+    them. Obstacles with a mass are loose bodies. The scene is not changed.
 
     Args:
         scene: The scene; arms start in their configurations.
@@ -126,7 +138,7 @@ class Simulation:
         threads: Threads for arms that can never meet.
 
     Attributes:
-        scene: The scene.
+        scene: The scene; its loose bodies where they began, see `current_scene`.
         dt: Time of a step [s].
         joint_names: "arm/joint" of every movable joint, the order of `positions`, `velocities` and `efforts`.
         tiles: The MuJoCo models with their data.
@@ -144,20 +156,18 @@ class Simulation:
             raise InputError(f"dt is {dt:g} s, expected at most {_LONGEST_STEP:g} s")
         if positive_number("stiffness", stiffness) > _MOST_STIFFNESS:
             raise InputError(f"stiffness is {stiffness}, expected at most {_MOST_STIFFNESS:g} rad/s")
+        self._stiffness = float(stiffness)
         self._threads = whole_number("threads", threads, 1, 256)
         self._map = JointMap(scene)
         self.joint_names = self._map.names
-        column = {name: i for i, name in enumerate(self.joint_names)}
-        self.tiles: list[Tile] = []
-        with mujoco_warnings() as self._warnings:
-            for part in tile_scenes(scene):
-                world = build_mujoco(part, timestep=self.dt, stiffness=stiffness)
-                self.tiles.append(Tile(world, np.array([column[name] for name in world.joint_names], dtype=np.int64)))
+        self._warnings: list[str] = []
+        self.tiles = self._build(scene)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 and len(self.tiles) > 1 else None
         self._active: dict[Controller, NDArray[np.int64]] = {}
         self._callbacks: list[StepCallback] = []
         self._pause = threading.Event()
         self._contacts = ContactLog(1.5 * self.dt)
+        self._deepest = 0.0
         self._wall = 0.0
         self._begin(self._map.expand(scene.configuration()), np.zeros(len(self.joint_names)))
 
@@ -249,6 +259,100 @@ class Simulation:
             UnknownNameError: an unknown joint.
         """
         return self._state(self._indices(check_joint_names(joint_names)))
+
+    # ---- loose bodies ----------------------------------------------------------------------------
+
+    @property
+    def body_names(self) -> tuple[str, ...]:
+        """The loose bodies: obstacles with a mass."""
+        return tuple(name for tile in self.tiles for name in tile.bodies)
+
+    @property
+    def max_penetration(self) -> float:
+        """Deepest penetration of any contact since the beginning [m], allowed ones of loose bodies included."""
+        return self._deepest
+
+    @property
+    def current_scene(self) -> Scene:
+        """The scene as it is now, for planning: arms in their configurations, loose bodies at their poses."""
+        moved = {name: replace(self.scene.obstacles[name], pose=self.body_pose(name)) for name in self.body_names}
+        q = self.scene.split(self.configuration())
+        arms = {name: Arm(arm.robot, arm.base, q[name]) for name, arm in self.scene.arms.items()}
+        return replace(self.scene, arms=arms, obstacles={**self.scene.obstacles, **moved})
+
+    def body_pose(self, name: str) -> Array:
+        """T_world_body of a loose body, shape (4, 4).
+
+        Raises:
+            UnknownNameError: no such loose body.
+        """
+        position, _ = self._body(name).body_state(name)
+        pose = identity().copy()
+        pose[:3, 3], pose[:3, :3] = position[:3], rotation_from_quaternion(position[3:])
+        return pose
+
+    def body_velocity(self, name: str) -> Array:
+        """Linear velocity of a loose body's origin [m/s] and its angular velocity [rad/s], in world axes, shape (6,).
+
+        Raises:
+            UnknownNameError: no such loose body.
+        """
+        _, velocity = self._body(name).body_state(name)
+        return np.concatenate([velocity[:3], self.body_pose(name)[:3, :3] @ velocity[3:]])
+
+    def place_body(self, name: str, pose: ArrayLike, velocity: ArrayLike | None = None) -> None:
+        """Put a loose body somewhere, between two steps; the clock goes on.
+
+        Args:
+            name: The body.
+            pose: T_world_body: (4, 4), or a position (3,) [m].
+            velocity: Linear [m/s] and angular velocity [rad/s] in world axes, shape (6,) (default: at rest).
+
+        Raises:
+            UnknownNameError: no such loose body.
+            InputError: no pose, or a velocity that is not finite.
+        """
+        tile, T = self._body(name), as_pose(pose, "pose")
+        rates = np.zeros(6) if velocity is None else finite_array("velocity", velocity, (6,))
+        place, motion = tile.body_state(name)
+        place[:3], place[3:] = T[:3, 3], quaternion_from_rotation(T[:3, :3])
+        motion[:3], motion[3:] = rates[:3], T[:3, :3].T @ rates[3:]
+        tile.refresh()
+
+    def update_scene(self, scene: Scene) -> None:
+        """Go on in another scene of the same arms: things added, moved or removed, grasped or released.
+
+            sim.update_scene(sim.scene.with_obstacle("ball", rp.Sphere(0.05), [0.3, 0.0, 1.0], mass=0.2))
+
+        Arms keep their state and their controllers, the clock goes on. Loose bodies that are at the same pose in both
+        scenes keep their state, too; everything else is where the new scene has it. `reset` comes back to the
+        scene of the beginning.
+
+        Args:
+            scene: The other scene.
+
+        Raises:
+            InputError: other arms, or arms elsewhere.
+            BackendError: MuJoCo does not take the scene.
+        """
+        of_kind("scene", scene, Scene)
+        before = self.scene.arms
+        for name in (*before, *scene.arms):
+            one, other = before.get(name), scene.arms.get(name)
+            if one is None or other is None or list(before) != list(scene.arms):
+                raise InputError(f"the scenes have different arms ({name!r}), expected the arms of the simulation")
+            if one.robot.content_hash != other.robot.content_hash or not np.array_equal(one.base, other.base):
+                raise InputError(f"arm {name!r} is another robot or elsewhere, expected the arms of the simulation")
+        tiles = self._build(scene)
+        old, new = self.scene.obstacles, scene.obstacles
+        stay = {name for name in self.body_names if name in new and np.array_equal(old[name].pose, new[name].pose)}
+        for tile in tiles:
+            self._set_joints(tile, self._now.positions, self._now.velocities)
+            for name in stay & tile.bodies.keys():
+                for to, of in zip(tile.body_state(name), self._body(name).body_state(name), strict=True):
+                    to[:] = of
+            tile.refresh()
+        self.tiles, self.scene = tiles, scene
 
     # ---- controllers -----------------------------------------------------------------------------
 
@@ -366,7 +470,8 @@ class Simulation:
         self._pause.set()
 
     def reset(self) -> None:
-        """Go back to the beginning exactly; active controllers are activated again."""
+        """Go back to the beginning and its scene exactly; active controllers are activated again."""
+        self.scene, self.tiles = self._origin
         for tile, state in zip(self.tiles, self._initial, strict=True):
             tile.restore(state)
         self._set_off()
@@ -393,12 +498,30 @@ class Simulation:
 
     # ---- inside ----------------------------------------------------------------------------------
 
+    def _build(self, scene: Scene) -> list[Tile]:
+        tiles = []
+        with mujoco_warnings() as warnings:
+            for part in tile_scenes(scene):
+                world = build_mujoco(part, timestep=self.dt, stiffness=self._stiffness)
+                tiles.append(Tile(world, self._indices(world.joint_names)))
+        self._warnings += warnings
+        return tiles
+
+    def _set_joints(self, tile: Tile, positions: Array, velocities: Array) -> None:
+        tile.data.qpos[: len(tile.columns)] = positions[tile.columns]
+        tile.data.qvel[: len(tile.columns)] = velocities[tile.columns]
+
+    def _body(self, name: str) -> Tile:
+        """The model with a loose body."""
+        known_name("loose body", name, self.body_names)
+        return next(tile for tile in self.tiles if name in tile.bodies)
+
     def _begin(self, positions: Array, velocities: Array) -> None:
         for tile in self.tiles:
             mujoco.mj_resetData(tile.model, tile.data)
-            tile.data.qpos[:] = positions[tile.columns]
-            tile.data.qvel[:] = velocities[tile.columns]
+            self._set_joints(tile, positions, velocities)
             tile.refresh()
+        self._origin = self.scene, self.tiles
         self._initial = [tile.save() for tile in self.tiles]
         self._set_off()
 
@@ -407,6 +530,7 @@ class Simulation:
         self.steps = 0
         self._wall = 0.0
         self._contacts.clear()
+        self._deepest = 0.0
         self._observe()
         self._desired = np.zeros((4, len(self.joint_names)))
         self._desired[0] = self._now.positions
@@ -481,13 +605,15 @@ class Simulation:
     def _note_contacts(self) -> None:
         for tile in self.tiles:
             if tile.data.ncon:
-                self._contacts.add(tile.data, tile.world.geom_elements, self.time)
+                self._contacts.add(tile.world, tile.data, self.time)
+                self._deepest = max(self._deepest, -float(tile.data.contact.dist.min()))
 
     def _observe(self) -> None:
         """Collect the state of all joints from the models."""
         rates = np.empty((3, len(self.joint_names)))
         for tile in self.tiles:
-            rates[:, tile.columns] = tile.data.qpos, tile.data.qvel, tile.data.actuator_force
+            joints, data = len(tile.columns), tile.data
+            rates[:, tile.columns] = data.qpos[:joints], data.qvel[:joints], data.actuator_force
         self._now = JointState(self.time, *rates)
 
     def _state(self, indices: NDArray[np.int64]) -> JointState:

@@ -21,8 +21,10 @@ def tile_scenes(scene: Scene) -> list[Scene]:
         scene: The scene.
 
     Returns:
-        The scene itself, or parts in the order of its arms.
+        The scene itself, as always with loose bodies, which may come anywhere; or parts in the order of its arms.
     """
+    if any(obstacle.mass is not None for obstacle in scene.obstacles.values()):
+        return [scene]
     groups = interaction_groups(arms_in_reach(scene, scene.arms, 0.0)) if len(scene.arms) > ARMS_IN_A_TILE else []
     if len(groups) < 2:
         return [scene]
