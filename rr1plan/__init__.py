@@ -120,6 +120,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram as CoordinationDiagram
     from rr1plan.playback.schedules.timeline import Timeline as Timeline
     from rr1plan.playback.schedules.timeline import timeline as timeline
+    from rr1plan.playback.simulation.arm_variation import ArmVariation as ArmVariation
     from rr1plan.playback.simulation.controllers import Controller as Controller
     from rr1plan.playback.simulation.controllers import ForwardPositionController as ForwardPositionController
     from rr1plan.playback.simulation.controllers import ForwardVelocityController as ForwardVelocityController
@@ -191,6 +192,14 @@ if TYPE_CHECKING:
     from rr1plan.shapes.convex_decomposition import convex_pieces as convex_pieces
     from rr1plan.shapes.mesh_files import load_mesh as load_mesh
     from rr1plan.shapes.point_cloud_files import load_point_cloud as load_point_cloud
+    from rr1plan.testing.assertions import assert_replays as assert_replays
+    from rr1plan.testing.assertions import assert_valid as assert_valid
+    from rr1plan.testing.replay_variations import ReplayVariations as ReplayVariations
+    from rr1plan.testing.replay_variations import VariedReplays as VariedReplays
+    from rr1plan.testing.second_opinion import Disagreement as Disagreement
+    from rr1plan.testing.second_opinion import SampledContact as SampledContact
+    from rr1plan.testing.second_opinion import SecondOpinion as SecondOpinion
+    from rr1plan.testing.second_opinion import second_opinion as second_opinion
     from rr1plan.trajectory import Trajectory as Trajectory
     from rr1plan.validation import certify_path as certify_path
     from rr1plan.validation import validate as validate
@@ -301,6 +310,7 @@ _EXPORTS = {
     "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
     "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
+    "rr1plan.playback.simulation.arm_variation": ("ArmVariation",),
     "rr1plan.playback.simulation.replay": ("Replay", "ReplayContact"),
     "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.replay_trajectory": ("simulate",),
@@ -329,6 +339,9 @@ _EXPORTS = {
     "rr1plan.robot": ("Color", "Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
     "rr1plan.scene": ("Arm", "Attachment", "Obstacle", "Scene", "scene_differences"),
     "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
+    "rr1plan.testing.assertions": ("assert_replays", "assert_valid"),
+    "rr1plan.testing.replay_variations": ("ReplayVariations", "VariedReplays"),
+    "rr1plan.testing.second_opinion": ("Disagreement", "SampledContact", "SecondOpinion", "second_opinion"),
     "rr1plan.trajectory": ("Trajectory",),
     "rr1plan.validation": ("certify_path", "validate"),
 }

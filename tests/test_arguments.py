@@ -7,6 +7,7 @@ longer than a page, or go on for seconds.
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import inspect
 from collections.abc import Callable, Iterator
@@ -153,6 +154,11 @@ def calls(folder: Path) -> dict[str, Call]:
     def in_viewer(verb: str, **options: Any) -> None:
         with rp.show(scene, open_browser=False, quiet=True) as viewer:
             getattr(viewer, verb)(**options)
+
+    def asserted(check: Callable[..., Any], **options: Any) -> None:
+        """What fails is the motion, not the argument."""
+        with contextlib.suppress(AssertionError):
+            check(**options)
 
     def registered(**options: Any) -> None:
         before = dict(planners._registered)
@@ -385,9 +391,32 @@ def calls(folder: Path) -> dict[str, Call]:
         "simulate": (
             rp.simulate,
             {"trajectory": trajectory, "scene": scene, "mode": "kinematic", "dt": 0.002, "record_dt": 0.01}
-            | {"stiffness": 80.0, "hold": 0.0, "progress": None},
+            | {"stiffness": 80.0, "hold": 0.0, "variation": None, "progress": None},
         ),
-        "Simulation": (rp.Simulation, {"scene": scene, "dt": 0.002, "stiffness": 80.0, "threads": 1}),
+        "Simulation": (
+            rp.Simulation,
+            {"scene": scene, "dt": 0.002, "stiffness": 80.0, "threads": 1, "variation": None},
+        ),
+        "ArmVariation": (rp.ArmVariation, {"payload": 0.1, "mass": 1.1, "friction": 0.01}),
+        "ReplayVariations": (
+            rp.ReplayVariations,
+            {"payload": 0.1, "mass": 0.1, "friction": 0.01, "count": 2, "rng": 0},
+        ),
+        "assert_valid": (
+            partial(asserted, rp.assert_valid),
+            {"motion": motion, "scene": scene, "problem": None, "torque_limits": False, "jerk_limits": False},
+        ),
+        "assert_replays": (
+            partial(asserted, rp.assert_replays),
+            {"motion": motion, "scene": scene, "tolerance": 1.0, "goal_tolerance": 1.0, "variations": None}
+            | {"dt": 0.002},
+        ),
+        "second_opinion": (
+            rp.second_opinion,
+            {"motion": trajectory, "scene": scene, "step": 0.05, "checkers": ("Coal",), "tolerance": 1e-4}
+            | {"progress": None},
+        ),
+        "SecondOpinion.first_contact": (rp.SecondOpinion(("Coal",), 1, 0).first_contact, {"checker": "Coal"}),
         "Simulation.step": (simulation.step, {"count": 1}),
         "Simulation.run": (run, {"until": None, "duration": 0.01, "speed": 1.0}),
         "Simulation.place": (simulation.place, {"joint_names": arm_names, "positions": q, "velocities": None}),
@@ -597,6 +626,7 @@ _NOT_CALLED = {
         for kind in ("ForwardPosition", "ForwardVelocity", "Gripper", "JointTrajectory")
         for name in ("activate", "update", "check_positions")
     ),
+    *("Disagreement", "SampledContact", "SecondOpinion", "VariedReplays", "Calibration", "JointCalibration"),
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),
     *("CSpace", "CSpaceGrid", "Decomposition", "DrawnTree", "Replay", "ReplayContact", "ContactBand", "PairProposal"),
     *("CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),

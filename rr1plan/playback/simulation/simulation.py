@@ -39,6 +39,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import BackendError, ControllerError, InputError, UnknownNameError
 from rr1plan.path import check_joint_names
+from rr1plan.playback.simulation.arm_variation import ArmVariation, varied_model
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointMap
@@ -66,6 +67,7 @@ class Tile:
     Args:
         world: The compiled model.
         columns: Index of each of its joints among those of the simulation.
+        variation: How the arms differ from their description, unknown to the feed-forward torque.
 
     Attributes:
         model: MuJoCo's model.
@@ -73,10 +75,13 @@ class Tile:
         bodies: Index of each of its loose bodies among them.
     """
 
-    def __init__(self, world: MujocoScene, columns: NDArray[np.int64]) -> None:
+    def __init__(self, world: MujocoScene, columns: NDArray[np.int64], variation: ArmVariation | None = None) -> None:
         self.world, self.columns = world, columns
         self.model: Any = world.model
-        self.data: Any = mujoco.MjData(world.model)
+        if variation is not None:
+            self.model = varied_model(world.model, world.scene, world.effort_limits, variation)
+        self.data: Any = mujoco.MjData(self.model)
+        self._described = None if variation is None else mujoco.MjData(world.model)
         self._control = np.zeros((len(columns), 3))
         self.bodies = {name: i for i, name in enumerate(world.body_names)}
         self._torque, self._accelerations = np.zeros((2, self.model.nv))
@@ -90,12 +95,24 @@ class Tile:
     def command(self, positions: Array, velocities: Array, accelerations: Array, efforts: Array) -> None:
         """Set-points of all joints of the simulation for the next step, with the feed-forward torque."""
         control, joints = self._control, len(self.columns)
+        data = self._described_state()
         self._accelerations[:joints] = accelerations[self.columns]
-        mujoco.mj_mulM(self.model, self.data, self._torque, self._accelerations)
+        mujoco.mj_mulM(self.world.model, data, self._torque, self._accelerations)
         control[:, 0] = positions[self.columns]
         control[:, 1] = velocities[self.columns]
-        control[:, 2] = self._torque[:joints] + self.data.qfrc_bias[:joints] + efforts[self.columns]
+        control[:, 2] = self._torque[:joints] + data.qfrc_bias[:joints] + efforts[self.columns]
         self.data.ctrl[:] = control.ravel()
+
+    def _described_state(self) -> Any:
+        """Inertia and bias torques of the arms as described, at the present state."""
+        data, model = self._described, self.world.model
+        if data is None:
+            return self.data
+        data.qpos[:], data.qvel[:] = self.data.qpos, self.data.qvel
+        for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_makeM, mujoco.mj_comVel):
+            stage(model, data)
+        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
+        return data
 
     def advance(self) -> None:
         """Take a step from the present state, and refresh what follows from the new one."""
@@ -136,6 +153,7 @@ class Simulation:
         dt: Time of a step [s].
         stiffness: Natural frequency of the joint servos [rad/s].
         threads: Threads for arms that can never meet.
+        variation: How the arms differ from their description, which their servos rely on (default: not at all).
 
     Attributes:
         scene: The scene; its loose bodies where they began, see `current_scene`.
@@ -148,15 +166,24 @@ class Simulation:
         BackendError: MuJoCo does not take the scene.
     """
 
-    def __init__(self, scene: Scene, dt: float = 0.002, *, stiffness: float = 80.0, threads: int = 1) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        dt: float = 0.002,
+        *,
+        stiffness: float = 80.0,
+        threads: int = 1,
+        variation: ArmVariation | None = None,
+    ) -> None:
         of_kind("scene", scene, Scene)
+        of_kind("variation", variation, ArmVariation, optional=True)
         self.scene = scene
         self.dt = positive_number("dt", dt)
         if self.dt > _LONGEST_STEP:
             raise InputError(f"dt is {dt:g} s, expected at most {_LONGEST_STEP:g} s")
         if positive_number("stiffness", stiffness) > _MOST_STIFFNESS:
             raise InputError(f"stiffness is {stiffness}, expected at most {_MOST_STIFFNESS:g} rad/s")
-        self._stiffness = float(stiffness)
+        self._stiffness, self._variation = float(stiffness), variation
         self._threads = whole_number("threads", threads, 1, 256)
         self._map = JointMap(scene)
         self.joint_names = self._map.names
@@ -503,7 +530,7 @@ class Simulation:
         with mujoco_warnings() as warnings:
             for part in tile_scenes(scene):
                 world = build_mujoco(part, timestep=self.dt, stiffness=self._stiffness)
-                tiles.append(Tile(world, self._indices(world.joint_names)))
+                tiles.append(Tile(world, self._indices(world.joint_names), self._variation))
         self._warnings += warnings
         return tiles
 
