@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from rr1plan.errors import CancelledError as CancelledError
     from rr1plan.errors import ControllerError as ControllerError
     from rr1plan.errors import FormatError as FormatError
+    from rr1plan.errors import HardwareError as HardwareError
     from rr1plan.errors import InputError as InputError
     from rr1plan.errors import InstallationError as InstallationError
     from rr1plan.errors import MissingPackageError as MissingPackageError
@@ -50,6 +51,8 @@ if TYPE_CHECKING:
     from rr1plan.errors import PlannerError as PlannerError
     from rr1plan.errors import RetimingError as RetimingError
     from rr1plan.errors import Rr1PlanError as Rr1PlanError
+    from rr1plan.errors import SerialLineError as SerialLineError
+    from rr1plan.errors import StalledJointError as StalledJointError
     from rr1plan.errors import UnknownNameError as UnknownNameError
     from rr1plan.export.csv_files import load_csv as load_csv
     from rr1plan.export.csv_files import save_csv as save_csv
@@ -57,6 +60,18 @@ if TYPE_CHECKING:
     from rr1plan.export.robot_formats import save_mjcf as save_mjcf
     from rr1plan.export.robot_formats import save_rosbag as save_rosbag
     from rr1plan.export.ros_trajectories import load_joint_trajectory as load_joint_trajectory
+    from rr1plan.hardware.box_emulator import BoxEmulator as BoxEmulator
+    from rr1plan.hardware.box_emulator import EmulatedSerialLine as EmulatedSerialLine
+    from rr1plan.hardware.command_plan import CommandPlan as CommandPlan
+    from rr1plan.hardware.command_plan import plan_commands as plan_commands
+    from rr1plan.hardware.command_sender import SerialPort as SerialPort
+    from rr1plan.hardware.command_sender import open_serial_port as open_serial_port
+    from rr1plan.hardware.command_sender import send_commands as send_commands
+    from rr1plan.hardware.control_box import BoxChannel as BoxChannel
+    from rr1plan.hardware.control_box import ControlBox as ControlBox
+    from rr1plan.hardware.control_box import load_control_box as load_control_box
+    from rr1plan.hardware.control_box_frames import BoxCommand as BoxCommand
+    from rr1plan.hardware.control_box_frames import Telemetry as Telemetry
     from rr1plan.load_motion import load_motion as load_motion
     from rr1plan.model import IkResult as IkResult
     from rr1plan.model import Kinematics as Kinematics
@@ -227,6 +242,7 @@ _EXPORTS = {
         "ControllerError",
         "CancelledError",
         "FormatError",
+        "HardwareError",
         "InputError",
         "InstallationError",
         "MissingPackageError",
@@ -234,6 +250,8 @@ _EXPORTS = {
         "PlannerError",
         "RetimingError",
         "Rr1PlanError",
+        "SerialLineError",
+        "StalledJointError",
         "UnknownNameError",
     ),
     "rr1plan.robot.contact_bands": ("ContactBand",),
@@ -255,6 +273,11 @@ _EXPORTS = {
         "scene_names",
     ),
     "rr1plan.robot.joint_limits": ("Limits",),
+    "rr1plan.hardware.box_emulator": ("BoxEmulator", "EmulatedSerialLine"),
+    "rr1plan.hardware.command_plan": ("CommandPlan", "plan_commands"),
+    "rr1plan.hardware.command_sender": ("SerialPort", "open_serial_port", "send_commands"),
+    "rr1plan.hardware.control_box": ("BoxChannel", "ControlBox", "load_control_box"),
+    "rr1plan.hardware.control_box_frames": ("BoxCommand", "Telemetry"),
     "rr1plan.load_motion": ("load_motion",),
     "rr1plan.motion_plan": ("MotionPlan",),
     "rr1plan.multi": (

@@ -89,6 +89,22 @@ WRONG: dict[str, Callable[[], Any]] = {
 _LABELS = {("transforms.as_pose", "name"), ("Robot.configuration", "name")}
 
 
+BOX = """
+[control_box]
+tick = 0.0006
+[control_box.channels.S1]
+joint = "joint1"
+fast_period = 2
+ramp_steps = 8
+"""
+
+
+def asserted(check: Callable[..., Any], **options: Any) -> None:
+    """What fails is the motion, not the argument."""
+    with contextlib.suppress(AssertionError):
+        check(**options)
+
+
 def calls(folder: Path) -> dict[str, Call]:
     """Public functions by name, each with arguments that it takes."""
     robot = rp.load_robot("planar2r")
@@ -155,11 +171,6 @@ def calls(folder: Path) -> dict[str, Call]:
         with rp.show(scene, open_browser=False, quiet=True) as viewer:
             getattr(viewer, verb)(**options)
 
-    def asserted(check: Callable[..., Any], **options: Any) -> None:
-        """What fails is the motion, not the argument."""
-        with contextlib.suppress(AssertionError):
-            check(**options)
-
     def registered(**options: Any) -> None:
         before = dict(planners._registered)
         try:
@@ -167,6 +178,14 @@ def calls(folder: Path) -> dict[str, Call]:
         finally:
             planners._registered.clear()
             planners._registered.update(before)
+
+    channels = {name: rp.BoxChannel(joint, 2.0, 8) for name, joint in zip(("S1", "S2"), robot.joint_names, strict=True)}
+    box, command = rp.ControlBox(channels, 0.0006), rp.BoxCommand((4, 0, 0, 0, 0, 0, 0))
+    rows = {joint: rp.JointCalibration(1, 0.0, 500.0, 0.1, 0.1) for joint in robot.joint_names}
+    calibration = rp.Calibration(robot.name, rows, "steps")
+    resting = rp.Trajectory.rest(names, q)
+    commands = rp.plan_commands(resting, calibration, box, scene=rp.Scene().with_arm("arm", robot))
+    (folder / "box.toml").write_text(BOX)
 
     return {
         "plan_many": (
@@ -376,6 +395,31 @@ def calls(folder: Path) -> dict[str, Call]:
         "shorten": (
             rp.shorten,
             {"path": path, "scene": scene, "checker": checker, "rng": 0, "iterations": 4, "seconds": 0.2, "smooth": 0},
+        ),
+        "BoxChannel": (
+            rp.BoxChannel,
+            {"joint": "joint1", "fast_period": 2.0, "ramp_steps": 8, "counts_per_step": None},
+        ),
+        "ControlBox": (rp.ControlBox, {"channels": dict(box.channels), "tick": 0.0006}),
+        "load_control_box": (rp.load_control_box, {"file": folder / "box.toml"}),
+        "BoxCommand": (rp.BoxCommand, {"steps": command.steps, "safety": "high"}),
+        "BoxCommand.decode": (rp.BoxCommand.decode, {"frame": command.encode()}),
+        "Telemetry.decode": (rp.Telemetry.decode, {"frame": rp.EmulatedSerialLine(box).telemetry().encode()}),
+        "BoxEmulator": (rp.BoxEmulator, {"box": box}),
+        "BoxEmulator.command": (rp.BoxEmulator(box).command, {"command": command}),
+        "BoxEmulator.advance": (rp.BoxEmulator(box).advance, {"ticks": 3}),
+        "BoxEmulator.run": (rp.BoxEmulator(box).run, {"command": command}),
+        "EmulatedSerialLine": (rp.EmulatedSerialLine, {"box": box, "position": None}),
+        "EmulatedSerialLine.read": (rp.EmulatedSerialLine(box).read, {"size": 5}),
+        "EmulatedSerialLine.write": (rp.EmulatedSerialLine(box).write, {"data": b""}),
+        "plan_commands": (
+            rp.plan_commands,
+            {"motion": trajectory, "calibration": calibration, "box": box, "scene": scene, "tolerance": 0.01}
+            | {"safety": "high"},
+        ),
+        "send_commands": (
+            rp.send_commands,
+            {"plan": commands, "port": rp.EmulatedSerialLine(box), "silence": 1.0, "progress": None},
         ),
         "Budget": (rp.Budget, {"seconds": 1.0, "iterations": None}),
         "cspace": (
@@ -626,6 +670,7 @@ _NOT_CALLED = {
         for kind in ("ForwardPosition", "ForwardVelocity", "Gripper", "JointTrajectory")
         for name in ("activate", "update", "check_positions")
     ),
+    *("CommandPlan", "SerialPort", "SerialPort.read", "SerialPort.write", "Telemetry", "open_serial_port"),
     *("Disagreement", "SampledContact", "SecondOpinion", "VariedReplays", "Calibration", "JointCalibration"),
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),
     *("CSpace", "CSpaceGrid", "Decomposition", "DrawnTree", "Replay", "ReplayContact", "ContactBand", "PairProposal"),

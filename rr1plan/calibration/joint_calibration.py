@@ -242,6 +242,7 @@ def load_calibration(file: str | pathlib.Path) -> Calibration:
     entries = {"robot": table.string("robot"), "unit": units.string("reading")}
     entries |= {"date": table.string("date", ""), "source": table.string("source", "")}
     rows = {name: _joint(joints.table(name)) for name in joints.names()}
+    table.raw("control_box")  # that of `load_control_box`
     for part in (units, table):
         part.finish()
     with table.blame():

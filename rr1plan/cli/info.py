@@ -26,6 +26,7 @@ _REQUIRED = (
 _OPTIONAL = {
     "xacrodoc": "xacro",
     "rosbags": "ros",
+    "pyserial": "serial",
     "example-robot-data": "robots",
     "playwright": "dev",
 }
