@@ -54,12 +54,14 @@ if TYPE_CHECKING:
     from rr1plan.errors import SerialLineError as SerialLineError
     from rr1plan.errors import StalledJointError as StalledJointError
     from rr1plan.errors import UnknownNameError as UnknownNameError
+    from rr1plan.export.controller_rules import check_joint_trajectory as check_joint_trajectory
     from rr1plan.export.csv_files import load_csv as load_csv
     from rr1plan.export.csv_files import save_csv as save_csv
     from rr1plan.export.plan_files import save_motion as save_motion
     from rr1plan.export.robot_formats import save_mjcf as save_mjcf
     from rr1plan.export.robot_formats import save_rosbag as save_rosbag
     from rr1plan.export.ros_trajectories import load_joint_trajectory as load_joint_trajectory
+    from rr1plan.export.ros_trajectories import save_joint_trajectory as save_joint_trajectory
     from rr1plan.hardware.box_emulator import BoxEmulator as BoxEmulator
     from rr1plan.hardware.box_emulator import EmulatedSerialLine as EmulatedSerialLine
     from rr1plan.hardware.command_plan import CommandPlan as CommandPlan
@@ -260,7 +262,8 @@ _EXPORTS = {
     "rr1plan.shapes.mesh_files": ("load_mesh",),
     "rr1plan.export.plan_files": ("save_motion",),
     "rr1plan.shapes.point_cloud_files": ("load_point_cloud",),
-    "rr1plan.export.ros_trajectories": ("load_joint_trajectory",),
+    "rr1plan.export.controller_rules": ("check_joint_trajectory",),
+    "rr1plan.export.ros_trajectories": ("load_joint_trajectory", "save_joint_trajectory"),
     "rr1plan.robot.disabled_collisions": ("PairProposal", "propose_disabled_collisions"),
     "rr1plan.model": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
     "rr1plan.scene.model_library": (

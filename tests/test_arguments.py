@@ -252,6 +252,15 @@ def calls(folder: Path) -> dict[str, Call]:
             },
         ),
         "load_joint_trajectory": (rp.load_joint_trajectory, {"file": folder / "j.yaml", "topic": None}),
+        "save_joint_trajectory": (
+            rp.save_joint_trajectory,
+            {"file": folder / "o.yaml", "trajectory": resting, "dt": 0.1, "lead": 0.0, "rename": None},
+        ),
+        "check_joint_trajectory": (
+            rp.check_joint_trajectory,
+            {"message": folder / "j.yaml", "joint_names": None, "topic": None, "allow_partial_joints": False}
+            | {"allow_final_velocity": False},
+        ),
         "save_motion": (
             rp.save_motion,
             {"file": folder / "o.json", "scene": scene, "embed": False}
@@ -613,7 +622,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "save_mjcf": (rp.save_mjcf, {"file": folder / "o.xml", "scene": scene}),
         "save_rosbag": (
             rp.save_rosbag,
-            {"folder": folder / "bag", "trajectory": trajectory, "dt": 0.1, "lead": 0.0, "rename": None},
+            {"folder": folder / "bag", "trajectory": resting, "dt": 0.1, "lead": 0.0, "rename": None}
+            | {"storage": "mcap"},
         ),
         "Panel": (
             rp.Panel,
