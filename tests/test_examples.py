@@ -271,6 +271,23 @@ def a_simulation_is_commanded_while_it_runs(said: str, folder: Path) -> None:
     assert len((folder / "24_states.jsonl").read_text().splitlines()) == 200
 
 
+def assertions_say_what_is_wrong(said: str, _: Path) -> None:
+    assert said.count(": passed") == 3
+    assert "11 replays passed; the worst:" in said
+    assert "FCL, Coal, MuJoCo at" in said
+    assert "free of contacts, they agree" in said
+    assert re.search(r"in_the_way: failed\n  the motion is not valid: collision: .*and ball overlap by", said)
+
+
+def a_motion_goes_to_an_emulated_control_box(said: str, folder: Path) -> None:
+    assert "certified free of collision, steps and ramps" in said
+    assert number(r"planned (\S+) s", said) < number(r"the arm takes (\S+) s", said)
+    assert "executed: idle, counters" in said
+    assert "refused: W1 is at 0 steps" in said
+    assert "objections of a controller: []" in said
+    assert rp.load_joint_trajectory(folder / "30_motion.yaml").degree == 5
+
+
 CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "01_first_motion": the_first_motion_is_proven_and_replayed,
     "02_robots": robots_have_presets_and_grippers_and_bad_files_are_refused,
@@ -296,6 +313,8 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "22_hundred_on_a_grid": a_hundred_arms_move_at_once,
     "23_no_schedule": what_has_no_schedule_says_why,
     "24_simulation": a_simulation_is_commanded_while_it_runs,
+    "29_assert_replays": assertions_say_what_is_wrong,
+    "30_real_arm": a_motion_goes_to_an_emulated_control_box,
 }
 
 
