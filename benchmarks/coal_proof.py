@@ -177,8 +177,8 @@ class PlainCoal:
             centers: Where both balls of each are, shape (n, 2, 3).
             pairs: The pairs, shape (n,).
         """
-        apart = np.linalg.norm(centers[:, 0] - centers[:, 1], axis=1)
-        return np.asarray(apart - self._radii[self.index[pairs]].sum(axis=1) - self.padding[pairs])
+        distances = np.linalg.norm(centers[:, 0] - centers[:, 1], axis=1)
+        return np.asarray(distances - self._radii[self.index[pairs]].sum(axis=1) - self.padding[pairs])
 
     def touches(self, k: int, placed: Array, beyond: float = 0.0) -> bool:
         """Whether a pair is nearer than this beyond its padding [m]; the parts are at `placed` (parts, 4, 4)."""

@@ -35,7 +35,7 @@ from rr1plan.scene.motion_bench import problem_set_joints, read_problem_set
 
 _STEP = 0.002  # of the samples whose speed and acceleration are looked at [s]
 _REFERENCE = peers.PEERS[0].name
-# By the question's name and the kind of what was judged.
+# By the problem's name and the kind of motion that was judged.
 _Verdicts = Mapping[str, Mapping[str, rp.SecondOpinion]]
 _CHECKERS = ("Coal", "FCL")
 

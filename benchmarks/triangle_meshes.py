@@ -5,7 +5,8 @@
 An RR1 beside a mug of 2,600 triangles, and above a terrain of 10,000 and of 100,000, all made here. Set up is what the
 tables of the scene take once the arm's are made. Edges are random, from random free configurations. Convex pieces come
 from CoACD (`convex_pieces`), where they come within `--seconds`. Verdicts of the kernels are compared with those of
-python-fcl's hierarchy of triangles at random configurations; those nearer to contact than `GRAZING` are counted apart.
+python-fcl's hierarchy of triangles at random configurations; those nearer to contact than `GRAZING` are counted
+separately.
 """
 
 from __future__ import annotations

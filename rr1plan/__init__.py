@@ -25,9 +25,13 @@ if TYPE_CHECKING:
     from rr1plan.batch import Answer as Answer
     from rr1plan.batch import PlanFailure as PlanFailure
     from rr1plan.batch import plan_many as plan_many
+    from rr1plan.calibration.calibrate import calibrate as calibrate
     from rr1plan.calibration.joint_calibration import Calibration as Calibration
+    from rr1plan.calibration.joint_calibration import CalibrationFit as CalibrationFit
     from rr1plan.calibration.joint_calibration import JointCalibration as JointCalibration
+    from rr1plan.calibration.joint_calibration import ZeroShift as ZeroShift
     from rr1plan.calibration.joint_calibration import load_calibration as load_calibration
+    from rr1plan.calibration.measurement_poses import propose_calibration_poses as propose_calibration_poses
     from rr1plan.checks import Array as Array
     from rr1plan.checks import Seed as Seed
     from rr1plan.collision import CollisionChecker as CollisionChecker
@@ -75,41 +79,49 @@ if TYPE_CHECKING:
     from rr1plan.hardware.control_box_frames import BoxCommand as BoxCommand
     from rr1plan.hardware.control_box_frames import Telemetry as Telemetry
     from rr1plan.load_motion import load_motion as load_motion
+    from rr1plan.mirror.corridor import Corridor as Corridor
+    from rr1plan.mirror.corridor import CorridorPosition as CorridorPosition
+    from rr1plan.mirror.corridor import certified_corridor as certified_corridor
+    from rr1plan.mirror.joint_states import StateMessage as StateMessage
+    from rr1plan.mirror.joint_states import StreamError as StreamError
+    from rr1plan.mirror.joint_states import read_states as read_states
+    from rr1plan.mirror.mirror import Mirror as Mirror
+    from rr1plan.mirror.mirror_report import MirrorEvent as MirrorEvent
+    from rr1plan.mirror.mirror_report import MirrorReport as MirrorReport
+    from rr1plan.mirror.mirror_report import MirrorState as MirrorState
     from rr1plan.model import IkResult as IkResult
     from rr1plan.model import Kinematics as Kinematics
     from rr1plan.model import copies_within_limits as copies_within_limits
     from rr1plan.model import solve_ik as solve_ik
     from rr1plan.motion_plan import MotionPlan as MotionPlan
-    from rr1plan.multi import AddedMotion as AddedMotion
-    from rr1plan.multi import ArmDelay as ArmDelay
-    from rr1plan.multi import Dependency as Dependency
-    from rr1plan.multi import GroupResult as GroupResult
-    from rr1plan.multi import Leg as Leg
-    from rr1plan.multi import ManyArmsResult as ManyArmsResult
-    from rr1plan.multi import Node as Node
-    from rr1plan.multi import Part as Part
-    from rr1plan.multi import PlanExecution as PlanExecution
-    from rr1plan.multi import PlanGraph as PlanGraph
-    from rr1plan.multi import PlanQuality as PlanQuality
-    from rr1plan.multi import Route as Route
-    from rr1plan.multi import RunningPlan as RunningPlan
-    from rr1plan.multi import Schedule as Schedule
-    from rr1plan.multi import add_motion as add_motion
-    from rr1plan.multi import conveyor_line as conveyor_line
-    from rr1plan.multi import dual_arm_shelf as dual_arm_shelf
-    from rr1plan.multi import execute_plan as execute_plan
-    from rr1plan.multi import handover_window as handover_window
-    from rr1plan.multi import load_plan_graph as load_plan_graph
-    from rr1plan.multi import place_grid as place_grid
-    from rr1plan.multi import place_ring as place_ring
-    from rr1plan.multi import plan_graph as plan_graph
-    from rr1plan.multi import plan_many_arms as plan_many_arms
-    from rr1plan.multi import random_grid as random_grid
-    from rr1plan.multi import reach_grid as reach_grid
-    from rr1plan.multi import ring_swap as ring_swap
-    from rr1plan.multi import save_plan_graph as save_plan_graph
-    from rr1plan.multi import shared_bin as shared_bin
-    from rr1plan.multi import shelf_rows as shelf_rows
+    from rr1plan.multi.execution.added_motions import AddedMotion as AddedMotion
+    from rr1plan.multi.execution.added_motions import add_motion as add_motion
+    from rr1plan.multi.execution.plan_execution import ArmDelay as ArmDelay
+    from rr1plan.multi.execution.plan_execution import PlanExecution as PlanExecution
+    from rr1plan.multi.execution.plan_execution import execute_plan as execute_plan
+    from rr1plan.multi.execution.route import Route as Route
+    from rr1plan.multi.execution.running_plan import Part as Part
+    from rr1plan.multi.execution.running_plan import RunningPlan as RunningPlan
+    from rr1plan.multi.execution.saved_plan_graph import load_plan_graph as load_plan_graph
+    from rr1plan.multi.execution.saved_plan_graph import save_plan_graph as save_plan_graph
+    from rr1plan.multi.execution.temporal_plan_graph import Dependency as Dependency
+    from rr1plan.multi.execution.temporal_plan_graph import Node as Node
+    from rr1plan.multi.execution.temporal_plan_graph import PlanGraph as PlanGraph
+    from rr1plan.multi.execution.temporal_plan_graph import plan_graph as plan_graph
+    from rr1plan.multi.plan_quality import PlanQuality as PlanQuality
+    from rr1plan.multi.portfolio import GroupResult as GroupResult
+    from rr1plan.multi.portfolio import ManyArmsResult as ManyArmsResult
+    from rr1plan.multi.portfolio import plan_many_arms as plan_many_arms
+    from rr1plan.multi.scenarios.problems import dual_arm_shelf as dual_arm_shelf
+    from rr1plan.multi.scenarios.problems import random_grid as random_grid
+    from rr1plan.multi.scenarios.problems import reach_grid as reach_grid
+    from rr1plan.multi.scenarios.problems import ring_swap as ring_swap
+    from rr1plan.multi.scenarios.workcell_problems import conveyor_line as conveyor_line
+    from rr1plan.multi.scenarios.workcell_problems import handover_window as handover_window
+    from rr1plan.multi.scenarios.workcell_problems import shared_bin as shared_bin
+    from rr1plan.multi.scenarios.workcell_problems import shelf_rows as shelf_rows
+    from rr1plan.multi.timing.schedule import Leg as Leg
+    from rr1plan.multi.timing.schedule import Schedule as Schedule
     from rr1plan.path import Path as Path
     from rr1plan.pipeline import plan_motion as plan_motion
     from rr1plan.pipeline import warm_up as warm_up
@@ -146,8 +158,12 @@ if TYPE_CHECKING:
     from rr1plan.playback.simulation.controllers import SetPoint as SetPoint
     from rr1plan.playback.simulation.gripper_controller import GripperController as GripperController
     from rr1plan.playback.simulation.gripper_controller import GripperStatus as GripperStatus
+    from rr1plan.playback.simulation.manual_controller import ManualController as ManualController
+    from rr1plan.playback.simulation.recorder import Recorder as Recorder
+    from rr1plan.playback.simulation.replay import BodyMotion as BodyMotion
     from rr1plan.playback.simulation.replay import Replay as Replay
     from rr1plan.playback.simulation.replay import ReplayContact as ReplayContact
+    from rr1plan.playback.simulation.replay import ReplayRecord as ReplayRecord
     from rr1plan.playback.simulation.replay_trajectory import simulate as simulate
     from rr1plan.playback.simulation.simulation import Simulation as Simulation
     from rr1plan.playback.simulation.state_broadcaster import JointStateBroadcaster as JointStateBroadcaster
@@ -186,6 +202,8 @@ if TYPE_CHECKING:
     from rr1plan.scene import Obstacle as Obstacle
     from rr1plan.scene import Scene as Scene
     from rr1plan.scene import scene_differences as scene_differences
+    from rr1plan.scene.loose_bodies import load_body as load_body
+    from rr1plan.scene.loose_bodies import stack_bodies as stack_bodies
     from rr1plan.scene.model_library import installed_robot_names as installed_robot_names
     from rr1plan.scene.model_library import load_problems as load_problems
     from rr1plan.scene.model_library import load_robot as load_robot
@@ -193,11 +211,29 @@ if TYPE_CHECKING:
     from rr1plan.scene.model_library import robot_names as robot_names
     from rr1plan.scene.model_library import save_scene as save_scene
     from rr1plan.scene.model_library import scene_names as scene_names
+    from rr1plan.scene.placement import place_grid as place_grid
+    from rr1plan.scene.placement import place_ring as place_ring
     from rr1plan.scene.problem import Goal as Goal
     from rr1plan.scene.problem import JointGoal as JointGoal
     from rr1plan.scene.problem import PoseGoal as PoseGoal
     from rr1plan.scene.problem import Problem as Problem
     from rr1plan.scene.problem import RegionGoal as RegionGoal
+    from rr1plan.sequences.pick_and_place import pick_and_place as pick_and_place
+    from rr1plan.sequences.pick_and_place import top_grasps as top_grasps
+    from rr1plan.sequences.plan_sequence import plan_sequence as plan_sequence
+    from rr1plan.sequences.segments import Attach as Attach
+    from rr1plan.sequences.segments import Detach as Detach
+    from rr1plan.sequences.segments import FreeMotion as FreeMotion
+    from rr1plan.sequences.segments import MoveGripper as MoveGripper
+    from rr1plan.sequences.segments import Pause as Pause
+    from rr1plan.sequences.segments import StraightLine as StraightLine
+    from rr1plan.sequences.sequence import Sequence as Sequence
+    from rr1plan.sequences.sequence_files import load_sequence as load_sequence
+    from rr1plan.sequences.sequence_plan import SequencePlan as SequencePlan
+    from rr1plan.sequences.sequence_replay import CarriedObject as CarriedObject
+    from rr1plan.sequences.sequence_replay import SequenceReplay as SequenceReplay
+    from rr1plan.sequences.sequence_replay import simulate_sequence as simulate_sequence
+    from rr1plan.sequences.stages import SequenceStage as SequenceStage
     from rr1plan.shapes import Box as Box
     from rr1plan.shapes import Capsule as Capsule
     from rr1plan.shapes import Cylinder as Cylinder
@@ -226,7 +262,15 @@ __version__ = "0.1.0"
 # A test checks that these names and the imports above agree.
 _EXPORTS = {
     "rr1plan.batch": ("Answer", "PlanFailure", "plan_many"),
-    "rr1plan.calibration.joint_calibration": ("Calibration", "JointCalibration", "load_calibration"),
+    "rr1plan.calibration.joint_calibration": (
+        "Calibration",
+        "CalibrationFit",
+        "JointCalibration",
+        "ZeroShift",
+        "load_calibration",
+    ),
+    "rr1plan.calibration.calibrate": ("calibrate",),
+    "rr1plan.calibration.measurement_poses": ("propose_calibration_poses",),
     "rr1plan.checks": ("Array", "Seed"),
     "rr1plan.collision": (
         "CollisionChecker",
@@ -265,6 +309,10 @@ _EXPORTS = {
     "rr1plan.export.controller_rules": ("check_joint_trajectory",),
     "rr1plan.export.ros_trajectories": ("load_joint_trajectory", "save_joint_trajectory"),
     "rr1plan.robot.disabled_collisions": ("PairProposal", "propose_disabled_collisions"),
+    "rr1plan.mirror.corridor": ("Corridor", "CorridorPosition", "certified_corridor"),
+    "rr1plan.mirror.joint_states": ("StateMessage", "StreamError", "read_states"),
+    "rr1plan.mirror.mirror": ("Mirror",),
+    "rr1plan.mirror.mirror_report": ("MirrorEvent", "MirrorReport", "MirrorState"),
     "rr1plan.model": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
     "rr1plan.scene.model_library": (
         "installed_robot_names",
@@ -283,37 +331,55 @@ _EXPORTS = {
     "rr1plan.hardware.control_box_frames": ("BoxCommand", "Telemetry"),
     "rr1plan.load_motion": ("load_motion",),
     "rr1plan.motion_plan": ("MotionPlan",),
-    "rr1plan.multi": (
+    "rr1plan.multi.execution.added_motions": (
         "AddedMotion",
-        "ArmDelay",
-        "Dependency",
-        "GroupResult",
-        "Leg",
-        "ManyArmsResult",
-        "Node",
-        "Part",
-        "PlanExecution",
-        "PlanGraph",
-        "Route",
-        "RunningPlan",
-        "PlanQuality",
-        "Schedule",
-        "dual_arm_shelf",
         "add_motion",
+    ),
+    "rr1plan.multi.execution.plan_execution": (
+        "ArmDelay",
+        "PlanExecution",
         "execute_plan",
+    ),
+    "rr1plan.multi.execution.route": ("Route",),
+    "rr1plan.multi.execution.running_plan": (
+        "Part",
+        "RunningPlan",
+    ),
+    "rr1plan.multi.execution.saved_plan_graph": (
         "load_plan_graph",
-        "conveyor_line",
-        "handover_window",
-        "place_grid",
-        "place_ring",
+        "save_plan_graph",
+    ),
+    "rr1plan.multi.execution.temporal_plan_graph": (
+        "Dependency",
+        "Node",
+        "PlanGraph",
         "plan_graph",
+    ),
+    "rr1plan.multi.plan_quality": ("PlanQuality",),
+    "rr1plan.multi.portfolio": (
+        "GroupResult",
+        "ManyArmsResult",
         "plan_many_arms",
+    ),
+    "rr1plan.multi.scenarios.problems": (
+        "dual_arm_shelf",
         "random_grid",
         "reach_grid",
         "ring_swap",
-        "save_plan_graph",
+    ),
+    "rr1plan.multi.scenarios.workcell_problems": (
+        "conveyor_line",
+        "handover_window",
         "shared_bin",
         "shelf_rows",
+    ),
+    "rr1plan.multi.timing.schedule": (
+        "Leg",
+        "Schedule",
+    ),
+    "rr1plan.scene.placement": (
+        "place_grid",
+        "place_ring",
     ),
     "rr1plan.path": ("Path",),
     "rr1plan.pipeline": ("plan_motion", "warm_up"),
@@ -337,7 +403,9 @@ _EXPORTS = {
     "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
     "rr1plan.playback.simulation.arm_variation": ("ArmVariation",),
-    "rr1plan.playback.simulation.replay": ("Replay", "ReplayContact"),
+    "rr1plan.playback.simulation.manual_controller": ("ManualController",),
+    "rr1plan.playback.simulation.recorder": ("Recorder",),
+    "rr1plan.playback.simulation.replay": ("BodyMotion", "Replay", "ReplayContact", "ReplayRecord"),
     "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.replay_trajectory": ("simulate",),
     "rr1plan.playback.simulation.simulation": ("Simulation",),
@@ -363,7 +431,16 @@ _EXPORTS = {
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),
     "rr1plan.retiming.path_blends": ("CurveChecker",),
     "rr1plan.robot": ("Color", "Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
+    "rr1plan.scene.loose_bodies": ("load_body", "stack_bodies"),
     "rr1plan.scene": ("Arm", "Attachment", "Obstacle", "Scene", "scene_differences"),
+    "rr1plan.sequences.pick_and_place": ("pick_and_place", "top_grasps"),
+    "rr1plan.sequences.plan_sequence": ("plan_sequence",),
+    "rr1plan.sequences.segments": ("Attach", "Detach", "FreeMotion", "MoveGripper", "Pause", "StraightLine"),
+    "rr1plan.sequences.sequence": ("Sequence",),
+    "rr1plan.sequences.sequence_files": ("load_sequence",),
+    "rr1plan.sequences.sequence_plan": ("SequencePlan",),
+    "rr1plan.sequences.sequence_replay": ("CarriedObject", "SequenceReplay", "simulate_sequence"),
+    "rr1plan.sequences.stages": ("SequenceStage",),
     "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
     "rr1plan.testing.assertions": ("assert_replays", "assert_valid"),
     "rr1plan.testing.replay_variations": ("ReplayVariations", "VariedReplays"),

@@ -11,7 +11,7 @@ from rr1plan.errors import CancelledError
 
 @dataclass(frozen=True)
 class Progress:
-    """How far long work is.
+    """The progress of a long computation.
 
     Args:
         stage: What is being done: a planner's name, "shorten", "validate", "simulate", ...

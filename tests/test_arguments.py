@@ -138,6 +138,8 @@ def calls(folder: Path) -> dict[str, Call]:
     picture = rp.cspace(scene, problem, resolution=8)
     pose_goal = rp.PoseGoal("tool", [0.3, 0.2, 0.0])
 
+    crate = rp.Obstacle([rp.Geometry("crate", rp.Box((0.1, 0.1, 0.1)), np.eye(4))], [0, 0, 2], mass=1.0, friction=0.5)
+    loose_bodies = rp.Simulation(scene.with_obstacles({"crate": crate}))
     arm_names = list(names)
     simulation = rp.Simulation(scene)
     stepper, drift = rp.ForwardPositionController(arm_names), rp.ForwardVelocityController(arm_names)
@@ -448,7 +450,25 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "Simulation": (
             rp.Simulation,
-            {"scene": scene, "dt": 0.002, "stiffness": 80.0, "threads": 1, "variation": None},
+            {"scene": scene, "dt": 0.002, "stiffness": 80.0, "threads": 1, "solver": "newton"} | {"variation": None},
+        ),
+        "Simulation.update_scene": (rp.Simulation(scene).update_scene, {"scene": scene}),
+        "Simulation.body_pose": (loose_bodies.body_pose, {"name": "crate"}),
+        "Simulation.body_coordinates": (loose_bodies.body_coordinates, {"name": "crate"}),
+        "Simulation.body_velocity": (loose_bodies.body_velocity, {"name": "crate"}),
+        "Simulation.place_body": (
+            loose_bodies.place_body,
+            {"name": "crate", "pose": [0, 0, 2], "velocity": np.zeros(6)},
+        ),
+        "Recorder": (rp.Recorder, {"sim": loose_bodies, "dt": 0.02}),
+        "load_body": (
+            rp.load_body,
+            {"file": folder / "a.stl", "scale": 1.0, "convex": "hull", "density": 1000.0, "mass": None}
+            | {"friction": 1.0, "pose": None},
+        ),
+        "stack_bodies": (
+            rp.stack_bodies,
+            {"body": crate, "count": 3, "columns": (1, 1), "gap": 0.001, "pose": None, "prefix": "body"},
         ),
         "ArmVariation": (rp.ArmVariation, {"payload": 0.1, "mass": 1.1, "friction": 0.01}),
         "ReplayVariations": (
@@ -550,12 +570,13 @@ def calls(folder: Path) -> dict[str, Call]:
         "Scene.with_margin": (scene.with_margin, {"distance": 0.01}),
         "Scene.with_obstacle": (
             scene.with_obstacle,
-            {"name": "o", "shape": rp.Sphere(0.1), "pose": None, "color": None},
+            {"name": "o", "shape": rp.Sphere(0.1), "pose": None, "color": None, "mass": None, "friction": 1.0},
         ),
         "Scene.with_padding": (scene.with_padding, {"distance": 0.01, "a": None, "b": None}),
         "Scene.with_configuration": (scene.with_configuration, {"name": "arm", "q": q}),
         "Scene.with_robot": (scene.with_robot, {"name": "arm", "robot": robot}),
         "Scene.without_arm": (scene.without_arm, {"name": "arm"}),
+        "Scene.with_obstacles": (scene.with_obstacles, {"obstacles": {"crate": crate}}),
         "Scene.with_obstacle_at": (scene.with_obstacle_at, {"name": "box", "pose": [0, 0, 0.5]}),
         "Scene.without_obstacle": (scene.without_obstacle, {"name": "box"}),
         "Box": (rp.Box, {"size": (1, 1, 1)}),
@@ -683,11 +704,22 @@ _NOT_CALLED = {
     *("CommandPlan", "SerialPort", "SerialPort.read", "SerialPort.write", "Telemetry", "open_serial_port"),
     *("Disagreement", "SampledContact", "SecondOpinion", "VariedReplays", "Calibration", "JointCalibration"),
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),
-    *("CSpace", "CSpaceGrid", "Decomposition", "DrawnTree", "Replay", "ReplayContact", "ContactBand", "PairProposal"),
-    *("CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
+    *(
+        "CSpace",
+        "CSpaceGrid",
+        "Decomposition",
+        "DrawnTree",
+        "Replay",
+        "ReplayContact",
+        "ReplayRecord",
+        "ContactBand",
+        "PairProposal",
+        "BodyMotion",
+    ),
+    *("ReplayRecord", "CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
     *("Progress", "SearchTree", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
     *("AddedMotion", "Dependency", "Node", "PlanExecution", "Part", "Part.until", "PlanGraph", "PlanGraph.from_dict"),
-    *("PlanGraph.with_times", "Route", "Route.at", "RunningPlan", "RunningPlan.part_at", "RunningPlan.with_parts"),
+    *("PlanGraph.with_times", "Route", "RunningPlan", "RunningPlan.part_at", "RunningPlan.with_parts"),
     *("PairProposal.get", "Geometry", "Inertial", "Joint", "Joint.motion", "Link", "Mimic", "Attachment", "Obstacle"),
 }
 

@@ -271,6 +271,17 @@ def a_simulation_is_commanded_while_it_runs(said: str, folder: Path) -> None:
     assert len((folder / "24_states.jsonl").read_text().splitlines()) == 200
 
 
+def a_tower_falls_and_a_page_shows_it(said: str, folder: Path) -> None:
+    heights = ("top block at", "drawn at", "bodies, the top one at")
+    standing, drawn, again = (number(rf"{words} (\S+) m", said) for words in heights)
+    assert standing == pytest.approx(drawn, abs=0.002)
+    assert again == drawn
+    assert number(r"(\d) of 8 blocks lie", said) >= 6
+    assert number(r"deepest penetration (\S+) mm", said) < 20
+    assert "forbidden contacts: []" in said
+    assert '"poses"' in (folder / "25_loose_bodies.html").read_text()
+
+
 def assertions_say_what_is_wrong(said: str, _: Path) -> None:
     assert said.count(": passed") == 3
     assert "11 replays passed; the worst:" in said
@@ -313,6 +324,7 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "22_hundred_on_a_grid": a_hundred_arms_move_at_once,
     "23_no_schedule": what_has_no_schedule_says_why,
     "24_simulation": a_simulation_is_commanded_while_it_runs,
+    "25_loose_bodies": a_tower_falls_and_a_page_shows_it,
     "29_assert_replays": assertions_say_what_is_wrong,
     "30_real_arm": a_motion_goes_to_an_emulated_control_box,
 }

@@ -43,6 +43,7 @@ from rr1plan.checks import (
     known_name,
     of_kind,
     positive_number,
+    read_only,
     shape_of,
     shown,
 )
@@ -96,6 +97,61 @@ def _deviation(name: str, value: Any) -> float:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class CalibrationFit(Value):
+    """How a calibration was estimated.
+
+    Args:
+        residuals: Distance of each measured position from where the calibrated arm has the point [m], shape (m,).
+        outliers: Rows of measurements that were left out.
+        noise: Standard deviation of a measured coordinate, from the residuals without outliers [m].
+        undetermined: What the poses cannot tell, by joint: any of "sign", "zero" and "scale".
+        T_measured_base: Pose of the base in the frame of the measurements, shape (4, 4).
+    """
+
+    residuals: Array
+    outliers: tuple[int, ...]
+    noise: float
+    undetermined: Mapping[str, tuple[str, ...]]
+    T_measured_base: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "undetermined", MappingProxyType(dict(self.undetermined)))
+        for name in ("residuals", "T_measured_base"):
+            object.__setattr__(self, name, read_only(np.array(getattr(self, name), dtype=np.float64)))
+
+    def __str__(self) -> str:
+        text = f"{len(self.residuals)} measurements, noise {1e3 * self.noise:.2f} mm per coordinate"
+        for row in self.outliers:
+            text += f"\nleft out: row {row}, {1e3 * self.residuals[row]:.1f} mm off"
+        for name, values in self.undetermined.items():
+            text += f"\nnot determined by these poses: {' and '.join(values)} of {name}"
+        return text
+
+
+@dataclass(frozen=True)
+class ZeroShift:
+    """How far the zero of a joint is from that of an earlier calibration.
+
+    Args:
+        joint: The joint.
+        shift: Later zero less earlier zero [rad or m].
+        std: Standard deviation of the shift [rad or m].
+    """
+
+    joint: str
+    shift: float
+    std: float
+
+    @property
+    def significance(self) -> float:
+        """The shift in standard deviations; 0 where one of the zeros is not known."""
+        return abs(self.shift) / self.std if self.std > 0.0 else math.inf if self.shift else 0.0
+
+    def __str__(self) -> str:
+        return f"{self.joint}: {math.degrees(self.shift):+.2f} deg ({self.significance:.1f} standard deviations)"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Calibration(Value):
     """Calibrations of the joints of one robot; `calibrate` estimates them, `load_calibration` reads them.
 
@@ -105,6 +161,7 @@ class Calibration(Value):
         unit: What readings count: "steps" of motors, "counts" of encoders, or "rad".
         date: When it was measured, any text.
         source: How it was measured, any text.
+        fit: How it was estimated; None for one from a file.
 
     Raises:
         InputError: no joints, another unit, a value of another type.
@@ -115,6 +172,7 @@ class Calibration(Value):
     unit: str = "rad"
     date: str = ""
     source: str = ""
+    fit: CalibrationFit | None = None
 
     def __post_init__(self) -> None:
         for name in ("robot", "date", "source"):
@@ -126,6 +184,7 @@ class Calibration(Value):
         if not self.joints:
             raise InputError("joints is empty, expected at least one calibrated joint")
         known_name("unit", self.unit, READING_UNITS)
+        of_kind("fit", self.fit, CalibrationFit, optional=True)
         object.__setattr__(self, "joints", MappingProxyType(dict(self.joints)))
 
     @staticmethod
@@ -159,7 +218,7 @@ class Calibration(Value):
             zero = f"zero {math.degrees(joint.zero):9.3f} ± {math.degrees(joint.zero_std):.3f} deg"
             scale = f"scale {joint.scale:.6g} ± {joint.scale_std:.2g} {self.unit}/rad"
             rows.append(f"  {name:<18} sign {joint.sign:+d}  {zero}  {scale}")
-        return "\n".join(rows)
+        return "\n".join(rows + ([str(self.fit)] if self.fit else []))
 
     # ---- conversion --------------------------------------------------------------------
 
@@ -207,6 +266,25 @@ class Calibration(Value):
     def _rows(name: str, values: ArrayLike, count: int) -> Array:
         return finite_array(name, values, (count,) if len(shape_of(values)) == 1 else (None, count))
 
+    def zero_shifts(self, earlier: Calibration) -> tuple[ZeroShift, ...]:
+        """How far zeros have moved since an earlier calibration, most significant first.
+
+        A zero that is more than about four standard deviations off has moved: a slipped belt, or an encoder that was
+        zeroed elsewhere.
+
+        Raises:
+            InputError: a calibration of another robot, or of other joints.
+        """
+        of_kind("earlier", earlier, Calibration)
+        if earlier.robot != self.robot or set(earlier.joints) != set(self.joints):
+            raise InputError(f"the earlier calibration is of {earlier.robot!r} with {', '.join(earlier.joints)}")
+        shifts = [
+            ZeroShift(name, joint.zero - old.zero, math.hypot(joint.zero_std, old.zero_std))
+            for name, joint in self.joints.items()
+            for old in [earlier.joints[name]]
+        ]
+        return tuple(sorted(shifts, key=lambda found: -found.significance))
+
     # ---- files -------------------------------------------------------------------------
 
     def save(self, file: str | pathlib.Path) -> pathlib.Path:
@@ -239,14 +317,14 @@ def load_calibration(file: str | pathlib.Path) -> Calibration:
     units, joints = table.table("units"), table.table("joints")
     if units.string("position") != "rad":
         raise units.error(f"is {units.raw('position')!r}, expected 'rad' (meters for joints that slide)", "position")
-    entries = {"robot": table.string("robot"), "unit": units.string("reading")}
-    entries |= {"date": table.string("date", ""), "source": table.string("source", "")}
+    robot, unit = table.string("robot"), units.string("reading")
+    date, source = table.string("date", ""), table.string("source", "")
     rows = {name: _joint(joints.table(name)) for name in joints.names()}
     table.raw("control_box")  # that of `load_control_box`
     for part in (units, table):
         part.finish()
     with table.blame():
-        return Calibration(joints=rows, **entries)
+        return Calibration(robot, rows, unit, date, source)
 
 
 def _joint(row: Table) -> JointCalibration:

@@ -181,6 +181,28 @@ def _send(parser: Parser) -> None:
     )
 
 
+def _mirror(parser: Parser) -> None:
+    parser.add_argument(
+        "source", metavar="SOURCE", help="joint states: udp://HOST:PORT, a file (.jsonl), or a ROS bag with JointState"
+    )
+    parser.add_argument("--plan", metavar="MOTION", help=f"what the arms are to do: {_MOTION}")
+    parser.add_argument("--scene", help="the scene (default: the one that the motion's file holds)")
+    parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds such messages)")
+    parser.add_argument(
+        "--start", type=_finite, help="when the plan begins, on the sender's clock [s] (default: at the first message)"
+    )
+    parser.add_argument("--record", type=_named_file, metavar="FILE", help="write all messages to a file (.jsonl)")
+    parser.add_argument("--duration", type=_positive, help="how long to listen [s] (default: to the end, or Ctrl-C)")
+    parser.add_argument(
+        "--silence", type=_positive, default=1.0, help="report a socket that is silent for this long [s] (%(default)s)"
+    )
+    parser.add_argument("--port", type=_count, help="port of the page on this machine (default: the next free one)")
+    parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
+    parser.add_argument("--no-page", action="store_true", help="only print what is noticed")
+    parser.excludes("--no-page", "--port", "--no-browser")
+    parser.different_files("source", "--record")
+
+
 def _view(parser: Parser) -> None:
     parser.add_argument("what", metavar="WHAT", help=f"a shipped scene, a scene file, or {_MOTION}")
     parser.add_argument("--scene", help="the scene of the motion (default: the one that the file holds)")
@@ -291,6 +313,15 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         "look at a scene or a saved motion in the browser",
         ("rr1plan view rr1_shelf", "rr1plan view motion.json --html motion.html"),
         _view,
+    ),
+    "mirror": (
+        "mirror.mirror",
+        "show joint states live, beside a plan and its certified corridor",
+        (
+            "rr1plan mirror udp://127.0.0.1:9000 --plan motion.json --record run.jsonl",
+            "rr1plan mirror run.jsonl --plan motion.json --no-page",
+        ),
+        _mirror,
     ),
     "cspace": (
         "view.cspace",

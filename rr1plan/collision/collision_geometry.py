@@ -67,13 +67,11 @@ class CollisionGeometry:
             stationary_arm_geometry(name, geometries[name], scene.arms[name].base, scene.arms[name].q)
             for name in near.arms
         )
-        obstacles = tuple(all_obstacles[name] for name in near.obstacles)
-        self.obstacles = (*standing, *obstacles)
+        self.obstacles = (*standing, *[all_obstacles[name] for name in near.obstacles])
         self.rules = _rules(scene, near, arms)
-        moving = chain.from_iterable(g.elements(a) for a, g in zip(arms, self.instances.geometries, strict=True))
-        fixed = chain.from_iterable([thing.elements for thing in self.obstacles])
+        elements = tuple(chain.from_iterable([thing.elements for thing in self.obstacles]))
         surfaceless = tuple(chain.from_iterable([thing.surfaceless for thing in self.obstacles]))
-        self.pairs = _solid_pairs(_PairContent(self.instances, self.rules, (*moving, *fixed), surfaceless))
+        self.pairs = _solid_pairs(_PairContent(self.instances, arms, self.rules, elements, surfaceless))
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
@@ -154,35 +152,45 @@ class SolidPairs:
 
 @dataclass(frozen=True)
 class _PairContent:
-    """All that the pairs depend on, to compare."""
+    """All that the pairs depend on, to compare.
+
+    Args:
+        instances: The moving arms.
+        arms: Their names.
+        rules: Which elements must not touch.
+        elements: The element of each solid that does not move.
+        surfaceless: Which of these solids are half-spaces, point clouds or concave meshes.
+    """
 
     instances: ArmInstances
+    arms: tuple[str, ...]
     rules: ContactRules
     elements: tuple[str, ...]
-    obstacles_surfaceless: tuple[bool, ...]
+    surfaceless: tuple[bool, ...]
 
 
 @lru_cache(maxsize=128)
 def _solid_pairs(content: _PairContent) -> SolidPairs:
     instances, checked = content.instances, content.rules.checked
     number = {name: i for i, name in enumerate(content.rules.names)}
-    elements, element_count = np.array([number[name] for name in content.elements], np.int64), len(number)
+    moving = [name for g, arm in zip(instances.geometries, content.arms, strict=True) for name in g.elements(arm)]
+    elements, element_count = np.array([number[name] for name in (*moving, *content.elements)], np.int64), len(number)
     chains = np.zeros(len(elements), np.int64)
     chains[: len(instances.groups)] = instances.groups
-    surfaceless = np.array([*instances.surfaceless, *content.obstacles_surfaceless], np.bool_)
+    surfaceless = np.array([*instances.surfaceless, *content.surfaceless], np.bool_)
     sizes = np.bincount(elements, minlength=element_count)
     count = int(sizes[checked[:, 0]] @ sizes[checked[:, 1]])
     order, first = np.empty(len(elements), np.int64), np.empty(element_count + 1, np.int64)
     index, owner = np.empty((count, 2), np.int64), np.empty(count, np.int64)
     rows = np.empty((count, 3), np.int64)
-    moving = load_library().rr1_list_solid_pairs(
+    count_moving = load_library().rr1_list_solid_pairs(
         checked, len(checked), elements, len(elements), element_count, chains, instances.shared, len(instances.shared),
         surfaceless.view(np.uint8), order, first, index, owner, rows,
     )  # fmt: skip
     for array in (index, owner, rows, surfaceless):
         read_only(array)
-    unmeasurable = bool(surfaceless[index[:moving]].all(axis=1).any())
-    halves = ((array[:moving], array[moving:]) for array in (index, owner, rows))
+    unmeasurable = bool(surfaceless[index[:count_moving]].all(axis=1).any())
+    halves = ((array[:count_moving], array[count_moving:]) for array in (index, owner, rows))
     (pairs, static), (owners, static_owners), (moving_rows, static_rows) = halves
     return SolidPairs(pairs, owners, moving_rows, static, static_owners, static_rows, surfaceless, unmeasurable)
 

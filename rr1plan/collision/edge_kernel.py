@@ -25,7 +25,7 @@ FREE, CONTACT = constants()["EDGE_FREE"], constants()["EDGE_CONTACT"]
 
 
 class EdgeCounters(NamedTuple):
-    """What has been done so far.
+    """Counters of collision checks.
 
     Args:
         edges: Edges and curves certified or refused.

@@ -55,26 +55,19 @@ class ObstacleGeometry:
         return tuple(Solid(element, shape, 0, read_only(self.pose @ T)) for element, shape, T in parts)
 
 
-_IN_PIECES = (Mesh, PointCloud)
-
-
 def obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
-    """An obstacle as solids, made once: scenes that differ elsewhere share it.
+    """An obstacle as solids.
 
     Raises:
         InputError: a shape that cannot be made solid.
     """
-    return kept_in(obstacle.kept, ("solids", name), lambda: _new_obstacle_geometry(name, obstacle))
-
-
-def _new_obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
     shapes: list[Shape] = []
     frames: list[bytes] = []
     for geometry in obstacle.geometries:
-        shape = geometry.shape
-        pieces = pieces_of(name, shape, obstacle_pieces) if isinstance(shape, _IN_PIECES) else (shape,)
-        shapes += pieces
-        frames += [geometry.pose.tobytes()] * len(pieces)
+        shape, frame = geometry.shape, geometry.pose.tobytes()
+        for piece in pieces_of(name, shape, obstacle_pieces) if isinstance(shape, Mesh | PointCloud) else (shape,):
+            shapes.append(piece)
+            frames.append(frame)
     return ObstacleGeometry([name] * len(shapes), shapes, b"".join(frames), obstacle.pose)
 
 
@@ -152,6 +145,6 @@ def _balls_around(balls: Array, begins: Sequence[int]) -> Array:
     centers, radii = balls[:, :3], balls[:, 3]
     low = np.minimum.reduceat(centers - radii[:, None], begins)
     middle = 0.5 * (low + np.maximum.reduceat(centers + radii[:, None], begins))
-    apart = centers - np.repeat(middle, np.diff([*begins, len(balls)]), axis=0)
-    radius = np.maximum.reduceat(np.linalg.norm(apart, axis=1) + radii, begins)
+    offsets = centers - np.repeat(middle, np.diff([*begins, len(balls)]), axis=0)
+    radius = np.maximum.reduceat(np.linalg.norm(offsets, axis=1) + radii, begins)
     return np.concatenate([middle, (radius * _RELATIVE + _ROUNDING)[:, None]], axis=1)

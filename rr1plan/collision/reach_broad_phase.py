@@ -120,8 +120,7 @@ def _reach_ball(geometry: ArmGeometry) -> Array:
             before = above[before]
         anchor = joint if not before else anchor
     center = origins[anchor]
-    # How far the origin of each joint gets from the center: two points that one joint carries stay as far apart as
-    # they are.
+    # The largest distance of each joint's origin from the center; two points on one link keep their distance.
     origins[0], beyond = center, {0: 0.0, anchor: 0.0}
     for joint in driven:
         before = above[joint]

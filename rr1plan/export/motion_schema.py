@@ -235,21 +235,34 @@ class Problem(Entry):
 # ---- plan graphs ---------------------------------------------------------------------------
 
 
-class Route(Entry):
-    """The way of an agent; `times` are those of all steps but the first."""
-
-    arms: Annotated[list[Name], Meta(min_length=1)]
-    joint_names: Annotated[list[Name], Meta(min_length=1)]
-    start: list[float]
+class RouteCurve(Entry):
     lengths: list[Positive]
     coefficients: list[Annotated[list[list[float]], Meta(min_length=3, max_length=3)]]
-    pieces: list[Index]
-    offsets: list[float]
-    spans: list[Positive]
-    stops: list[Index]
+
+
+class RouteGrid(Entry):
+    piece: list[Index]
+    offset: list[float]
+    delta: list[Positive]
+
+
+class RouteSteps(Entry):
+    """The steps of a route; `times` are those of all but the first."""
+
     begins: Annotated[list[Index], Meta(min_length=1)]
     ends: Annotated[list[Index], Meta(min_length=1)]
     times: list[float]
+
+
+class Route(Entry):
+    """The way of an agent."""
+
+    joint_names: Annotated[list[Name], Meta(min_length=1)]
+    start: list[float]
+    curve: RouteCurve
+    grid: RouteGrid
+    stops: list[Index]
+    steps: RouteSteps
 
 
 class Dependency(Entry):
@@ -269,6 +282,34 @@ class PlanGraph(Entry):
     routes: list[Route]
     dependencies: list[Dependency]
     together: list[OwnDependency]
+
+
+# ---- sequences -----------------------------------------------------------------------------
+
+
+class Attach(Entry):
+    obstacle: Name
+    arm: Name
+    link: Name
+    touch: list[Name]
+
+
+class SequenceStage(Entry):
+    """When a segment of a sequence happens, what may touch meanwhile, and what it attaches or detaches."""
+
+    label: Text
+    begin: float
+    end: float
+    allowed: list[Pair]
+    attach: Attach | None = None
+    detach: Name | None = None
+
+
+class Sequence(Entry):
+    """The stages of a motion, and the planning joints that belong to grippers, by arm."""
+
+    stages: Annotated[list[SequenceStage], Meta(min_length=1)]
+    gripper_joints: dict[Name, list[Name]]
 
 
 # ---- documents -----------------------------------------------------------------------------
@@ -329,8 +370,19 @@ class MotionDocument(Document, kw_only=True):
     plan_graph: PlanGraph | None = None
 
 
+class SequenceDocument(Document, kw_only=True):
+    """A planned sequence; the report is checked as that of a motion."""
+
+    robots: list[Robot]
+    scene: Scene
+    trajectory: Trajectory
+    sequence: Sequence
+    report: dict[str, Any] | None = None
+
+
 DOCUMENTS: dict[str, type[Document]] = {
     "path": PathDocument,
     "trajectory": TrajectoryDocument,
     "motion": MotionDocument,
+    "sequence": SequenceDocument,
 }

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 import yaml
 
-from rr1plan.checks import file_path, finite_number, known_name, of_kind, positive_number, shown
+from rr1plan.checks import Array, file_path, finite_number, known_name, of_kind, positive_number, shown
 from rr1plan.errors import FormatError, InputError, MissingPackageError
 from rr1plan.export.csv_files import check_rest_at_end
 from rr1plan.files.documents import read_yaml_documents
@@ -247,21 +247,10 @@ def _converted(data: Any, file: pathlib.Path) -> JointTrajectoryMessage:
 
 
 def _from_bag(file: pathlib.Path, topic: str | None) -> JointTrajectoryMessage:
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise MissingPackageError("rosbags", "reading a ROS bag", "ros") from error
-    # The database of a ROS 2 bag is read by way of its folder, which describes it.
-    bag = file.parent if file.suffix in (".mcap", ".db3") else file
-    _check_regular(file, bag)
-    try:
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            (message,) = _messages(reader, topic, file)
-    except InputError:
-        raise
-    except Exception as error:  # rosbags raises what it runs into
-        raise FormatError(f"cannot be read as a ROS bag: {error}", file) from error
+    messages = list(bag_messages(file, _MESSAGE, topic))
+    if len(messages) != 1:
+        raise FormatError(f"has {len(messages)} messages, expected one {_MESSAGE}", file)
+    message = messages[0]
     data = {
         "joint_names": list(message.joint_names),
         "points": [
@@ -273,6 +262,54 @@ def _from_bag(file: pathlib.Path, topic: str | None) -> JointTrajectoryMessage:
         ],
     }
     return _converted(data, file)
+
+
+def read_joint_states(file: _File, *, topic: str | None = None) -> Iterator[tuple[float, tuple[str, ...], Array]]:
+    """The `sensor_msgs/JointState` messages of a bag: time [s], names and positions.
+
+    Args:
+        file: As in `load_joint_trajectory`.
+        topic: As in `load_joint_trajectory`.
+
+    Raises:
+        FormatError: it cannot be read, has no such messages, or has them on several topics.
+        UnknownNameError: the bag has no such topic.
+        MissingPackageError: `rosbags` is not installed (extra `ros`).
+    """
+    for message in bag_messages(file_path(file), "sensor_msgs/msg/JointState", topic):
+        stamp = message.header.stamp
+        yield stamp.sec + 1e-9 * stamp.nanosec, tuple(message.name), np.array(message.position, dtype=np.float64)
+
+
+def bag_messages(file: pathlib.Path, kind: str, topic: str | None) -> Iterator[Any]:
+    """The messages of one type on one topic of a bag, in order.
+
+    Args:
+        file: As in `load_joint_trajectory`.
+        kind: The type, such as "sensor_msgs/msg/JointState".
+        topic: The topic (default: the only one that holds such messages).
+
+    Raises:
+        FormatError: it cannot be read, has no such messages, or has them on several topics.
+        UnknownNameError: the bag has no such topic.
+        MissingPackageError: `rosbags` is not installed (extra `ros`).
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise MissingPackageError("rosbags", "reading a ROS bag", "ros") from error
+    # The database of a ROS 2 bag is read by way of its folder, which describes it.
+    bag = file.parent if file.suffix in (".mcap", ".db3") else file
+    _check_regular(file, bag)
+    try:
+        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            for connection, _, data in reader.messages(connections=_connections(reader, kind, topic, file)):
+                yield reader.deserialize(data, connection.msgtype)
+    except InputError:
+        raise
+    except Exception as error:  # rosbags raises what it runs into
+        raise FormatError(f"cannot be read as a ROS bag: {error}", file) from error
 
 
 def _check_regular(file: pathlib.Path, bag: pathlib.Path) -> None:
@@ -289,23 +326,18 @@ def _check_regular(file: pathlib.Path, bag: pathlib.Path) -> None:
         raise FormatError("there is no such file", file)
 
 
-def _messages(reader: Any, topic: str | None, file: pathlib.Path) -> Iterator[Any]:
-    """The only message of a bag's topic."""
-    connections = [c for c in reader.connections if c.msgtype == _MESSAGE]
+def _connections(reader: Any, kind: str, topic: str | None, file: pathlib.Path) -> list[Any]:
+    """The connections of a bag's topic."""
+    connections = [c for c in reader.connections if c.msgtype == kind]
     topics = sorted({c.topic for c in connections})
     if not topics:
         kinds = ", ".join(sorted({c.msgtype for c in reader.connections})) or "nothing"
-        raise FormatError(f"holds no {_MESSAGE}, only {kinds}", file)
+        raise FormatError(f"holds no {kind}, only {kinds}", file)
     if topic is None and len(topics) > 1:
         raise FormatError(
-            f"has several topics with a {_MESSAGE}: {', '.join(topics)}; say which one with option topic", file
+            f"has several topics with a {kind}: {', '.join(topics)}; say which one with option topic", file
         )
-    chosen = [c for c in connections if c.topic == (topics[0] if topic is None else known_name("topic", topic, topics))]
-    count = sum(c.msgcount for c in chosen)
-    if count != 1:
-        raise FormatError(f"has {count} messages on {chosen[0].topic}, expected one {_MESSAGE}", file)
-    for connection, _, data in reader.messages(connections=chosen):
-        yield reader.deserialize(data, connection.msgtype)
+    return [c for c in connections if c.topic == (topics[0] if topic is None else known_name("topic", topic, topics))]
 
 
 def _trajectory(message: JointTrajectoryMessage) -> Trajectory:

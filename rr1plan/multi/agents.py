@@ -94,6 +94,7 @@ class Agent:
     Attributes:
         arms: Its arms, in the order of the scene.
         start: Where they start, shape (nq,).
+        columns: Which of its joints belong to each arm.
     """
 
     def __init__(self, problem: Problem, arms: Iterable[str], timing: HopTiming = BLENDED) -> None:
@@ -104,6 +105,8 @@ class Agent:
         self.start = np.concatenate([configurations[name] for name in self.arms])
         self.joint_names = problem.scene.joint_names(self.arms)
         self.limits: Limits = problem.scene.limits(self.arms)
+        ends = np.cumsum([len(configurations[name]) for name in self.arms]).tolist()
+        self.columns = {name: slice(a, b) for name, a, b in zip(self.arms, [0, *ends], ends, strict=False)}
 
     def __repr__(self) -> str:
         return f"Agent({', '.join(self.arms)})"

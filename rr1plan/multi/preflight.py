@@ -84,7 +84,7 @@ def preflight(
 def goal_configurations(
     agents: Mapping[str, Agent], near: Mapping[str, frozenset[str]], rng: Seed = None
 ) -> tuple[dict[str, Array], PlanStatus | None, str]:
-    """A configuration for the goal of each arm, apart from those of the others.
+    """A configuration for the goal of each arm, without contact with those of the others.
 
     Args:
         agents: The agent of each arm.

@@ -155,11 +155,11 @@ def _what(found: VariedReplays, replay: Replay) -> str:
         return f"{names} touch from {contact.first:.3f} s to {contact.last:.3f} s, {depth:.2f} mm deep"
     if replay.worst_error > found.tolerance:
         joint = int(np.argmax(replay.max_error))
-        late = np.abs(replay.actual - replay.desired)[:, joint]
-        time = float(replay.times[int(np.argmax(late))])
+        late = np.abs(replay.record.actual - replay.record.desired)[:, joint]
+        time = float(replay.record.times[int(np.argmax(late))])
         off = f"{replay.joint_names[joint]} is {replay.max_error[joint]:.3g} rad or m from its set-point"
         return f"{off} at {time:.3f} s, tolerance {found.tolerance:g}"
-    rest = np.abs(replay.actual[-1] - replay.desired[-1])
+    rest = np.abs(replay.record.actual[-1] - replay.record.desired[-1])
     joint = int(np.argmax(rest))
     off = f"{replay.joint_names[joint]} ends {rest[joint]:.3g} rad or m from the end of the motion"
     return f"{off}, tolerance {found.goal_tolerance:g}"

@@ -94,7 +94,7 @@ class VariedReplays:
         """The error of a replay as a multiple of the allowed one; inf for a contact."""
         if not replay.free:
             return np.inf
-        end = float(np.abs(replay.actual[-1] - replay.desired[-1]).max(initial=0.0))
+        end = float(np.abs(replay.record.actual[-1] - replay.record.desired[-1]).max(initial=0.0))
         return max(replay.worst_error / self.tolerance, end / self.goal_tolerance)
 
     def __str__(self) -> str:

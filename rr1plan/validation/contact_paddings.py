@@ -42,7 +42,7 @@ class Elements:
 
 
 def rules_by_owners(scene: Scene) -> dict[Pair, list[Pair]]:
-    """The pairs of names that rules are about, allowed contacts and paddings alike, by the owners of what they name."""
+    """Pairs of names with a rule (an allowed contact or a padding), by the owners of the two elements."""
     found: dict[Pair, list[Pair]] = {}
     for both in dict.fromkeys((*scene.allowed, *scene.pair_padding)):
         found.setdefault(frozenset(scene.owner(name) or name for name in both), []).append(both)
@@ -57,7 +57,7 @@ def block_paddings(scene: Scene, one: Elements, two: Elements, checked: NDArray[
         one: The elements of an owner.
         two: Those of another one, or the same.
         checked: Which pairs must not touch if no rule says otherwise, shape (n, m).
-        rules: The pairs of names that rules are about, those of these owners.
+        rules: Pairs of names of these owners that have a rule.
     """
     paddings = np.full(checked.shape, scene.padding)
     kept = {both: scene.pair_padding[both] for both in rules if both in scene.pair_padding}

@@ -37,14 +37,6 @@ class TimedColumns:
         """Names of the arms that have columns here, in order."""
         return tuple(dict.fromkeys(name.split("/", 1)[0] for name in self.joint_names))
 
-    def endpoints(self) -> Array:
-        """Columns at the first and at the last instant, shape (2, nq)."""
-        width = self.breaks[-1] - self.breaks[-2] if len(self.breaks) > 1 else 0.0
-        last = self.coefficients[-1, -1]
-        for terms in self.coefficients[-1, -2::-1]:
-            last = last * width + terms
-        return np.stack([self.coefficients[0, 0], last])
-
 
 class Frames(NamedTuple):
     """Poses at n times: of the world and all links, and the lines about which joints turn.

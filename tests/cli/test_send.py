@@ -11,7 +11,6 @@ import pytest
 import rr1plan as rp
 from rr1plan.cli import BAD_INPUT, INVALID_PLAN, OK, run
 from rr1plan.cli import send as send_command
-from rr1plan.load_motion import load_motion
 
 _CHANNELS = {
     "S1": ("shoulder_joint", 14.0, 6),
@@ -84,7 +83,7 @@ def test_commands_go_to_the_port_that_is_named(
 
 
 def test_what_would_collide_is_not_sent(motion: str, arm: str, capsys: pytest.CaptureFixture[str]) -> None:
-    saved = load_motion(motion)
+    saved = rp.load_motion(motion)
     tool = saved.scene.link_poses({"rr1": saved.trajectory(saved.trajectory.end_time)})["rr1/tool"]
     rp.save_scene("blocked.toml", saved.scene.with_obstacle("ball", rp.Sphere(0.05), tool[:3, 3]))
     assert run(["send", motion, "--calibration", arm, "--scene", "blocked.toml", "--port", "/dev/none"]) == INVALID_PLAN

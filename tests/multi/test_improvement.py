@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan import dual_arm_shelf, plan_many_arms, random_grid, ring_swap
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import InputError
-from rr1plan.multi import dual_arm_shelf, plan_many_arms, random_grid, ring_swap
 from rr1plan.multi.paths.path_changes import changed_waypoints
 from rr1plan.multi.portfolio import merged_trajectory
 from rr1plan.multi.search.improvement import PlanImprover
@@ -65,7 +65,7 @@ def test_improved_plans_are_certified_and_never_worse(name: str, rr1: rp.Robot) 
     assert all(checker.is_free_slowly(q) for q in result.trajectory(np.linspace(0.0, result.makespan, 40)))
     assert result.first is not None
     assert result.makespan <= result.first.makespan
-    assert result.slowest_alone <= result.first.slowest_alone
+    assert result.quality.slowest_alone <= result.first.slowest_alone
     assert result.ratio >= 1.0
     assert result.first.ratio >= 1.0
     assert result.trajectory.duration == pytest.approx(result.makespan)
@@ -86,7 +86,7 @@ def test_without_improvement_the_first_plan_is_the_answer() -> None:
     result = plan_many_arms(_problem("ring-2"), rng=0, budget=_BUDGET)
     assert result.first is not None
     assert result.improvements == 0
-    assert (result.first.makespan, result.first.waiting) == (result.makespan, result.waiting)
+    assert (result.first.makespan, result.first.waiting) == (result.makespan, result.quality.waiting)
     assert len(result.history) == 1
 
 

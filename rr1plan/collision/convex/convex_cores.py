@@ -151,7 +151,7 @@ def extremes(shape: Shape) -> Array:
         case Box(size):
             return _around(0.5 * np.array(size))
         case Cylinder(radius, length):
-            # Corners of the box around it are farther out than any of its own.
+            # The corners of its bounding box are farther out than any of its points.
             return _around(np.array([radius, radius, 0.5 * length]))
         case _:
             assert isinstance(shape, Mesh)

@@ -350,8 +350,8 @@ def _sphere_rows(made: SphereCover, T: Array) -> Array:
     centers = np.concatenate([made.ball[None, :3], made.centers])
     radii = np.array([made.ball[3], *made.radii])
     inner = np.array([_NOTHING, *np.maximum(made.inner, _NOTHING)])
-    apart = np.linalg.norm(centers - centers[0], axis=1) * (1.0 + 1e-9) + 1e-12
-    return np.column_stack([centers @ T[:3, :3].T + T[:3, 3], radii, inner, apart])
+    distances = np.linalg.norm(centers - centers[0], axis=1) * (1.0 + 1e-9) + 1e-12
+    return np.column_stack([centers @ T[:3, :3].T + T[:3, 3], radii, inner, distances])
 
 
 def _reaches(joints: _Joints, above: list[int], points: Array) -> list[float]:

@@ -59,7 +59,7 @@ _LEAD = 0.01
 
 @dataclass(frozen=True, eq=False)
 class AddedMotion(Value):
-    """What came of a new goal.
+    """The outcome of `add_motion`.
 
     Args:
         plan: The new plan; the old one where there is none.

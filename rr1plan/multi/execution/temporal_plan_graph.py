@@ -23,12 +23,14 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, Value, known_name, of_kind
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import FormatError, InputError
-from rr1plan.multi.execution.route import Route, route_of
+from rr1plan.multi.execution.route import Route, RouteSteps, route_of
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.projected_path import path_of_arm
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.timing.coordination import Blocked, coordination_diagram
 from rr1plan.multi.timing.schedule import Occupancy, Schedule, extended
+from rr1plan.retiming.path_blends import Curve
+from rr1plan.retiming.path_speed import Grid
 
 if TYPE_CHECKING:
     from rr1plan.multi.portfolio import ManyArmsResult
@@ -99,7 +101,7 @@ class PlanGraph(Value):
         for node, after in self.dependencies:
             if node.agent == after.agent:
                 raise InputError(f"{' and '.join(node.arms)} waits for itself")
-            if self.routes[node.agent].begins[node.step] == self.routes[node.agent].ends[node.step]:
+            if self.routes[node.agent].steps.is_rest[node.step]:
                 raise InputError("a dependency keeps an agent from resting where it is; expected one on a segment")
         if any(node.agent != after.agent for node, after in self.together):
             raise InputError("expected two arms of one agent in 'together'")
@@ -107,7 +109,7 @@ class PlanGraph(Value):
 
     def __repr__(self) -> str:
         arms = sum(len(route.arms) for route in self.routes)
-        steps = sum(len(route.begins) for route in self.routes)
+        steps = sum(len(route.steps) for route in self.routes)
         tolerance = f"skew_tolerance={self.skew_tolerance:.3g} s"
         return f"PlanGraph({arms} arms, {steps} steps, {len(self.dependencies)} dependencies, {tolerance})"
 
@@ -120,14 +122,14 @@ class PlanGraph(Value):
     def nodes(self) -> tuple[Node, ...]:
         """All nodes: each agent enters each step of its route but the first, at which it begins."""
         return tuple(
-            Node(i, k, route.arms, float(route.times[k]))
+            Node(i, k, route.arms, float(route.steps.times[k]))
             for i, route in enumerate(self.routes)
-            for k in range(1, len(route.begins))
+            for k in range(1, len(route.steps))
         )
 
     @property
     def skew_tolerance(self) -> float:
-        """All arms may start late by up to this, each by another time, and no two touch although nobody waits [s].
+        """Each arm may start late by up to this time, without any waiting, and no two arms touch [s].
 
         A certified lower bound; inf where no two arms come near each other.
         """
@@ -140,7 +142,9 @@ class PlanGraph(Value):
         Args:
             times: When each agent enters each step of its route [s], shape (n,) each; the first is ignored.
         """
-        routes = tuple(replace(route, times=t) for route, t in zip(self.routes, times, strict=True))
+        routes = tuple(
+            replace(route, steps=replace(route.steps, times=t)) for route, t in zip(self.routes, times, strict=True)
+        )
 
         def moved(dependencies: tuple[Dependency, ...]) -> tuple[Dependency, ...]:
             return tuple(
@@ -151,7 +155,7 @@ class PlanGraph(Value):
         return PlanGraph(routes, moved(self.dependencies), moved(self.together))
 
     def waits_for(self, arm: str) -> tuple[Dependency, ...]:
-        """The dependencies that make an arm wait, in the order of its way.
+        """The dependencies for which an arm waits, in order.
 
         Raises:
             UnknownNameError: the plan has no such arm.
@@ -165,18 +169,19 @@ class PlanGraph(Value):
         return {
             "routes": [
                 {
-                    "arms": list(route.arms),
                     "joint_names": list(route.joint_names),
                     "start": route.start.tolist(),
-                    "lengths": route.lengths.tolist(),
-                    "coefficients": route.coefficients.tolist(),
-                    "pieces": route.pieces.tolist(),
-                    "offsets": route.offsets.tolist(),
-                    "spans": route.spans.tolist(),
+                    "curve": {
+                        "lengths": route.curve.lengths.tolist(),
+                        "coefficients": route.curve.coefficients.tolist(),
+                    },
+                    "grid": {name: column.tolist() for name, column in route.grid._asdict().items()},
                     "stops": list(route.stops),
-                    "begins": route.begins.tolist(),
-                    "ends": route.ends.tolist(),
-                    "times": route.times[1:].tolist(),
+                    "steps": {
+                        "begins": route.steps.begins.tolist(),
+                        "ends": route.steps.ends.tolist(),
+                        "times": route.steps.times[1:].tolist(),
+                    },
                 }
                 for route in self.routes
             ],
@@ -199,18 +204,20 @@ class PlanGraph(Value):
         try:
             routes = tuple(
                 Route(
-                    tuple(r["arms"]),
                     tuple(r["joint_names"]),
-                    r["start"],
-                    r["lengths"],
-                    r["coefficients"],
-                    np.array(r["pieces"], np.int64),
-                    r["offsets"],
-                    r["spans"],
+                    np.array(r["start"]),
+                    Curve(np.array(r["curve"]["lengths"]), np.array(r["curve"]["coefficients"]), (0, 0)),
+                    Grid(
+                        np.array(r["grid"]["piece"], np.int64),
+                        np.array(r["grid"]["offset"]),
+                        np.array(r["grid"]["delta"]),
+                    ),
                     tuple(r["stops"]),
-                    np.array(r["begins"], np.int64),
-                    np.array(r["ends"], np.int64),
-                    [0.0, *r["times"]],
+                    RouteSteps(
+                        np.array(r["steps"]["begins"], np.int64),
+                        np.array(r["steps"]["ends"], np.int64),
+                        np.array([0.0, *r["steps"]["times"]]),
+                    ),
                 )
                 for r in entries["routes"]
             )
@@ -230,9 +237,9 @@ class PlanGraph(Value):
 
 
 def _node(routes: tuple[Route, ...], agent: int, step: int) -> Node:
-    if not (0 <= agent < len(routes) and 0 < step < len(routes[agent].begins)):
+    if not (0 <= agent < len(routes) and 0 < step < len(routes[agent].steps)):
         raise InputError(f"a dependency names step {step} of agent {agent}, which is not there")
-    return Node(agent, step, routes[agent].arms, float(routes[agent].times[step]))
+    return Node(agent, step, routes[agent].arms, float(routes[agent].steps.times[step]))
 
 
 def plan_graph(result: ManyArmsResult) -> PlanGraph:
@@ -383,7 +390,7 @@ def _reduced(
 
     Of each node the clock is known: how far all agents are at least, when it happens.
     """
-    order = sorted(found, key=lambda both: (routes[both[0][0]].times[both[0][1]], both))
+    order = sorted(found, key=lambda both: (routes[both[0][0]].steps.times[both[0][1]], both))
     incoming: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for node, after in order:
         incoming.setdefault(node, []).append(after)
@@ -421,13 +428,13 @@ def _check_acyclic(routes: tuple[Route, ...], dependencies: tuple[Dependency, ..
     while goes_on:
         goes_on = False
         for agent, route in enumerate(routes):
-            last = len(route.begins) - 1
+            last = len(route.steps) - 1
             while now[agent] < last and all(
                 now[other] >= step for other, step in waiting[agent].get(now[agent] + 1, ())
             ):
                 now[agent] += 1
                 goes_on = True
-    stuck = [route for agent, route in enumerate(routes) if now[agent] < len(route.begins) - 1]
+    stuck = [route for agent, route in enumerate(routes) if now[agent] < len(route.steps) - 1]
     if stuck:
         names = ", ".join(arm for route in stuck for arm in route.arms)
         raise InputError(f"{names} wait for each other in a circle")

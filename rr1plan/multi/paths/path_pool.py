@@ -16,6 +16,7 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.time_shortcuts import shorten_in_time
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
 from rr1plan.planners import RrtConnect, plan
@@ -25,6 +26,7 @@ from rr1plan.scene.problem import JointGoal, Problem
 
 _SHORTCUTS = 48
 _ITERATIONS = 2000  # of the planner, for each arm of an agent
+_SHORTCUTS_IN_TIME = 150  # shortcuts in time that are tried, for each arm of an agent
 _NO_LIMIT = 2**62
 _SAMPLES = 20  # random configurations that are tried for one to go through
 
@@ -97,6 +99,21 @@ class PathPool:
             path = AgentPath(self.agent, Path(self.agent.joint_names, np.concatenate(shorter)), checker)
         self.paths.append(path)
         return path
+
+    def add_faster(self, path: AgentPath) -> AgentPath:
+        """Add a path made from another one by shortcuts in time; a path of a few waypoints may not get faster.
+
+        Args:
+            path: A path of the agent.
+
+        Raises:
+            RetimingError: it cannot be timed under the limits.
+        """
+        question = self.agent.question({}, self.margin)
+        with checker_from_pool(question.scene, question.arms, self.margin) as checker:
+            attempts = _SHORTCUTS_IN_TIME * len(self.agent.arms)
+            points = shorten_in_time(path.path.waypoints, self.agent, checker, self._rng, self._watch, attempts)
+        return self.add_shortened([Path(self.agent.joint_names, points)])
 
     def _plan(self, leg: Problem, effort: int, *, patient: bool) -> PlanResult:
         goes_on, seconds = self._watch.let_planner_go_on, max(self._watch.left, 1e-3)

@@ -1,4 +1,4 @@
-"""Starts and goals of many arms for seeded problems: random ones, or with tools in regions; all free, and apart."""
+"""Starts and goals of many arms for seeded problems: random, or with tools in regions; all collision-free."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def sample_configurations(
     *,
     advice: str = "try a wider spacing",
 ) -> dict[str, Array]:
-    """A configuration of each arm: free, and apart from those of all others.
+    """A configuration of each arm, without contact with the scene or another arm.
 
     Args:
         scene: The arms and obstacles.
@@ -124,7 +124,7 @@ def _anywhere(agent: Agent) -> Draw:
 def _free_among(
     agent: Agent, others: list[tuple[Agent, CStruct]], draw: Draw, tries: int, rng: np.random.Generator
 ) -> Array | None:
-    """A free configuration of an arm that is apart from others."""
+    """A configuration of an arm without contact with the scene or other arms."""
     question = agent.question({}, 0.0)
     with checker_from_pool(question.scene, question.arms) as checker:
         for _ in range(tries):

@@ -107,8 +107,8 @@ def _in_the_way(
     """The arms that an agent would run into if it began a leg a little earlier; by the time at which it would."""
     wait = leg.departure - began
     for share in _SHARES:
-        sooner = min(wait, max(_SOONEST, share * wait))
-        moved = _occupancy(schedule.path, leg, leg.departure - sooner, following)
+        advance = min(wait, max(_SOONEST, share * wait))
+        moved = _occupancy(schedule.path, leg, leg.departure - advance, following)
         found = []
         for other in schedules:
             if other is schedule:

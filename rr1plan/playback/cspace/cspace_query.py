@@ -140,8 +140,9 @@ class CSpaceQuery(Value):
     def _ends_at(self, goal: Array) -> bool:
         if self.path is None or not self.found:
             return False
-        off = np.where(self.grid.turns, _wrapped(self.path[-1] - goal), self.path[-1] - goal)
-        return bool(np.abs(off).max() < _SAME)
+        off = self.path[-1] - goal
+        shortest = np.arctan2(np.sin(off), np.cos(off))
+        return bool(np.abs(np.where(self.grid.turns, shortest, off)).max() < _SAME)
 
     @cached_property
     def decomposition(self) -> Decomposition | None:
@@ -191,10 +192,6 @@ class CSpaceQuery(Value):
 
 def _numbered(name: str, count: int) -> tuple[str, ...]:
     return (name,) if count == 1 else tuple(f"{name} {k}" for k in range(1, count + 1))
-
-
-def _wrapped(angles: Array) -> Array:
-    return np.asarray(np.arctan2(np.sin(angles), np.cos(angles)))
 
 
 _Query = TypeVar("_Query", bound=CSpaceQuery)

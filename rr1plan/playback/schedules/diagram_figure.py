@@ -155,7 +155,7 @@ def _draw_axes(plot: mpl_axes.Axes, diagram: PairSchedule, axes: Axes, look: Loo
 
 def _legend(diagram: PairSchedule, look: Look) -> list[Any]:
     handles: list[Any] = [
-        Patch(color=look.blocked, label="not proven apart"),
+        Patch(color=look.blocked, label="not proven free"),
         Line2D([], [], color=look.ink, linewidth=2.6, label="the plan"),
     ]
     for arm in range(2):

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Any
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -39,6 +39,8 @@ _NOTHING_CARRIED = 1e-7
 _POSITION_VELOCITY_FEEDFORWARD = 7
 # Torsional and rolling friction of loose bodies [m], MuJoCo's defaults.
 _OTHER_FRICTION = (0.005, 0.0001)
+# Time constant of contacts of loose bodies [s]; MuJoCo needs two steps at least.
+_CONTACT_TIME = 0.008
 # Half the thickness of a plate in place of a triangle [m].
 _HALF_PLATE = 1e-5
 # Triangles of one mesh; these take about ten seconds to build.
@@ -103,7 +105,12 @@ class MujocoScene:
         return np.array([self.scene.owner(name) is not None for name in self.geom_elements])
 
 
-def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80.0) -> MujocoScene:
+Solver = Literal["newton", "cg"]
+
+
+def build_mujoco(
+    scene: Scene, *, timestep: float = 0.002, stiffness: float = 160.0, solver: Solver = "newton"
+) -> MujocoScene:
     """Build and compile a scene's MuJoCo model.
 
     Args:
@@ -111,6 +118,7 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
         timestep: Step of the integrator [s].
         stiffness: Natural frequency of the joint servos [rad/s]; gains follow from the inertia each
             joint carries in the scene's configuration (kp = stiffness² M_jj), critically damped.
+        solver: What computes contact forces of loose bodies, see `Simulation`.
 
     Returns:
         The model with one `pid` actuator (position, velocity, feed-forward) for each movable joint.
@@ -119,7 +127,7 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
         BackendError: MuJoCo does not take the scene.
         InputError: a point cloud of too many cells.
     """
-    builder = _Builder(scene, timestep)
+    builder = _Builder(scene, timestep, solver)
     spec = builder.spec
     model = _compile(spec)
     configuration = model.qpos0.copy()
@@ -135,7 +143,7 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
     model = _compile(spec)
     elements = tuple(builder.elements[model.geom(i).name] for i in range(model.ngeom))
     efforts = np.array([joint.joint.effort for joint in builder.joints])
-    joints, bodies = tuple(j.name for j in builder.joints), tuple(_loose_bodies(scene))
+    joints, bodies = tuple(j.name for j in builder.joints), tuple(loose_bodies(scene))
     return MujocoScene(scene, spec, model, joints, bodies, elements, efforts, massless)
 
 
@@ -158,7 +166,7 @@ class _PlacedJoint:
 class _Builder:
     """Fills an MjSpec from a scene."""
 
-    def __init__(self, scene: Scene, timestep: float) -> None:
+    def __init__(self, scene: Scene, timestep: float, solver: Solver) -> None:
         self.scene = scene
         self.spec = mujoco.MjSpec()
         self.spec.modelname = scene.name
@@ -166,6 +174,9 @@ class _Builder:
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
         self.spec.compiler.balanceinertia = True
+        if loose_bodies(scene):
+            self._set_solver(solver)
+        self._surface = {"priority": 1, "solref": [max(_CONTACT_TIME, 2.0 * timestep), 1.0]}
         self.joints: list[_PlacedJoint] = []
         self.elements: dict[str, str] = {}
         self.meshes: dict[int, list[str]] = {}
@@ -208,8 +219,18 @@ class _Builder:
             raise InputError(f"{name!r} has a mass, but its shapes have no volume")
         _set_inertial(body, inertial)
         # Against all without a mass its own friction counts, whatever is larger.
-        self._add_geoms(body, name, thing.geometries, friction=[thing.friction, *_OTHER_FRICTION], priority=1)
+        friction = [thing.friction, *_OTHER_FRICTION]
+        self._add_geoms(body, name, thing.geometries, friction=friction, **self._surface)
         return body
+
+    def _set_solver(self, solver: Solver) -> None:
+        option = self.spec.option
+        if solver == "newton":
+            # Bodies held by friction creep a hundred times slower than with MuJoCo's pyramidal cones.
+            option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
+        else:
+            option.solver = mujoco.mjtSolver.mjSOL_CG
+            option.iterations, option.tolerance = 10, 1e-5
 
     def _add_body(self, parent: Any, name: str, pose: Array) -> Any:
         return parent.add_body(name=name, pos=pose[:3, 3], quat=quaternion_from_rotation(pose[:3, :3]))
@@ -299,7 +320,7 @@ def _few_boxes(cloud: PointCloud) -> tuple[Array, Array]:
 
 def _excluded_pairs(scene: Scene) -> Iterator[tuple[str, str]]:
     """Pairs of bodies that may touch: an arm's own, and what the scene allows between arms and fixed things."""
-    loose = _loose_bodies(scene)
+    loose = loose_bodies(scene)
     owned: dict[str | None, list[str]] = {}
     for element in scene.element_names:
         owned.setdefault(scene.owner(element), []).append(element)
@@ -321,7 +342,8 @@ def _body_name(element: str) -> str:
     return f"{element}#" if element.rstrip("#") == "world" else element
 
 
-def _loose_bodies(scene: Scene) -> dict[str, Obstacle]:
+def loose_bodies(scene: Scene) -> dict[str, Obstacle]:
+    """The obstacles with a mass, by name."""
     return {name: thing for name, thing in scene.obstacles.items() if thing.mass is not None}
 
 

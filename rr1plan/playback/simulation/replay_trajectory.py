@@ -21,7 +21,8 @@ from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.controllers import Controller, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointTargets
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
-from rr1plan.playback.simulation.replay import Replay, ReplayContact
+from rr1plan.playback.simulation.recorder import BodyLog
+from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayContact, ReplayRecord
 from rr1plan.playback.simulation.simulation import Simulation
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
@@ -44,7 +45,7 @@ def simulate(
     mode: Mode = "dynamic",
     dt: float = 0.002,
     record_dt: float = 0.01,
-    stiffness: float = 80.0,
+    stiffness: float = 160.0,
     hold: float = 0.0,
     variation: ArmVariation | None = None,
     progress: ProgressCallback | None = None,
@@ -92,22 +93,22 @@ def simulate(
     steps = max(1, int(np.ceil((trajectory.duration + hold) / dt - 1e-9)))
     times = trajectory.start_time + dt * np.arange(steps + 1, dtype=np.float64)
     desired = targets(times)
+    stride = max(1, round(min(record_dt / dt, len(times))))
     report = _reporter(fraction_callback("simulate", progress), steps)
     if mode == "dynamic":
         sim = Simulation(scene, dt, stiffness=stiffness, variation=variation)
-        seen = _dynamic(sim, targets, times, desired, report)
+        seen = _dynamic(sim, targets, _Steps(times, desired, stride), report)
     else:
         seen = _kinematic(scene, times, desired, dt, report)
     columns = np.array([targets.names.index(name) for name in trajectory.joint_names], dtype=np.int64)
     error = (seen.actual - desired)[:, columns]
-    stride = max(1, round(min(record_dt / dt, len(times))))
     kept = np.unique(np.append(np.arange(0, len(times), stride), len(times) - 1))
     return Replay(
         mode=mode,
         joint_names=trajectory.joint_names,
-        times=times[kept],
-        desired=desired[np.ix_(kept, columns)],
-        actual=seen.actual[np.ix_(kept, columns)],
+        record=ReplayRecord(
+            times[kept], desired[np.ix_(kept, columns)], seen.actual[np.ix_(kept, columns)], seen.bodies
+        ),
         max_error=np.abs(error).max(axis=0),
         rms_error=np.sqrt((error**2).mean(axis=0)),
         peak_effort=seen.effort[columns],
@@ -122,13 +123,22 @@ def simulate(
 
 
 class _Seen(NamedTuple):
-    """What a replay saw: positions of all joints at all times, shares of effort limits, contacts."""
+    """What a replay saw: positions of all joints at all times, shares of effort limits, contacts, loose bodies."""
 
     actual: Array
     effort: Array
     contacts: tuple[ReplayContact, ...]
     remarks: tuple[str, ...]
     wall: float
+    bodies: BodyMotion | None = None
+
+
+class _Steps(NamedTuple):
+    """Times of steps [s], positions of all joints then, steps from one recorded pose of loose bodies to the next."""
+
+    times: Array
+    desired: Array
+    stride: int
 
 
 class _Follow(Controller):
@@ -143,11 +153,12 @@ class _Follow(Controller):
         return SetPoint(*(rates[k] for rates in self._rates))
 
 
-def _dynamic(
-    sim: Simulation, targets: JointTargets, times: Array, desired: Array, report: Callable[[int], None]
-) -> _Seen:
+def _dynamic(sim: Simulation, targets: JointTargets, steps: _Steps, report: Callable[[int], None]) -> _Seen:
     """Servos move the arms."""
+    times, desired = steps.times, steps.desired
     sim.place(targets.names, desired[0], targets(times[:1], 1)[0])
+    bodies = BodyLog()
+    bodies.add(sim)
     actual, effort = desired.copy(), np.zeros(len(targets.names))
     if targets.trajectory.joint_names:
         sim.activate(_Follow(targets.trajectory, times))
@@ -155,6 +166,8 @@ def _dynamic(
     def record(sim: Simulation) -> None:
         actual[sim.steps] = sim.positions
         np.maximum(effort, np.abs(sim.efforts), out=effort)
+        if sim.steps % steps.stride == 0 or sim.steps == len(times) - 1:
+            bodies.add(sim)
         report(sim.steps)
 
     sim.on_step(record)
@@ -164,7 +177,7 @@ def _dynamic(
     begin = float(times[0])
     contacts = tuple(replace(c, first=begin + c.first, last=begin + c.last) for c in sim.contacts)
     remarks = (*_remarks(targets.scene, sim, desired), *(f"MuJoCo: {text}" for text in sim.warnings))
-    return _Seen(actual, effort / sim.effort_limits, contacts, remarks, wall)
+    return _Seen(actual, effort / sim.effort_limits, contacts, remarks, wall, bodies.motion())
 
 
 def _kinematic(scene: Scene, times: Array, desired: Array, dt: float, report: Callable[[int], None]) -> _Seen:

@@ -43,7 +43,7 @@ from rr1plan.playback.simulation.arm_variation import ArmVariation, varied_model
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointMap
-from rr1plan.playback.simulation.mujoco_model import MujocoScene, build_mujoco
+from rr1plan.playback.simulation.mujoco_model import MujocoScene, Solver, build_mujoco
 from rr1plan.playback.simulation.replay import ReplayContact
 from rr1plan.playback.simulation.tiles import tile_scenes
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
@@ -53,6 +53,8 @@ from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rota
 _UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}")) for kind in ("QPOS", "QVEL", "QACC", "CTRL")]
 _MOST_STIFFNESS = 1e6  # [rad/s]
 _LONGEST_STEP = 1.0  # [s]
+# Fewer loose bodies are slower on several threads.
+_A_HEAP = 50
 # Steps of one call.
 _MOST_STEPS = 5_000_000
 # Real time is waited for when the simulation is ahead of it by more than this [s].
@@ -67,25 +69,41 @@ class Tile:
     Args:
         world: The compiled model.
         columns: Index of each of its joints among those of the simulation.
+        threads: Threads for contacts of many loose bodies.
         variation: How the arms differ from their description, unknown to the feed-forward torque.
 
     Attributes:
         model: MuJoCo's model.
         data: MuJoCo's data.
+        joints: Number of its joints.
+        state: Views of their positions, velocities and efforts, shape (joints,) each.
         bodies: Index of each of its loose bodies among them.
     """
 
-    def __init__(self, world: MujocoScene, columns: NDArray[np.int64], variation: ArmVariation | None = None) -> None:
-        self.world, self.columns = world, columns
+    def __init__(
+        self, world: MujocoScene, columns: NDArray[np.int64], threads: int, variation: ArmVariation | None = None
+    ) -> None:
+        self.world = world
+        first, count = int(columns[0]) if len(columns) else 0, len(columns)
+        in_order = np.array_equal(columns, np.arange(first, first + count))
+        self.columns: NDArray[np.int64] | slice = slice(first, first + count) if in_order else columns
+        self.joints = count
         self.model: Any = world.model
         if variation is not None:
             self.model = varied_model(world.model, world.scene, world.effort_limits, variation)
         self.data: Any = mujoco.MjData(self.model)
-        self._described = None if variation is None else mujoco.MjData(world.model)
-        self._control = np.zeros((len(columns), 3))
+        if threads > 1 and len(world.body_names) >= _A_HEAP:
+            mujoco.mju_threadpool(self.data, threads - 1)
+        # Views of MuJoCo's arrays, which stay where they are: to make one takes as long as a small sum.
+        data = self.data
+        self.state = data.qpos[:count], data.qvel[:count], data.actuator_force
+        self._control = data.ctrl.reshape(count, 3)
+        # The arms as described, where they are others: of them the servos know.
+        self._described = data if variation is None else mujoco.MjData(world.model)
+        self._bias = self._described.qfrc_bias[:count]
         self.bodies = {name: i for i, name in enumerate(world.body_names)}
         self._torque, self._accelerations = np.zeros((2, self.model.nv))
-        self._alarms = self.data.warning.number
+        self._alarms = data.warning.number
         self._state_size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION)
 
     def refresh(self) -> None:
@@ -94,30 +112,27 @@ class Tile:
 
     def command(self, positions: Array, velocities: Array, accelerations: Array, efforts: Array) -> None:
         """Set-points of all joints of the simulation for the next step, with the feed-forward torque."""
-        control, joints = self._control, len(self.columns)
-        data = self._described_state()
+        control, joints = self._control, self.joints
         self._accelerations[:joints] = accelerations[self.columns]
-        mujoco.mj_mulM(self.world.model, data, self._torque, self._accelerations)
+        if self._described is not self.data:
+            self._describe()
+        mujoco.mj_mulM(self.world.model, self._described, self._torque, self._accelerations)
         control[:, 0] = positions[self.columns]
         control[:, 1] = velocities[self.columns]
-        control[:, 2] = self._torque[:joints] + data.qfrc_bias[:joints] + efforts[self.columns]
-        self.data.ctrl[:] = control.ravel()
+        control[:, 2] = self._torque[:joints] + self._bias + efforts[self.columns]
 
-    def _described_state(self) -> Any:
-        """Inertia and bias torques of the arms as described, at the present state."""
+    def _describe(self) -> None:
+        """Compute inertia and bias torques of the arms as described, at the present state."""
         data, model = self._described, self.world.model
-        if data is None:
-            return self.data
         data.qpos[:], data.qvel[:] = self.data.qpos, self.data.qvel
         for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_makeM, mujoco.mj_comVel):
             stage(model, data)
         mujoco.mj_rne(model, data, 0, data.qfrc_bias)
-        return data
 
     def advance(self) -> None:
         """Take a step from the present state, and refresh what follows from the new one."""
         mujoco.mj_step2(self.model, self.data)
-        mujoco.mj_step1(self.model, self.data)
+        self.refresh()
 
     def is_unstable(self) -> bool:
         """Whether MuJoCo has warned of values that are not finite or too large."""
@@ -125,7 +140,7 @@ class Tile:
 
     def body_state(self, name: str) -> tuple[Array, Array]:
         """Position and quaternion (7,) of a loose body, and its linear and its own angular velocity (6,), as views."""
-        joints, i = len(self.columns), self.bodies[name]
+        joints, i = self.joints, self.bodies[name]
         qpos, qvel = self.data.qpos[joints + 7 * i :], self.data.qvel[joints + 6 * i :]
         return qpos[:7], qvel[:6]
 
@@ -152,7 +167,10 @@ class Simulation:
         scene: The scene; arms start in their configurations.
         dt: Time of a step [s].
         stiffness: Natural frequency of the joint servos [rad/s].
-        threads: Threads for arms that can never meet.
+        threads: Threads for arms that can never meet, and for heaps of loose bodies.
+        solver: What computes the forces of contacts where there are loose bodies: "newton" to convergence, which holds
+            grasped bodies; or conjugate gradients ("cg") in ten iterations, which take a fraction of the time for heaps
+            of hundreds of bodies, and let them sink a few centimeters into each other when they crash.
         variation: How the arms differ from their description, which their servos rely on (default: not at all).
 
     Attributes:
@@ -171,19 +189,23 @@ class Simulation:
         scene: Scene,
         dt: float = 0.002,
         *,
-        stiffness: float = 80.0,
+        stiffness: float = 160.0,
         threads: int = 1,
+        solver: Solver = "newton",
         variation: ArmVariation | None = None,
     ) -> None:
         of_kind("scene", scene, Scene)
         of_kind("variation", variation, ArmVariation, optional=True)
+        known_name("solver", solver, ("newton", "cg"))
+        self._solver: Solver = solver
+        self._variation = variation
         self.scene = scene
         self.dt = positive_number("dt", dt)
         if self.dt > _LONGEST_STEP:
             raise InputError(f"dt is {dt:g} s, expected at most {_LONGEST_STEP:g} s")
         if positive_number("stiffness", stiffness) > _MOST_STIFFNESS:
             raise InputError(f"stiffness is {stiffness}, expected at most {_MOST_STIFFNESS:g} rad/s")
-        self._stiffness, self._variation = float(stiffness), variation
+        self._stiffness = float(stiffness)
         self._threads = whole_number("threads", threads, 1, 256)
         self._map = JointMap(scene)
         self.joint_names = self._map.names
@@ -313,10 +335,18 @@ class Simulation:
         Raises:
             UnknownNameError: no such loose body.
         """
-        position, _ = self._body(name).body_state(name)
+        position = self.body_coordinates(name)
         pose = identity().copy()
         pose[:3, 3], pose[:3, :3] = position[:3], rotation_from_quaternion(position[3:])
         return pose
+
+    def body_coordinates(self, name: str) -> Array:
+        """Position [m] and quaternion (wxyz) of a loose body, shape (7,).
+
+        Raises:
+            UnknownNameError: no such loose body.
+        """
+        return self._body(name).body_state(name)[0].copy()
 
     def body_velocity(self, name: str) -> Array:
         """Linear velocity of a loose body's origin [m/s] and its angular velocity [rad/s], in world axes, shape (6,).
@@ -529,14 +559,14 @@ class Simulation:
         tiles = []
         with mujoco_warnings() as warnings:
             for part in tile_scenes(scene):
-                world = build_mujoco(part, timestep=self.dt, stiffness=self._stiffness)
-                tiles.append(Tile(world, self._indices(world.joint_names), self._variation))
+                world = build_mujoco(part, timestep=self.dt, stiffness=self._stiffness, solver=self._solver)
+                tiles.append(Tile(world, self._indices(world.joint_names), self._threads, self._variation))
         self._warnings += warnings
         return tiles
 
     def _set_joints(self, tile: Tile, positions: Array, velocities: Array) -> None:
-        tile.data.qpos[: len(tile.columns)] = positions[tile.columns]
-        tile.data.qvel[: len(tile.columns)] = velocities[tile.columns]
+        tile.state[0][:] = positions[tile.columns]
+        tile.state[1][:] = velocities[tile.columns]
 
     def _body(self, name: str) -> Tile:
         """The model with a loose body."""
@@ -631,16 +661,17 @@ class Simulation:
 
     def _note_contacts(self) -> None:
         for tile in self.tiles:
-            if tile.data.ncon:
+            depth = -float(tile.data.contact.dist.min()) if tile.data.ncon else -math.inf
+            if depth >= 0.0:
                 self._contacts.add(tile.world, tile.data, self.time)
-                self._deepest = max(self._deepest, -float(tile.data.contact.dist.min()))
+                self._deepest = max(self._deepest, depth)
 
     def _observe(self) -> None:
         """Collect the state of all joints from the models."""
         rates = np.empty((3, len(self.joint_names)))
         for tile in self.tiles:
-            joints, data = len(tile.columns), tile.data
-            rates[:, tile.columns] = data.qpos[:joints], data.qvel[:joints], data.actuator_force
+            for row, values in zip(rates, tile.state, strict=True):
+                row[tile.columns] = values
         self._now = JointState(self.time, *rates)
 
     def _state(self, indices: NDArray[np.int64]) -> JointState:

@@ -7,6 +7,7 @@ of them never are. Tiles of a few arms do not.
 from __future__ import annotations
 
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
+from rr1plan.playback.simulation.mujoco_model import loose_bodies
 from rr1plan.scene import Scene
 from rr1plan.scene.subscene import subscene
 
@@ -23,7 +24,7 @@ def tile_scenes(scene: Scene) -> list[Scene]:
     Returns:
         The scene itself, as always with loose bodies, which may come anywhere; or parts in the order of its arms.
     """
-    if any(obstacle.mass is not None for obstacle in scene.obstacles.values()):
+    if loose_bodies(scene):
         return [scene]
     groups = interaction_groups(arms_in_reach(scene, scene.arms, 0.0)) if len(scene.arms) > ARMS_IN_A_TILE else []
     if len(groups) < 2:

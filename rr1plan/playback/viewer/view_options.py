@@ -16,7 +16,7 @@ from rr1plan.playback.viewer.camera import check_view
 
 @dataclass(frozen=True)
 class Panel:
-    """Something of your own beside the 3-D view, e.g. a picture of the configuration space.
+    """Custom content next to the 3-D view, e.g. a picture of the configuration space.
 
     Args:
         name: A name unique on the page; letters, digits and "-".

@@ -96,9 +96,11 @@ class Viewer {
 
   // ---- the configuration -------------------------------------------------------------------
 
-  setQ(q) {
+  /** Shows a configuration, and in place of the clock where it is from. */
+  setQ(q, origin = "by hand") {
     this.player.pause();
     this.manual = true;
+    this.origin = origin;
     this.q.set(q);
     this.show();
   }
@@ -134,6 +136,7 @@ class Viewer {
     world.update(this.q);
     this.shownAt = performance.now();
     if (this.conflicts.at(this.manual ? null : player.time)) this.paint();
+    world.updateBodies(player.time);
     if (this.replayTrack) world.updateReplay(this.replayTrack.at(player.time, this.kinematics.rest()));
     if (this.toolPath) this.toolPath.show(this.manual ? 1 : player.fraction);
     this.controls.refresh();
