@@ -1,4 +1,4 @@
-"""The rules by which ROS's `joint_trajectory_controller` accepts or rejects a trajectory, in words."""
+"""Acceptance rules of the `joint_trajectory_controller` of ROS, checked and explained in words."""
 
 from __future__ import annotations
 

@@ -156,7 +156,7 @@ def save_joint_trajectory(
 def sampled_message(
     trajectory: Trajectory, dt: float, lead: float, rename: Mapping[str, str] | None
 ) -> JointTrajectoryMessage:
-    """A trajectory as points that a controller accepts: whole nanoseconds apart, the last velocity exactly zero.
+    """A trajectory as points that a controller accepts: times in whole nanoseconds, the last velocity exactly zero.
 
     Args:
         trajectory: A trajectory that ends at rest.

@@ -141,7 +141,7 @@ def plan_commands(
     if isinstance(motion, MotionPlan) and scene is None:
         scene = motion.scene
     if scene is None:
-        raise InputError("a trajectory has no scene of its own; give the scene too (option scene)")
+        raise InputError("a trajectory does not hold its scene; give the scene too (option scene)")
     arm, moved = _only_moving_arm(motion if isinstance(motion, Trajectory) else motion.trajectory, scene)
     scale = StepScale(scene.arms[arm].robot, calibration, box)
     q = moved(np.linspace(moved.start_time, moved.end_time, _SAMPLES))

@@ -155,7 +155,7 @@ class StepScale:
             if name not in calibration.joints:
                 raise InputError(f"joint {name!r} is not calibrated; nothing is guessed, so nothing is sent")
             joint = calibration.joints[name]
-            assumed = [what for what in ("zero", "scale") if not np.isfinite(getattr(joint, f"{what}_std"))]
+            assumed = [part for part in ("zero", "scale") if not np.isfinite(getattr(joint, f"{part}_std"))]
             if assumed:
                 raise InputError(
                     f"{assumed[0]} of joint {name!r} is assumed, not measured: it has no standard deviation "

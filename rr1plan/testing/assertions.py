@@ -125,7 +125,7 @@ def _motion_in(motion: MotionPlan | Trajectory, scene: Scene | None) -> tuple[Sc
     of_kind("scene", scene, Scene, optional=True)
     if isinstance(motion, Trajectory):
         if scene is None:
-            raise InputError("a trajectory has no scene of its own; give the scene too (option scene)")
+            raise InputError("a trajectory does not hold its scene; give the scene too (option scene)")
         return scene, motion
     if not isinstance(motion, MotionPlan):
         raise InputError(f"motion is of type {type(motion).__name__}, expected MotionPlan or Trajectory")

@@ -67,17 +67,8 @@ def fcl_geometry(shape: Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh) ->
         MissingPackageError: python-fcl is not installed.
     """
     fcl = _fcl()
-    match shape:
-        case Box(size):
-            return fcl.Box(*size)
-        case Sphere(radius):
-            return fcl.Sphere(radius)
-        case Cylinder(radius, length):
-            return fcl.Cylinder(radius, length)
-        case Capsule(radius, length):
-            return fcl.Capsule(radius, length)
-        case HalfSpace(normal, offset):
-            return fcl.Halfspace(np.array(normal), offset)
+    if not isinstance(shape, Mesh):
+        return _primitive(fcl, shape)
     if is_surface(shape):
         surface = fcl.BVHModel()
         surface.beginModel(len(shape.vertices), len(shape.faces))
@@ -87,6 +78,18 @@ def fcl_geometry(shape: Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh) ->
     hull = convex_hull(shape.vertices)
     corners = np.concatenate([np.full((len(hull.faces), 1), 3), hull.faces], axis=1).astype(np.int32)
     return fcl.Convex(np.array(hull.vertices), len(hull.faces), corners.ravel())
+
+
+def _primitive(library: Any, shape: Box | Sphere | Cylinder | Capsule | HalfSpace) -> Any:
+    """A shape in FCL or Coal, which name them alike."""
+    match shape:
+        case Box(size):
+            return library.Box(*size)
+        case Sphere(radius):
+            return library.Sphere(radius)
+        case HalfSpace(normal, offset):
+            return library.Halfspace(np.array(normal), offset)
+    return getattr(library, type(shape).__name__)(shape.radius, shape.length)
 
 
 def _fcl() -> Any:
@@ -139,17 +142,8 @@ def coal_geometry(shape: Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh) -
     """A shape in Coal."""
     import coal
 
-    match shape:
-        case Box(size):
-            return coal.Box(*size)
-        case Sphere(radius):
-            return coal.Sphere(radius)
-        case Cylinder(radius, length):
-            return coal.Cylinder(radius, length)
-        case Capsule(radius, length):
-            return coal.Capsule(radius, length)
-        case HalfSpace(normal, offset):
-            return coal.Halfspace(np.array(normal), offset)
+    if not isinstance(shape, Mesh):
+        return _primitive(coal, shape)
     points = coal.StdVec_Vec3s()
     points.extend(list(np.array(shape.vertices)))
     if not is_surface(shape):

@@ -104,11 +104,11 @@ class SceneBodies:
         centers = self._centers(frames)
         offset = centers[:, j] - centers[:, i]
         flat = np.isinf(self._radius)
-        apart = np.linalg.norm(offset, axis=2) > self._radius[i] + self._radius[j]
+        disjoint = np.linalg.norm(offset, axis=2) > self._radius[i] + self._radius[j]
         for k in np.flatnonzero(flat[i] | flat[j]):
             plane, other = (i[k], j[k]) if flat[i[k]] else (j[k], i[k])
-            apart[:, k] = self._above_plane(frames, centers, plane, other)
-        sample, pair = np.nonzero(~apart)
+            disjoint[:, k] = self._above_plane(frames, centers, plane, other)
+        sample, pair = np.nonzero(~disjoint)
         bounded = ~(flat[i[pair]] | flat[j[pair]])
         a, b = i[pair][bounded], j[pair][bounded]
         turns, at = frames[..., :3, :3], sample[bounded]
