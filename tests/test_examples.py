@@ -329,6 +329,23 @@ def a_bar_goes_from_one_arm_to_the_other(said: str, folder: Path) -> None:
     assert rp.load_sequence(folder / "28_hand_over.json").valid
 
 
+def assertions_say_what_is_wrong(said: str, _: Path) -> None:
+    assert said.count(": passed") == 3
+    assert "11 replays passed; the worst:" in said
+    assert "FCL, Coal, MuJoCo at" in said
+    assert "free of contacts, they agree" in said
+    assert re.search(r"in_the_way: failed\n  the motion is not valid: collision: .*and ball overlap by", said)
+
+
+def a_motion_goes_to_an_emulated_control_box(said: str, folder: Path) -> None:
+    assert "certified free of collision, steps and ramps" in said
+    assert number(r"planned (\S+) s", said) < number(r"the arm takes (\S+) s", said)
+    assert "executed: idle, counters" in said
+    assert "refused: W1 is at 0 steps" in said
+    assert "objections of a controller: []" in said
+    assert rp.load_joint_trajectory(folder / "30_motion.yaml").degree == 5
+
+
 CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "01_first_motion": the_first_motion_is_proven_and_replayed,
     "02_robots": robots_have_presets_and_grippers_and_bad_files_are_refused,
@@ -358,6 +375,8 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "26_pick_and_place": a_block_is_carried_by_friction,
     "27_blocks": three_blocks_end_in_a_row,
     "28_hand_over": a_bar_goes_from_one_arm_to_the_other,
+    "29_assert_replays": assertions_say_what_is_wrong,
+    "30_real_arm": a_motion_goes_to_an_emulated_control_box,
     "31_calibration": an_arm_is_calibrated_and_its_slipped_belt_is_named,
     "32_mirror": an_arm_that_is_pushed_leaves_the_corridor_and_comes_back,
 }
