@@ -1,4 +1,4 @@
-"""What `plan_motion` returns: the planner's result, path, trajectory and report; to show, print or save."""
+"""`MotionPlan`, the result of `plan_motion`: path, trajectory and report, to show, print or save."""
 
 from __future__ import annotations
 

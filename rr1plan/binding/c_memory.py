@@ -70,7 +70,7 @@ class CStruct:
                 targets[key] = given
 
     def give_room(self, *, unset: bool = False, **counts: int) -> None:
-        """Let pointers lead to new memory, aligned for vectors, in which what is used together shares pages and lines.
+        """Point fields to new memory, aligned for vectors, in which data used together share pages and cache lines.
 
         Args:
             unset: Whether it may hold anything; otherwise it is zeroed.
@@ -95,7 +95,7 @@ class CStruct:
         return other
 
     def part(self, field: str) -> Any:
-        """What a pointer leads to: an array, or another struct."""
+        """The target of a pointer: an array, or another struct."""
         if field not in self._targets:
             layout, room = next((layout, room) for layout, room in self._rooms if field in layout)
             self._targets[field] = layout[field].of(room)
@@ -103,7 +103,7 @@ class CStruct:
 
     @property
     def targets(self) -> dict[str, Any]:
-        """What its pointers lead to, by field."""
+        """The targets of its pointers, by field."""
         keys = [*self._targets, *(key for layout, _ in self._rooms for key in layout)]
         return {key: self.part(key) for key in dict.fromkeys(keys)}
 

@@ -1,4 +1,4 @@
-"""What `plan` says of a plan of many arms, and the figures it draws."""
+"""Output of the command `plan` about many arms, and its figures."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def _agent_of(motion: MotionPlan, arm: str) -> Schedule:
 
 
 def say_many(motion: MotionPlan, console: Console) -> None:
-    """What a user needs to know of a plan of many arms, besides the report."""
+    """Print the summary of a plan of many arms: makespan, groups, waits."""
     many = motion.many_arms
     if many is None or console.as_json or console.quiet:
         return
@@ -85,7 +85,7 @@ def say_many(motion: MotionPlan, console: Console) -> None:
 
 
 def say_unscheduled(motion: MotionPlan, console: Console) -> None:
-    """Which groups of arms have schedules and which have none, where some were planned."""
+    """Print which groups of arms have schedules, if any were planned."""
     if motion.many_arms is not None:
         _say_groups(motion.many_arms, console)
 

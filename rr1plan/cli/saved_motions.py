@@ -63,7 +63,7 @@ def saved_motion(
 
 
 def say_changes(motion: MotionPlan | SequencePlan, console: Console) -> None:
-    """Where a motion is looked at, what it is made of, and what differs from where it was made."""
+    """Print the scene of a motion, its parts, and the differences from the scene that it was made in."""
     console.say(f"in the scene {motion.scene.name}: {motion.size()}")
     if motion.changes:
         console.say("the scene differs from the one that the motion was made in:")

@@ -318,7 +318,7 @@ class CollisionChecker(CoalChecker):
         return self._certify_exactly(*self._checked_curve(coefficients, duration))[0] == FREE
 
     def first_contact(self, q0: ArrayLike, q1: ArrayLike, *, precision: float = _PRECISION) -> FirstContact | None:
-        """Where the straight line from q0 to q1 first touches something, or None when it is free.
+        """The first contact on the straight line from q0 to q1, or None when it is free.
 
         Args:
             q0: Begin [rad or m], shape (nq,).
@@ -332,7 +332,7 @@ class CollisionChecker(CoalChecker):
         return self._first_contact(np.array([q0, q1 - q0]), 1.0, positive_number("precision", precision))
 
     def first_contact_on(self, coefficients: ArrayLike, duration: float) -> FirstContact | None:
-        """Where the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, first touches something, or None when it is free.
+        """The first contact on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, or None when it is free.
 
         Args:
             coefficients: c_k [rad/s^k or m/s^k], shape (k + 1, nq).

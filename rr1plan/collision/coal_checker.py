@@ -272,7 +272,7 @@ class CoalChecker:
 
     @cached_property
     def tables(self) -> ExactTables:
-        """What the exact kernel knows of the pairs that move."""
+        """The exact kernel's tables of the pairs that move."""
         return build_tables(self.geometry, self.fixed, self._kept_padding)
 
     @cached_property
@@ -317,7 +317,7 @@ class CoalChecker:
 
     @cached_property
     def _left_out(self) -> float:
-        """What `pairs` leaves out stays farther than this beyond its padding [m]."""
+        """Pairs that `pairs` omits keep more than this distance beyond their padding [m]."""
         return self.geometry.least_gap - max((self.scene.padding, *self.scene.pair_padding.values())) - self.margin
 
     @cached_property

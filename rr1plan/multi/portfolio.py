@@ -233,7 +233,7 @@ def plan_many_arms(
 def _search_small_teams(
     found: Preflight, near: Mapping[str, frozenset[str]], seeds: Mapping[str, int], watch: Stopwatch
 ) -> tuple[list[GroupResult], list[Schedule], dict[str, float]]:
-    """What came of the conflict-based search of each group, all schedules, and how fast each arm is alone [s]."""
+    """Results of the conflict-based search of each group, all schedules, and the duration of each arm alone [s]."""
     groups: list[GroupResult] = []
     schedules: list[Schedule] = []
     alone: dict[str, float] = {}

@@ -1,4 +1,4 @@
-"""Where every link is at many times at once: plain numpy kinematics along a trajectory.
+"""Poses of all links at many times at once: plain NumPy kinematics along a trajectory.
 
 The referee's own forward kinematics. It shares nothing with `rr1plan.model` (Pinocchio)
 and is tested against `Robot.link_poses`.
@@ -82,7 +82,7 @@ class MovingLink:
 
 
 def drives(robot: Robot, columns: dict[str, int], configuration: dict[str, float]) -> dict[str, Drive]:
-    """What drives every joint that is not fixed: a column, its configuration, its held value, or its leader.
+    """The source of every joint value: a column, the configuration, a locked value, or a leading joint.
 
     Args:
         robot: The robot.

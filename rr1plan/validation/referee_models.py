@@ -44,7 +44,7 @@ _ROW = Struct("=14d")  # a `ShapeRow`
 
 
 class HeldThing(NamedTuple):
-    """What an arm holds, as far as its model depends on it.
+    """The attached objects of an arm, as far as its model depends on them.
 
     Args:
         geometries: Its shapes.
@@ -166,7 +166,7 @@ def _joined(poses: Iterable[Array]) -> Array:
 
 
 def _starts(counts: list[int]) -> Table:
-    """Where each of several runs begins and the last one ends, shape (n + 1,)."""
+    """Offsets at which consecutive runs begin and the last one ends, shape (n + 1,)."""
     return np.array([0, *accumulate(counts)], dtype=np.int64)
 
 
@@ -201,7 +201,7 @@ def _frame(origin: Array, joint: Joint, drive: Drive) -> Array:
 
 
 def _own_checked(links: tuple[str, ...], content: _Content) -> NDArray[np.uint8]:
-    """Which pairs of an arm's links and held things must not touch."""
+    """Pairs of an arm's links and attached objects that must not touch."""
     index, count = {name: i for i, name in enumerate(links)}, len(links) + len(content.held)
     checked = np.ones((count, count), dtype=np.uint8)
     np.fill_diagonal(checked, 0)

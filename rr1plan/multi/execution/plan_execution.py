@@ -184,7 +184,7 @@ class _Run:
         heappush(self.events, _Event(time, next(self.numbers), agent, pause, dependency))
 
     def _next_cause(self) -> tuple[float, int, int]:
-        """What others wait for and happens next: when, who does it, and which dependency it releases; -1 if nothing."""
+        """The next event that others wait for: time, agent, and the released dependency; -1 if there is none."""
         first = (math.inf, -1, -1)
         for i, causes in enumerate(self.causes):
             if causes:

@@ -161,7 +161,7 @@ def passed_gridpoints(schedule: Schedule) -> NDArray[np.int64]:
 
 
 def route_of(schedule: Schedule) -> Route:
-    """What an agent passes that moves by a schedule."""
+    """The route of an agent that moves by a schedule."""
     path = schedule.path
     nq = len(path.start)
     lengths, coefficients = [np.zeros(0)], [np.zeros((0, 3, nq))]

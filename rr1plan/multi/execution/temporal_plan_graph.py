@@ -249,7 +249,7 @@ def plan_graph(result: ManyArmsResult) -> PlanGraph:
         result: What `plan_many_arms` found.
 
     Raises:
-        InputError: no plan, or one whose agents are not proven apart.
+        InputError: no plan, or one whose agents are not proven free of contact.
     """
     from rr1plan.multi.portfolio import ManyArmsResult
 

@@ -103,7 +103,7 @@ def _draw_curve(plot: mpl_axes.Axes, diagram: PairSchedule, axes: Axes, look: Lo
 
 
 def _waits(points: Array, times: Array, arm: int) -> list[tuple[int, int]]:
-    """Where an arm rests on its way: first and last index of each rest."""
+    """The rests of an arm before its arrival: first and last index of each."""
     own = points[:, arm]
     rests = (np.abs(np.diff(own)) <= _STILL) & (np.diff(times) > 0.0)
     later = np.logical_and.accumulate(rests[::-1])[::-1]  # at rest for good

@@ -85,7 +85,7 @@ def _independent(robot: Robot, joint: Joint) -> tuple[Joint, float, float]:
 
 
 class JointTargets:
-    """Where every movable joint of a scene has to be: planned, locked, mimicking and resting ones.
+    """Set-points of all movable joints of a scene: planned, locked, mimic and stationary ones.
 
     Args:
         trajectory: The motion of some arms.

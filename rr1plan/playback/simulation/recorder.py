@@ -76,7 +76,7 @@ class Recorder:
         stop()
 
     def replay(self) -> Replay:
-        """What was recorded so far, as `simulate` returns it."""
+        """The record so far, as `simulate` returns it."""
         steps, rows = self._sim.steps - self._begin, np.array(self._rows)
         begin = self._times[0]
         return Replay(

@@ -1,4 +1,4 @@
-"""What a replay in the simulator showed: tracking, contacts, torques, speed."""
+"""Results of a replay in the simulator: tracking, contacts, torques, speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page needs to know, as one plain value that JSON can hold.
+"""The data of a page as one plain value that JSON can hold.
 
 A robot is described once, however many arms are copies of it: its joints, so that the page
 computes forward kinematics itself, and its shapes, so that the page draws all copies of a shape
@@ -294,7 +294,7 @@ def _steady(path: Path) -> Trajectory:
 
 
 def _replayed(replay: Replay) -> Trajectory:
-    """What the simulator recorded, as straight lines between its samples."""
+    """The recorded positions, joined by straight lines."""
     times, positions = replay.record.times, replay.record.actual
     if len(times) < 2:
         return Trajectory.rest(replay.joint_names, positions[0])

@@ -68,7 +68,7 @@ class PageServer:
 
     @property
     def url(self) -> str:
-        """Where a browser of this machine finds the page."""
+        """Address of the page, for browsers of this machine."""
         return f"http://{_ADDRESS}:{self.port}/"
 
     @property
@@ -222,7 +222,7 @@ class _Page(RequestHandler):
 
 
 class _Updates(WebSocketHandler):
-    """What one page is told."""
+    """Messages to one page."""
 
     def initialize(self, server: PageServer) -> None:
         self.server = server

@@ -1,4 +1,4 @@
-"""How a page looks: its title, its first view, what is drawn beside the motion."""
+"""Options of a page: title, first view, panels and layers."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Panel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ViewOptions:
-    """How a page shows its scene and motion, the same for live pages and files.
+    """Options of a page, the same for live pages and files.
 
     Args:
         title: Headline of the page (default: the scene's name).

@@ -245,7 +245,7 @@ class Controls {
       this.rows.push(row);
       return fold;
     });
-    // So many colors cannot be told apart, so there is no legend.
+    // More colors than a reader can distinguish: no legend.
     if (arms.length > MANY) {
       const fold = element("details");
       fold.append(element("summary", `${arms.length} arms`), ...folds);

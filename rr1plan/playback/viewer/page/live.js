@@ -38,7 +38,7 @@ class Live {
     if (Object.hasOwn(acts, message.type)) acts[message.type]();
   }
 
-  /** Tells the program that a slider was moved. */
+  /** Reports a moved slider to the program. */
   tellSlider(column, value) {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ type: "slider", column, value }));
   }

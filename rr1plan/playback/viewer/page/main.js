@@ -234,7 +234,7 @@ class Viewer {
     return this.playing || Boolean(this.stage.dragged) || (this.pace.many && this.pace.level > 0 && now - this.shownAt < 250);
   }
 
-  /** What stands still is drawn in full. */
+  /** Whether the picture has full quality, as it has while nothing moves. */
   get settled() { return !this.stage.renderer || this.stage.quality === this.pace.full; }
 
   /** Draws as much as a level of `pace.js` says. */
