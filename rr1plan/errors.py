@@ -94,7 +94,7 @@ class PlannerError(Rr1PlanError):
 
 
 class ControllerError(Rr1PlanError):
-    """A controller of a simulation raised something, or returned what is no set-point."""
+    """A controller of a simulation raised something, or returned what is not a set-point."""
 
 
 class RetimingError(Rr1PlanError):

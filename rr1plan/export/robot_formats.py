@@ -49,7 +49,7 @@ def save_rosbag(
 
     Raises:
         MissingPackageError: `rosbags` is not installed (extra `ros`).
-        UnknownNameError: a name to rename that is no column.
+        UnknownNameError: a name to rename that is not a column.
         InputError: the folder exists or cannot be made, a time that makes no sense.
     """
     target = file_path(folder)

@@ -114,7 +114,7 @@ def parse_state(text: str | bytes) -> StateMessage | StreamError:
         return StateMessage(data["time"], data["name"], data["position"], data.get("received"))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:  # an InputError is a ValueError
         what = f"no {error}" if isinstance(error, KeyError) else str(error)
-        return StreamError("format", f"{shown(text[:60])} is no joint state: {what[:200]}")
+        return StreamError("format", f"{shown(text[:60])} is not a joint state: {what[:200]}")
 
 
 def _address(source: str) -> tuple[str, int]:
