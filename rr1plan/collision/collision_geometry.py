@@ -4,8 +4,8 @@ An arm that stands still is an obstacle. Arms and obstacles that a moving arm ca
 `reach_broad_phase.py`), so that the size of everything built here grows with what is near, not with the scene.
 
 A geometry knows no padding, so scenes that differ in that alone share it as a whole; its parts are shared by content:
-an arm's geometry by all arms with equal robots and held objects, an obstacle's by all scenes that it is in, and the
-pairs by all scenes that differ only in where things are.
+an arm's geometry by all arms with equal robots and held objects, the pairs by all scenes that differ only in where
+things are.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, arm_geometry
 from rr1plan.collision.arm_instances import ArmInstances, arm_instances
+from rr1plan.collision.convex.convex_bodies import is_surfaceless
 from rr1plan.collision.obstacle_geometry import obstacle_geometry, stationary_arm_geometry
 from rr1plan.collision.reach_broad_phase import Near, find_near
 from rr1plan.errors import InputError
@@ -70,7 +71,7 @@ class CollisionGeometry:
         self.obstacles = (*standing, *[all_obstacles[name] for name in near.obstacles])
         self.rules = _rules(scene, near, arms)
         elements = tuple(chain.from_iterable([thing.elements for thing in self.obstacles]))
-        surfaceless = tuple(chain.from_iterable([thing.surfaceless for thing in self.obstacles]))
+        surfaceless = tuple([is_surfaceless(shape) for thing in self.obstacles for shape in thing.shapes])
         self.pairs = _solid_pairs(_PairContent(self.instances, arms, self.rules, elements, surfaceless))
 
     @cached_property

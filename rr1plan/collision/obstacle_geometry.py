@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -31,23 +30,27 @@ class ObstacleGeometry:
 
     Attributes:
         sizes: A `ShapeSize` of each.
-        surfaceless: Which of them are half-spaces, point clouds or concave meshes.
     """
+
+    __slots__ = ("elements", "frames", "pose", "shapes", "sizes")
 
     def __init__(self, elements: Sequence[str], shapes: Sequence[Shape], frames: bytes, pose: Array) -> None:
         self.elements, self.shapes, self.frames, self.pose = elements, shapes, frames, pose
         self.sizes = b"".join([shape_size(shape) for shape in shapes])
-        self.surfaceless = [is_surfaceless(shape) for shape in shapes]
 
     def at(self, pose: Array, elements: Sequence[str] | None = None) -> ObstacleGeometry:
         """The same object elsewhere, with the same elements by default: T_world_object, shape (4, 4)."""
         other = object.__new__(ObstacleGeometry)
-        other.__dict__ |= self.__dict__ | {"pose": pose}
-        if elements is not None:
-            other.elements = elements
+        other.elements = self.elements if elements is None else elements
+        other.shapes, other.frames, other.pose, other.sizes = self.shapes, self.frames, pose, self.sizes
         return other
 
-    @cached_property
+    @property
+    def surfaceless(self) -> list[bool]:
+        """Which of the solids are half-spaces, point clouds or concave meshes."""
+        return [is_surfaceless(shape) for shape in self.shapes]
+
+    @property
     def solids(self) -> tuple[Solid, ...]:
         """The solids; their joint is the world."""
         frames = np.frombuffer(self.frames).reshape(-1, 4, 4)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, Value, finite_array, of_kind, read_only
+from rr1plan.checks import Array, Value, finite_array, of_kind, read_only, shape_of
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.model.joint_turns import TURN, rotary
@@ -84,8 +84,24 @@ class Corridor(Value):
         return np.asarray(each.min(axis=(0, 1), initial=np.inf))
 
     def deviation(self, q: ArrayLike, planned: ArrayLike) -> Array:
-        """Configuration less planned configuration [rad or m], without whole turns; they are of the same shape."""
-        off = np.subtract(q, planned)
+        """Configurations less planned ones, without whole turns of joints.
+
+        Args:
+            q: Configurations [rad or m], shape (nq,) or (n, nq), columns as in `joint_names`.
+            planned: Others, of the same shape.
+
+        Raises:
+            InputError: wrong shapes or not finite.
+        """
+        count = len(self.joint_names)
+        shape = (count,) if len(shape_of(planned)) == 1 else (None, count)
+        values, others = finite_array("q", q, shape), finite_array("planned", planned, shape)
+        if values.shape != others.shape:
+            raise InputError(f"q and planned have shapes {values.shape} and {others.shape}, expected the same")
+        return self._apart(values, others)
+
+    def _apart(self, q: Array, planned: Array) -> Array:
+        off = q - planned
         return np.where(self.rotary, off - TURN * np.round(off / TURN), off)
 
     def position(self, q: ArrayLike) -> CorridorPosition:
@@ -97,7 +113,7 @@ class Corridor(Value):
         Raises:
             InputError: wrong shape or not finite.
         """
-        off = np.abs(self.deviation(finite_array("q", q, (len(self.joint_names),)), self.configurations))
+        off = np.abs(self._apart(finite_array("q", q, (len(self.joint_names),)), self.configurations))
         order = np.argsort(off @ self.levers.max(axis=0, initial=0.0), kind="stable")[:_NEAREST]
         uses = (off[order] @ self.levers.T) / self.distances[order]
         k = int(np.argmin(uses.max(axis=1)))

@@ -183,8 +183,10 @@ class Mirror:
     # ---- inside --------------------------------------------------------------------------
 
     def _fault(self, error: StreamError) -> None:
+        """Count a fault; many of the same kind in a row are one event."""
         self._statistics.faults[error.fault] += 1
-        self._notice(MirrorEvent(self.state.time if self.state else 0.0, error.fault, error.message))
+        if not self.events or self.events[-1].kind != error.fault:
+            self._notice(MirrorEvent(self.state.time if self.state else 0.0, error.fault, error.message))
 
     def _notice(self, event: MirrorEvent) -> None:
         self.events.append(event)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import math
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -14,8 +15,8 @@ from rr1plan.checks import Array, Value, counted
 from rr1plan.mirror.corridor import CorridorPosition
 from rr1plan.mirror.joint_states import StreamFault
 
-# The rate is that of the newest messages.
-_RECENT = 50
+# Messages that the present rate and the median delay are of, the newest ones.
+_RECENT, _TYPICAL = 50, 10_000
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,9 @@ class MirrorEvent:
     time: float
     kind: Literal["outside", "inside", "contact"] | StreamFault
     message: str
+
+    def __str__(self) -> str:
+        return f"{self.time:.3f} s: {self.kind}: {self.message}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,21 +108,23 @@ class MirrorReport(Value):
 
 @dataclass
 class MirrorStatistics:
-    """Running figures of a mirror.
+    """Running figures of a mirror, of bounded size however long it runs.
 
     Args:
         joint_names: Joints of the plan.
         max_deviation: Largest deviation of each so far [rad or m], shape (n,).
-        arrivals: When messages arrived, on this machine's clock [s].
+        arrivals: When the newest messages arrived, on this machine's clock [s].
         offsets: How much later than they were measured, on different clocks [s].
+        totals: Number of messages, first and last arrival, least and largest offset [s].
         outside: Intervals outside the certified corridor [s].
         faults: Number of faults of the stream of each kind.
     """
 
     joint_names: tuple[str, ...]
     max_deviation: Array
-    arrivals: list[float] = field(default_factory=list)
-    offsets: list[float] = field(default_factory=list)
+    arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    offsets: deque[float] = field(default_factory=lambda: deque(maxlen=_TYPICAL))
+    totals: Totals = field(default_factory=lambda: Totals())
     outside: list[tuple[float, float]] = field(default_factory=list)
     faults: Counter[StreamFault] = field(default_factory=Counter)
 
@@ -126,30 +132,51 @@ class MirrorStatistics:
         """Count a message."""
         self.arrivals.append(arrival)
         self.offsets.append(arrival - state.time)
+        self.totals = self.totals.with_message(arrival, arrival - state.time)
         if state.deviation is not None:
             np.maximum(self.max_deviation, np.abs(state.deviation), out=self.max_deviation)
         if state.corridor is not None and not state.proven_free:
             begin = state.time if was_inside else self.outside.pop()[0]
             self.outside.append((begin, state.time))
 
-    def rate(self, recent: int = _RECENT) -> float:
-        """Messages per second, by the arrival of some of the newest."""
-        arrivals = self.arrivals[-recent:]
-        lasted = arrivals[-1] - arrivals[0] if arrivals else 0.0
-        return (len(arrivals) - 1) / lasted if lasted > 0.0 else 0.0
+    def rate(self) -> float:
+        """Messages per second, by the arrival of the newest."""
+        lasted = self.arrivals[-1] - self.arrivals[0] if self.arrivals else 0.0
+        return (len(self.arrivals) - 1) / lasted if lasted > 0.0 else 0.0
 
     def delay(self) -> float:
         """Delay of the newest message beyond that of the fastest one [s]."""
-        return self.offsets[-1] - min(self.offsets)
+        return self.offsets[-1] - self.totals.least_offset
 
     def report(self) -> MirrorReport:
         """The figures so far."""
-        delays = np.array(self.offsets or [0.0]) - min(self.offsets, default=0.0)
+        totals = self.totals
+        lasted, delays = totals.last - totals.first, (0.0, 0.0)
+        if totals.count:
+            typical = float(np.median(self.offsets)) - totals.least_offset
+            delays = (typical, totals.largest_offset - totals.least_offset)
         return MirrorReport(
-            messages=len(self.arrivals),
-            rate=self.rate(len(self.arrivals)),
-            delays=(float(np.median(delays)), float(delays.max())),
+            messages=totals.count,
+            rate=(totals.count - 1) / lasted if lasted > 0.0 else 0.0,
+            delays=delays,
             max_deviation=dict(zip(self.joint_names, self.max_deviation.tolist(), strict=True)),
             outside=tuple(self.outside),
             faults=dict(self.faults),
         )
+
+
+@dataclass(frozen=True)
+class Totals:
+    """Of all messages so far: number, first and last arrival, least and largest offset between the clocks [s]."""
+
+    count: int = 0
+    first: float = 0.0
+    last: float = 0.0
+    least_offset: float = math.inf
+    largest_offset: float = -math.inf
+
+    def with_message(self, arrival: float, offset: float) -> Totals:
+        """The same with one more message."""
+        first = arrival if self.count == 0 else self.first
+        least, largest = min(self.least_offset, offset), max(self.largest_offset, offset)
+        return Totals(self.count + 1, first, arrival, least, largest)

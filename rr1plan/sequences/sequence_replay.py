@@ -195,9 +195,9 @@ def simulate_sequence(
     with Recorder(sim, record_dt) as recorder:
         sim.step(steps)
     replay = recorder.replay()
-    bodies = replay.bodies
+    bodies = replay.record.bodies
     rows = {} if bodies is None else dict(zip(bodies.bodies, bodies.poses.swapaxes(0, 1), strict=True))
-    objects = {name: _carried(plan, name, replay.times, rows[name]) for name in names}
+    objects = {name: _carried(plan, name, replay.record.times, rows[name]) for name in names}
     return SequenceReplay(replay, objects, worst, (*remarks, *(f"MuJoCo: {text}" for text in sim.warnings)))
 
 
@@ -232,6 +232,8 @@ def _hold_by_friction(sim: Simulation, names: tuple[str, ...]) -> None:
         tile.model.opt.noslip_iterations = _NO_SLIP
         held = [k for k, element in enumerate(tile.world.geom_elements) if element in names]
         tile.model.geom_condim[held] = _WITH_TORSION
+        # The solver needs matrices that are made with the contacts; without them MuJoCo crashes.
+        tile.refresh()
 
 
 def _is_arm_joint(plan: SequencePlan, name: str) -> bool:

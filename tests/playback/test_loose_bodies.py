@@ -129,7 +129,7 @@ def test_an_arm_pushes_a_block_and_only_forbidden_contacts_are_listed() -> None:
     swing = rp.Trajectory.from_samples(names, [0.0, 1.0], ends, np.zeros((2, 6)), np.zeros((2, 6)))
     for expected in (False, True):
         replay = rp.simulate(swing, scene.allow("rr1", "block") if expected else scene)
-        assert np.linalg.norm(replay.bodies.poses[-1, 0, :2] - [-0.36, 0.0]) > 0.1  # it was hit, allowed or not
+        assert np.linalg.norm(replay.record.bodies.poses[-1, 0, :2] - [-0.36, 0.0]) > 0.1  # it was hit, allowed or not
         assert replay.free is expected
         if not expected:
             assert {"block"} == {name for contact in replay.contacts for name in contact.pair if "/" not in name}
@@ -215,12 +215,12 @@ def test_a_record_has_what_bodies_did_and_a_page_shows_it() -> None:
         sim.run(duration=0.1)
     sim.run(duration=0.1)
     replay = recorder.replay()
-    assert list(replay.bodies.bodies) == ["a", "b"]
-    assert replay.bodies.poses.shape == (21, 2, 7)
-    assert np.isnan(replay.bodies.poses[:11, 1]).all()
-    assert np.isfinite(replay.bodies.poses[11:]).all()
-    fallen = 0.5 - G / 2 * replay.times * (replay.times + sim.dt)
-    np.testing.assert_allclose(replay.bodies.poses[:, 0, 2], fallen, atol=1e-9)
+    assert list(replay.record.bodies.bodies) == ["a", "b"]
+    assert replay.record.bodies.poses.shape == (21, 2, 7)
+    assert np.isnan(replay.record.bodies.poses[:11, 1]).all()
+    assert np.isfinite(replay.record.bodies.poses[11:]).all()
+    fallen = 0.5 - G / 2 * replay.record.times * (replay.record.times + sim.dt)
+    np.testing.assert_allclose(replay.record.bodies.poses[:, 0, 2], fallen, atol=1e-9)
     document = view_document(scene, replay=replay)
     assert [row["name"] for row in document["obstacles"]] == ["floor"]
     assert [row["name"] for row in document["bodies"]["objects"]] == ["a", "b"]
@@ -309,3 +309,14 @@ def test_bodies_are_stacked_without_overlap() -> None:
     np.testing.assert_allclose(np.ptp(places, axis=0), [wide + 0.01, 2 * (wide + 0.02), 0.13], atol=1e-9)
     assert all(body.mass == 1.0 for body in stack.values())
     np.testing.assert_allclose(stack["c01"].pose[:3, :3], turned.pose[:3, :3])
+
+
+def test_more_bodies_than_the_memory_holds_are_refused_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 4_000_000}.__getitem__)
+    scene = FLOOR.with_obstacles(rp.stack_bodies(box(), 10_000, columns=(100, 100)))
+    with pytest.raises(rp.InputError, match=r"10000 loose bodies takes about 150 GB .* has 16.4 GB"):
+        rp.Simulation(scene)
+    monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 1, "SC_PHYS_PAGES": 10**5}.__getitem__)
+    arm = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
+    with pytest.raises(rp.InputError, match=r"1 arm and 0 loose bodies takes about 0.000803 GB .* has 0.0001 GB"):
+        rp.Simulation(arm)

@@ -26,7 +26,8 @@ from rr1plan.scene.problem import JointGoal, Problem
 
 _SHORTCUTS = 48
 _ITERATIONS = 2000  # of the planner, for each arm of an agent
-_SHORTCUTS_IN_TIME = 150  # shortcuts in time that are tried, for each arm of an agent
+# Rounds of shortcuts in time, and how many are tried in each, for each arm of an agent.
+_ROUNDS_IN_TIME, _SHORTCUTS_IN_TIME = 8, 25
 _NO_LIMIT = 2**62
 _SAMPLES = 20  # random configurations that are tried for one to go through
 
@@ -109,10 +110,19 @@ class PathPool:
         Raises:
             RetimingError: it cannot be timed under the limits.
         """
-        question = self.agent.question({}, self.margin)
+        question, points = self.agent.question({}, self.margin), path.path.waypoints
         with checker_from_pool(question.scene, question.arms, self.margin) as checker:
-            attempts = _SHORTCUTS_IN_TIME * len(self.agent.arms)
-            points = shorten_in_time(path.path.waypoints, self.agent, checker, self._rng, self._watch, attempts)
+            # In turn with shortcuts that save length, and so corners, which take time.
+            for _ in range(_ROUNDS_IN_TIME):
+                attempts = _SHORTCUTS_IN_TIME * len(self.agent.arms)
+                points = shorten_in_time(points, self.agent, checker, self._rng, self._watch, attempts)
+                points = shorten(
+                    Path(self.agent.joint_names, points),
+                    question.scene,
+                    checker=checker,
+                    iterations=attempts // 2,
+                    rng=self._rng,
+                ).waypoints
         return self.add_shortened([Path(self.agent.joint_names, points)])
 
     def _plan(self, leg: Problem, effort: int, *, patient: bool) -> PlanResult:

@@ -35,7 +35,7 @@ _MOST_TOGETHER, _MOST_SETS = 3, 12
 # Of the trees, as shares of the diagonal of the moving joints' space: longest edge, and radius of sampling around
 # vertices with a blocked edge.
 _STEP, _DOMAIN = 0.06, 0.3
-_SLICE = 250  # samples between two looks at the clock
+_SLICE = 50  # samples between two looks at the clock
 
 
 class SequentialMoves:
@@ -121,6 +121,8 @@ class SequentialMoves:
             if (low <= home).all() and (home <= high).all() and checker.is_free(home):
                 yield home
             for number in range(_CANDIDATES):
+                if not self._watch.goes_on():
+                    return
                 middle = begin + self._rng.random() * (end - begin)
                 share = (number + 1) / _CANDIDATES
                 q = np.clip(middle + share * (self._rng.uniform(low, high) - middle), low, high)

@@ -21,7 +21,7 @@ def mirror(options: Namespace, console: Console) -> int:
             plan,
             start=options.start,
             record=options.record,
-            on_event=lambda event: console.say(f"{event.time:.3f} s  {event.kind}: {event.message}"),
+            on_event=lambda event: console.say(str(event)),
         )
     with follower:
         if not options.no_page:
