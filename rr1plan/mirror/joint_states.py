@@ -1,7 +1,7 @@
 """Streams of joint states: JSON lines in a file or over UDP, messages in a ROS bag, or your own.
 
-A stream is an iterable of `StateMessage`, with a `StreamError` in place of what could not be read and of silence, so
-that it does not end at a damaged message.
+A stream is an iterable of `StateMessage`. A `StreamError` stands for a damaged message or for silence, so that neither
+ends the stream.
 """
 
 from __future__ import annotations
