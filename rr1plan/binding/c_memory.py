@@ -127,7 +127,7 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
             raise TypeError(f"a {given.name} is no {kind}")
         return given.address
     if not isinstance(given, np.ndarray):
-        raise TypeError(f"a {type(given).__name__} is no array of {kind}")
+        raise TypeError(f"a {type(given).__name__} is not an array of {kind}")
     expected = _DTYPES.get(kind)
     if not given.flags.c_contiguous:
         raise TypeError(f"an array for {kind} is not C-contiguous")
@@ -137,7 +137,7 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
         if row != size:
             raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
     elif given.dtype is not expected and given.dtype != expected:
-        raise TypeError(f"an array of {given.dtype} is no array of {kind}")
+        raise TypeError(f"an array of {given.dtype} is not an array of {kind}")
     return _data_of(given)
 
 

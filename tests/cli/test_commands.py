@@ -181,7 +181,7 @@ def test_motions_of_every_kind_are_validated_viewed_and_replayed(
     assert run(["validate", "t.json", "--scene", "more.toml"]) == OK
     assert "obstacle 'late' is new" in capsys.readouterr().out
     assert run(["view", "rr1_table", "--scene", "rr1_table", "--html", "page.html"]) == BAD_INPUT
-    assert "rr1_table is no motion" in capsys.readouterr().err
+    assert "rr1_table is not a motion file" in capsys.readouterr().err
 
 
 def test_a_minus_writes_a_motion_that_is_whole_to_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
