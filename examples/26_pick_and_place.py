@@ -11,7 +11,7 @@ scene = (
     .allow("rr1/base_link", "table")
 )
 
-# Several grasps from above, and any angle at the new place: the planner takes a pair with which all segments can be done.
+# Several grasps from above, and any angle at the new place: the planner takes a pair for which all segments succeed.
 print(f"{len(rp.top_grasps(scene, 'block'))} grasps from above")
 segments = [*rp.pick_and_place(scene, "block", [-0.28, -0.15, 0.03]), rp.Pause(0.2), rp.FreeMotion("home")]
 plan = rp.plan_sequence(rp.Sequence(scene, segments), rng=0)

@@ -29,4 +29,4 @@ last = plan.trajectory.end_time
 for name in COLORS:
     x, y, _ = plan.object_poses(name, [last])[0, :3, 3]
     print(f"{name} at [{x:.2f}, {y:.2f}], {1e3 * replay.objects[name].final_offset:.1f} mm off in the simulation")
-print(plan.save_html("27_blocks.html", options=rp.ViewOptions(title="Three blocks")))
+print(plan.save_html("27_blocks.html", options=rp.ViewOptions(title="Three blocks")), plan.save("27_blocks.json"))

@@ -60,4 +60,5 @@ print(plan)
 for event in plan.events:
     print(f"at {event.begin:.2f} s: {event.label}")
 print(rp.simulate_sequence(plan))
-print(plan.save_html("28_hand_over.html", options=rp.ViewOptions(title="A bar from one arm to the other")))
+page = plan.save_html("28_hand_over.html", options=rp.ViewOptions(title="A bar from one arm to the other"))
+print(page, plan.save("28_hand_over.json"))

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from rr1plan.errors import CancelledError as CancelledError
     from rr1plan.errors import ControllerError as ControllerError
     from rr1plan.errors import FormatError as FormatError
+    from rr1plan.errors import HardwareError as HardwareError
     from rr1plan.errors import InputError as InputError
     from rr1plan.errors import InstallationError as InstallationError
     from rr1plan.errors import MissingPackageError as MissingPackageError
@@ -54,13 +55,29 @@ if TYPE_CHECKING:
     from rr1plan.errors import PlannerError as PlannerError
     from rr1plan.errors import RetimingError as RetimingError
     from rr1plan.errors import Rr1PlanError as Rr1PlanError
+    from rr1plan.errors import SerialLineError as SerialLineError
+    from rr1plan.errors import StalledJointError as StalledJointError
     from rr1plan.errors import UnknownNameError as UnknownNameError
+    from rr1plan.export.controller_rules import check_joint_trajectory as check_joint_trajectory
     from rr1plan.export.csv_files import load_csv as load_csv
     from rr1plan.export.csv_files import save_csv as save_csv
     from rr1plan.export.plan_files import save_motion as save_motion
     from rr1plan.export.robot_formats import save_mjcf as save_mjcf
     from rr1plan.export.robot_formats import save_rosbag as save_rosbag
     from rr1plan.export.ros_trajectories import load_joint_trajectory as load_joint_trajectory
+    from rr1plan.export.ros_trajectories import save_joint_trajectory as save_joint_trajectory
+    from rr1plan.hardware.box_emulator import BoxEmulator as BoxEmulator
+    from rr1plan.hardware.box_emulator import EmulatedSerialLine as EmulatedSerialLine
+    from rr1plan.hardware.command_plan import CommandPlan as CommandPlan
+    from rr1plan.hardware.command_plan import plan_commands as plan_commands
+    from rr1plan.hardware.command_sender import SerialPort as SerialPort
+    from rr1plan.hardware.command_sender import open_serial_port as open_serial_port
+    from rr1plan.hardware.command_sender import send_commands as send_commands
+    from rr1plan.hardware.control_box import BoxChannel as BoxChannel
+    from rr1plan.hardware.control_box import ControlBox as ControlBox
+    from rr1plan.hardware.control_box import load_control_box as load_control_box
+    from rr1plan.hardware.control_box_frames import BoxCommand as BoxCommand
+    from rr1plan.hardware.control_box_frames import Telemetry as Telemetry
     from rr1plan.load_motion import load_motion as load_motion
     from rr1plan.mirror.corridor import Corridor as Corridor
     from rr1plan.mirror.corridor import CorridorPosition as CorridorPosition
@@ -132,6 +149,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram as CoordinationDiagram
     from rr1plan.playback.schedules.timeline import Timeline as Timeline
     from rr1plan.playback.schedules.timeline import timeline as timeline
+    from rr1plan.playback.simulation.arm_variation import ArmVariation as ArmVariation
     from rr1plan.playback.simulation.controllers import Controller as Controller
     from rr1plan.playback.simulation.controllers import ForwardPositionController as ForwardPositionController
     from rr1plan.playback.simulation.controllers import ForwardVelocityController as ForwardVelocityController
@@ -227,6 +245,14 @@ if TYPE_CHECKING:
     from rr1plan.shapes.convex_decomposition import convex_pieces as convex_pieces
     from rr1plan.shapes.mesh_files import load_mesh as load_mesh
     from rr1plan.shapes.point_cloud_files import load_point_cloud as load_point_cloud
+    from rr1plan.testing.assertions import assert_replays as assert_replays
+    from rr1plan.testing.assertions import assert_valid as assert_valid
+    from rr1plan.testing.replay_variations import ReplayVariations as ReplayVariations
+    from rr1plan.testing.replay_variations import VariedReplays as VariedReplays
+    from rr1plan.testing.second_opinion import Disagreement as Disagreement
+    from rr1plan.testing.second_opinion import SampledContact as SampledContact
+    from rr1plan.testing.second_opinion import SecondOpinion as SecondOpinion
+    from rr1plan.testing.second_opinion import second_opinion as second_opinion
     from rr1plan.trajectory import Trajectory as Trajectory
     from rr1plan.validation import certify_path as certify_path
     from rr1plan.validation import validate as validate
@@ -262,6 +288,7 @@ _EXPORTS = {
         "ControllerError",
         "CancelledError",
         "FormatError",
+        "HardwareError",
         "InputError",
         "InstallationError",
         "MissingPackageError",
@@ -269,6 +296,8 @@ _EXPORTS = {
         "PlannerError",
         "RetimingError",
         "Rr1PlanError",
+        "SerialLineError",
+        "StalledJointError",
         "UnknownNameError",
     ),
     "rr1plan.robot.contact_bands": ("ContactBand",),
@@ -277,7 +306,8 @@ _EXPORTS = {
     "rr1plan.shapes.mesh_files": ("load_mesh",),
     "rr1plan.export.plan_files": ("save_motion",),
     "rr1plan.shapes.point_cloud_files": ("load_point_cloud",),
-    "rr1plan.export.ros_trajectories": ("load_joint_trajectory",),
+    "rr1plan.export.controller_rules": ("check_joint_trajectory",),
+    "rr1plan.export.ros_trajectories": ("load_joint_trajectory", "save_joint_trajectory"),
     "rr1plan.robot.disabled_collisions": ("PairProposal", "propose_disabled_collisions"),
     "rr1plan.mirror.corridor": ("Corridor", "CorridorPosition", "certified_corridor"),
     "rr1plan.mirror.joint_states": ("StateMessage", "StreamError", "read_states"),
@@ -294,6 +324,11 @@ _EXPORTS = {
         "scene_names",
     ),
     "rr1plan.robot.joint_limits": ("Limits",),
+    "rr1plan.hardware.box_emulator": ("BoxEmulator", "EmulatedSerialLine"),
+    "rr1plan.hardware.command_plan": ("CommandPlan", "plan_commands"),
+    "rr1plan.hardware.command_sender": ("SerialPort", "open_serial_port", "send_commands"),
+    "rr1plan.hardware.control_box": ("BoxChannel", "ControlBox", "load_control_box"),
+    "rr1plan.hardware.control_box_frames": ("BoxCommand", "Telemetry"),
     "rr1plan.load_motion": ("load_motion",),
     "rr1plan.motion_plan": ("MotionPlan",),
     "rr1plan.multi.execution.added_motions": (
@@ -367,6 +402,7 @@ _EXPORTS = {
     "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
     "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
+    "rr1plan.playback.simulation.arm_variation": ("ArmVariation",),
     "rr1plan.playback.simulation.manual_controller": ("ManualController",),
     "rr1plan.playback.simulation.recorder": ("Recorder",),
     "rr1plan.playback.simulation.replay": ("BodyMotion", "Replay", "ReplayContact", "ReplayRecord"),
@@ -406,6 +442,9 @@ _EXPORTS = {
     "rr1plan.sequences.sequence_replay": ("CarriedObject", "SequenceReplay", "simulate_sequence"),
     "rr1plan.sequences.stages": ("SequenceStage",),
     "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
+    "rr1plan.testing.assertions": ("assert_replays", "assert_valid"),
+    "rr1plan.testing.replay_variations": ("ReplayVariations", "VariedReplays"),
+    "rr1plan.testing.second_opinion": ("Disagreement", "SampledContact", "SecondOpinion", "second_opinion"),
     "rr1plan.trajectory": ("Trajectory",),
     "rr1plan.validation": ("certify_path", "validate"),
 }

@@ -7,6 +7,7 @@ longer than a page, or go on for seconds.
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import inspect
 from collections.abc import Callable, Iterator
@@ -172,6 +173,22 @@ def mirror_calls(scene: rp.Scene, trajectory: rp.Trajectory, folder: Path) -> di
     }
 
 
+BOX = """
+[control_box]
+tick = 0.0006
+[control_box.channels.S1]
+joint = "joint1"
+fast_period = 2
+ramp_steps = 8
+"""
+
+
+def asserted(check: Callable[..., Any], **options: Any) -> None:
+    """What fails is the motion, not the argument."""
+    with contextlib.suppress(AssertionError):
+        check(**options)
+
+
 def calls(folder: Path) -> dict[str, Call]:
     """Public functions by name, each with arguments that it takes."""
     robot = rp.load_robot("planar2r")
@@ -200,6 +217,10 @@ def calls(folder: Path) -> dict[str, Call]:
     many = rp.plan_many_arms(problem, rng=0)
     graph, running = rp.plan_graph(many), rp.RunningPlan.of(many)
     rp.save_plan_graph(folder / "g.json", graph, many.trajectory, scene)
+    rr1 = rp.Scene().with_arm("arm", rp.load_robot("rr1"))
+    with_block = rr1.with_obstacle("block", rp.Sphere(0.02), [-0.3, 0, 0.1])
+    steps = rp.plan_sequence(rp.Sequence(scene, [rp.FreeMotion(q + 0.1), rp.Pause(0.1)]), rng=0)
+    steps.save(folder / "q.json")
     shown = dict.fromkeys(("trajectory", "path", "problem", "report", "replay", "options"))
     live = {"port": None, "open_browser": False, "quiet": True}
     picture = rp.cspace(scene, problem, resolution=8)
@@ -248,6 +269,14 @@ def calls(folder: Path) -> dict[str, Call]:
         finally:
             planners._registered.clear()
             planners._registered.update(before)
+
+    channels = {name: rp.BoxChannel(joint, 2.0, 8) for name, joint in zip(("S1", "S2"), robot.joint_names, strict=True)}
+    box, command = rp.ControlBox(channels, 0.0006), rp.BoxCommand((4, 0, 0, 0, 0, 0, 0))
+    rows = {joint: rp.JointCalibration(1, 0.0, 500.0, 0.1, 0.1) for joint in robot.joint_names}
+    calibration = rp.Calibration(robot.name, rows, "steps")
+    resting = rp.Trajectory.rest(names, q)
+    commands = rp.plan_commands(resting, calibration, box, scene=rp.Scene().with_arm("arm", robot))
+    (folder / "box.toml").write_text(BOX)
 
     return {
         "plan_many": (
@@ -314,6 +343,15 @@ def calls(folder: Path) -> dict[str, Call]:
             },
         ),
         "load_joint_trajectory": (rp.load_joint_trajectory, {"file": folder / "j.yaml", "topic": None}),
+        "save_joint_trajectory": (
+            rp.save_joint_trajectory,
+            {"file": folder / "o.yaml", "trajectory": resting, "dt": 0.1, "lead": 0.0, "rename": None},
+        ),
+        "check_joint_trajectory": (
+            rp.check_joint_trajectory,
+            {"message": folder / "j.yaml", "joint_names": None, "topic": None, "allow_partial_joints": False}
+            | {"allow_final_velocity": False},
+        ),
         "save_motion": (
             rp.save_motion,
             {"file": folder / "o.json", "scene": scene, "embed": False}
@@ -364,6 +402,49 @@ def calls(folder: Path) -> dict[str, Call]:
             | {"improvement": budget, "method": "portfolio", "retiming": "blend", "torque_limits": False},
         ),
         "plan_graph": (rp.plan_graph, {"result": many}),
+        "FreeMotion": (rp.FreeMotion, {"goal": q, "arm": None, "allow": []}),
+        "StraightLine": (
+            rp.StraightLine,
+            {"goal": None, "offset": [0.1, 0.0, 0.0], "axes": "world", "arm": None, "allow": [("arm", "box")]},
+        ),
+        "MoveGripper": (
+            rp.MoveGripper,
+            {"position": 0.1, "width": None, "around": None, "squeeze": 0.0, "seconds": 0.1, "arm": None, "allow": []},
+        ),
+        "Attach": (rp.Attach, {"obstacle": "box", "arm": None, "link": None, "touch": []}),
+        "Detach": (rp.Detach, {"name": "box"}),
+        "Pause": (rp.Pause, {"seconds": 0.1}),
+        "Sequence": (rp.Sequence, {"scene": scene, "segments": [rp.FreeMotion(q)]}),
+        "SequenceStage": (
+            rp.SequenceStage,
+            {"label": "rest", "begin": 0.0, "end": 0.0, "allowed": frozenset(), "change": rp.Detach("box")},
+        ),
+        "plan_sequence": (
+            rp.plan_sequence,
+            {"sequence": steps.sequence, "planner": "rrt_connect", "retiming": "blend", "budget": budget, "rng": 0}
+            | {"progress": None},
+        ),
+        "SequencePlan.object_poses": (steps.object_poses, {"name": "box", "times": [0.0, 0.1]}),
+        "SequencePlan.save": (steps.save, {"file": folder / "o.json", "embed": False}),
+        "SequencePlan.save_html": (steps.save_html, {"file": folder / "o.html", "replay": None, "options": None}),
+        "SequencePlan.show": (
+            lambda **options: steps.show(**options).close(),
+            live | {"replay": None, "options": None},
+        ),
+        "load_sequence": (
+            rp.load_sequence,
+            {"file": folder / "q.json", "scene": None, "torque_limits": False, "jerk_limits": False, "progress": None},
+        ),
+        "simulate_sequence": (
+            rp.simulate_sequence,
+            {"plan": steps, "dt": 0.01, "record_dt": 0.1, "stiffness": 50.0, "hold": 0.0, "progress": None},
+        ),
+        "top_grasps": (rp.top_grasps, {"scene": with_block, "obstacle": "block", "arm": None, "yaws": 4}),
+        "pick_and_place": (
+            rp.pick_and_place,
+            {"scene": with_block, "obstacle": "block", "place": [-0.3, -0.1, 0.03], "arm": None}
+            | {"grasps": None, "supports": None, "height": 0.05},
+        ),
         "PlanGraph.waits_for": (graph.waits_for, {"arm": "arm"}),
         "ArmDelay": (rp.ArmDelay, {"start": 0.1, "slowdown": 0.1, "pauses": [(0.1, 0.2)]}),
         "execute_plan": (
@@ -458,6 +539,31 @@ def calls(folder: Path) -> dict[str, Call]:
             rp.shorten,
             {"path": path, "scene": scene, "checker": checker, "rng": 0, "iterations": 4, "seconds": 0.2, "smooth": 0},
         ),
+        "BoxChannel": (
+            rp.BoxChannel,
+            {"joint": "joint1", "fast_period": 2.0, "ramp_steps": 8, "counts_per_step": None},
+        ),
+        "ControlBox": (rp.ControlBox, {"channels": dict(box.channels), "tick": 0.0006}),
+        "load_control_box": (rp.load_control_box, {"file": folder / "box.toml"}),
+        "BoxCommand": (rp.BoxCommand, {"steps": command.steps, "safety": "high"}),
+        "BoxCommand.decode": (rp.BoxCommand.decode, {"frame": command.encode()}),
+        "Telemetry.decode": (rp.Telemetry.decode, {"frame": rp.EmulatedSerialLine(box).telemetry().encode()}),
+        "BoxEmulator": (rp.BoxEmulator, {"box": box}),
+        "BoxEmulator.command": (rp.BoxEmulator(box).command, {"command": command}),
+        "BoxEmulator.advance": (rp.BoxEmulator(box).advance, {"ticks": 3}),
+        "BoxEmulator.run": (rp.BoxEmulator(box).run, {"command": command}),
+        "EmulatedSerialLine": (rp.EmulatedSerialLine, {"box": box, "position": None}),
+        "EmulatedSerialLine.read": (rp.EmulatedSerialLine(box).read, {"size": 5}),
+        "EmulatedSerialLine.write": (rp.EmulatedSerialLine(box).write, {"data": b""}),
+        "plan_commands": (
+            rp.plan_commands,
+            {"motion": trajectory, "calibration": calibration, "box": box, "scene": scene, "tolerance": 0.01}
+            | {"safety": "high"},
+        ),
+        "send_commands": (
+            rp.send_commands,
+            {"plan": commands, "port": rp.EmulatedSerialLine(box), "silence": 1.0, "progress": None},
+        ),
         "Budget": (rp.Budget, {"seconds": 1.0, "iterations": None}),
         "cspace": (
             rp.cspace,
@@ -472,11 +578,11 @@ def calls(folder: Path) -> dict[str, Call]:
         "simulate": (
             rp.simulate,
             {"trajectory": trajectory, "scene": scene, "mode": "kinematic", "dt": 0.002, "record_dt": 0.01}
-            | {"stiffness": 80.0, "hold": 0.0, "progress": None},
+            | {"stiffness": 80.0, "hold": 0.0, "variation": None, "progress": None},
         ),
         "Simulation": (
             rp.Simulation,
-            {"scene": scene, "dt": 0.002, "stiffness": 80.0, "threads": 1, "solver": "newton"},
+            {"scene": scene, "dt": 0.002, "stiffness": 80.0, "threads": 1, "solver": "newton"} | {"variation": None},
         ),
         "Simulation.update_scene": (rp.Simulation(scene).update_scene, {"scene": scene}),
         "Simulation.body_pose": (loose_bodies.body_pose, {"name": "crate"}),
@@ -496,6 +602,26 @@ def calls(folder: Path) -> dict[str, Call]:
             rp.stack_bodies,
             {"body": crate, "count": 3, "columns": (1, 1), "gap": 0.001, "pose": None, "prefix": "body"},
         ),
+        "ArmVariation": (rp.ArmVariation, {"payload": 0.1, "mass": 1.1, "friction": 0.01}),
+        "ReplayVariations": (
+            rp.ReplayVariations,
+            {"payload": 0.1, "mass": 0.1, "friction": 0.01, "count": 2, "rng": 0},
+        ),
+        "assert_valid": (
+            partial(asserted, rp.assert_valid),
+            {"motion": motion, "scene": scene, "problem": None, "torque_limits": False, "jerk_limits": False},
+        ),
+        "assert_replays": (
+            partial(asserted, rp.assert_replays),
+            {"motion": motion, "scene": scene, "tolerance": 1.0, "goal_tolerance": 1.0, "variations": None}
+            | {"dt": 0.002},
+        ),
+        "second_opinion": (
+            rp.second_opinion,
+            {"motion": trajectory, "scene": scene, "step": 0.05, "checkers": ("Coal",), "tolerance": 1e-4}
+            | {"progress": None},
+        ),
+        "SecondOpinion.first_contact": (rp.SecondOpinion(("Coal",), 1, 0).first_contact, {"checker": "Coal"}),
         "Simulation.step": (simulation.step, {"count": 1}),
         "Simulation.run": (run, {"until": None, "duration": 0.01, "speed": 1.0}),
         "Simulation.place": (simulation.place, {"joint_names": arm_names, "positions": q, "velocities": None}),
@@ -653,7 +779,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "save_mjcf": (rp.save_mjcf, {"file": folder / "o.xml", "scene": scene}),
         "save_rosbag": (
             rp.save_rosbag,
-            {"folder": folder / "bag", "trajectory": trajectory, "dt": 0.1, "lead": 0.0, "rename": None},
+            {"folder": folder / "bag", "trajectory": resting, "dt": 0.1, "lead": 0.0, "rename": None}
+            | {"storage": "mcap"},
         ),
         "Panel": (
             rp.Panel,
@@ -712,6 +839,8 @@ _NOT_CALLED = {
         for kind in ("ForwardPosition", "ForwardVelocity", "Gripper", "JointTrajectory", "Manual")
         for name in ("activate", "update", "check_positions")
     ),
+    *("CommandPlan", "SerialPort", "SerialPort.read", "SerialPort.write", "Telemetry", "open_serial_port"),
+    *("Disagreement", "SampledContact", "SecondOpinion", "VariedReplays", "Calibration", "JointCalibration"),
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),
     *(
         "CSpace",
@@ -725,6 +854,7 @@ _NOT_CALLED = {
         "PairProposal",
         "BodyMotion",
     ),
+    *("SequencePlan", "SequenceReplay", "CarriedObject"),
     *("ReplayRecord", "CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
     *("Progress", "SearchTree", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
     *("AddedMotion", "Dependency", "Node", "PlanExecution", "Part", "Part.until", "PlanGraph", "PlanGraph.from_dict"),

@@ -323,6 +323,7 @@ def load_calibration(file: str | pathlib.Path) -> Calibration:
     robot, unit = table.string("robot"), units.string("reading")
     date, source = table.string("date", ""), table.string("source", "")
     rows = {name: _joint(joints.table(name)) for name in joints.names()}
+    table.raw("control_box")  # that of `load_control_box`
     for part in (units, table):
         part.finish()
     with table.blame():

@@ -159,6 +159,28 @@ def _play(parser: Parser) -> None:
     parser.add_argument("--timestep", type=_positive, default=0.002, help="step of the simulator [s] (%(default)s)")
 
 
+def _send(parser: Parser) -> None:
+    parser.add_argument("motion", metavar="MOTION", help=_MOTION)
+    parser.add_argument(
+        "--calibration",
+        type=_named_file,
+        required=True,
+        metavar="FILE",
+        help="the arm's calibration in steps, with its control box (.toml)",
+    )
+    parser.add_argument(
+        "--port", type=_named_file, help="the serial port of the box, e.g. /dev/ttyACM0 (default: a dry run)"
+    )
+    parser.add_argument("--scene", help="the scene to certify it in (default: the one that the file holds)")
+    _topic(parser)
+    parser.add_argument(
+        "--tolerance", type=_positive, default=0.01, help="how far segments may leave the motion [rad] (%(default)s)"
+    )
+    parser.add_argument(
+        "--safety", choices=("high", "low"), default="high", help="high: at most 1024 steps a command (%(default)s)"
+    )
+
+
 def _mirror(parser: Parser) -> None:
     parser.add_argument(
         "source", metavar="SOURCE", help="joint states: udp://HOST:PORT, a file (.jsonl), or a ROS bag with JointState"
@@ -277,6 +299,15 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         ("rr1plan play motion.json", "rr1plan play motion.json --mode kinematic"),
         _play,
     ),
+    "send": (
+        "send.send",
+        "send a saved motion to RR1's control box; a dry run where no port is named",
+        (
+            "rr1plan send motion.json --calibration arm.toml",
+            "rr1plan send motion.json --calibration arm.toml --port /dev/ttyACM0",
+        ),
+        _send,
+    ),
     "view": (
         "view.view",
         "look at a scene or a saved motion in the browser",
@@ -284,7 +315,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         _view,
     ),
     "mirror": (
-        "mirror.mirror",
+        "joint_stream.mirror",
         "show joint states live, beside a plan and its certified corridor",
         (
             "rr1plan mirror udp://127.0.0.1:9000 --plan motion.json --record run.jsonl",

@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
-from rr1plan.checks import known_name
+from rr1plan.checks import Array, known_name
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Robot
@@ -24,6 +25,8 @@ from rr1plan.transforms import inverse, pose
 
 # A plate between the fingers, to measure their opening: how wide and how long it is [m].
 _PLATE_WIDTH, _PLATE_LENGTH = 0.002, 0.5
+# A contact this far from the side of a plate is one with its front [m].
+_SIDE = 1e-4
 # A change of the opening small enough to be linear [rad or m].
 _STEP = 1e-3
 
@@ -165,7 +168,6 @@ def closing_value(arm: Arm, thing: Obstacle, squeeze: float) -> float:
     return float(np.clip(command, joint.lower, joint.upper))
 
 
-@lru_cache(maxsize=256)
 def opening_value(robot: Robot, width: float) -> float:
     """The joint value at which a plate of a thickness [m] just fits between the fingers, beyond the tool frame.
 
@@ -174,30 +176,43 @@ def opening_value(robot: Robot, width: float) -> float:
     Raises:
         InputError: a gripper that does not open so wide.
     """
-    return closing_value(Arm(robot), _plate(robot, width), 0.0)
+    return _plate_contact(robot, width).value
 
 
-@lru_cache(maxsize=256)
 def grip_depth(robot: Robot, width: float) -> float:
     """How far beyond the tool frame fingers touch a plate of a thickness [m], along the tool's z axis [m].
 
     Raises:
         InputError: a gripper that does not open so wide.
     """
-    joint = robot.joint(only_gripper_joint(robot))
-    value = opening_value(robot, width)
-    planned = with_gripper_joints(robot, (joint.name,))
-    scene = Scene(obstacles={"thing": _plate(robot, width)}).with_arm("arm", planned)
-    others = {f"arm/{link.name}" for link in robot.links if link.collisions} - {
-        f"arm/{n}" for n in gripper_links(robot)
-    }
-    pairs = {frozenset((name, "thing")) for name in others} | {
-        frozenset((a, b)) for a in scene.element_names for b in scene.element_names if a < b and "thing" not in (a, b)
-    }
-    q = np.append(robot.home, value)
-    nearest = CollisionChecker(replace(scene, allowed=frozenset(pairs))).nearest(q)
+    return float(_plate_contact(robot, width).point[2])
+
+
+class _PlateContact(NamedTuple):
+    """Joint value at which fingers touch a plate, and where in the tool frame [m], shape (3,)."""
+
+    value: float
+    point: Array
+
+
+@lru_cache(maxsize=256)
+def _plate_contact(robot: Robot, width: float) -> _PlateContact:
+    """Where fingers that close touch a plate of a thickness [m] that begins at the tool frame.
+
+    Raises:
+        InputError: a gripper that does not open so wide.
+    """
+    joint, plate = robot.joint(only_gripper_joint(robot)), _plate(robot, width)
+    value = closing_value(Arm(robot), plate, 0.0)
+    scene = Scene(obstacles={"thing": plate}).with_arm("arm", with_gripper_joints(robot, (joint.name,)))
+    fingers = finger_contacts(robot, "arm", "thing")
+    others = (pair(a, b) for a in scene.element_names for b in scene.element_names if a < b)
+    checker = CollisionChecker(replace(scene, allowed=frozenset(others) - fingers))
     T = inverse(robot.link_poses(robot.home)[robot.tool])
-    return float((T @ np.append(nearest.point_a, 1.0))[2])
+    point = (T @ np.append(checker.nearest(np.append(robot.home, value)).point_a, 1.0))[:3]
+    if abs(point[0]) < width / 2 - _SIDE:
+        raise InputError(f"the fingers do not open for {1e3 * width:.3g} mm")
+    return _PlateContact(value, point)
 
 
 def open_value(robot: Robot) -> float:

@@ -17,7 +17,7 @@ from rr1plan.scene.problem import PoseGoal
 from rr1plan.sequences.grippers import grip_depth, gripper_links, only_gripper_joint, open_value, opening_value
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, Segment, StraightLine
 from rr1plan.shapes import Box
-from rr1plan.transforms import as_pose, inverse, rotation_about
+from rr1plan.transforms import as_pose, inverse, pose, quaternion_from_rotation, rotation_about
 
 # Where fingers grasp an object, as shares of its height.
 _HEIGHTS = (0.5, 0.65, 0.8, 0.9)
@@ -99,6 +99,10 @@ def pick_and_place(
         width, goals = None, list(items_of("grasps", grasps, "PoseGoal"))
         for goal in goals:
             of_kind("one of grasps", goal, PoseGoal)
+            if goal.quaternion is None:
+                raise InputError("one of grasps has no quaternion, expected full poses of the tool")
+        if not goals:
+            raise InputError("grasps is empty, expected at least one PoseGoal")
     places = _places(thing, obstacle, place)
     given = (
         None
@@ -134,7 +138,7 @@ def _grasps(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple[f
     widths = []
     for angle in angles:
         turn = rotation_about([0.0, 0.0, 1.0], angle)
-        low, high = bounding_box(thing.geometries, _turned(turn.T) @ thing.pose)
+        low, high = bounding_box(thing.geometries, _posed(turn.T) @ thing.pose)
         width = round(float(high[0] - low[0]), 9)
         widths.append(width)
         try:
@@ -144,8 +148,8 @@ def _grasps(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple[f
         for share in _HEIGHTS:
             at = np.array([*(0.5 * (low + high))[:2], low[2] + share * (high[2] - low[2])])
             # The tool's z axis points down, its x axis along the width.
-            T = _turned(turn @ np.diag([1.0, -1.0, -1.0]))
-            T[:3, 3] = turn @ at - depth * T[:3, 2]
+            R = turn @ np.diag([1.0, -1.0, -1.0])
+            T = _posed(R, turn @ at - depth * R[:, 2])
             if fits(T):
                 found.append((width, PoseGoal(robot.tool, T)))
     if not found:
@@ -195,11 +199,12 @@ def _places(thing: Obstacle, name: str, place: PoseGoal | ArrayLike | Sequence[P
     elif shape_of(place) == (3,):
         at, goals = as_pose(np.asarray(place), "place"), []
         for k in range(8):
-            turned = np.array(at)
-            turned[:3, :3] = rotation_about([0.0, 0.0, 1.0], k * np.pi / 4) @ thing.pose[:3, :3]
-            goals.append(PoseGoal(name, turned))
+            R = rotation_about([0.0, 0.0, 1.0], k * np.pi / 4) @ thing.pose[:3, :3]
+            goals.append(PoseGoal(name, _posed(R, at[:3, 3])))
     else:
         goals = list(items_of("place", place, "PoseGoal"))
+    if not goals:
+        raise InputError("place is an empty list, expected at least one PoseGoal")
     for goal in goals:
         of_kind("one of the places", goal, PoseGoal)
         if goal.frame != name or goal.quaternion is None:
@@ -238,12 +243,12 @@ def _fingers(robot: Robot) -> list[str]:
     return [name for name in gripper_links(robot) if robot.link(name).collisions]
 
 
+def _posed(R: Array, position: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+    return pose(position, quaternion=quaternion_from_rotation(R))
+
+
 def _pose_of(goal: PoseGoal) -> Array:
-    T = np.eye(4)
-    if goal.rotation is not None:
-        T[:3, :3] = goal.rotation
-    T[:3, 3] = goal.position
-    return T
+    return pose(goal.position, quaternion=goal.quaternion)
 
 
 def _shifted(goal: PoseGoal, by: Array) -> PoseGoal:
@@ -254,9 +259,3 @@ def _shifted(goal: PoseGoal, by: Array) -> PoseGoal:
         position_tolerance=goal.position_tolerance,
         orientation_tolerance=goal.orientation_tolerance,
     )
-
-
-def _turned(R: Array) -> Array:
-    T = np.eye(4)
-    T[:3, :3] = R
-    return T

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, Value, check_text, finite_number, items_of, near_array, positive_number, shown
+from rr1plan.checks import (
+    Array,
+    Value,
+    check_text,
+    finite_number,
+    items_of,
+    known_name,
+    near_array,
+    positive_number,
+    shown,
+)
 from rr1plan.errors import InputError
 from rr1plan.scene import Pair, pair
 from rr1plan.scene.problem import Goal, GoalLike, JointGoal, PoseGoal
@@ -51,7 +61,7 @@ class FreeMotion(Value):
         if isinstance(self.goal, Mapping):
             return f"free motion of {' and '.join(map(str, self.goal))}"
         goals = alternatives(self.goal)
-        return f"free motion to one of {len(goals)} goals" if len(goals) > 1 else f"free motion to {_place(goals[0])}"
+        return f"free motion to {_place(goals[0])}" if len(goals) == 1 else f"free motion to one of {len(goals)} goals"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,8 +102,8 @@ class StraightLine(Value):
         goals = () if self.goal is None else alternatives(self.goal)
         if bool(goals) == (self.offset is not None):
             raise InputError("StraightLine takes either a goal or an offset")
-        if self.axes not in ("world", "tool"):
-            raise InputError(f"axes is {shown(self.axes)}, expected 'world' or 'tool'")
+        check_text("axes", self.axes)
+        known_name("axes", self.axes, ("world", "tool"))
         if self.offset is not None:
             object.__setattr__(self, "offset", near_array("offset", self.offset, (3,)))
         for goal in goals:

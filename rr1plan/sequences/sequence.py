@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rr1plan.checks import Value, counted, items_of, known_name, of_kind, shown
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
-from rr1plan.scene.problem import Goal, PoseGoal, Problem
+from rr1plan.scene.problem import PoseGoal, Problem
 from rr1plan.sequences.grippers import gripper_joints, gripper_values, only_gripper_joint
 from rr1plan.sequences.segments import (
     Attach,
@@ -21,7 +21,7 @@ from rr1plan.sequences.segments import (
     StraightLine,
     alternatives,
 )
-from rr1plan.transforms import inverse
+from rr1plan.transforms import inverse, pose
 
 _MOST_SEGMENTS = 1000
 _KINDS = (FreeMotion, StraightLine, MoveGripper, Attach, Detach, Pause)
@@ -147,22 +147,13 @@ def _check_goals(scene: Scene, arm: str, goals: tuple[Any, ...], holders: Mappin
 
 def goals_of_links(scene: Scene, arm: str, goals: Iterable[Any]) -> list[Any]:
     """Goals of an arm as those of its links; goals of an object become those of the link that holds it."""
-    return list(_goals_of_links(scene, arm, goals))
-
-
-def _goals_of_links(scene: Scene, arm: str, goals: Iterable[Any]) -> Iterator[Goal | Any]:
+    found = []
     for goal in goals:
         held = scene.attachments.get(goal.frame) if isinstance(goal, PoseGoal) else None
         if held is None or held.arm != arm:
-            yield goal
+            found.append(goal)
             continue
-        T = inverse(held.pose)
-        T_world_object = T.copy()
-        T_world_object[:3, :3], T_world_object[:3, 3] = goal.rotation, goal.position
-        T_world_object[3] = (0.0, 0.0, 0.0, 1.0)
-        yield PoseGoal(
-            held.link,
-            T_world_object @ T,
-            position_tolerance=goal.position_tolerance,
-            orientation_tolerance=goal.orientation_tolerance,
-        )
+        T = pose(goal.position, quaternion=goal.quaternion) @ inverse(held.pose)
+        tolerances = {name: getattr(goal, name) for name in ("position_tolerance", "orientation_tolerance")}
+        found.append(PoseGoal(held.link, T, **tolerances))
+    return found

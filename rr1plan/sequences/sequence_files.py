@@ -6,7 +6,7 @@ import pathlib
 from collections.abc import Mapping
 from dataclasses import replace
 
-from rr1plan.checks import file_path, of_kind
+from rr1plan.checks import check_callback, file_path, of_kind
 from rr1plan.errors import FormatError, InputError
 from rr1plan.export.motion_files import fit_trajectory
 from rr1plan.export.motion_schema import SequenceStage as StageEntry
@@ -66,6 +66,7 @@ def load_sequence(
             the scene.
     """
     of_kind("scene", scene, Scene, optional=True)
+    check_callback("progress", progress)
     saved = read_plan_file(file, scene)
     if saved.sequence is None or saved.trajectory is None or saved.scene is None:
         raise FormatError("holds no sequence; read it with load_motion", file)

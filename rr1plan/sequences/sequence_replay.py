@@ -232,6 +232,8 @@ def _hold_by_friction(sim: Simulation, names: tuple[str, ...]) -> None:
         tile.model.opt.noslip_iterations = _NO_SLIP
         held = [k for k, element in enumerate(tile.world.geom_elements) if element in names]
         tile.model.geom_condim[held] = _WITH_TORSION
+        # The solver needs matrices that are made with the contacts; without them MuJoCo crashes.
+        tile.refresh()
 
 
 def _is_arm_joint(plan: SequencePlan, name: str) -> bool:

@@ -45,9 +45,9 @@ def validate_stages(
         InputError: stages of another trajectory, or an arm with only some of its joints.
     """
     check_stages(trajectory, stages)
-    last = scene.configuration(trajectory.arms)
     first = trajectory(trajectory.start_time)
-    violations = _jumps("start", trajectory.joint_names, trajectory.start_time, last, first)
+    expected = scene.configuration(trajectory.arms) if trajectory.arms else first
+    violations = _jumps("start", trajectory.joint_names, trajectory.start_time, expected, first)
     reports: list[Report] = []
     last = first
     for k, (stage, own) in enumerate(zip(stages, stage_scenes(scene, trajectory, stages), strict=True)):

@@ -39,6 +39,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import BackendError, ControllerError, InputError, UnknownNameError
 from rr1plan.path import check_joint_names
+from rr1plan.playback.simulation.arm_variation import ArmVariation, varied_model
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointMap
@@ -69,6 +70,7 @@ class Tile:
         world: The compiled model.
         columns: Index of each of its joints among those of the simulation.
         threads: Threads for contacts of many loose bodies.
+        variation: How the arms differ from their description, unknown to the feed-forward torque.
 
     Attributes:
         model: MuJoCo's model.
@@ -78,21 +80,27 @@ class Tile:
         bodies: Index of each of its loose bodies among them.
     """
 
-    def __init__(self, world: MujocoScene, columns: NDArray[np.int64], threads: int) -> None:
+    def __init__(
+        self, world: MujocoScene, columns: NDArray[np.int64], threads: int, variation: ArmVariation | None = None
+    ) -> None:
         self.world = world
         first, count = int(columns[0]) if len(columns) else 0, len(columns)
         in_order = np.array_equal(columns, np.arange(first, first + count))
         self.columns: NDArray[np.int64] | slice = slice(first, first + count) if in_order else columns
         self.joints = count
         self.model: Any = world.model
-        self.data: Any = mujoco.MjData(world.model)
+        if variation is not None:
+            self.model = varied_model(world.model, world.scene, world.effort_limits, variation)
+        self.data: Any = mujoco.MjData(self.model)
         if threads > 1 and len(world.body_names) >= _A_HEAP:
             mujoco.mju_threadpool(self.data, threads - 1)
         # Views of MuJoCo's arrays, which stay where they are: to make one takes as long as a small sum.
         data = self.data
         self.state = data.qpos[:count], data.qvel[:count], data.actuator_force
         self._control = data.ctrl.reshape(count, 3)
-        self._bias = data.qfrc_bias[:count]
+        # The arms as described, where they are others: of them the servos know.
+        self._described = data if variation is None else mujoco.MjData(world.model)
+        self._bias = self._described.qfrc_bias[:count]
         self.bodies = {name: i for i, name in enumerate(world.body_names)}
         self._torque, self._accelerations = np.zeros((2, self.model.nv))
         self._alarms = data.warning.number
@@ -106,10 +114,20 @@ class Tile:
         """Set-points of all joints of the simulation for the next step, with the feed-forward torque."""
         control, joints = self._control, self.joints
         self._accelerations[:joints] = accelerations[self.columns]
-        mujoco.mj_mulM(self.model, self.data, self._torque, self._accelerations)
+        if self._described is not self.data:
+            self._describe()
+        mujoco.mj_mulM(self.world.model, self._described, self._torque, self._accelerations)
         control[:, 0] = positions[self.columns]
         control[:, 1] = velocities[self.columns]
         control[:, 2] = self._torque[:joints] + self._bias + efforts[self.columns]
+
+    def _describe(self) -> None:
+        """Compute inertia and bias torques of the arms as described, at the present state."""
+        data, model = self._described, self.world.model
+        data.qpos[:], data.qvel[:] = self.data.qpos, self.data.qvel
+        for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_makeM, mujoco.mj_comVel):
+            stage(model, data)
+        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
 
     def advance(self) -> None:
         """Take a step from the present state, and refresh what follows from the new one."""
@@ -154,6 +172,7 @@ class Simulation:
             grasped bodies; or conjugate gradients ("cg") in at most twenty iterations, with fewer points of contact,
             which take a fraction of the time for heaps of hundreds of bodies; these sink deeper into each other when
             they crash.
+        variation: How the arms differ from their description, which their servos rely on (default: not at all).
 
     Attributes:
         scene: The scene; its loose bodies where they began, see `current_scene`.
@@ -175,10 +194,13 @@ class Simulation:
         stiffness: float = 160.0,
         threads: int = 1,
         solver: Solver = "newton",
+        variation: ArmVariation | None = None,
     ) -> None:
         of_kind("scene", scene, Scene)
+        of_kind("variation", variation, ArmVariation, optional=True)
         known_name("solver", solver, ("newton", "cg"))
         self._solver: Solver = solver
+        self._variation = variation
         self.scene = scene
         self.dt = positive_number("dt", dt)
         if self.dt > _LONGEST_STEP:
@@ -542,7 +564,7 @@ class Simulation:
             check_memory(parts)
             for part in parts:
                 world = build_mujoco(part, timestep=self.dt, stiffness=self._stiffness, solver=self._solver)
-                tiles.append(Tile(world, self._indices(world.joint_names), self._threads))
+                tiles.append(Tile(world, self._indices(world.joint_names), self._threads, self._variation))
         self._warnings += warnings
         return tiles
 
