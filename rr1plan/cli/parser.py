@@ -174,7 +174,10 @@ def _send(parser: Parser) -> None:
     parser.add_argument("--scene", help="the scene to certify it in (default: the one that the file holds)")
     _topic(parser)
     parser.add_argument(
-        "--tolerance", type=_positive, default=0.01, help="how far segments may leave the motion [rad] (%(default)s)"
+        "--tolerance",
+        type=_positive,
+        default=0.01,
+        help="how far segments may leave the motion [rad], halved where the arm would collide (%(default)s)",
     )
     parser.add_argument(
         "--safety", choices=("high", "low"), default="high", help="high: at most 1024 steps a command (%(default)s)"
