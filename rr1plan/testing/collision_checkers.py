@@ -182,11 +182,14 @@ class MujocoChecker:
     def contacts(self, time: float) -> dict[Pair, float]:
         """The elements that touch at a time of the motion, and how deep [m]."""
         data, model = self._data, self._world.model
-        data.qpos[:] = self._targets(np.array([time]))[0]
+        positions = self._targets(np.array([time]))[0]
+        data.qpos[: len(positions)] = positions  # loose bodies stay where they stand
         self._mujoco.mj_kinematics(model, data)
         self._mujoco.mj_collision(model, data)
         found: dict[Pair, float] = {}
-        for (first, second), distance in zip(data.contact.geom, data.contact.dist, strict=True):
+        geoms, distances = data.contact.geom, data.contact.dist
+        forbidden = self._world.forbidden(geoms)
+        for (first, second), distance in zip(geoms[forbidden], distances[forbidden], strict=True):
             if distance <= 0.0:
                 a, b = sorted((self._world.geom_elements[first], self._world.geom_elements[second]))
                 found[a, b] = max(found.get((a, b), 0.0), -float(distance))
