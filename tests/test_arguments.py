@@ -555,6 +555,10 @@ def calls(folder: Path) -> dict[str, Call]:
         "EmulatedSerialLine": (rp.EmulatedSerialLine, {"box": box, "position": None}),
         "EmulatedSerialLine.read": (rp.EmulatedSerialLine(box).read, {"size": 5}),
         "EmulatedSerialLine.write": (rp.EmulatedSerialLine(box).write, {"data": b""}),
+        "read_telemetry": (
+            lambda **options: next(rp.read_telemetry(**options)),
+            {"port": rp.EmulatedSerialLine(box), "calibration": calibration, "box": box, "silence": 0.1},
+        ),
         "plan_commands": (
             rp.plan_commands,
             {"motion": trajectory, "calibration": calibration, "box": box, "scene": scene, "tolerance": 0.01}

@@ -183,8 +183,12 @@ def _send(parser: Parser) -> None:
 
 def _mirror(parser: Parser) -> None:
     parser.add_argument(
-        "source", metavar="SOURCE", help="joint states: udp://HOST:PORT, a file (.jsonl), or a ROS bag with JointState"
+        "source",
+        metavar="SOURCE",
+        help="joint states: udp://HOST:PORT, serial:PORT of a control box, a file (.jsonl), or a ROS bag",
     )
+    parser.add_argument("--calibration", metavar="FILE", help="with serial: calibration of the arm and its channels")
+
     parser.add_argument("--plan", metavar="MOTION", help=f"what the arms are to do: {_MOTION}")
     parser.add_argument("--scene", help="the scene (default: the one that the motion's file holds)")
     parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds such messages)")

@@ -136,7 +136,7 @@ class Mirror:
         except KeyboardInterrupt:
             pass
         except TypeError as error:
-            raise InputError(f"the stream gave something that is no message: {error}") from error
+            raise InputError(f"the stream gave something that is not a message: {error}") from error
         return self.report()
 
     def receive(self, item: StateMessage | StreamError) -> MirrorState | None:

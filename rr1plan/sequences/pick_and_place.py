@@ -42,7 +42,7 @@ def top_grasps(scene: Scene, obstacle: str, *, arm: str | None = None, yaws: int
         scene: The scene; the object is where it has it.
         obstacle: The object.
         arm: The arm (default: the only one).
-        yaws: Angles around the vertical, of what is not a box.
+        yaws: Angles around the vertical for objects other than boxes.
 
     Raises:
         UnknownNameError: no such object or arm.

@@ -52,7 +52,7 @@ class Step:
 
     Args:
         segment: The segment.
-        trajectory: The motion of what it moves, from time zero; None where nothing moves.
+        trajectory: The motion of its joints, from time zero; None if nothing moves.
         seconds: How long it takes [s].
     """
 

@@ -199,7 +199,7 @@ class PlanGraph(Value):
         """The graph that `to_dict` wrote; motion files check types and keys before (`export/motion_schema.py`).
 
         Raises:
-            FormatError: content that is no plan graph.
+            FormatError: content that is not a plan graph.
         """
         try:
             routes = tuple(
