@@ -209,6 +209,7 @@ class _Builder:
         else:
             body.explicitinertial = True
             body.mass = _NO_MASS
+            body.ipos = [0.0, 0.0, 0.0]  # MuJoCo would take the body's position in its parent
             body.inertia = [_NO_MASS] * 3
         self._add_geoms(body, f"{arm}/{link.name}", link.collisions)
         return body
