@@ -6,8 +6,9 @@ way, which are scheduled again (as in large neighborhood search: Li et al., MAPF
 Agents that keep evicting each other become one (a meta-agent: Sharon et al., Meta-agent conflict-based search, 2012),
 which is planned in the joint space of all its arms.
 
-The joint space of up to four arms is tried first, because its search takes milliseconds. Where eviction does not come
-to an end, arms are coupled on windows of time (`coupled_windows.py`), which grow with every round.
+The joint space of up to four arms is tried first, because its search takes milliseconds. Groups of up to sixteen are
+then coupled on windows of time (`coupled_windows.py`), or move one arm at a time (`sequential_moves.py`), and larger
+ones where eviction does not come to an end; the effort of both grows with every round.
 """
 
 from __future__ import annotations
