@@ -19,7 +19,6 @@ import coal
 import numpy as np
 from clutter import box_of
 from numpy.typing import NDArray
-from opinions import link_frames
 from scipy.optimize import minimize, nnls
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -34,6 +33,7 @@ from rr1plan.collision.convex.convex_bodies import (
     occupied_cells,
     solid_pieces,
 )
+from rr1plan.testing.scene_bodies import link_frames
 from rr1plan.transforms import inverse
 
 # Coal may overstate a distance of round bodies by this much [m].

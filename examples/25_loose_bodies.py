@@ -16,7 +16,7 @@ for name in tower:  # a planner goes around the tower, but here the arm is to hi
     scene = scene.allow("rr1", name)
 
 names, still = scene.joint_names(), np.zeros((2, 6))
-ends = np.zeros((2, 6)) + [[-1.2, 0, 0, 0, 0, 0], [1.2, 0, 0, 0, 0, 0]]
+ends = np.outer([-1.2, 1.2], np.eye(6)[0])
 swing = rp.Trajectory.from_samples(names, [0.0, 1.5], ends, still, still)
 
 sim = rp.Simulation(scene)
@@ -43,5 +43,5 @@ rp.save_html("25_loose_bodies.html", sim.scene, replay=recorder.replay())
 
 sim.reset()
 print(
-    f"again at {sim.time:g} s with {len(sim.body_names)} bodies, the top block at {sim.body_pose('block08')[2, 3]:.4f} m"
+    f"again at {sim.time:g} s with {len(sim.body_names)} bodies, the top one at {sim.body_pose('block08')[2, 3]:.4f} m"
 )

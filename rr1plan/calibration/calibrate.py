@@ -24,6 +24,7 @@ from rr1plan.robot import Robot
 
 _MOST_JOINTS = 10  # 1024 combinations of signs
 _MOST_ROWS = 10_000
+_MOST_NOISE = 1.0  # [m]
 # A direction of the parameters is undetermined if its standard deviation is above this [rad].
 _UNDETERMINED = 0.2
 # Parameters that share an undetermined direction: those with at least this fraction of its largest component.
@@ -78,8 +79,8 @@ def calibrate(
         have a standard deviation of inf; as few as possible of them are those of `start`.
 
     Raises:
-        InputError: arguments of wrong shapes or kinds, fewer measurements than unknowns, or no signs, zeros and scales
-            near the start that explain the measurements.
+        InputError: arguments of wrong shapes or kinds, fewer measurements than unknowns, poses that determine nothing,
+            or no signs, zeros and scales near the start that explain the measurements.
     """
     of_kind("robot", robot, Robot)
     of_kind("start", start, Calibration, optional=True)
@@ -96,6 +97,8 @@ def calibrate(
     measured = finite_array("positions", positions, (count, 3))
     points = finite_array("point", point, (3,) if len(shape_of(point)) == 1 else (count, 3))
     noise, free_base = positive_number("noise", noise), true_or_false("free_base", free_base)
+    if noise > _MOST_NOISE:
+        raise InputError(f"noise is {noise:g} m, expected at most {_MOST_NOISE:g} m")
     unknowns = 2 * robot.nq + 6 * free_base
     if 3 * count <= unknowns:
         raise InputError(
@@ -197,6 +200,8 @@ def _hold_undetermined(data: MeasuredPoints, begin: Parameters, found: Parameter
         parts[joints : 2 * joints] *= 1.0 + _SHARE
         parts[2 * joints :] = 0.0
         free[int(np.argmax(parts))] = False
+    if not free[: 2 * joints].any():
+        raise InputError("these measurements determine no joint; move all joints between them")
     values = np.where(free, found.values, begin.values)
     held = _fitted(data, replace(found, values=values), free, kept, _GOOD * noise)
     return _Estimate(held, free, undetermined, kept)

@@ -40,7 +40,9 @@ from rr1plan.checks import (
     check_text,
     finite_array,
     finite_number,
+    items_of,
     known_name,
+    number_array,
     of_kind,
     positive_number,
     read_only,
@@ -48,7 +50,7 @@ from rr1plan.checks import (
     shown,
 )
 from rr1plan.errors import InputError
-from rr1plan.files.checked_tables import Table, is_number
+from rr1plan.files.checked_tables import Table
 from rr1plan.files.documents import read_toml
 from rr1plan.files.file_access import write_text
 from rr1plan.files.toml_writer import to_toml
@@ -81,7 +83,7 @@ class JointCalibration:
     scale_std: float = math.inf
 
     def __post_init__(self) -> None:
-        if isinstance(self.sign, bool) or self.sign not in (1, -1):
+        if not isinstance(self.sign, int | np.integer) or isinstance(self.sign, bool) or abs(self.sign) != 1:
             raise InputError(f"sign is {shown(self.sign)}, expected 1 or -1")
         object.__setattr__(self, "sign", int(self.sign))
         object.__setattr__(self, "zero", finite_number("zero", self.zero))
@@ -91,9 +93,10 @@ class JointCalibration:
 
 
 def _deviation(name: str, value: Any) -> float:
-    if not is_number(value) or not value >= 0.0:
+    number = number_array(name, value)
+    if number.shape != () or not number >= 0.0:
         raise InputError(f"{name} is {shown(value)}, expected a number >= 0 (inf: unknown)")
-    return float(value)
+    return float(number)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -258,7 +261,7 @@ class Calibration(Value):
 
     def _columns(self, joint_names: Sequence[str] | None) -> tuple[Array, Array]:
         """Zeros and signed positions per reading of some joints, each (n,)."""
-        names = tuple(self.joints) if joint_names is None else tuple(joint_names)
+        names = tuple(self.joints) if joint_names is None else items_of("joint_names", joint_names, "names")
         joints = [self.joints[known_name("calibrated joint", name, self.joints)] for name in names]
         return np.array([j.zero for j in joints]), np.array([j.sign / j.scale for j in joints])
 
@@ -320,6 +323,7 @@ def load_calibration(file: str | pathlib.Path) -> Calibration:
     robot, unit = table.string("robot"), units.string("reading")
     date, source = table.string("date", ""), table.string("source", "")
     rows = {name: _joint(joints.table(name)) for name in joints.names()}
+    table.raw("control_box")  # that of `load_control_box`
     for part in (units, table):
         part.finish()
     with table.blame():

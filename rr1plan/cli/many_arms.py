@@ -1,4 +1,4 @@
-"""What `plan` says of a plan of many arms, and the figures it draws."""
+"""Output of the command `plan` about many arms, and its figures."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from rr1plan.checks import counted, known_name
 from rr1plan.cli.console import Console, milliseconds
 from rr1plan.errors import InputError
 from rr1plan.motion_plan import MotionPlan
+from rr1plan.pipeline import MANY_ARMS_METHODS, default_planner
 from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from rr1plan.multi.timing.schedule import Schedule
     from rr1plan.playback.schedules.timeline import Timeline
 
-_MANY_ARMS = "many_arms"
-_FEWEST = 3  # arms that are planned by `many_arms` where no planner is named
 _MOST = 8  # waits or groups that are printed
 
 
@@ -32,8 +31,8 @@ def check_figures(options: Namespace, problem: Problem) -> None:
     """
     if options.diagram is None:
         return
-    schedules = len(problem.arms) >= _FEWEST if options.planner is None else options.planner.startswith(_MANY_ARMS)
-    if not schedules:
+    planner = options.planner or default_planner(problem, options.retiming)
+    if planner not in MANY_ARMS_METHODS:
         raise InputError("option diagram needs the schedules of option planner many_arms")
     if len(problem.arms) < 2:
         raise InputError(f"option diagram needs two arms that move, got {problem.arms[0]!r} alone")
@@ -73,7 +72,7 @@ def _agent_of(motion: MotionPlan, arm: str) -> Schedule:
 
 
 def say_many(motion: MotionPlan, console: Console) -> None:
-    """What a user needs to know of a plan of many arms, besides the report."""
+    """Print the summary of a plan of many arms: makespan, groups, waits."""
     many = motion.many_arms
     if many is None or console.as_json or console.quiet:
         return
@@ -86,7 +85,7 @@ def say_many(motion: MotionPlan, console: Console) -> None:
 
 
 def say_unscheduled(motion: MotionPlan, console: Console) -> None:
-    """Which groups of arms have schedules and which have none, where some were planned."""
+    """Print which groups of arms have schedules, if any were planned."""
     if motion.many_arms is not None:
         _say_groups(motion.many_arms, console)
 

@@ -97,7 +97,7 @@ def view(options: Namespace, console: Console) -> int:
     return 0
 
 
-def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | None]:
+def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | rp.SequencePlan | None]:
     """A scene, and a motion in it when the name is a motion file's."""
     is_scene = options.what in scene_names() or not is_motion_file(options.what)
     if is_scene and options.topic is not None:

@@ -158,7 +158,7 @@ class _Counts:
         self._end = 0
 
     def add(self, gaps: NDArray[np.float32], least: float) -> int:
-        """Where the counts of cells begin that have less than the least gap."""
+        """Where the counts of cells with less than the smallest gap begin."""
         made = np.empty((gaps.shape[0] + 1, gaps.shape[1] + 1), np.int16)
         load_library().rr1_count_near_cells(gaps, *gaps.shape, least, made)
         self._parts.append(made.ravel())
@@ -226,7 +226,7 @@ def _between(pair: _Pair) -> _Between | None:
 
 
 def _range(low: float, high: float) -> tuple[float, float]:
-    """Where a map is made: within the limits, or a turn to both sides."""
+    """The range of a map: the joint limits, or a turn to both sides."""
     low, high = max(low, -_TURN), min(high, _TURN)
     # A joint at its limit is in the map, whatever the rounding.
     return low - 1e-6, max(high, low) + 1e-6

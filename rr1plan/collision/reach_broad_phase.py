@@ -25,7 +25,7 @@ _RELATIVE, _ROUNDING = 1.0 + 1e-9, 1e-9
 
 @dataclass(frozen=True)
 class Near:
-    """What can come near the moving arms.
+    """Arms and obstacles that can come near the moving arms.
 
     Args:
         arms: Arms that stand still.
@@ -48,7 +48,7 @@ def find_near(
     arms: tuple[str, ...],
     distance: float,
 ) -> Near:
-    """What can come nearer than a distance to the moving arms, whatever their configuration.
+    """Arms and obstacles that can come nearer than a distance to the moving arms in any configuration.
 
     Args:
         scene: The scene.

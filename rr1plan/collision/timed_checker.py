@@ -293,7 +293,7 @@ class _MovingPairs:
     def first_contact(
         self, breaks: Array, coefficients: Array, t_from: float, t_to: float
     ) -> tuple[float, tuple[str, str]] | None:
-        """Until when the motion is free [s], and what is in contact then; None if all of it is free."""
+        """The time until which the motion is free [s] and the pair in contact then; None if all of it is free."""
         if self._certify(breaks, coefficients, t_from, t_to, find_first=True) == FREE:
             return None
         result = self._scratch.value.result
@@ -362,7 +362,7 @@ def _arm_rows(
 
 
 def _near_arms(scene: Scene, arms: tuple[str, ...], others: tuple[str, ...], distance: float) -> tuple[str, ...]:
-    """Which of the other arms can come within a distance of the arms, whatever both do."""
+    """The other arms that can come within a distance of the arms in any configurations."""
     geometries = geometries_of(scene)
     one, two = (
         placed_balls(np.array([reach_ball(geometries[a]) for a in names]).reshape(-1, 4), bases_of(scene, names))

@@ -284,6 +284,34 @@ class PlanGraph(Entry):
     together: list[OwnDependency]
 
 
+# ---- sequences -----------------------------------------------------------------------------
+
+
+class Attach(Entry):
+    obstacle: Name
+    arm: Name
+    link: Name
+    touch: list[Name]
+
+
+class SequenceStage(Entry):
+    """When a segment of a sequence happens, what may touch meanwhile, and what it attaches or detaches."""
+
+    label: Text
+    begin: float
+    end: float
+    allowed: list[Pair]
+    attach: Attach | None = None
+    detach: Name | None = None
+
+
+class Sequence(Entry):
+    """The stages of a motion, and the planning joints that belong to grippers, by arm."""
+
+    stages: Annotated[list[SequenceStage], Meta(min_length=1)]
+    gripper_joints: dict[Name, list[Name]]
+
+
 # ---- documents -----------------------------------------------------------------------------
 
 
@@ -342,8 +370,19 @@ class MotionDocument(Document, kw_only=True):
     plan_graph: PlanGraph | None = None
 
 
+class SequenceDocument(Document, kw_only=True):
+    """A planned sequence; the report is checked as that of a motion."""
+
+    robots: list[Robot]
+    scene: Scene
+    trajectory: Trajectory
+    sequence: Sequence
+    report: dict[str, Any] | None = None
+
+
 DOCUMENTS: dict[str, type[Document]] = {
     "path": PathDocument,
     "trajectory": TrajectoryDocument,
     "motion": MotionDocument,
+    "sequence": SequenceDocument,
 }

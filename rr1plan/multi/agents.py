@@ -112,7 +112,7 @@ class Agent:
         return f"Agent({', '.join(self.arms)})"
 
     def __getstate__(self) -> dict[str, object]:
-        """What it was made from, and no memory of kernels."""
+        """The constructor's arguments, without memory of kernels."""
         return {name: value for name, value in self.__dict__.items() if name not in ("bodies", "_alone")}
 
     @cached_property
@@ -144,7 +144,7 @@ class Agent:
         return self._question({})
 
     def question(self, others: Mapping[str, Array | None], margin: float) -> Problem:
-        """How these arms get to their goals while `others` stand still.
+        """The problem of these arms while `others` stand still.
 
         Args:
             others: Moving arms of the problem that stand at some configuration, shape (nq,); others do not count.

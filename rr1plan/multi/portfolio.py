@@ -50,7 +50,7 @@ _POLL = 0.05  # time between two looks at what threads do [s]
 
 @dataclass(frozen=True)
 class GroupResult:
-    """What came of one interaction group.
+    """The result of one interaction group.
 
     Args:
         arms: Its arms.
@@ -148,7 +148,7 @@ def plan_many_arms(
     rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> ManyArmsResult:
-    """Plan the motions of all moving arms on one clock; between them, they are certified in continuous time.
+    """Plan the motions of all moving arms on one clock, certified between the arms in continuous time.
 
     Args:
         problem: The problem. Arms that move without a goal may yield and come back.
@@ -234,7 +234,7 @@ def plan_many_arms(
 def _search_small_teams(
     found: Preflight, near: Mapping[str, frozenset[str]], seeds: Mapping[str, int], watch: Stopwatch
 ) -> tuple[list[GroupResult], list[Schedule], dict[str, float]]:
-    """What came of the conflict-based search of each group, all schedules, and how fast each arm is alone [s]."""
+    """Results of the conflict-based search of each group, all schedules, and the duration of each arm alone [s]."""
     groups: list[GroupResult] = []
     schedules: list[Schedule] = []
     alone: dict[str, float] = {}

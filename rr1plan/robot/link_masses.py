@@ -71,9 +71,9 @@ def solid_inertial(geometries: tuple[Geometry, ...], mass: float | None = None) 
             except InputError:  # flat
                 continue
         solid = coal_shape(shape)
-        mass, center = DENSITY * solid.computeVolume(), solid.computeCOM().ravel()
-        inertia = pin.Inertia(mass, center, DENSITY * solid.computeMomentofInertiaRelatedToCOM())
-        total += inertia.se3Action(pin.SE3(np.array(geometry.pose)))
+        weight, center = DENSITY * solid.computeVolume(), solid.computeCOM().ravel()
+        own = pin.Inertia(weight, center, DENSITY * solid.computeMomentofInertiaRelatedToCOM())
+        total += own.se3Action(pin.SE3(np.array(geometry.pose)))
     if total.mass <= 0.0:
         return None
     share = 1.0 if mass is None else mass / float(total.mass)

@@ -17,6 +17,7 @@ from rr1plan.checks import (
     known_name,
     of_kind,
     positive_number,
+    shown,
     whole_number,
 )
 from rr1plan.errors import InputError
@@ -116,16 +117,16 @@ def stack_bodies(
     of_kind("body", body, Obstacle)
     whole_number("count", count, 1, _MOST_BODIES)
     if not isinstance(columns, list | tuple) or len(columns) != 2:
-        raise InputError(f"columns is {columns!r}, expected two numbers, along x and along y")
+        raise InputError(f"columns is {shown(columns)}, expected two numbers, along x and along y")
     along_x, along_y = (whole_number("columns", number, 1, _MOST_BODIES) for number in columns)
     of_three = isinstance(gap, list | tuple | np.ndarray)
     gaps = np.broadcast_to(finite_array("gap", gap, (3,) if of_three else ()), (3,))
     if (gaps < 0.0).any():
-        raise InputError(f"gap is {gap}, expected a distance >= 0")
+        raise InputError(f"gap is {shown(gap)}, expected a distance >= 0")
     check_text("prefix", prefix)
     T, turned = as_pose(pose, "pose"), identity().copy()
     turned[:3, :3] = body.pose[:3, :3]
-    lower, upper = _bounding_box(body.geometries, turned)
+    lower, upper = bounding_box(body.geometries, turned)
     pitch = upper - lower + gaps
     number = np.arange(count)
     layer, rest = np.divmod(number, along_x * along_y)
@@ -140,7 +141,7 @@ def stack_bodies(
     return stack
 
 
-def _bounding_box(geometries: tuple[Geometry, ...], pose: Array) -> Array:
+def bounding_box(geometries: tuple[Geometry, ...], pose: Array) -> Array:
     """Lower and upper corner of shapes placed at a pose, shape (2, 3)."""
     corners = []
     for geometry in geometries:

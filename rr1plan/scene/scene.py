@@ -93,7 +93,7 @@ class Scene(SceneContent):
         return replace(self, obstacles={**self.obstacles, **obstacles})
 
     def with_obstacle_at(self, name: str, pose: ArrayLike) -> Scene:
-        """A scene in which that obstacle is at another place.
+        """A scene in which that obstacle has another pose.
 
         Args:
             name: The obstacle.

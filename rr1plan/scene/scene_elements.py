@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -68,11 +67,6 @@ class Obstacle(Value):
         if not self.geometries:
             raise InputError("an obstacle has at least one shape, got none")
         _check_loose_body(self)
-
-    @cached_property
-    def kept(self) -> dict[Any, Any]:
-        """Cache of values computed from this obstacle, shared by all scenes that it is in; not pickled."""
-        return {}
 
 
 def _check_loose_body(thing: Obstacle | Attachment) -> None:

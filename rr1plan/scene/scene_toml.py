@@ -43,7 +43,7 @@ from rr1plan.scene.scene_shapes import geometries_entries, pose_entries, read_ge
 
 
 class RobotLoader(Protocol):
-    """What reads robots for the scene: `rr1plan.load_robot` is one."""
+    """A function that reads robots for the scene, e.g. `rr1plan.load_robot`."""
 
     def __call__(
         self,
@@ -66,7 +66,7 @@ _LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
 
 @dataclass(frozen=True, eq=False)
 class SceneFile:
-    """What a scene file holds.
+    """The content of a scene file.
 
     Args:
         scene: The scene.
@@ -199,7 +199,7 @@ def _read_arm(entry: Table, robot: Robot) -> Arm:
 
 
 class _Reference(NamedTuple):
-    """What a robot is loaded from."""
+    """The source of a robot."""
 
     name_or_file: str
     srdf: str | None
@@ -209,7 +209,7 @@ class _Reference(NamedTuple):
 
 
 def _robot_reference(entry: Table, folder: Path) -> _Reference:
-    """What an arm's robot is loaded from; a file is meant when the robot's name has a suffix or a slash."""
+    """The source of an arm's robot; a name with a suffix or a slash is a file."""
     name, srdf = entry.string("robot"), entry.string("srdf", "")
     with entry.blame("robot"):
         if _is_file(name):

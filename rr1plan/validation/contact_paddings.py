@@ -1,4 +1,4 @@
-"""Which elements of two owners must not touch, and how far apart they have to be, for two owners at a time.
+"""Paddings between the elements of two owners, `ALLOWED` for pairs that may touch.
 
 An owner is an arm with its links and what it holds, or an obstacle. What a single pair may do is said in words by
 `Scene.may_touch` and `Scene.padding_of`. Rules are looked up by their owners: for all others nothing is worked out.
@@ -80,7 +80,7 @@ def block_paddings(scene: Scene, one: Elements, two: Elements, checked: NDArray[
 
 
 def _elements_named(both: Pair, one: Elements, two: Elements) -> int:
-    """How many of two names are elements' and not owners'."""
+    """Number of two names that name an element rather than an owner."""
     return sum(name in one.index or name in two.index for name in both)
 
 

@@ -106,7 +106,7 @@ def validate(
         check_torques(findings, trajectory, scene)
     else:
         findings.not_checked["torque"] = "not asked for (option torque_limits)"
-    check_endpoints(findings, motion, moving.columns_of_arm, scene, problem)
+    check_endpoints(findings, motion, found.end[0], moving, problem)
     return _report(findings, trajectory.duration)
 
 

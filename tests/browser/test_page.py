@@ -46,9 +46,8 @@ def page_file(two_arms: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> F
     times = np.linspace(0, 3, 31)
     zeros = np.zeros(trajectory.coefficients.shape[2])
     actual = trajectory(times) + 0.01
-    replay = Replay(
-        "dynamic", trajectory.joint_names, times, trajectory(times), actual, zeros + 0.02, zeros, zeros, (), 1, 0.1, 1.0
-    )
+    record = rp.ReplayRecord(times, trajectory(times), actual)
+    replay = Replay("dynamic", trajectory.joint_names, record, zeros + 0.02, zeros, zeros, (), 1, 0.1, 1.0)
     file = tmp_path_factory.mktemp("page") / "page.html"
     return save_html(
         file,

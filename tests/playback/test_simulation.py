@@ -95,7 +95,7 @@ def test_tracking_of_a_gentle_move_is_within_a_milliradian(rr1_table: rp.Scene) 
     assert replay.worst_error < 1e-3
     assert 0.0 < replay.peak_effort.max() < 1.0
     assert replay.steps == 1000
-    np.testing.assert_allclose(replay.actual[-1], goal, atol=1e-3)
+    np.testing.assert_allclose(replay.record.actual[-1], goal, atol=1e-3)
     assert "tracking error" in str(replay)
     assert replay.to_dict()["joints"].keys() == set(rr1_table.joint_names())
 
@@ -153,7 +153,7 @@ def test_a_resting_arm_is_held_and_a_second_run_is_identical(rr1: rp.Robot) -> N
     move = quintic(rp.Scene(arms={"left": scene.arms["left"]}), q, q + 0.1, 1.0)
     first, second = rp.simulate(move, scene), rp.simulate(move, scene)
     assert first.joint_names == move.joint_names
-    assert np.array_equal(first.actual, second.actual)
+    assert np.array_equal(first.record.actual, second.record.actual)
     assert first.free
 
 

@@ -193,7 +193,7 @@ def _simpler(corners: Array) -> Array:
 
 
 def _choose(needed: Array, allowed: Array) -> tuple[Array, Array] | None:
-    """Which candidates hold all cells, and how large each has to be; None if there would be too many."""
+    """Candidates that together hold all cells, and the radius of each; None if there would be too many."""
     holds = needed <= allowed[:, None]
     if not holds.any(axis=0).all():
         return None

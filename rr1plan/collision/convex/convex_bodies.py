@@ -5,6 +5,7 @@ All are solid except concave meshes of obstacles, which are surfaces to Coal; `c
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, TypeGuard
@@ -16,6 +17,7 @@ from rr1plan.checks import Array
 from rr1plan.collision.convex.mesh_trees import orientations_of
 from rr1plan.errors import BackendError, InputError
 from rr1plan.progress import ProgressCallback
+from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.shapes.convex_decomposition import convex_pieces
@@ -79,10 +81,17 @@ def cut_meshes(scene: Scene, progress: ProgressCallback) -> None:
     """
     # Arms of one robot have the same meshes.
     robots = {id(arm.robot): (name, arm.robot) for name, arm in scene.arms.items()}
-    arms = ((f"{name}/{link.name}", link.collisions) for name, robot in robots.values() for link in robot.links)
-    attachments = ((name, held.geometries) for name, held in scene.attachments.items())
-    for element, geometries in (*arms, *attachments):
-        for mesh in (g.shape for g in geometries if isinstance(g.shape, Mesh) and not g.shape.convex):
+    for name, robot in robots.values():
+        for link in robot.links:
+            _cut(f"{name}/{link.name}", link.collisions, progress)
+    for name, held in scene.attachments.items():
+        _cut(name, held.geometries, progress)
+
+
+def _cut(element: str, geometries: Sequence[Geometry], progress: ProgressCallback) -> None:
+    for geometry in geometries:
+        mesh = geometry.shape
+        if is_concave(mesh):
             try:
                 _mesh_pieces(_Whole(mesh, progress))
             except InputError as error:

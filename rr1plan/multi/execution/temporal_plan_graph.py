@@ -129,7 +129,7 @@ class PlanGraph(Value):
 
     @property
     def skew_tolerance(self) -> float:
-        """All arms may start late by up to this, each by another time, and no two touch although nobody waits [s].
+        """Each arm may start late by up to this time, without any waiting, and no two arms touch [s].
 
         A certified lower bound; inf where no two arms come near each other.
         """
@@ -155,7 +155,7 @@ class PlanGraph(Value):
         return PlanGraph(routes, moved(self.dependencies), moved(self.together))
 
     def waits_for(self, arm: str) -> tuple[Dependency, ...]:
-        """The dependencies that make an arm wait, in the order of its way.
+        """The dependencies for which an arm waits, in order.
 
         Raises:
             UnknownNameError: the plan has no such arm.
@@ -249,7 +249,7 @@ def plan_graph(result: ManyArmsResult) -> PlanGraph:
         result: What `plan_many_arms` found.
 
     Raises:
-        InputError: no plan, or one whose agents are not proven apart.
+        InputError: no plan, or one whose agents are not proven free of contact.
     """
     from rr1plan.multi.portfolio import ManyArmsResult
 

@@ -31,7 +31,7 @@ Draw = Callable[[np.random.Generator], Array | None]
 
 
 class ToolBox(NamedTuple):
-    """Where the tool of an arm starts or ends.
+    """A region for the tool of an arm at the start or the goal.
 
     Args:
         frame: Frame of the box in the world, shape (4, 4).
@@ -150,7 +150,7 @@ def check_robot(robot: Robot) -> None:
 
 
 def front_of(robot: Robot, front: Array | None = None) -> Array:
-    """Which way a robot's front points in its base frame: as given, or the horizontal axis nearest to its tool at home.
+    """Direction of a robot's front in its base frame: as given, or the horizontal axis nearest to its tool at home.
 
     Args:
         robot: The robot.
@@ -187,7 +187,7 @@ def facing(robot: Robot, place: tuple[float, float], angle: float) -> tuple[Arra
 
 @lru_cache(maxsize=64)
 def horizontal_reach(robot: Robot) -> float:
-    """How far from the axis of its base a robot's tool gets, of some random configurations [m]."""
+    """Largest distance of a robot's tool from the axis of its base, over random configurations [m]."""
     rng = np.random.default_rng(0)
     drawn = rng.uniform(robot.limits.lower, robot.limits.upper, (_SAMPLES, robot.nq))
     tools = np.array([robot.link_poses(q)[robot.tool][:2, 3] for q in drawn])

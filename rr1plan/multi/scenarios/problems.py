@@ -176,8 +176,7 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
         robot: The robot both are.
         spacing: Distance between their bases [m].
         rng: Seed.
-        front: Which way the robot's front points in its base frame, shape (3,) (default: the axis nearest to
-            its tool at home).
+        front: As in `ring_swap`.
 
     Raises:
         InputError: numbers out of range, or no collision-free configurations of all arms.

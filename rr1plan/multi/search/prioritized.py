@@ -72,7 +72,7 @@ _NEIGHBORHOOD = 3  # agents that are scheduled again with the last, at most
 
 @dataclass
 class Statistics:
-    """What was done to find schedules."""
+    """Counters of a search for schedules."""
 
     paths: int = 0
     detours: int = 0
@@ -404,7 +404,7 @@ class PrioritizedPlanner:
                 self.schedules = before
 
     def _hasten(self) -> None:
-        """Let the arms of agents of several arms move at the same time rather than in turn, where that is faster."""
+        """Replace paths of meta-agents whose arms move in turn by faster ones with simultaneous motion."""
         limit, began = self.slowest_alone() * (1.0 + _GOOD_ENOUGH), time.perf_counter()
         for agent in [agent for agent in self.agents if len(agent.arms) > 1]:
             for _ in range(_MOST_HASTENINGS):
@@ -555,7 +555,7 @@ class PrioritizedPlanner:
         return [*([o] for o in in_the_way), in_the_way]
 
     def _merge_quarrels(self, agent: Agent, evicted: list[Agent]) -> list[Agent]:
-        """Who has to be scheduled next: the evicted, or one agent of those that quarrel too often."""
+        """The agents to schedule next: the evicted ones, or a meta-agent of two that evict each other too often."""
         for victim in evicted:
             together = {*agent.arms, *victim.arms}
             if self._quarrels[frozenset((agent, victim))] < _QUARRELS or len(together) > _MOST_TOGETHER:

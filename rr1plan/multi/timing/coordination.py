@@ -21,7 +21,7 @@ from rr1plan.object_cache import kept_in
 from rr1plan.scene import Scene
 
 Blocked = NDArray[np.uint8]
-"""Which cells are not proven free, shape (cells of one path, cells of the other)."""
+"""Cells that are not proven free, shape (cells of one path, cells of the other)."""
 
 
 def coordination_diagram(one: AgentPath, two: AgentPath, margin: float = 0.0) -> Blocked | None:
@@ -93,7 +93,7 @@ def may_touch(one: AgentPath, two: AgentPath, margin: float) -> bool:
 
 
 def cross_pairs(one: Agent, two: Agent, margin: float, *, fixed: bool = False) -> CStruct:
-    """Which bodies of two agents must not touch, and how near they may be (`coordination.h`).
+    """Pairs of bodies of two agents that must not touch, with their padding (`coordination.h`).
 
     Args:
         one: An agent.

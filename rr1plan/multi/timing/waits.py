@@ -1,4 +1,4 @@
-"""Which arms an arm waits for, and the timing of two arms in their coordination diagram."""
+"""Waits of arms for each other, and the timing of two arms in their coordination diagram."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ class CSpaceQuery(Value):
 
     @cached_property
     def start_blocked_by(self) -> tuple[str, ...]:
-        """What the start touches: names of layers; empty where it is free. The configuration counts, not its cell."""
+        """Names of the layers that the start touches, empty if it is free. The configuration counts, not its cell."""
         return () if self.start is None else self._blocked_by(self.start)
 
     @cached_property
@@ -159,7 +159,7 @@ class CSpaceQuery(Value):
 
     @property
     def proves_no_path(self) -> bool:
-        """No path from the start to any goal exists: certified, whatever the resolution of the picture.
+        """Whether it is proven, at any resolution of the picture, that no path leads from the start to a goal.
 
         Either cells that are blocked as a whole separate them, or no configuration reaches the goal, or the goals are
         configurations that are not free. False where the path answers the query, and where the question is open.

@@ -39,7 +39,7 @@ _NOTHING_CARRIED = 1e-7
 _POSITION_VELOCITY_FEEDFORWARD = 7
 # Torsional and rolling friction of loose bodies [m], MuJoCo's defaults.
 _OTHER_FRICTION = (0.005, 0.0001)
-# Time constant of contacts of loose bodies [s]; MuJoCo needs two steps at least.
+# Time constant of contacts of loose bodies [s]; with less than four steps large heaps become unstable.
 _CONTACT_TIME = 0.008
 # Half the thickness of a plate in place of a triangle [m].
 _HALF_PLATE = 1e-5
@@ -109,7 +109,7 @@ Solver = Literal["newton", "cg"]
 
 
 def build_mujoco(
-    scene: Scene, *, timestep: float = 0.002, stiffness: float = 80.0, solver: Solver = "newton"
+    scene: Scene, *, timestep: float = 0.002, stiffness: float = 160.0, solver: Solver = "newton"
 ) -> MujocoScene:
     """Build and compile a scene's MuJoCo model.
 
@@ -143,7 +143,7 @@ def build_mujoco(
     model = _compile(spec)
     elements = tuple(builder.elements[model.geom(i).name] for i in range(model.ngeom))
     efforts = np.array([joint.joint.effort for joint in builder.joints])
-    joints, bodies = tuple(j.name for j in builder.joints), tuple(_loose_bodies(scene))
+    joints, bodies = tuple(j.name for j in builder.joints), tuple(loose_bodies(scene))
     return MujocoScene(scene, spec, model, joints, bodies, elements, efforts, massless)
 
 
@@ -174,9 +174,9 @@ class _Builder:
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
         self.spec.compiler.balanceinertia = True
-        if _loose_bodies(scene):
+        if loose_bodies(scene):
             self._set_solver(solver)
-        self._surface = {"priority": 1, "solref": [max(_CONTACT_TIME, 2.0 * timestep), 1.0]}
+        self._surface = {"priority": 1, "solref": [max(_CONTACT_TIME, 4.0 * timestep), 1.0]}
         self.joints: list[_PlacedJoint] = []
         self.elements: dict[str, str] = {}
         self.meshes: dict[int, list[str]] = {}
@@ -230,7 +230,8 @@ class _Builder:
             option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
         else:
             option.solver = mujoco.mjtSolver.mjSOL_CG
-            option.iterations, option.tolerance = 10, 1e-5
+            option.iterations, option.tolerance = 20, 1e-5
+            option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
 
     def _add_body(self, parent: Any, name: str, pose: Array) -> Any:
         return parent.add_body(name=name, pos=pose[:3, 3], quat=quaternion_from_rotation(pose[:3, :3]))
@@ -320,7 +321,7 @@ def _few_boxes(cloud: PointCloud) -> tuple[Array, Array]:
 
 def _excluded_pairs(scene: Scene) -> Iterator[tuple[str, str]]:
     """Pairs of bodies that may touch: an arm's own, and what the scene allows between arms and fixed things."""
-    loose = _loose_bodies(scene)
+    loose = loose_bodies(scene)
     owned: dict[str | None, list[str]] = {}
     for element in scene.element_names:
         owned.setdefault(scene.owner(element), []).append(element)
@@ -342,7 +343,8 @@ def _body_name(element: str) -> str:
     return f"{element}#" if element.rstrip("#") == "world" else element
 
 
-def _loose_bodies(scene: Scene) -> dict[str, Obstacle]:
+def loose_bodies(scene: Scene) -> dict[str, Obstacle]:
+    """The obstacles with a mass, by name."""
     return {name: thing for name, thing in scene.obstacles.items() if thing.mass is not None}
 
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from rr1plan.checks import Array, of_kind, positive_number
-from rr1plan.playback.simulation.replay import BodyMotion, Replay
+from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayRecord
 from rr1plan.playback.simulation.simulation import Simulation
 from rr1plan.scene import Obstacle
 
@@ -76,15 +76,13 @@ class Recorder:
         stop()
 
     def replay(self) -> Replay:
-        """What was recorded so far, as `simulate` returns it."""
+        """The record so far, as `simulate` returns it."""
         steps, rows = self._sim.steps - self._begin, np.array(self._rows)
         begin = self._times[0]
         return Replay(
             mode="dynamic",
             joint_names=self._names,
-            times=np.array(self._times),
-            desired=rows[:, 0],
-            actual=rows[:, 1],
+            record=ReplayRecord(np.array(self._times), rows[:, 0], rows[:, 1], self._bodies.motion()),
             max_error=self._max_error,
             rms_error=np.sqrt(self._square / max(1, steps)),
             peak_effort=self._effort / self._limits,
@@ -93,7 +91,6 @@ class Recorder:
             timestep=self._sim.dt,
             wall_seconds=time.perf_counter() - self._wall,
             settings={"mujoco": mujoco.__version__},
-            bodies=self._bodies.motion(),
         )
 
     def _note(self, sim: Simulation) -> None:

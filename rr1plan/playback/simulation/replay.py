@@ -1,4 +1,4 @@
-"""What a replay in the simulator showed: tracking, contacts, torques, speed."""
+"""Results of a replay in the simulator: tracking, contacts, torques, speed."""
 
 from __future__ import annotations
 
@@ -52,15 +52,34 @@ class BodyMotion(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class ReplayRecord(Value):
+    """Positions of joints and loose bodies recorded during a replay.
+
+    Args:
+        times: Instants [s], shape (n,).
+        desired: Set-points [rad], shape (n, nq).
+        actual: Positions that were reached [rad], shape (n, nq).
+        bodies: Poses of loose bodies; None if there are none, and in a kinematic replay.
+    """
+
+    times: Array
+    desired: Array
+    actual: Array
+    bodies: BodyMotion | None = None
+
+    def __post_init__(self) -> None:
+        for array in (self.times, self.desired, self.actual):
+            read_only(array)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Replay(Value):
     """The outcome of `simulate`.
 
     Args:
         mode: "dynamic" (servos move the arms) or "kinematic" (the arms are put where they should be).
-        joint_names: Columns of the arrays below, "arm/joint", as in the trajectory.
-        times: Instants of the record [s], shape (n,).
-        desired: Positions that were asked for [rad], shape (n, nq).
-        actual: Positions that were reached [rad], shape (n, nq).
+        joint_names: Columns of the arrays, "arm/joint", as in the trajectory.
+        record: Set-points and positions over time, and the poses of loose bodies.
         max_error: Largest tracking error of each joint over all steps [rad], shape (nq,).
         rms_error: Root mean square tracking error of each joint over all steps [rad], shape (nq,).
         peak_effort: Largest share of the effort limit each joint used, shape (nq,); above 1 only in an arm whose masses
@@ -72,14 +91,11 @@ class Replay(Value):
         settings: Version and options that made it, for a record.
         remarks: What the replay lacked, in words: masses that the robot's file does not give, a finer step, what MuJoCo
             warned of.
-        bodies: What loose bodies did; None if there are none, and in a kinematic replay.
     """
 
     mode: str
     joint_names: tuple[str, ...]
-    times: Array
-    desired: Array
-    actual: Array
+    record: ReplayRecord
     max_error: Array
     rms_error: Array
     peak_effort: Array
@@ -89,11 +105,10 @@ class Replay(Value):
     wall_seconds: float
     settings: dict[str, Any] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
-    bodies: BodyMotion | None = None
 
     def __post_init__(self) -> None:
-        for name in ("times", "desired", "actual", "max_error", "rms_error", "peak_effort"):
-            read_only(getattr(self, name))
+        for array in (self.max_error, self.rms_error, self.peak_effort):
+            read_only(array)
 
     @property
     def real_time_factor(self) -> float:
@@ -119,11 +134,6 @@ class Replay(Value):
         """The arms followed their motion: `free` and `tracked`."""
         return self.free and self.tracked
 
-    @property
-    def _is_spent(self) -> bool:
-        """A motor gave all it had, and its joint was left behind."""
-        return bool(((self.peak_effort > 0.999) & ~(self.max_error <= _TRACKED)).any())
-
     def __repr__(self) -> str:
         seconds = self.steps * self.timestep
         return f"Replay({self.mode}, {seconds:.3f} s, {self.worst_error:.2e} rad, {len(self.contacts)} contacts)"
@@ -137,9 +147,10 @@ class Replay(Value):
             worst = int(np.argmax(self.max_error))
             lines.append(f"  tracking error: {self.worst_error:.2e} rad at most ({self.joint_names[worst]})")
             busiest = int(np.argmax(self.peak_effort))
+            saturated = ((self.peak_effort > 0.999) & ~(self.max_error <= _TRACKED)).any()
             lines.append(
                 f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})"
-                + ("; plan with option torque_limits, or with lower limits of acceleration" if self._is_spent else "")
+                + ("; plan with option torque_limits, or with lower limits of acceleration" if saturated else "")
             )
         if not self.tracked:
             lost = int((~(self.max_error <= _TRACKED)).sum())

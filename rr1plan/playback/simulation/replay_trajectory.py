@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Literal, NamedTuple
 
 import mujoco
@@ -16,12 +16,13 @@ import numpy as np
 
 from rr1plan.checks import Array, check_callback, finite_number, known_name, of_kind, positive_number
 from rr1plan.errors import InputError
+from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.controllers import Controller, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointTargets
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
 from rr1plan.playback.simulation.recorder import BodyLog
-from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayContact
+from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayContact, ReplayRecord
 from rr1plan.playback.simulation.simulation import Simulation
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
@@ -44,8 +45,9 @@ def simulate(
     mode: Mode = "dynamic",
     dt: float = 0.002,
     record_dt: float = 0.01,
-    stiffness: float = 80.0,
+    stiffness: float = 160.0,
     hold: float = 0.0,
+    variation: ArmVariation | None = None,
     progress: ProgressCallback | None = None,
 ) -> Replay:
     """Replay a trajectory in MuJoCo, the whole scene at once.
@@ -61,13 +63,15 @@ def simulate(
         record_dt: Time between recorded positions [s].
         stiffness: Natural frequency of the joint servos [rad/s].
         hold: How long to go on after the end, the set-points resting there [s].
+        variation: How the arms differ from their description, unknown to the servos (default: not at all).
         progress: Called about ten times a second; False cancels.
 
     Returns:
         Tracking error, contacts, effort and speed; true where the arms followed the motion without contact.
 
     Raises:
-        InputError: a joint the scene does not have, a step that is not above zero, a mode we don't know.
+        InputError: a joint the scene does not have, a step that is not above zero, a mode we don't know, a variation of
+            a kinematic replay.
         BackendError: MuJoCo does not take the scene, or its simulation became unstable.
         CancelledError: `progress` returned False.
     """
@@ -80,6 +84,9 @@ def simulate(
         raise InputError(f"hold is {hold}, expected a time >= 0")
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
+    of_kind("variation", variation, ArmVariation, optional=True)
+    if variation is not None and mode == "kinematic":
+        raise InputError("variation has no effect on a kinematic replay, take the mode 'dynamic'")
     targets = JointTargets(trajectory, scene)
     if trajectory.duration + hold > _MOST_STEPS * dt:
         raise InputError(f"{trajectory.duration + hold:g} s in steps of {dt:g} s are too many; take longer steps")
@@ -89,7 +96,8 @@ def simulate(
     stride = max(1, round(min(record_dt / dt, len(times))))
     report = _reporter(fraction_callback("simulate", progress), steps)
     if mode == "dynamic":
-        seen = _dynamic(targets, times, desired, _Steps(dt, stride, stiffness), report)
+        sim = Simulation(scene, dt, stiffness=stiffness, variation=variation)
+        seen = _dynamic(sim, targets, _Steps(times, desired, stride), report)
     else:
         seen = _kinematic(scene, times, desired, dt, report)
     columns = np.array([targets.names.index(name) for name in trajectory.joint_names], dtype=np.int64)
@@ -98,9 +106,9 @@ def simulate(
     return Replay(
         mode=mode,
         joint_names=trajectory.joint_names,
-        times=times[kept],
-        desired=desired[np.ix_(kept, columns)],
-        actual=seen.actual[np.ix_(kept, columns)],
+        record=ReplayRecord(
+            times[kept], desired[np.ix_(kept, columns)], seen.actual[np.ix_(kept, columns)], seen.bodies
+        ),
         max_error=np.abs(error).max(axis=0),
         rms_error=np.sqrt((error**2).mean(axis=0)),
         peak_effort=seen.effort[columns],
@@ -108,14 +116,14 @@ def simulate(
         steps=steps,
         timestep=dt,
         wall_seconds=seen.wall,
-        settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness},
+        settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness}
+        | ({} if variation is None else asdict(variation)),
         remarks=seen.remarks,
-        bodies=seen.bodies,
     )
 
 
 class _Seen(NamedTuple):
-    """What a replay saw: positions of all joints at all times, shares of effort limits, contacts, loose bodies."""
+    """Observations of a replay: all joint positions, shares of effort limits, contacts, loose bodies."""
 
     actual: Array
     effort: Array
@@ -126,11 +134,11 @@ class _Seen(NamedTuple):
 
 
 class _Steps(NamedTuple):
-    """Time of a step [s], steps from one recorded pose of loose bodies to the next, stiffness of the servos [rad/s]."""
+    """Times of steps [s], positions of all joints then, steps from one recorded pose of loose bodies to the next."""
 
-    dt: float
+    times: Array
+    desired: Array
     stride: int
-    stiffness: float
 
 
 class _Follow(Controller):
@@ -145,15 +153,9 @@ class _Follow(Controller):
         return SetPoint(*(rates[k] for rates in self._rates))
 
 
-def _dynamic(
-    targets: JointTargets,
-    times: Array,
-    desired: Array,
-    steps: _Steps,
-    report: Callable[[int], None],
-) -> _Seen:
+def _dynamic(sim: Simulation, targets: JointTargets, steps: _Steps, report: Callable[[int], None]) -> _Seen:
     """Servos move the arms."""
-    sim = Simulation(targets.scene, steps.dt, stiffness=steps.stiffness)
+    times, desired = steps.times, steps.desired
     sim.place(targets.names, desired[0], targets(times[:1], 1)[0])
     bodies = BodyLog()
     bodies.add(sim)
@@ -214,7 +216,7 @@ def _reporter(progress: Callable[[float], None] | None, steps: int) -> Callable[
 
 
 def _remarks(scene: Scene, sim: Simulation, desired: Array) -> tuple[str, ...]:
-    """What the description or the step lacks for the physics, in words."""
+    """Remarks on data that the robot's description or the step lacks for the physics."""
     arms = scene.arms.items()
     massless = [name for tile in sim.tiles for name in tile.world.massless_joints]
     links = [f"{name}/{link}" for name, arm in arms for link in arm.robot.links_of_assumed_mass]

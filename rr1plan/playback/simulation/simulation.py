@@ -39,12 +39,13 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import BackendError, ControllerError, InputError, UnknownNameError
 from rr1plan.path import check_joint_names
+from rr1plan.playback.simulation.arm_variation import ArmVariation, varied_model
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.playback.simulation.mujoco_model import MujocoScene, Solver, build_mujoco
 from rr1plan.playback.simulation.replay import ReplayContact
-from rr1plan.playback.simulation.tiles import tile_scenes
+from rr1plan.playback.simulation.tiles import check_memory, tile_scenes
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
@@ -69,23 +70,40 @@ class Tile:
         world: The compiled model.
         columns: Index of each of its joints among those of the simulation.
         threads: Threads for contacts of many loose bodies.
+        variation: How the arms differ from their description, unknown to the feed-forward torque.
 
     Attributes:
         model: MuJoCo's model.
         data: MuJoCo's data.
+        joints: Number of its joints.
+        state: Views of their positions, velocities and efforts, shape (joints,) each.
         bodies: Index of each of its loose bodies among them.
     """
 
-    def __init__(self, world: MujocoScene, columns: NDArray[np.int64], threads: int) -> None:
-        self.world, self.columns = world, columns
+    def __init__(
+        self, world: MujocoScene, columns: NDArray[np.int64], threads: int, variation: ArmVariation | None = None
+    ) -> None:
+        self.world = world
+        first, count = int(columns[0]) if len(columns) else 0, len(columns)
+        in_order = np.array_equal(columns, np.arange(first, first + count))
+        self.columns: NDArray[np.int64] | slice = slice(first, first + count) if in_order else columns
+        self.joints = count
         self.model: Any = world.model
-        self.data: Any = mujoco.MjData(world.model)
+        if variation is not None:
+            self.model = varied_model(world.model, world.scene, world.effort_limits, variation)
+        self.data: Any = mujoco.MjData(self.model)
         if threads > 1 and len(world.body_names) >= _A_HEAP:
             mujoco.mju_threadpool(self.data, threads - 1)
-        self._control = np.zeros((len(columns), 3))
+        # Views of MuJoCo's arrays, which stay where they are: to make one takes as long as a small sum.
+        data = self.data
+        self.state = data.qpos[:count], data.qvel[:count], data.actuator_force
+        self._control = data.ctrl.reshape(count, 3)
+        # The arms as described, where they are others: of them the servos know.
+        self._described = data if variation is None else mujoco.MjData(world.model)
+        self._bias = self._described.qfrc_bias[:count]
         self.bodies = {name: i for i, name in enumerate(world.body_names)}
         self._torque, self._accelerations = np.zeros((2, self.model.nv))
-        self._alarms = self.data.warning.number
+        self._alarms = data.warning.number
         self._state_size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION)
 
     def refresh(self) -> None:
@@ -94,18 +112,27 @@ class Tile:
 
     def command(self, positions: Array, velocities: Array, accelerations: Array, efforts: Array) -> None:
         """Set-points of all joints of the simulation for the next step, with the feed-forward torque."""
-        control, joints = self._control, len(self.columns)
+        control, joints = self._control, self.joints
         self._accelerations[:joints] = accelerations[self.columns]
-        mujoco.mj_mulM(self.model, self.data, self._torque, self._accelerations)
+        if self._described is not self.data:
+            self._describe()
+        mujoco.mj_mulM(self.world.model, self._described, self._torque, self._accelerations)
         control[:, 0] = positions[self.columns]
         control[:, 1] = velocities[self.columns]
-        control[:, 2] = self._torque[:joints] + self.data.qfrc_bias[:joints] + efforts[self.columns]
-        self.data.ctrl[:] = control.ravel()
+        control[:, 2] = self._torque[:joints] + self._bias + efforts[self.columns]
+
+    def _describe(self) -> None:
+        """Compute inertia and bias torques of the arms as described, at the present state."""
+        data, model = self._described, self.world.model
+        data.qpos[:], data.qvel[:] = self.data.qpos, self.data.qvel
+        for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_makeM, mujoco.mj_comVel):
+            stage(model, data)
+        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
 
     def advance(self) -> None:
         """Take a step from the present state, and refresh what follows from the new one."""
         mujoco.mj_step2(self.model, self.data)
-        mujoco.mj_step1(self.model, self.data)
+        self.refresh()
 
     def is_unstable(self) -> bool:
         """Whether MuJoCo has warned of values that are not finite or too large."""
@@ -113,7 +140,7 @@ class Tile:
 
     def body_state(self, name: str) -> tuple[Array, Array]:
         """Position and quaternion (7,) of a loose body, and its linear and its own angular velocity (6,), as views."""
-        joints, i = len(self.columns), self.bodies[name]
+        joints, i = self.joints, self.bodies[name]
         qpos, qvel = self.data.qpos[joints + 7 * i :], self.data.qvel[joints + 6 * i :]
         return qpos[:7], qvel[:6]
 
@@ -142,8 +169,10 @@ class Simulation:
         stiffness: Natural frequency of the joint servos [rad/s].
         threads: Threads for arms that can never meet, and for heaps of loose bodies.
         solver: What computes the forces of contacts where there are loose bodies: "newton" to convergence, which holds
-            grasped bodies; or conjugate gradients ("cg") in ten iterations, which take a fraction of the time for heaps
-            of hundreds of bodies, and let them sink a few centimeters into each other when they crash.
+            grasped bodies; or conjugate gradients ("cg") in at most twenty iterations, with fewer points of contact,
+            which take a fraction of the time for heaps of hundreds of bodies; these sink deeper into each other when
+            they crash.
+        variation: How the arms differ from their description, which their servos rely on (default: not at all).
 
     Attributes:
         scene: The scene; its loose bodies where they began, see `current_scene`.
@@ -152,7 +181,8 @@ class Simulation:
         tiles: The MuJoCo models with their data.
 
     Raises:
-        InputError: a step or stiffness that is not above zero, or a point cloud of too many cells.
+        InputError: a step or stiffness that is not above zero, a point cloud of too many cells, or more arms or bodies
+            than the machine has memory for.
         BackendError: MuJoCo does not take the scene.
     """
 
@@ -161,13 +191,16 @@ class Simulation:
         scene: Scene,
         dt: float = 0.002,
         *,
-        stiffness: float = 80.0,
+        stiffness: float = 160.0,
         threads: int = 1,
         solver: Solver = "newton",
+        variation: ArmVariation | None = None,
     ) -> None:
         of_kind("scene", scene, Scene)
+        of_kind("variation", variation, ArmVariation, optional=True)
         known_name("solver", solver, ("newton", "cg"))
         self._solver: Solver = solver
+        self._variation = variation
         self.scene = scene
         self.dt = positive_number("dt", dt)
         if self.dt > _LONGEST_STEP:
@@ -527,15 +560,17 @@ class Simulation:
     def _build(self, scene: Scene) -> list[Tile]:
         tiles = []
         with mujoco_warnings() as warnings:
-            for part in tile_scenes(scene):
+            parts = tile_scenes(scene)
+            check_memory(parts)
+            for part in parts:
                 world = build_mujoco(part, timestep=self.dt, stiffness=self._stiffness, solver=self._solver)
-                tiles.append(Tile(world, self._indices(world.joint_names), self._threads))
+                tiles.append(Tile(world, self._indices(world.joint_names), self._threads, self._variation))
         self._warnings += warnings
         return tiles
 
     def _set_joints(self, tile: Tile, positions: Array, velocities: Array) -> None:
-        tile.data.qpos[: len(tile.columns)] = positions[tile.columns]
-        tile.data.qvel[: len(tile.columns)] = velocities[tile.columns]
+        tile.state[0][:] = positions[tile.columns]
+        tile.state[1][:] = velocities[tile.columns]
 
     def _body(self, name: str) -> Tile:
         """The model with a loose body."""
@@ -630,16 +665,17 @@ class Simulation:
 
     def _note_contacts(self) -> None:
         for tile in self.tiles:
-            if tile.data.ncon:
+            depth = -float(tile.data.contact.dist.min()) if tile.data.ncon else -math.inf
+            if depth >= 0.0:
                 self._contacts.add(tile.world, tile.data, self.time)
-                self._deepest = max(self._deepest, -float(tile.data.contact.dist.min()))
+                self._deepest = max(self._deepest, depth)
 
     def _observe(self) -> None:
         """Collect the state of all joints from the models."""
         rates = np.empty((3, len(self.joint_names)))
         for tile in self.tiles:
-            joints, data = len(tile.columns), tile.data
-            rates[:, tile.columns] = data.qpos[:joints], data.qvel[:joints], data.actuator_force
+            for row, values in zip(rates, tile.state, strict=True):
+                row[tile.columns] = values
         self._now = JointState(self.time, *rates)
 
     def _state(self, indices: NDArray[np.int64]) -> JointState:

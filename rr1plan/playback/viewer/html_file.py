@@ -28,7 +28,7 @@ def save_html(
     replay: Replay | None = None,
     options: ViewOptions | None = None,
 ) -> FilePath:
-    """Write one self-contained page: it asks no server for anything, and works from a USB stick.
+    """Write one self-contained page, which loads nothing from the network.
 
     Args:
         file: Where to write it; written whole or not at all.

@@ -1,4 +1,4 @@
-"""What the page needs to know, as one plain value that JSON can hold.
+"""The data of a page as one plain value that JSON can hold.
 
 A robot is described once, however many arms are copies of it: its joints, so that the page
 computes forward kinematics itself, and its shapes, so that the page draws all copies of a shape
@@ -85,7 +85,7 @@ def view_document(
     motion = trajectory if trajectory is not None or path is None else _steady(path)
     if motion is None and replay is not None:
         motion = _replayed(replay)
-    bodies = None if replay is None else replay.bodies
+    bodies = None if replay is None else replay.record.bodies
     fixed = {name: o for name, o in scene.obstacles.items() if bodies is None or name not in bodies.bodies}
     ghosts = [] if problem is None else _ghosts(problem)
     return {
@@ -95,16 +95,14 @@ def view_document(
         "arms": rows,
         "columns": list(scene.joint_names()) if scene.arms else [],
         "obstacles": [_object(name, o.geometries, o.pose, shapes) for name, o in fixed.items()],
-        "bodies": None if replay is None or bodies is None else _bodies(bodies, replay.times, shapes),
+        "bodies": None if replay is None or bodies is None else _bodies(bodies, replay.record.times, shapes),
         "attachments": [
             _object(name, a.geometries, a.pose, shapes)
             | {"arm": a.arm, "link": a.link, "spheres": _spheres({name: a.geometries}) if spheres else None}
             for name, a in scene.attachments.items()
         ],
         "shapes": shapes.rows,
-        "track": None
-        if motion is None
-        else _track(motion, scene) | {"timed": trajectory is not None or path is None},
+        "track": None if motion is None else _track(motion, scene) | {"timed": trajectory is not None or path is None},
         "replay": None if replay is None else _track(_replayed(replay), scene) | {"summary": _summary(replay)},
         "path": None if path is None else _waypoints(path, scene),
         "ghosts": ghosts,
@@ -112,6 +110,24 @@ def view_document(
         "report": None if report is None else _finite(report.to_dict()),
         "camera": first_camera(scene, motion, ghosts),
     }
+
+
+def with_moving_objects(document: Document, times: Array, poses: Mapping[str, Array]) -> Document:
+    """The document with some objects that move, as loose bodies do along a replay.
+
+    Args:
+        document: What `view_document` made.
+        times: Instants [s], shape (n,).
+        poses: Position [m] and quaternion (wxyz) of each such object at these instants, shape (n, 7).
+    """
+    things = {thing["name"]: thing for kind in ("obstacles", "attachments") for thing in document[kind]}
+    fixed = {kind: [t for t in document[kind] if t["name"] not in poses] for kind in ("obstacles", "attachments")}
+    bodies = {
+        "objects": [{"name": name, "pose": _numbers(np.eye(4)), "parts": things[name]["parts"]} for name in poses],
+        "times": pack_array(times, "f8"),
+        "poses": pack_array(np.stack(list(poses.values()), axis=1)),
+    }
+    return {**document, **fixed, "bodies": bodies}
 
 
 def first_camera(scene: Scene, motion: Trajectory | None, ghosts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
@@ -278,11 +294,12 @@ def _steady(path: Path) -> Trajectory:
 
 
 def _replayed(replay: Replay) -> Trajectory:
-    """What the simulator recorded, as straight lines between its samples."""
-    if len(replay.times) < 2:
-        return Trajectory.rest(replay.joint_names, replay.actual[0])
-    slopes = np.diff(replay.actual, axis=0) / np.diff(replay.times)[:, None]
-    return Trajectory(replay.joint_names, replay.times, np.stack([replay.actual[:-1], slopes], axis=1))
+    """The recorded positions, joined by straight lines."""
+    times, positions = replay.record.times, replay.record.actual
+    if len(times) < 2:
+        return Trajectory.rest(replay.joint_names, positions[0])
+    slopes = np.diff(positions, axis=0) / np.diff(times)[:, None]
+    return Trajectory(replay.joint_names, times, np.stack([positions[:-1], slopes], axis=1))
 
 
 def _summary(replay: Replay) -> dict[str, Any]:

@@ -96,9 +96,11 @@ class Viewer {
 
   // ---- the configuration -------------------------------------------------------------------
 
-  setQ(q) {
+  /** Shows a configuration, and in place of the clock where it is from. */
+  setQ(q, origin = "by hand") {
     this.player.pause();
     this.manual = true;
+    this.origin = origin;
     this.q.set(q);
     this.show();
   }
@@ -232,7 +234,7 @@ class Viewer {
     return this.playing || Boolean(this.stage.dragged) || (this.pace.many && this.pace.level > 0 && now - this.shownAt < 250);
   }
 
-  /** What stands still is drawn in full. */
+  /** Whether the picture has full quality, as it has while nothing moves. */
   get settled() { return !this.stage.renderer || this.stage.quality === this.pace.full; }
 
   /** Draws as much as a level of `pace.js` says. */
