@@ -5,8 +5,9 @@
 First each arm is planned alone. Arms whose paths do not meet keep their paths; the groups of others follow
 from what their paths sweep, and are joined where a later path of one meets another. Each group goes through the same
 stages until one solves it, under one deadline: the joint space of up to four arms, timing on the fixed paths of each
-arm alone, detours, eviction, and windows of time on which arms that conflict are coupled. Groups are planned side by
-side on threads; each has random numbers that depend on its arms only, so the threads do not change the result.
+arm alone, detours, eviction, windows of time on which arms that conflict are coupled, and moves of one arm at a time.
+Groups are planned side by side on threads; each has random numbers that depend on its arms only, so the threads do not
+change the result.
 """
 
 from __future__ import annotations
@@ -53,8 +54,8 @@ class GroupResult:
 
     Args:
         arms: Its arms.
-        stage: The last stage that was needed: "timing", "detours", "eviction", "windows" or "composite", or the method
-            "conflict_based_search"; empty if none did.
+        stage: The last stage that was needed: "timing", "detours", "eviction", "windows", "composite" or "sequential",
+            or the method "conflict_based_search"; empty if none did.
         seconds: Wall time [s].
         reason: Why there is no answer, in words; empty if there is one.
         statistics: What was done.

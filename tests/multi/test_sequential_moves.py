@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +16,8 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.time_shortcuts import shorten_in_time
 from rr1plan.multi.search.sequential_moves import SequentialMoves
 from rr1plan.multi.stopwatch import Stopwatch
+
+Check = Callable[..., None]
 
 
 def _ring(planar2r: rp.Robot, count: int) -> rp.Problem:
@@ -111,3 +114,13 @@ def test_shortcuts_in_time_are_certified_and_faster(planar2r: rp.Robot, seed: in
     _check_path(problem, made)
     before, after = (np.abs(np.diff(p, axis=0)).max(axis=1).sum() for p in (points, made))
     assert after < 0.8 * before
+
+
+def test_a_ring_that_windows_leave_open_is_solved_the_same_way_twice(rr1: rp.Robot, assert_safe: Check) -> None:
+    problem = rp.ring_swap(rr1, 6, 0.5015, 1, 2)
+    one, two = (rp.plan_many_arms(problem, rng=2, budget=rp.Budget(seconds=60.0)) for _ in range(2))
+    assert_safe(problem, one)
+    assert [group.stage for group in one.groups] == ["sequential"]
+    assert one.trajectory is not None
+    assert two.trajectory is not None
+    assert one.trajectory.coefficients.tobytes() == two.trajectory.coefficients.tobytes()

@@ -27,7 +27,7 @@ from rr1plan.scene.problem import JointGoal, Problem
 _SHORTCUTS = 48
 _ITERATIONS = 2000  # of the planner, for each arm of an agent
 # Rounds of shortcuts in time, and how many are tried in each, for each arm of an agent.
-_ROUNDS_IN_TIME, _SHORTCUTS_IN_TIME = 8, 25
+_ROUNDS_IN_TIME, _SHORTCUTS_IN_TIME = 2, 25
 _NO_LIMIT = 2**62
 _SAMPLES = 20  # random configurations that are tried for one to go through
 

@@ -33,8 +33,9 @@ from rr1plan.shapes.shapes import Box, HalfSpace
 from rr1plan.transforms import pose
 
 _ATTEMPTS = 100  # at a ring or a shelf
-# Attempts at a ring whose swaps lead across it, and how far from its middle tools are then, as a share of the radius.
-_CROSSINGS, _ACROSS = 10, 0.6
+# Attempts at a ring whose swaps lead across it, and the box of each arm's tool then, as shares of the radius: along the
+# line from the middle to the arm, across it, and up.
+_CROSSINGS, _ACROSS = 10, ((-0.1, -0.25, 0.2), (0.1, 0.25, 1.3))
 
 
 def random_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: Seed = None) -> Problem:
@@ -151,12 +152,13 @@ def _swap_across(scene: Scene, radius: float, step: int, rng: np.random.Generato
     arms, reason = list(scene.arms), ""
     for _ in range(_CROSSINGS):
         try:
-            height = float(rng.uniform(0.7, 1.1)) * radius
-            low, high = (-_ACROSS * radius, -_ACROSS * radius, height - 0.4 * radius), (_ACROSS * radius,) * 2
-            box = ToolBox(pose((0.0, 0.0, 0.0)), low, (*high, height + 0.4 * radius))
-            starts = sample_configurations(scene, rng, {arm: tool_in_box(scene, arm, box) for arm in arms})
-            poses = scene.link_poses(starts)
             draws = {}
+            for k, arm in enumerate(arms):
+                ahead = pose((0.0, 0.0, 0.0), rpy=(0.0, 0.0, 2.0 * math.pi * k / len(arms)))
+                low, high = (radius * np.array(corner) for corner in _ACROSS)
+                draws[arm] = tool_in_box(scene, arm, ToolBox(ahead, tuple(low.tolist()), tuple(high.tolist())))
+            starts = sample_configurations(scene, rng, draws)
+            poses = scene.link_poses(starts)
             for k, arm in enumerate(arms):
                 other = arms[(k + step) % len(arms)]
                 place = poses[f"{other}/{scene.arms[other].robot.tool}"]

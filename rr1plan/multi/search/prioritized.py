@@ -6,8 +6,9 @@ way, which are scheduled again (as in large neighborhood search: Li et al., MAPF
 Agents that keep evicting each other become one (a meta-agent: Sharon et al., Meta-agent conflict-based search, 2012),
 which is planned in the joint space of all its arms.
 
-The joint space of up to four arms is tried first, because its search takes milliseconds. Where eviction does not come
-to an end, arms are coupled on windows of time (`coupled_windows.py`), which grow with every round.
+The joint space of up to four arms is tried first, because its search takes milliseconds. Groups of up to sixteen are
+then coupled on windows of time (`coupled_windows.py`), or move one arm at a time (`sequential_moves.py`), and larger
+ones where eviction does not come to an end; the effort of both grows with every round.
 """
 
 from __future__ import annotations
@@ -52,7 +53,9 @@ _ROUNDS_FIRST = 8  # of windows there, each with twice the effort
 
 STAGES = ("timing", "detours", "eviction", "composite", "windows", "sequential")
 """Stages of a search, by what they cost."""
-_ATTEMPTS = 3  # at a path in that joint space
+_ATTEMPTS = 3  # at a path in that joint space, or by way of retreats
+# How often the path of several arms is made faster, as long as it gets faster by this share.
+_MOST_HASTENINGS, _WORTH_HASTENING = 4, 0.03
 # Separate paths of a few arms are timed where the joint path is slower than their slowest by more than this [ratio]:
 # their coordination diagrams cost more than several joint paths.
 _WORTH_TIMING = 0.3
@@ -258,10 +261,14 @@ class PrioritizedPlanner:
         agent, alone = pool.agent, {arm: self._agent_of([arm]) for arm in self.arms}
         goal = np.concatenate([self._alone[arm].paths[0].goal for arm in agent.arms])
         moves = SequentialMoves(agent, goal, alone, self._near, pool.margin, self._rng, self._watch)
-        points = moves.find(effort // _ROUNDS_OF_SAME_EFFORT)
-        if points is not None:
+        for _ in range(_ATTEMPTS):
+            points = moves.find(effort // _ROUNDS_OF_SAME_EFFORT)
+            if points is None:
+                break
             with suppress(RetimingError):
-                pool.add_shortened([Path(agent.joint_names, points)])
+                pool.add_faster(pool.add_shortened([Path(agent.joint_names, points)]))
+            if min(path.fastest for path in pool.paths) <= self._slow_from():
+                break
         self.statistics.add_time("sequential", began)
         return self._adopt([pool], "sequential")
 
@@ -398,17 +405,21 @@ class PrioritizedPlanner:
 
     def _hasten(self) -> None:
         """Replace paths of meta-agents whose arms move in turn by faster ones with simultaneous motion."""
-        limit = self.slowest_alone() * (1.0 + _GOOD_ENOUGH)
+        limit, began = self.slowest_alone() * (1.0 + _GOOD_ENOUGH), time.perf_counter()
         for agent in [agent for agent in self.agents if len(agent.arms) > 1]:
-            began, before = time.perf_counter(), self.schedules[agent]
-            if before.arrival <= limit or not self._watch.goes_on():
-                continue
-            with suppress(RetimingError):
-                path = self.pools[agent].add_faster(before.path)
+            for _ in range(_MOST_HASTENINGS):
+                before = self.schedules[agent]
+                if before.arrival <= limit or not self._watch.goes_on():
+                    break
+                try:
+                    path = self.pools[agent].add_faster(before.path)
+                except RetimingError:
+                    break
                 found = self._timed(path, self._others(agent)) if path.fastest < before.arrival else None
-                if found is not None and found.arrival < before.arrival:
-                    self.schedules[agent] = found
-            self.statistics.add_time("paths", began)
+                if found is None or found.arrival > before.arrival * (1.0 - _WORTH_HASTENING):
+                    break
+                self.schedules[agent] = found
+        self.statistics.add_time("paths", began)
 
     @property
     def makespan(self) -> float:
