@@ -61,14 +61,14 @@ def _most_delayed(motion: MotionPlan) -> tuple[str, str]:
         longest = max(waits, key=lambda wait: wait.end - wait.begin)
         return longest.arm, longest.others[0]
     assert motion.many_arms is not None, "checked before planning"
-    agents = [schedule.arms for schedule in motion.many_arms.schedules]
+    agents = [schedule.arms for schedule in motion.many_arms.separated.schedules]
     return (agents[0][0], agents[1][0]) if len(agents) > 1 else (agents[0][0], agents[0][-1])
 
 
 def _agent_of(motion: MotionPlan, arm: str) -> Schedule:
     """The schedule that moves an arm."""
     assert motion.many_arms is not None, "checked before planning"
-    return next(schedule for schedule in motion.many_arms.schedules if arm in schedule.arms)
+    return next(schedule for schedule in motion.many_arms.separated.schedules if arm in schedule.arms)
 
 
 def say_many(motion: MotionPlan, console: Console) -> None:

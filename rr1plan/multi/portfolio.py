@@ -15,6 +15,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import combinations
 from types import MappingProxyType
 
@@ -23,6 +24,7 @@ import numpy as np
 from rr1plan.checks import Seed, Value, as_generator, finite_number, known_name
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
 from rr1plan.errors import InputError
+from rr1plan.multi.execution.separated_schedules import SeparatedSchedules, separate
 from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_pool import PathPool
@@ -122,6 +124,16 @@ class ManyArmsResult(Value):
     def __bool__(self) -> bool:
         """The same as `found`."""
         return self.found
+
+    @cached_property
+    def separated(self) -> SeparatedSchedules:
+        """The same motion with a schedule for each arm, as far as an order of all arms is certified."""
+        return separate(self.schedules)
+
+    @property
+    def inseparable(self) -> tuple[tuple[str, ...], ...]:
+        """Groups of arms that only move as one, because no order in which they pass each other is certified."""
+        return tuple(schedule.arms for schedule in self.separated.schedules if len(schedule.arms) > 1)
 
     @property
     def ratio(self) -> float:

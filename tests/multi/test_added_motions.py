@@ -33,7 +33,7 @@ def _free_goal(plan: rp.RunningPlan, arm: str, rng: np.random.Generator) -> np.n
 @pytest.mark.parametrize(("count", "spacing"), [(4, 0.6), (8, 0.65)])
 def test_goals_keep_coming(count: int, spacing: float, rr1: rp.Robot) -> None:
     problem = rp.random_grid(rr1, count, spacing, 1)
-    plan = rp.RunningPlan.of(rp.plan_many_arms(problem, method="separate_paths", rng=0, budget=_BUDGET))
+    plan = rp.RunningPlan.of(rp.plan_many_arms(problem, rng=0, budget=_BUDGET))
     rng = np.random.default_rng(1)
     time, moving, found = 0.0, 0, 0
     for k in range(16):
@@ -85,7 +85,7 @@ def test_arms_that_were_planned_as_one_get_goals_of_their_own(rr1: rp.Robot) -> 
 
 def test_the_same_seed_gives_the_same_motion(rr1: rp.Robot) -> None:
     problem = rp.random_grid(rr1, 4, 0.6, 1)
-    plan = rp.RunningPlan.of(rp.plan_many_arms(problem, method="separate_paths", rng=0, budget=_BUDGET))
+    plan = rp.RunningPlan.of(rp.plan_many_arms(problem, rng=0, budget=_BUDGET))
     goal = _free_goal(plan, "arm02", np.random.default_rng(3))
     one, two = (rp.add_motion(plan, "arm02", goal, at=0.2, budget=_BUDGET, rng=5) for _ in range(2))
     assert one.plan.trajectory.coefficients.tobytes() == two.plan.trajectory.coefficients.tobytes()

@@ -25,7 +25,6 @@ from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.execution.running_plan import Part, RunningPlan, Stop, part_of, stops_of
-from rr1plan.multi.execution.temporal_plan_graph import closed_diagram
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.paths.placed_path import placed_configuration
@@ -33,6 +32,7 @@ from rr1plan.multi.portfolio import ManyArmsResult
 from rr1plan.multi.preflight import MARGINS, affordable_margin
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import Blocked, are_apart
+from rr1plan.multi.timing.passing_order import closed_diagram
 from rr1plan.multi.timing.safe_intervals import BlockedTimes, blocked_times, earliest_schedule
 from rr1plan.multi.timing.schedule import Leg, Schedule
 from rr1plan.path import Path

@@ -16,8 +16,8 @@ from rr1plan.checks import Array, Value, finite_number, known_name, of_kind
 from rr1plan.errors import InputError
 from rr1plan.multi.execution.route import Route, route_of
 from rr1plan.multi.execution.route_motion import RouteMotion
+from rr1plan.multi.execution.separated_schedules import schedules_of_arms
 from rr1plan.multi.paths.agent_path import AgentPath
-from rr1plan.multi.paths.projected_path import path_of_arm
 from rr1plan.multi.portfolio import ManyArmsResult
 from rr1plan.multi.timing.schedule import Occupancy, Schedule, rest_row
 from rr1plan.scene import Scene
@@ -74,30 +74,11 @@ class Part(Value):
 
 def part_of(schedule: Schedule, begin: float) -> Part:
     """An arm that moves by a schedule from some time on, for good."""
-    return _part(schedule, schedule.path, route_of(schedule), begin)
-
-
-def _part(schedule: Schedule, path: AgentPath, route: Route, begin: float) -> Part:
     visited = [0]
     for leg in schedule.legs:
         step = 1 if leg.end > leg.begin else -1
         visited += list(range(leg.begin + step, leg.end + step, step))
-    return Part(path, route, schedule.occupancy.rows, np.array(visited), begin, np.inf)
-
-
-def _part_of_arm(schedule: Schedule, arm: str) -> Part:
-    """What one arm of an agent does."""
-    path, route = path_of_arm(schedule.path, arm), route_of(schedule)
-    if path is not schedule.path:
-        columns = [route.joint_names.index(name) for name in path.agent.joint_names]
-        route = replace(
-            route,
-            arms=(arm,),
-            joint_names=path.agent.joint_names,
-            start=route.start[columns],
-            coefficients=route.coefficients[:, :, columns],
-        )
-    return _part(schedule, path, route, -np.inf)
+    return Part(schedule.path, route_of(schedule), schedule.occupancy.rows, np.array(visited), begin, np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +112,8 @@ class RunningPlan(Value):
         if result.trajectory is None:
             raise InputError(f"there is no plan that could run: {result.reason}")
         scene = result.schedules[0].path.agent.problem.scene
-        parts = {arm: (_part_of_arm(s, arm),) for s in result.schedules for arm in s.path.agent.arms}
+        schedules = result.separated.schedules
+        parts = {arm: (part_of(own, -np.inf),) for s in schedules for arm, own in schedules_of_arms(s).items()}
         return RunningPlan(scene, result.trajectory, {arm: parts[arm] for arm in result.trajectory.arms})
 
     @property
