@@ -35,7 +35,7 @@ from plain import write_robot
 from shared import heading, make_parser, number, pin_to_core, save, table, track
 
 import rr1plan as rp
-from rr1plan.multi import dual_arm_shelf, plan_many_arms, random_grid, ring_swap
+from rr1plan import dual_arm_shelf, plan_many_arms, random_grid, ring_swap
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.portfolio import merged_trajectory

@@ -60,36 +60,34 @@ if TYPE_CHECKING:
     from rr1plan.model import copies_within_limits as copies_within_limits
     from rr1plan.model import solve_ik as solve_ik
     from rr1plan.motion_plan import MotionPlan as MotionPlan
-    from rr1plan.multi import AddedMotion as AddedMotion
-    from rr1plan.multi import ArmDelay as ArmDelay
-    from rr1plan.multi import Dependency as Dependency
-    from rr1plan.multi import GroupResult as GroupResult
-    from rr1plan.multi import Leg as Leg
-    from rr1plan.multi import ManyArmsResult as ManyArmsResult
-    from rr1plan.multi import Node as Node
-    from rr1plan.multi import Part as Part
-    from rr1plan.multi import PlanExecution as PlanExecution
-    from rr1plan.multi import PlanGraph as PlanGraph
-    from rr1plan.multi import PlanQuality as PlanQuality
-    from rr1plan.multi import Route as Route
-    from rr1plan.multi import RunningPlan as RunningPlan
-    from rr1plan.multi import Schedule as Schedule
-    from rr1plan.multi import add_motion as add_motion
-    from rr1plan.multi import conveyor_line as conveyor_line
-    from rr1plan.multi import dual_arm_shelf as dual_arm_shelf
-    from rr1plan.multi import execute_plan as execute_plan
-    from rr1plan.multi import handover_window as handover_window
-    from rr1plan.multi import load_plan_graph as load_plan_graph
-    from rr1plan.multi import place_grid as place_grid
-    from rr1plan.multi import place_ring as place_ring
-    from rr1plan.multi import plan_graph as plan_graph
-    from rr1plan.multi import plan_many_arms as plan_many_arms
-    from rr1plan.multi import random_grid as random_grid
-    from rr1plan.multi import reach_grid as reach_grid
-    from rr1plan.multi import ring_swap as ring_swap
-    from rr1plan.multi import save_plan_graph as save_plan_graph
-    from rr1plan.multi import shared_bin as shared_bin
-    from rr1plan.multi import shelf_rows as shelf_rows
+    from rr1plan.multi.execution.added_motions import AddedMotion as AddedMotion
+    from rr1plan.multi.execution.added_motions import add_motion as add_motion
+    from rr1plan.multi.execution.plan_execution import ArmDelay as ArmDelay
+    from rr1plan.multi.execution.plan_execution import PlanExecution as PlanExecution
+    from rr1plan.multi.execution.plan_execution import execute_plan as execute_plan
+    from rr1plan.multi.execution.route import Route as Route
+    from rr1plan.multi.execution.running_plan import Part as Part
+    from rr1plan.multi.execution.running_plan import RunningPlan as RunningPlan
+    from rr1plan.multi.execution.saved_plan_graph import load_plan_graph as load_plan_graph
+    from rr1plan.multi.execution.saved_plan_graph import save_plan_graph as save_plan_graph
+    from rr1plan.multi.execution.temporal_plan_graph import Dependency as Dependency
+    from rr1plan.multi.execution.temporal_plan_graph import Node as Node
+    from rr1plan.multi.execution.temporal_plan_graph import PlanGraph as PlanGraph
+    from rr1plan.multi.execution.temporal_plan_graph import plan_graph as plan_graph
+    from rr1plan.multi.plan_quality import PlanQuality as PlanQuality
+    from rr1plan.multi.portfolio import GroupResult as GroupResult
+    from rr1plan.multi.portfolio import ManyArmsResult as ManyArmsResult
+    from rr1plan.multi.portfolio import plan_many_arms as plan_many_arms
+    from rr1plan.multi.scenarios.problems import dual_arm_shelf as dual_arm_shelf
+    from rr1plan.multi.scenarios.problems import random_grid as random_grid
+    from rr1plan.multi.scenarios.problems import reach_grid as reach_grid
+    from rr1plan.multi.scenarios.problems import ring_swap as ring_swap
+    from rr1plan.multi.scenarios.workcell_problems import conveyor_line as conveyor_line
+    from rr1plan.multi.scenarios.workcell_problems import handover_window as handover_window
+    from rr1plan.multi.scenarios.workcell_problems import shared_bin as shared_bin
+    from rr1plan.multi.scenarios.workcell_problems import shelf_rows as shelf_rows
+    from rr1plan.multi.timing.schedule import Leg as Leg
+    from rr1plan.multi.timing.schedule import Schedule as Schedule
     from rr1plan.path import Path as Path
     from rr1plan.pipeline import plan_motion as plan_motion
     from rr1plan.pipeline import warm_up as warm_up
@@ -172,6 +170,8 @@ if TYPE_CHECKING:
     from rr1plan.scene.model_library import robot_names as robot_names
     from rr1plan.scene.model_library import save_scene as save_scene
     from rr1plan.scene.model_library import scene_names as scene_names
+    from rr1plan.scene.placement import place_grid as place_grid
+    from rr1plan.scene.placement import place_ring as place_ring
     from rr1plan.scene.problem import Goal as Goal
     from rr1plan.scene.problem import JointGoal as JointGoal
     from rr1plan.scene.problem import PoseGoal as PoseGoal
@@ -244,37 +244,55 @@ _EXPORTS = {
     "rr1plan.robot.joint_limits": ("Limits",),
     "rr1plan.load_motion": ("load_motion",),
     "rr1plan.motion_plan": ("MotionPlan",),
-    "rr1plan.multi": (
+    "rr1plan.multi.execution.added_motions": (
         "AddedMotion",
-        "ArmDelay",
-        "Dependency",
-        "GroupResult",
-        "Leg",
-        "ManyArmsResult",
-        "Node",
-        "Part",
-        "PlanExecution",
-        "PlanGraph",
-        "Route",
-        "RunningPlan",
-        "PlanQuality",
-        "Schedule",
-        "dual_arm_shelf",
         "add_motion",
+    ),
+    "rr1plan.multi.execution.plan_execution": (
+        "ArmDelay",
+        "PlanExecution",
         "execute_plan",
+    ),
+    "rr1plan.multi.execution.route": ("Route",),
+    "rr1plan.multi.execution.running_plan": (
+        "Part",
+        "RunningPlan",
+    ),
+    "rr1plan.multi.execution.saved_plan_graph": (
         "load_plan_graph",
-        "conveyor_line",
-        "handover_window",
-        "place_grid",
-        "place_ring",
+        "save_plan_graph",
+    ),
+    "rr1plan.multi.execution.temporal_plan_graph": (
+        "Dependency",
+        "Node",
+        "PlanGraph",
         "plan_graph",
+    ),
+    "rr1plan.multi.plan_quality": ("PlanQuality",),
+    "rr1plan.multi.portfolio": (
+        "GroupResult",
+        "ManyArmsResult",
         "plan_many_arms",
+    ),
+    "rr1plan.multi.scenarios.problems": (
+        "dual_arm_shelf",
         "random_grid",
         "reach_grid",
         "ring_swap",
-        "save_plan_graph",
+    ),
+    "rr1plan.multi.scenarios.workcell_problems": (
+        "conveyor_line",
+        "handover_window",
         "shared_bin",
         "shelf_rows",
+    ),
+    "rr1plan.multi.timing.schedule": (
+        "Leg",
+        "Schedule",
+    ),
+    "rr1plan.scene.placement": (
+        "place_grid",
+        "place_ring",
     ),
     "rr1plan.path": ("Path",),
     "rr1plan.pipeline": ("plan_motion", "warm_up"),

@@ -304,7 +304,8 @@ class Value:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore the fields as read-only values."""
         for name, value in state.items():
-            for array in value.values() if isinstance(value, dict) else (value,):
+            parts = value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else (value,)
+            for array in parts:
                 if isinstance(array, np.ndarray):
                     read_only(array)
             object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)

@@ -231,21 +231,34 @@ class Problem(Entry):
 # ---- plan graphs ---------------------------------------------------------------------------
 
 
-class Route(Entry):
-    """The way of an agent; `times` are those of all steps but the first."""
-
-    arms: Annotated[list[Name], Meta(min_length=1)]
-    joint_names: Annotated[list[Name], Meta(min_length=1)]
-    start: list[float]
+class RouteCurve(Entry):
     lengths: list[Positive]
     coefficients: list[Annotated[list[list[float]], Meta(min_length=3, max_length=3)]]
-    pieces: list[Index]
-    offsets: list[float]
-    spans: list[Positive]
-    stops: list[Index]
+
+
+class RouteGrid(Entry):
+    piece: list[Index]
+    offset: list[float]
+    delta: list[Positive]
+
+
+class RouteSteps(Entry):
+    """The steps of a route; `times` are those of all but the first."""
+
     begins: Annotated[list[Index], Meta(min_length=1)]
     ends: Annotated[list[Index], Meta(min_length=1)]
     times: list[float]
+
+
+class Route(Entry):
+    """The way of an agent."""
+
+    joint_names: Annotated[list[Name], Meta(min_length=1)]
+    start: list[float]
+    curve: RouteCurve
+    grid: RouteGrid
+    stops: list[Index]
+    steps: RouteSteps
 
 
 class Dependency(Entry):

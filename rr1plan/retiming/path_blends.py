@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, Value
 from rr1plan.kernels.planner_kernels import load_library
 
 DUPLICATE = 1e-9
@@ -40,8 +40,8 @@ class CurveChecker(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class Curve:
+@dataclass(frozen=True, eq=False, repr=False)
+class Curve(Value):
     """A C1-continuous geometric curve: q = sum_k coefficients[i, k] s^k, 0 <= s <= lengths[i].
 
     Args:

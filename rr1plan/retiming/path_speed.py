@@ -38,6 +38,10 @@ class Grid(NamedTuple):
     offset: Array
     delta: Array
 
+    def part(self, begin: int, end: int) -> Grid:
+        """The intervals from gridpoint `begin` to gridpoint `end`."""
+        return Grid(self.piece[begin:end], self.offset[begin:end], self.delta[begin:end])
+
     def first(self, curve: Curve, at: float) -> Array:
         """dq/ds at a fraction `at` (0..1) of every interval, shape (n, nq)."""
         s = (self.offset + at * self.delta)[:, None]

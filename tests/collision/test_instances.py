@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rr1plan import place_grid
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.clearance_maps import instance_maps
 from rr1plan.collision.tables import arm_tables, link_spheres
 from rr1plan.collision.tables.edge_tables import build_edge_tables
-from rr1plan.multi import place_grid
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Sphere

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan import ManyArmsResult
 from rr1plan.collision import CollisionChecker
-from rr1plan.multi import ManyArmsResult
 
 
 def check_plan(problem: rp.Problem, result: ManyArmsResult, samples: int = 150) -> None:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan import dual_arm_shelf, place_grid, plan_many_arms, random_grid, ring_swap
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.multi import dual_arm_shelf, place_grid, plan_many_arms, random_grid, ring_swap
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.portfolio import merged_trajectory
 from rr1plan.multi.search.arm_roadmap import ArmRoadmap, build_roadmap

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan import plan_many_arms
 from rr1plan.collision import CollisionChecker
-from rr1plan.multi import plan_many_arms
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_pool import PathPool

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan import plan_many_arms, random_grid
 from rr1plan.collision.arm_groups import arms_in_reach
-from rr1plan.multi import plan_many_arms, portfolio, random_grid
+from rr1plan.multi import portfolio
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.path_pool import PathPool

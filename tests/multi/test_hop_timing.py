@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan import place_grid, plan_many_arms, random_grid
 from rr1plan.checks import Array
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.multi import place_grid, plan_many_arms, random_grid
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.hop_timing import HopTiming, jerk_limited_line, times_along

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan import dual_arm_shelf, plan_many_arms, random_grid, ring_swap
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import InputError
-from rr1plan.multi import dual_arm_shelf, plan_many_arms, random_grid, ring_swap
 from rr1plan.multi.paths.path_changes import changed_waypoints
 from rr1plan.multi.portfolio import merged_trajectory
 from rr1plan.multi.search.improvement import PlanImprover

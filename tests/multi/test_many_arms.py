@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan import dual_arm_shelf, place_grid, plan_many_arms, random_grid, ring_swap
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
 from rr1plan.errors import InputError
-from rr1plan.multi import dual_arm_shelf, place_grid, plan_many_arms, random_grid, ring_swap
 from rr1plan.planning import Budget, PlanStatus
 
 _BUDGET = Budget(seconds=60.0)

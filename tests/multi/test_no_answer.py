@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.multi import place_grid, plan_many_arms
+from rr1plan import place_grid, plan_many_arms
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.robot_parts import Geometry, Joint, Link

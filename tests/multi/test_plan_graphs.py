@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -11,11 +12,12 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.multi.execution.route import RouteSteps
 from rr1plan.multi.execution.temporal_plan_graph import pairs_in_reach
 from rr1plan.multi.timing.coordination import coordination_diagram
 from rr1plan.multi.timing.passing_order import agreed_diagram
 from rr1plan.planning import Budget
-from rr1plan.retiming.path_speed import Grid, fastest_speeds
+from rr1plan.retiming.path_speed import fastest_speeds
 
 _BUDGET = Budget(seconds=60.0)
 Plan = tuple[rp.Problem, rp.ManyArmsResult, rp.PlanGraph]
@@ -53,7 +55,7 @@ def _reachable(
     """All that has to happen before each node, by plain search backward."""
     before: dict[Step, list[Step]] = {}
     for agent, route in enumerate(graph.routes):
-        for step in range(1, len(route.begins)):
+        for step in range(1, len(route.steps)):
             before[agent, step] = [(agent, step - 1)]
     for dependency in graph.dependencies:
         if dependency is not without:
@@ -225,7 +227,7 @@ def test_an_arm_that_waits_stops_before_what_is_not_free(ring: Plan) -> None:
     assert rp.validate(done.trajectory, problem.scene, problem).certified
     assert done.waiting[second] > 1.0
     route = graph.routes[node.agent]
-    where = route.at(route.pieces[[route.begins[node.step]]], route.offsets[[route.begins[node.step]]])[0]
+    where = route.gridpoints[route.steps.begins[node.step]]
     rest = done.trajectory.select(second)(2.9)
     assert np.abs(done.trajectory.select(second)(2.9, 1)).max() == 0.0
     np.testing.assert_allclose(rest, where, atol=1e-9)
@@ -267,10 +269,10 @@ def test_a_profile_that_goes_on_from_a_gridpoint_is_the_rest_of_the_whole(ring: 
     problem, _, graph = ring
     for route in graph.routes:
         limits, count = problem.scene.limits(route.arms), route.stops[0]
-        grid = Grid(route.pieces[:count], route.offsets[:count], route.spans[:count])
+        grid = route.grid.part(0, count)
         whole = fastest_speeds(route.curve, grid, limits)
         for k in range(1, count - 1, 5):
-            later = Grid(*(part[k:] for part in grid))
+            later = grid.part(k, count)
             np.testing.assert_allclose(fastest_speeds(route.curve, later, limits, whole[k]), whole[k:], rtol=1e-9)
             assert fastest_speeds(route.curve, later, limits, 1e6)[0] < 1e6
 
@@ -356,15 +358,15 @@ _DAMAGE = {
             "after_step": graph["dependencies"][0]["step"],
         }
     ),
-    "a missing segment": lambda graph: [graph["routes"][0][k].pop(3) for k in ("pieces", "offsets", "spans")],
+    "a missing segment": lambda graph: [column.pop(3) for column in graph["routes"][0]["grid"].values()],
     "a jump": lambda graph: graph["routes"][0]["start"].__setitem__(0, 0.1),
-    "a piece that is not there": lambda graph: graph["routes"][0]["pieces"].__setitem__(0, 99),
+    "a piece that is not there": lambda graph: graph["routes"][0]["grid"]["piece"].__setitem__(0, 99),
     "no last stop": lambda graph: graph["routes"][0]["stops"].clear(),
-    "another arm": lambda graph: graph["routes"][0].update(arms=["arm02"]),
+    "another arm": lambda graph: graph["routes"][0].update(joint_names=graph["routes"][1]["joint_names"]),
     "a twin": lambda graph: graph["routes"].append(graph["routes"][0]),
     "an unknown key": lambda graph: graph["routes"][0].update(speed=1.0),
-    "a text": lambda graph: graph["routes"][0].update(times=["soon"]),
-    "times that decrease": lambda graph: graph["routes"][0]["times"].__setitem__(-1, 0.0),
+    "a text": lambda graph: graph["routes"][0]["steps"].update(times=["soon"]),
+    "times that decrease": lambda graph: graph["routes"][0]["steps"]["times"].__setitem__(-1, 0.0),
 }
 
 
@@ -387,6 +389,23 @@ def test_damaged_graphs_are_refused_by_name(damage: str, ring: Plan, tmp_path: P
 def test_routes_refuse_arrays_that_do_not_fit(ring: Plan) -> None:
     _, _, graph = ring
     route = graph.routes[0]
-    for wrong in ({"lengths": route.lengths[:-1]}, {"start": route.start[:-1]}, {"ends": route.ends - 1}):
+    for wrong in (
+        {"curve": replace(route.curve, lengths=route.curve.lengths[:-1])},
+        {"grid": route.grid._replace(piece=route.grid.piece - 1)},
+        {"grid": route.grid._replace(delta=route.grid.delta[:-1])},
+        {"start": route.start[:-1]},
+        {"stops": route.stops[:-1]},
+        {"steps": RouteSteps(*(getattr(route.steps, name)[:-2] for name in ("begins", "ends", "times")))},
+    ):
         with pytest.raises(rp.InputError):
             replace(route, **wrong)
+    steps = route.steps
+    for wrong in ({"begins": steps.begins[1:]}, {"ends": steps.ends - 1}, {"times": steps.times[:-1]}):
+        with pytest.raises(rp.InputError):
+            replace(steps, **wrong)
+
+
+def test_a_plan_graph_is_read_only_after_pickling(ring: Plan) -> None:
+    route = pickle.loads(pickle.dumps(ring[2])).routes[0]
+    for array in (route.start, route.curve.lengths, *route.grid, route.steps.times):
+        assert not array.flags.writeable

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.collision import CollisionChecker
-from rr1plan.errors import InputError
-from rr1plan.multi import (
+from rr1plan import (
     conveyor_line,
     dual_arm_shelf,
     handover_window,
@@ -21,6 +19,8 @@ from rr1plan.multi import (
     shared_bin,
     shelf_rows,
 )
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError
 from rr1plan.multi.scenarios.endpoint_sampling import front_of
 
 _KINDS: dict[str, Callable[[rp.Robot, int], rp.Problem]] = {

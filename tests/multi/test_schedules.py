@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan import place_grid
 from rr1plan.checks import Array
-from rr1plan.multi import place_grid
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.timing.safe_intervals import BlockedTimes, blocked_times, earliest_schedule, safe_intervals

@@ -190,9 +190,8 @@ class _Run:
             if causes:
                 step, k = causes[0]
                 route, motion = self.graph.routes[i], self.motions[i]
-                at = int(route.begins[step])
-                rests = route.ends[step] == at
-                time = motion.pass_time(at) if rests else motion.leave_time(at)
+                at = int(route.steps.begins[step])
+                time = motion.pass_time(at) if route.steps.is_rest[step] else motion.leave_time(at)
                 first = min(first, (time, i, k))
         return first if math.isfinite(first[0]) else (math.inf, -1, -1)
 
@@ -202,7 +201,7 @@ class _Run:
         while waits and self.released[waits[0][1]]:
             waits.pop(0)
         route = self.graph.routes[agent]
-        return int(route.begins[waits[0][0]]) if waits else len(route.pieces)
+        return int(route.steps.begins[waits[0][0]]) if waits else route.segments
 
     def _handle(self, event: _Event) -> None:
         motion = self.motions[event.agent]
@@ -222,8 +221,8 @@ class _Run:
         for route, motion, part, delay in zip(self.graph.routes, self.motions, parts, self.delays, strict=True):
             times.append(motion.steps_entered())
             alone = RouteMotion(route, motion.limits)
-            alone.go_to(len(route.pieces), 0.0)
-            moved = len(route.pieces) > 0
+            alone.go_to(route.segments, 0.0)
+            moved = route.segments > 0
             late = part.end_time - alone.stop_time - delay.start - sum(seconds for _, seconds in delay.pauses)
             waiting.update(dict.fromkeys(route.arms, max(0.0, late) if moved else 0.0))
         merged = Trajectory.merge(*parts)

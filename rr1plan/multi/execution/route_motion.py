@@ -93,8 +93,8 @@ class RouteMotion:
         self._hold = -math.inf
         self._profile = _Profile(_NOTHING, np.zeros(1), np.array([now]), [])
         self._done: list[_Moved] = []
-        self._passed = np.full(len(route.pieces) + 1, np.inf)
-        self._left = np.full(len(route.pieces) + 1, np.inf)
+        self._passed = np.full(route.segments + 1, np.inf)
+        self._left = np.full(route.segments + 1, np.inf)
         self._passed[0] = now
 
     @classmethod
@@ -206,11 +206,10 @@ class RouteMotion:
 
     def _grid(self, begin: int, share: float, end: int) -> Grid:
         """Segments up to a gridpoint, the first without a share of it."""
-        route = self.route
-        offset, delta = route.offsets[begin:end].copy(), route.spans[begin:end].copy()
-        offset[0] += share
-        delta[0] -= share
-        return Grid(route.pieces[begin:end], offset, delta)
+        piece, offset, delta = self.route.grid.part(begin, end)
+        cut = np.zeros(len(piece))
+        cut[0] = share
+        return Grid(piece, offset + cut, delta - cut)
 
     def _span(self, begin: int, share: float, end: int, first: float) -> tuple[Grid, list[int]]:
         """The same, with one segment from rest to rest in two halves; and the gridpoints at the ends of all."""
@@ -278,7 +277,7 @@ class RouteMotion:
             )
             parts.append(timed(route.curve, grid, np.array([rows[0].begin, *(moved.end for moved in rows)])))
             now = max(now, rows[0].time) + parts[-1].duration
-            q = route.at(grid.piece[-1:], grid.offset[-1:] + grid.delta[-1:])[0]
+            q = grid.position(route.curve, 1.0)[-1]
         if not parts:
             return Trajectory.rest(route.joint_names, q, start=self._began)
         whole = concatenate(parts)
@@ -289,7 +288,7 @@ class RouteMotion:
     def steps_entered(self) -> Array:
         """When it entered each step of its route [s], shape (n,); the first is -inf."""
         self._advance(self.stop_time)
-        is_rest = self.route.begins == self.route.ends
-        found = np.where(is_rest, self._passed[self.route.begins], self._left[self.route.begins])
+        steps = self.route.steps
+        found = np.where(steps.is_rest, self._passed[steps.begins], self._left[steps.begins])
         found[0] = -np.inf
         return np.asarray(found)

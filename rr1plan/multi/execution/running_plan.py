@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, Value, finite_number, known_name, of_kind
 from rr1plan.errors import InputError
-from rr1plan.multi.execution.route import Route, route_of
+from rr1plan.multi.execution.route import Route, RouteSteps, passed_gridpoints, route_of
 from rr1plan.multi.execution.route_motion import RouteMotion
 from rr1plan.multi.execution.separated_schedules import schedules_of_arms
 from rr1plan.multi.paths.agent_path import AgentPath
@@ -53,7 +53,7 @@ class Part(Value):
     @property
     def occupancy(self) -> Occupancy:
         """Which rows of extended diagrams it occupies, from `begin` to `end`."""
-        enter, leave = self.route.times.copy(), self.route.leave_times
+        enter, leave = self.route.steps.times.copy(), self.route.steps.leave_times
         enter[0], leave[-1] = -np.inf, np.inf
         enter, leave = np.maximum(enter, self.begin), np.minimum(leave, self.end)
         kept = leave > enter
@@ -74,11 +74,7 @@ class Part(Value):
 
 def part_of(schedule: Schedule, begin: float) -> Part:
     """An arm that moves by a schedule from some time on, for good."""
-    visited = [0]
-    for leg in schedule.legs:
-        step = 1 if leg.end > leg.begin else -1
-        visited += list(range(leg.begin + step, leg.end + step, step))
-    return Part(schedule.path, route_of(schedule), schedule.occupancy.rows, np.array(visited), begin, np.inf)
+    return Part(schedule.path, route_of(schedule), schedule.occupancy.rows, passed_gridpoints(schedule), begin, np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,15 +193,15 @@ def stops_of(plan: RunningPlan, arm: str, now: float) -> list[Stop]:
     q, rates = plan.configuration(arm, now), plan.velocity(arm, now)
     if np.abs(rates).max(initial=0.0) <= _REST:
         return [Stop(now, q, part.until(now), None)]
-    route = part.route
-    step = int(np.searchsorted(route.times, now, side="right")) - 1
-    while route.begins[step] == route.ends[step] and step > 0:
+    route, steps = part.route, part.route.steps
+    step = int(np.searchsorted(steps.times, now, side="right")) - 1
+    while steps.is_rest[step] and step > 0:
         step -= 1  # rounding: it moves, so it is on a segment
-    segment = int(route.begins[step])
+    segment = int(steps.begins[step])
     share, x = _state_on(route, segment, q, rates)
     limits = part.path.agent.limits
     moving = RouteMotion.moving(route, limits, now, segment, share, x)
-    rests = route.begins[(route.begins == route.ends) & (route.begins > segment)]
+    rests = steps.begins[steps.is_rest & (steps.begins > segment)]
     planned = min(int(rests[0]), moving.limit)
     moving.limit = planned
     first = moving.first_stop()
@@ -219,36 +215,35 @@ def stops_of(plan: RunningPlan, arm: str, now: float) -> list[Stop]:
 
 def _state_on(route: Route, segment: int, q: Array, rates: Array) -> tuple[float, float]:
     """How far on a segment an arm is [rad], and its squared path speed."""
-    c, offset = route.coefficients[route.pieces[segment]], route.offsets[segment]
-    s = float(offset + 0.5 * route.spans[segment])
+    c = route.curve.coefficients[route.grid.piece[segment]]
+    offset, delta = float(route.grid.offset[segment]), float(route.grid.delta[segment])
+    s = offset + 0.5 * delta
     for _ in range(_NEWTON_STEPS):
         slope = c[1] + 2.0 * s * c[2]
         s += float(slope @ (q - c[0] - s * (c[1] + s * c[2])) / (slope @ slope))
     slope = c[1] + 2.0 * s * c[2]
-    share = min(max(s - float(offset), 0.0), float(route.spans[segment]) * (1.0 - 1e-9))
+    share = min(max(s - offset, 0.0), delta * (1.0 - 1e-9))
     return share, float((slope @ rates / (slope @ slope)) ** 2)
 
 
 def _stopped(part: Part, motion: RouteMotion, step: int, gridpoint: int) -> Stop:
     """The end of a motion, and the part up to there."""
-    route = part.route
+    route, steps = part.route, part.route.steps
     trajectory = motion.trajectory()
     entered = motion.steps_entered()
-    times = np.where(np.arange(len(route.times)) <= step, route.times, entered)
-    kept = (route.begins < gridpoint) & (route.ends <= gridpoint)
+    times = np.where(np.arange(len(steps)) <= step, steps.times, entered)
+    kept = (steps.begins < gridpoint) & (steps.ends <= gridpoint)
     end = trajectory.end_time
     cut = replace(
         route,
-        pieces=route.pieces[:gridpoint],
-        offsets=route.offsets[:gridpoint],
-        spans=route.spans[:gridpoint],
+        grid=route.grid.part(0, gridpoint),
         stops=(*(k for k in route.stops if k < gridpoint), gridpoint),
-        begins=np.append(route.begins[kept], gridpoint),
-        ends=np.append(route.ends[kept], gridpoint),
-        times=np.append(times[kept], end),
+        steps=RouteSteps(
+            np.append(steps.begins[kept], gridpoint),
+            np.append(steps.ends[kept], gridpoint),
+            np.append(times[kept], end),
+        ),
     )
     rows = np.append(part.rows[kept], rest_row(part.path, int(part.gridpoints[gridpoint])))
     before = Part(part.path, cut, rows, part.gridpoints[: gridpoint + 1], part.begin, end)
-    last = gridpoint - 1
-    q = route.at(route.pieces[[last]], route.offsets[[last]] + route.spans[[last]])[0]
-    return Stop(end, q, before, trajectory)
+    return Stop(end, cut.gridpoints[-1], before, trajectory)

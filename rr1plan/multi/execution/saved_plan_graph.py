@@ -94,6 +94,5 @@ def _follows(trajectory: Trajectory, route: Route) -> bool:
     if not set(route.joint_names) <= set(trajectory.joint_names):
         return False
     columns = [trajectory.joint_names.index(name) for name in route.joint_names]
-    gridpoints = np.concatenate([route.start[None], route.at(route.pieces, route.offsets + route.spans)])
-    times = np.append(trajectory.start_time, route.times[1:])
-    return float(np.abs(trajectory(times)[:, columns] - gridpoints[route.begins]).max()) <= _SAME_PLACE
+    times = np.append(trajectory.start_time, route.steps.times[1:])
+    return float(np.abs(trajectory(times)[:, columns] - route.gridpoints[route.steps.begins]).max()) <= _SAME_PLACE

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.execution.route import Route, route_of
+from rr1plan.multi.execution.route import Route, RouteSteps, route_of
 from rr1plan.multi.paths.agent_path import segments_up_to
 from rr1plan.multi.paths.projected_path import ProjectedPath
 from rr1plan.multi.timing.coordination import Blocked
@@ -214,73 +214,66 @@ class _JointMotion:
 
     def merged(self, arms: tuple[str, ...]) -> _JointMotion:
         """The same motion with fewer segments, about as many as a path of some of its arms has."""
-        route, agent = self.route, self._agent(arms)
-        slopes = route.grid.first(route.curve, 0.5)[:, self._columns(agent)]
-        moved = np.concatenate([[0.0], np.cumsum(np.abs(slopes) @ agent.bodies.reach * route.spans)])
+        route, steps, agent = self.route, self.route.steps, self._agent(arms)
+        slopes = np.abs(route.grid.first(route.curve, 0.5)[:, self._columns(agent)])
+        moved = np.concatenate([[0.0], np.cumsum(slopes @ agent.bodies.reach * route.grid.delta)])
         if moved[-1] == 0.0:
             return self
         number = np.floor(segments_up_to(moved))
         kept = np.ones(len(moved), bool)
-        kept[1:-1] = (number[2:] > number[1:-1]) | (route.pieces[1:] != route.pieces[:-1])
-        kept[route.begins[route.begins == route.ends]] = True
-        is_first = kept[:-1]
-        gridpoint = np.cumsum(kept) - 1
-        steps = (route.begins == route.ends) | kept[route.begins]
+        kept[1:-1] = (number[2:] > number[1:-1]) | (np.diff(route.grid.piece) > 0)
+        kept[steps.begins[steps.is_rest]] = True
+        first, gridpoint = np.flatnonzero(kept[:-1]), np.cumsum(kept) - 1
+        chosen = steps.is_rest | kept[steps.begins]
+        begins, is_rest = gridpoint[steps.begins[chosen]], steps.is_rest[chosen]
         made = replace(
             route,
-            pieces=route.pieces[is_first],
-            offsets=route.offsets[is_first],
-            spans=np.add.reduceat(route.spans, np.flatnonzero(is_first)),
+            grid=Grid(route.grid.piece[first], route.grid.offset[first], np.add.reduceat(route.grid.delta, first)),
             stops=tuple(gridpoint[list(route.stops)].tolist()),
-            begins=gridpoint[route.begins[steps]],
-            ends=gridpoint[route.begins[steps]] + (route.begins < route.ends)[steps],
-            times=route.times[steps],
+            steps=RouteSteps(begins, begins + ~is_rest, steps.times[chosen]),
         )
         return replace(self, route=made)
 
     def cut(self, segments: NDArray[np.int64]) -> _JointMotion:
         """The same motion with some segments in several, which take equal times."""
-        route = self.route
-        steps = np.flatnonzero(np.isin(route.begins, segments) & (route.ends > route.begins)).repeat(_PARTS - 1)
-        at, share = route.begins[steps], np.tile(np.arange(1, _PARTS) / _PARTS, len(segments))
-        times = route.times[steps] + share * (route.leave_times[steps] - route.times[steps])
+        route, steps = self.route, self.route.steps
+        piece, offset, delta = route.grid
+        step = np.flatnonzero(np.isin(steps.begins, segments) & ~steps.is_rest).repeat(_PARTS - 1)
+        number = np.tile(np.arange(1, _PARTS), len(segments))
+        at = steps.begins[step]
+        times = steps.times[step] + number / _PARTS * (steps.leave_times[step] - steps.times[step])
         names = self.motion.joint_names
         q = self.motion(times)[:, [names.index(name) for name in route.joint_names]]
-        distances = _distances(route, at, q)
-        # Where each part begins on its piece; a gridpoint comes behind those new ones that are on segments before it.
-        offsets = np.insert(route.offsets, at + 1, route.offsets[at] + distances)
-        behind = np.insert(route.offsets + route.spans, at, route.offsets[at] + distances)
-        moved = np.arange(len(route.pieces) + 1) + np.bincount(at + 1, minlength=len(route.pieces) + 1).cumsum()
-        begins = np.insert(moved[route.begins], steps + 1, moved[at] + np.tile(np.arange(1, _PARTS), len(segments)))
-        is_rest = np.insert(route.begins == route.ends, steps + 1, False)
+        places = offset[at] + _distances(route, at, q)
+        # Where the parts begin and end on their pieces; new gridpoints come after the beginning of a segment.
+        begin, end = np.insert(offset, at + 1, places), np.insert(offset + delta, at, places)
+        moved = np.arange(len(piece) + 1) + np.bincount(at + 1, minlength=len(piece) + 1).cumsum()
+        begins = np.insert(moved[steps.begins], step + 1, moved[at] + number)
+        is_rest = np.insert(steps.is_rest, step + 1, False)
         made = replace(
             route,
-            pieces=np.insert(route.pieces, at, route.pieces[at]),
-            offsets=offsets,
-            spans=behind - offsets,
+            grid=Grid(np.insert(piece, at, piece[at]), begin, end - begin),
             stops=tuple(moved[list(route.stops)].tolist()),
-            begins=begins,
-            ends=begins + ~is_rest,
-            times=np.insert(route.times, steps + 1, times),
+            steps=RouteSteps(begins, begins + ~is_rest, np.insert(steps.times, step + 1, times)),
         )
         return replace(self, route=made)
 
     def projected(self, arms: tuple[str, ...]) -> _Projection:
         """The motion of some of its arms."""
-        route, whole, agent = self.route, self.schedule.path, self._agent(arms)
+        route, steps, whole, agent = self.route, self.route.steps, self.schedule.path, self._agent(arms)
         columns = self._columns(agent)
-        coefficients = route.coefficients[:, :, columns]
-        moves = _lengths(route.lengths, coefficients) > _STILL
-        kept = moves[route.pieces]
+        coefficients = route.curve.coefficients[:, :, columns]
+        moves = _lengths(route.curve.lengths, coefficients) > _STILL
+        kept = moves[route.grid.piece]
         gridpoint = np.concatenate([[0], np.cumsum(kept)])
         legs: list[Leg] = []
         times: list[Array] = []
         segments = [np.array([-1])]
-        is_motion = np.append(kept, False)[route.begins] & (route.ends > route.begins)
+        is_motion = np.append(kept, False)[steps.begins] & ~steps.is_rest
         edges = np.flatnonzero(np.diff(np.pad(is_motion.astype(np.int8), 1)))
         for first, behind in edges.reshape(-1, 2).tolist():
-            enter = route.times[first : behind + 1]
-            begin, end = route.begins[first], route.ends[behind - 1]
+            enter = steps.times[first : behind + 1]
+            begin, end = steps.begins[first], steps.ends[behind - 1]
             legs.append(Leg(float(enter[0]), int(gridpoint[begin]), int(gridpoint[end])))
             times.append(enter - enter[0])
             segments += [np.arange(begin, end), np.array([-1])]
@@ -305,14 +298,14 @@ class _JointMotion:
 
 def _distances(route: Route, segments: NDArray[np.int64], q: Array) -> Array:
     """How far on some segments of a route some configurations (n, nq) are [rad], shape (n,)."""
-    c = route.coefficients[route.pieces[segments]]
-    s = route.offsets[segments] + 0.5 * route.spans[segments]
+    offset = route.grid.offset[segments]
+    c, s = route.curve.coefficients[route.grid.piece[segments]], offset + 0.5 * route.grid.delta[segments]
     for _ in range(_NEWTON_STEPS):
         at = s[:, None]
         slope = c[:, 1] + 2.0 * at * c[:, 2]
         missing = q - (c[:, 0] + at * (c[:, 1] + at * c[:, 2]))
         s = s + (slope * missing).sum(axis=1) / (slope * slope).sum(axis=1)
-    return np.asarray(s - route.offsets[segments])
+    return np.asarray(s - offset)
 
 
 def _curve(route: Route, coefficients: Array, moves: NDArray[np.bool_], halts: tuple[int, ...]) -> tuple[Curve, Grid]:
@@ -326,14 +319,14 @@ def _curve(route: Route, coefficients: Array, moves: NDArray[np.bool_], halts: t
         moves: Pieces on which these arms move, shape (k,).
         halts: Gridpoints of the arms' path at which they stop.
     """
-    kept = moves[route.pieces]
-    piece = (np.cumsum(moves) - 1)[route.pieces[kept]]
+    kept = moves[route.grid.piece]
+    piece = (np.cumsum(moves) - 1)[route.grid.piece[kept]]
     run = np.searchsorted(halts, np.searchsorted(piece, np.arange(moves.sum())), side="right")
-    lengths, c = route.lengths[moves], coefficients[moves]
+    lengths, c = route.curve.lengths[moves], coefficients[moves]
     scale = (np.bincount(run, _lengths(lengths, c)) / np.maximum(np.bincount(run, lengths), 1e-300))[run]
     powers = np.stack([np.ones_like(scale), scale, scale * scale], axis=1)
     factor = scale[piece]
-    grid = Grid(piece, route.offsets[kept] * factor, route.spans[kept] * factor)
+    grid = Grid(piece, route.grid.offset[kept] * factor, route.grid.delta[kept] * factor)
     return Curve(lengths * scale, c / powers[:, :, None], (0, 0)), grid
 
 

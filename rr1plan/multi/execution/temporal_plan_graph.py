@@ -23,10 +23,12 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, Value, known_name, of_kind
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import FormatError, InputError
-from rr1plan.multi.execution.route import Route, route_of
+from rr1plan.multi.execution.route import Route, RouteSteps, route_of
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.timing.passing_order import Precedence, Step, order_between, passage
 from rr1plan.multi.timing.schedule import Schedule
+from rr1plan.retiming.path_blends import Curve
+from rr1plan.retiming.path_speed import Grid
 
 if TYPE_CHECKING:
     from rr1plan.multi.portfolio import ManyArmsResult
@@ -92,13 +94,13 @@ class PlanGraph(Value):
         for node, after in self.dependencies:
             if node.agent == after.agent:
                 raise InputError(f"{' and '.join(node.arms)} waits for itself")
-            if self.routes[node.agent].begins[node.step] == self.routes[node.agent].ends[node.step]:
+            if self.routes[node.agent].steps.is_rest[node.step]:
                 raise InputError("a dependency keeps an agent from resting where it is; expected one on a segment")
         _check_acyclic(self.routes, self.dependencies)
 
     def __repr__(self) -> str:
         arms = sum(len(route.arms) for route in self.routes)
-        steps = sum(len(route.begins) for route in self.routes)
+        steps = sum(len(route.steps) for route in self.routes)
         tolerance = f"skew_tolerance={self.skew_tolerance:.3g} s"
         return f"PlanGraph({arms} arms, {steps} steps, {len(self.dependencies)} dependencies, {tolerance})"
 
@@ -111,9 +113,9 @@ class PlanGraph(Value):
     def nodes(self) -> tuple[Node, ...]:
         """All nodes: each agent enters each step of its route but the first, at which it begins."""
         return tuple(
-            Node(i, k, route.arms, float(route.times[k]))
+            Node(i, k, route.arms, float(route.steps.times[k]))
             for i, route in enumerate(self.routes)
-            for k in range(1, len(route.begins))
+            for k in range(1, len(route.steps))
         )
 
     @property
@@ -122,7 +124,7 @@ class PlanGraph(Value):
 
         A certified lower bound; inf where no two arms come near each other, 0 where some only move as one.
         """
-        if any(len(route.arms) > 1 and len(route.pieces) for route in self.routes):
+        if any(len(route.arms) > 1 and route.segments for route in self.routes):
             return 0.0
         gaps = (node.time - after.time for node, after in self.dependencies)
         return max(0.0, min(gaps, default=np.inf) - _ROUNDING)
@@ -133,7 +135,10 @@ class PlanGraph(Value):
         Args:
             times: When each agent enters each step of its route [s], shape (n,) each; the first is ignored.
         """
-        routes = tuple(replace(route, times=t) for route, t in zip(self.routes, times, strict=True))
+        routes = tuple(
+            replace(route, steps=replace(route.steps, times=t)) for route, t in zip(self.routes, times, strict=True)
+        )
+
         moved = (
             Dependency(_node(routes, node.agent, node.step), _node(routes, after.agent, after.step))
             for node, after in self.dependencies
@@ -155,18 +160,19 @@ class PlanGraph(Value):
         return {
             "routes": [
                 {
-                    "arms": list(route.arms),
                     "joint_names": list(route.joint_names),
                     "start": route.start.tolist(),
-                    "lengths": route.lengths.tolist(),
-                    "coefficients": route.coefficients.tolist(),
-                    "pieces": route.pieces.tolist(),
-                    "offsets": route.offsets.tolist(),
-                    "spans": route.spans.tolist(),
+                    "curve": {
+                        "lengths": route.curve.lengths.tolist(),
+                        "coefficients": route.curve.coefficients.tolist(),
+                    },
+                    "grid": {name: column.tolist() for name, column in route.grid._asdict().items()},
                     "stops": list(route.stops),
-                    "begins": route.begins.tolist(),
-                    "ends": route.ends.tolist(),
-                    "times": route.times[1:].tolist(),
+                    "steps": {
+                        "begins": route.steps.begins.tolist(),
+                        "ends": route.steps.ends.tolist(),
+                        "times": route.steps.times[1:].tolist(),
+                    },
                 }
                 for route in self.routes
             ],
@@ -186,18 +192,20 @@ class PlanGraph(Value):
         try:
             routes = tuple(
                 Route(
-                    tuple(r["arms"]),
                     tuple(r["joint_names"]),
-                    r["start"],
-                    r["lengths"],
-                    r["coefficients"],
-                    np.array(r["pieces"], np.int64),
-                    r["offsets"],
-                    r["spans"],
+                    np.array(r["start"]),
+                    Curve(np.array(r["curve"]["lengths"]), np.array(r["curve"]["coefficients"]), (0, 0)),
+                    Grid(
+                        np.array(r["grid"]["piece"], np.int64),
+                        np.array(r["grid"]["offset"]),
+                        np.array(r["grid"]["delta"]),
+                    ),
                     tuple(r["stops"]),
-                    np.array(r["begins"], np.int64),
-                    np.array(r["ends"], np.int64),
-                    [0.0, *r["times"]],
+                    RouteSteps(
+                        np.array(r["steps"]["begins"], np.int64),
+                        np.array(r["steps"]["ends"], np.int64),
+                        np.array([0.0, *r["steps"]["times"]]),
+                    ),
                 )
                 for r in entries["routes"]
             )
@@ -213,9 +221,9 @@ class PlanGraph(Value):
 
 
 def _node(routes: tuple[Route, ...], agent: int, step: int) -> Node:
-    if not (0 <= agent < len(routes) and 0 < step < len(routes[agent].begins)):
+    if not (0 <= agent < len(routes) and 0 < step < len(routes[agent].steps)):
         raise InputError(f"a dependency names step {step} of agent {agent}, which is not there")
-    return Node(agent, step, routes[agent].arms, float(routes[agent].times[step]))
+    return Node(agent, step, routes[agent].arms, float(routes[agent].steps.times[step]))
 
 
 def plan_graph(result: ManyArmsResult) -> PlanGraph:
@@ -274,7 +282,7 @@ def _reduced(routes: tuple[Route, ...], found: list[Precedence]) -> list[Precede
     incoming: dict[Step, list[Step]] = {}
     for node, after in sorted(found):
         incoming.setdefault(node, []).append(after)
-    order = passage({agent: len(route.begins) for agent, route in enumerate(routes)}, found).order
+    order = passage({agent: len(route.steps) for agent, route in enumerate(routes)}, found).order
     clocks: list[list[tuple[int, NDArray[np.int64]]]] = [[(0, np.zeros(len(routes), np.int64))] for _ in routes]
 
     def clock(agent: int, step: int) -> NDArray[np.int64]:
@@ -295,7 +303,7 @@ def _reduced(routes: tuple[Route, ...], found: list[Precedence]) -> list[Precede
             if own[agent] < step and all(values[agent] < step for values in elsewhere):
                 kept.append(Precedence(node, after))
         clocks[node[0]].append((node[1], np.maximum.reduce([own, *others.values()])))
-    return sorted(kept, key=lambda both: (routes[both.node.agent].times[both.node.step], both))
+    return sorted(kept, key=lambda both: (routes[both.node.agent].steps.times[both.node.step], both))
 
 
 def _check_acyclic(routes: tuple[Route, ...], dependencies: tuple[Dependency, ...]) -> None:
@@ -304,7 +312,7 @@ def _check_acyclic(routes: tuple[Route, ...], dependencies: tuple[Dependency, ..
     Raises:
         InputError: agents wait for each other in a circle.
     """
-    steps = {agent: len(route.begins) for agent, route in enumerate(routes)}
+    steps = {agent: len(route.steps) for agent, route in enumerate(routes)}
     circle = passage(steps, (Precedence(Step(*d.node[:2]), Step(*d.after[:2])) for d in dependencies)).circle
     if circle:
         raise InputError(f"{', '.join(arm for k in circle for arm in routes[k].arms)} wait for each other in a circle")
