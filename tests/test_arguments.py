@@ -576,6 +576,8 @@ _NOT_CALLED = {
         "GroupResult",
         "Leg",
         "Schedule",
+        "Schedule.instants",
+        "Schedule.leg_duration",
         "CoordinationDiagram",
         "Timeline",
         "Wait",

@@ -43,8 +43,7 @@ from rr1plan.trajectory import Trajectory
 
 _IMPROVEMENTS = 6  # rounds for each group
 _SEARCH = "conflict_based_search"
-_SEPARATELY = "separate_paths"
-_METHODS = ("portfolio", _SEPARATELY, _SEARCH)
+_METHODS = ("portfolio", _SEARCH)
 _CANCELLED = "the progress callback returned False"
 _POLL = 0.05  # time between two looks at what threads do [s]
 
@@ -169,10 +168,8 @@ def plan_many_arms(
         budget: When to stop (default: 10 s); of iterations only the seconds count.
         improvement: How long to improve the first plan, within `budget`: seconds, and moves as iterations (default: not
             at all). Makespan first, then the sum of all arrivals; see `improvement.py`.
-        method: "portfolio"; "separate_paths" couples arms in a joint space only where separate paths fail, so that each
-            arm waits for others by itself and a delay of one does not hold up all (`plan_graph`); or
-            "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their arrivals
-            (`GroupResult.suboptimality`) that holds before `improvement`.
+        method: "portfolio", or "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their
+            arrivals (`GroupResult.suboptimality`) that holds before `improvement`.
         retiming: "blend" rounds corners where certified, "stop" stops at each, "ruckig" too and limits jerk.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         rng: Seed; where time does not run out, the same seed and number of moves give the same motion.
@@ -213,7 +210,7 @@ def plan_many_arms(
             arm: PathPool(agent, found.margins[arm], np.random.default_rng(seeds[arm]), watch)
             for arm, agent in found.agents.items()
         }
-        search = _GroupSearch(problem.arms, pools, near, diagrams, seeds, watch, separately=method == _SEPARATELY)
+        search = _GroupSearch(problem.arms, pools, near, diagrams, seeds, watch)
         groups = search.run()
         schedules = [schedule for planner in search.planners for schedule in planner.schedules.values()]
         alone = {arm: bound for planner in search.planners for arm, bound in planner.fastest_alone().items()}
@@ -273,7 +270,6 @@ class _GroupSearch:
         diagrams: Coordination diagrams, which all groups share.
         seeds: Seed of each arm.
         watch: Says when to give up.
-        separately: Whether to couple arms only where separate paths fail.
 
     Attributes:
         planners: One for each group.
@@ -287,10 +283,7 @@ class _GroupSearch:
         diagrams: DiagramCache,
         seeds: Mapping[str, int],
         watch: Stopwatch,
-        *,
-        separately: bool,
     ) -> None:
-        self._separately = separately
         self._arms, self._pools, self._near, self._diagrams = tuple(arms), pools, near, diagrams
         self._seeds, self._watch = seeds, watch
         self.planners: list[PrioritizedPlanner] = []
@@ -325,7 +318,7 @@ class _GroupSearch:
         groups = []
         for group in meeting_groups(paths, self._near, self._diagrams):
             own = {arm: paths[arm] for arm in group}
-            if len(group) <= COUPLED_FIRST and not self._separately:
+            if len(group) <= COUPLED_FIRST:
                 groups.append(group)
                 continue
             pairs = [(own[a], own[b]) for a, b in combinations(own, 2) if b in self._near[a]]
@@ -336,7 +329,7 @@ class _GroupSearch:
     def _planner(self, group: tuple[str, ...]) -> PrioritizedPlanner:
         rng = np.random.default_rng([self._seeds[arm] for arm in group])
         pools = [self._pools[arm] for arm in group]
-        return PrioritizedPlanner(pools, self._near, self._diagrams, rng, self._watch, separately=self._separately)
+        return PrioritizedPlanner(pools, self._near, self._diagrams, rng, self._watch)
 
     def _solve_all(self, planners: list[PrioritizedPlanner]) -> list[GroupResult]:
         """Plan some groups, those of several arms on threads."""

@@ -12,8 +12,8 @@ from rr1plan.multi.timing.waits import pair_timing, undelayed, waits_of
 
 @pytest.fixture(scope="module")
 def motion() -> rp.MotionPlan:
-    """Eight arms in a ring, of which some wait."""
-    problem = rp.ring_swap(rp.load_robot("rr1"), 8, 0.6, rng=0)
+    """Eight arms on a grid, of which one waits and two were planned in their joint space."""
+    problem = rp.random_grid(rp.load_robot("rr1"), 8, 0.6, 2)
     found = rp.plan_motion(problem, planner="many_arms", rng=0, budget=rp.Budget(60))
     assert found.valid
     return found

@@ -37,8 +37,8 @@ from rr1plan.trajectory import Trajectory
 
 # An arm that gets no farther than this on a piece of a path rests there, in the norm of its joints [rad].
 _STILL = 1e-9
-# How often segments are cut, and into how many.
-_CUTS, _PARTS = 5, 4
+# How often segments are cut, into how many, and how many there may be: finer cells would take too long.
+_CUTS, _PARTS, _MOST_SEGMENTS = 5, 4, 800
 # Segments are cut where arms pass each other within this time [s].
 _SIMULTANEOUS = 1e-6
 _NEWTON_STEPS = 8
@@ -51,20 +51,20 @@ class ProjectedSchedule(Schedule):
     Args:
         path: Their path, unrolled: where the agent goes back, the same way follows once more, backward.
         legs: The motions in order.
-        times: When each leg is at the gridpoints on its way, from its departure on [s].
+        times: When each leg is at the gridpoints on its way [s].
         motion: The motion.
     """
 
     times: tuple[Array, ...]
     motion: Trajectory
 
-    def leg_times(self, leg: Leg) -> Array:
-        """When a leg is at the gridpoints on its way, from its departure on [s]."""
+    def instants(self, leg: Leg) -> Array:
+        """When a leg is at the gridpoints on its way [s]."""
         return self.times[self.legs.index(leg)]
 
     def leg_duration(self, leg: Leg) -> float:
         """How long a leg takes [s]."""
-        return float(self.leg_times(leg)[-1])
+        return float(self.instants(leg)[-1] - leg.departure)
 
     def trajectory(self) -> Trajectory:
         """The motion on the clock of the schedule."""
@@ -172,9 +172,10 @@ def _cut_where_simultaneous(parts: list[_Projection]) -> list[_Projection]:
             for k, segments in zip((i, j), steps, strict=True):
                 tight[k].append(parts[k].segments[segments])
         pairs = without_order
-        if not pairs:
+        cut = [part.cut(np.unique(np.concatenate(found))) for part, found in zip(parts, tight, strict=True)]
+        if all(new is part for new, part in zip(cut, parts, strict=True)):
             break
-        parts = [part.cut(np.unique(np.concatenate(found))) for part, found in zip(parts, tight, strict=True)]
+        parts = cut
     return parts
 
 
@@ -195,7 +196,10 @@ class _Projection:
     def cut(self, segments: NDArray[np.int64]) -> _Projection:
         """The same motion with some segments of the joint route in several; -1 counts for nothing."""
         segments = segments[segments >= 0]
-        return self.whole.cut(segments).projected(self.schedule.arms) if len(segments) else self
+        count = self.whole.route.segments + (_PARTS - 1) * len(segments)
+        if len(segments) == 0 or count > _MOST_SEGMENTS:
+            return self
+        return self.whole.cut(segments).projected(self.schedule.arms)
 
 
 @dataclass(frozen=True)
@@ -275,7 +279,7 @@ class _JointMotion:
             enter = steps.times[first : behind + 1]
             begin, end = steps.begins[first], steps.ends[behind - 1]
             legs.append(Leg(float(enter[0]), int(gridpoint[begin]), int(gridpoint[end])))
-            times.append(enter - enter[0])
+            times.append(enter)
             segments += [np.arange(begin, end), np.array([-1])]
         inner = {int(gridpoint[k]) for k in route.stops} | {leg.begin for leg in legs}
         halts = tuple(sorted(inner - {0, int(gridpoint[-1])}))

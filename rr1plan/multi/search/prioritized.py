@@ -102,7 +102,6 @@ class PrioritizedPlanner:
         rng: Where random numbers come from.
         watch: Says when to give up.
         threads: How many to use.
-        separately: Whether to couple arms only where separate paths fail.
 
     Attributes:
         schedules: Of the agents that have one.
@@ -119,10 +118,7 @@ class PrioritizedPlanner:
         rng: np.random.Generator,
         watch: Stopwatch,
         threads: int = 1,
-        *,
-        separately: bool = False,
     ) -> None:
-        self._separately = separately
         self._near, self._diagrams, self._rng, self._watch = near, diagrams, rng, watch
         self.pools = {pool.agent: pool for pool in pools}
         self.agents = list(self.pools)
@@ -168,7 +164,7 @@ class PrioritizedPlanner:
 
     def run(self) -> bool:
         """Schedule all agents; whether that was possible in time."""
-        at_first = not self.schedules and not self._separately
+        at_first = not self.schedules
         if at_first and 1 < len(self.agents) <= PLANNED_AS_ONE and self._plan_few():
             return True
         coupled_first = at_first and PLANNED_AS_ONE < len(self.agents) <= COUPLED_FIRST

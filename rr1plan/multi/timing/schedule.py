@@ -87,9 +87,9 @@ class Schedule:
         last = self.legs[-1]
         return last.departure + self.leg_duration(last)
 
-    def leg_times(self, leg: Leg) -> Array:
-        """When a leg is at the gridpoints on its way, from its departure on [s]."""
-        return self.path.hop_times(leg.begin, leg.end)
+    def instants(self, leg: Leg) -> Array:
+        """When a leg is at the gridpoints on its way [s]."""
+        return np.asarray(leg.departure + self.path.hop_times(leg.begin, leg.end))
 
     def leg_duration(self, leg: Leg) -> float:
         """How long a leg takes [s]."""
@@ -111,7 +111,7 @@ class Schedule:
         """Which rows of extended diagrams it occupies."""
         rows, enter, now = [np.array([0])], [np.array([-np.inf])], 0
         for leg in self.legs:
-            times = leg.departure + self.leg_times(leg)
+            times = self.instants(leg)
             segments = np.arange(leg.begin, leg.end) if leg.end > leg.begin else np.arange(leg.begin, leg.end, -1) - 1
             now = leg.end
             rows += [segments + 1, np.array([rest_row(self.path, now)])]

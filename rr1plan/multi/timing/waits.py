@@ -127,7 +127,7 @@ def _in_the_way(
 
 def _occupancy(schedule: Schedule, leg: Leg, departure: float, following: Leg | None) -> Occupancy:
     """The rows that an agent occupies from a departure until it would leave the stop after that leg."""
-    times = departure + schedule.leg_times(leg)
+    times = schedule.instants(leg) + (departure - leg.departure)
     segments = np.arange(leg.begin, leg.end) if leg.end > leg.begin else np.arange(leg.begin, leg.end, -1) - 1
     rows = np.append(segments + 1, rest_row(schedule.path, leg.end))
     return Occupancy(rows, times, np.append(times[1:], np.inf if following is None else following.departure))
@@ -154,7 +154,7 @@ def _track(schedule: Schedule) -> tuple[Array, Array]:
         if leg.departure > now:
             times.append(np.array([leg.departure]))
             places.append(gridpoints[:1])
-        when = leg.departure + schedule.leg_times(leg)
+        when = schedule.instants(leg)
         times.append(when[1:])
         places.append(gridpoints[1:])
         now = float(when[-1])
