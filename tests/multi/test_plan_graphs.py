@@ -75,11 +75,11 @@ def _reachable(
 
 
 def test_every_blocked_cell_is_in_an_order_that_cannot_change(plan: Plan) -> None:
-    _, result, graph = plan
+    problem, result, graph = plan
     known = _reachable(graph)
     pairs = 0
     schedules = result.separated.schedules
-    for i, j in pairs_in_reach(schedules):
+    for i, j in pairs_in_reach(problem.scene, [schedule.arms for schedule in schedules]):
         blocked = agreed_diagram(schedules[i], schedules[j])
         if blocked is None:
             continue
@@ -95,9 +95,9 @@ def test_every_blocked_cell_is_in_an_order_that_cannot_change(plan: Plan) -> Non
 
 
 def test_the_diagrams_of_a_graph_hold_what_is_proven_without_a_margin(plan: Plan) -> None:
-    _, result, _ = plan
+    problem, result, _ = plan
     schedules = result.separated.schedules
-    for i, j in pairs_in_reach(schedules):
+    for i, j in pairs_in_reach(problem.scene, [schedule.arms for schedule in schedules]):
         one, two = schedules[i].path, schedules[j].path
         least, taken = coordination_diagram(one, two), agreed_diagram(schedules[i], schedules[j])
         if least is not None:
@@ -144,7 +144,7 @@ def test_a_problem_without_a_plan_has_no_graph(planar2r: rp.Robot) -> None:
     result = rp.plan_many_arms(rp.Problem(scene, None, {"left": [0.0, 0.0], "right": [0.1, 0.0]}))
     with pytest.raises(rp.InputError, match="no plan"):
         rp.plan_graph(result)
-    with pytest.raises(rp.InputError, match="result is"):
+    with pytest.raises(rp.InputError, match="plan is"):
         rp.plan_graph("plan")
 
 

@@ -63,9 +63,10 @@ class Part(Value):
         return Occupancy(self.rows[kept], enter[kept], leave[kept])
 
     @property
-    def row_at_the_end(self) -> int:
-        """The row that it occupies last."""
-        return int(self.occupancy.rows[-1])
+    def passed_steps(self) -> int:
+        """How many steps of its route it passes; the last one is rest."""
+        steps = self.route.steps
+        return int(np.flatnonzero(steps.is_rest & (steps.times <= self.end))[-1]) + 1
 
     def until(self, time: float) -> Part:
         """The same part, left for another path at a time [s]."""
@@ -84,7 +85,7 @@ class RunningPlan(Value):
     Args:
         scene: The scene.
         trajectory: All arms of the plan on one clock.
-        parts: What each of them does, one path after the other; what is long over is not kept.
+        parts: What each of them does, one path after the other.
     """
 
     scene: Scene
@@ -163,11 +164,12 @@ class RunningPlan(Value):
         Args:
             changed: What they do, from before `now` on.
             trajectory: The motion of all arms.
-            now: What is over by then is not kept [s].
+            now: Paths that are over by then are kept without their placed bodies [s].
         """
         parts = {**self.parts, **changed}
-        kept = {arm: tuple(part for part in parts[arm] if part.end > now) for arm in self.parts}
-        return RunningPlan(self.scene, trajectory, kept)
+        for part in (part for several in parts.values() for part in several if part.end <= now):
+            part.path.release()
+        return RunningPlan(self.scene, trajectory, parts)
 
 
 @dataclass(frozen=True)

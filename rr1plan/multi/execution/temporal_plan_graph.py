@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,14 +24,14 @@ from rr1plan.checks import Array, Value, known_name, of_kind
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.errors import FormatError, InputError
 from rr1plan.multi.execution.route import Route, RouteSteps, route_of
+from rr1plan.multi.execution.running_plan import RunningPlan
+from rr1plan.multi.execution.running_routes import running_order, running_route
+from rr1plan.multi.portfolio import ManyArmsResult
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.timing.passing_order import Precedence, Step, order_between, passage
-from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import Grid
-
-if TYPE_CHECKING:
-    from rr1plan.multi.portfolio import ManyArmsResult
+from rr1plan.scene import Scene
 
 # Rounding of times, subtracted from tolerances [s].
 _ROUNDING = 1e-9
@@ -226,49 +226,50 @@ def _node(routes: tuple[Route, ...], agent: int, step: int) -> Node:
     return Node(agent, step, routes[agent].arms, float(routes[agent].steps.times[step]))
 
 
-def plan_graph(result: ManyArmsResult) -> PlanGraph:
-    """The temporal plan graph of a plan.
+def plan_graph(plan: ManyArmsResult | RunningPlan) -> PlanGraph:
+    """The temporal plan graph of a plan, from its beginning.
 
     Args:
-        result: What `plan_many_arms` found.
+        plan: What `plan_many_arms` found, or a plan with the new goals that `add_motion` gave it.
 
     Raises:
         InputError: no plan, or one whose agents are not proven apart.
     """
-    from rr1plan.multi.portfolio import ManyArmsResult
-
-    of_kind("result", result, ManyArmsResult)
-    if not result.found:
-        raise InputError(f"there is no plan to make a graph of: {result.reason}")
-    schedules = result.separated.schedules
-    routes = tuple(route_of(schedule) for schedule in schedules)
+    orders: dict[tuple[int, int], list[Precedence] | None] = {}
+    if isinstance(plan, RunningPlan):
+        running = [running_route(plan.parts[arm]) for arm in plan.arms]
+        routes = tuple(each.route for each in running)
+        for i, j in pairs_in_reach(plan.scene, [route.arms for route in routes]):
+            orders[i, j] = running_order(running[i], running[j], (i, j))
+    else:
+        of_kind("plan", plan, ManyArmsResult)
+        if not plan.found:
+            raise InputError(f"there is no plan to make a graph of: {plan.reason}")
+        schedules = plan.separated.schedules
+        routes = tuple(route_of(schedule) for schedule in schedules)
+        scene = schedules[0].path.agent.problem.scene
+        for i, j in pairs_in_reach(scene, [schedule.arms for schedule in schedules]):
+            blocked = plan.separated.diagram(i, j)
+            orders[i, j] = [] if blocked is None else order_between(blocked, schedules[i], schedules[j], (i, j))
     found: list[Precedence] = []
-    for i, j in pairs_in_reach(schedules):
-        one, two = schedules[i], schedules[j]
-        blocked = result.separated.diagram(i, j)
-        order = [] if blocked is None else order_between(blocked, one, two, (i, j))
+    for (i, j), order in orders.items():
         if order is None:
-            raise InputError(f"the plan is not proven to keep {' and '.join((*one.arms, *two.arms))} apart")
+            raise InputError(f"the plan is not proven to keep {' and '.join((*routes[i].arms, *routes[j].arms))} apart")
         found += order
     kept = (Dependency(_node(routes, *node), _node(routes, *after)) for node, after in _reduced(routes, found))
     return PlanGraph(routes, tuple(kept))
 
 
-# ---- which cells two agents share -----------------------------------------------------------
+def pairs_in_reach(scene: Scene, agents: Sequence[tuple[str, ...]]) -> list[tuple[int, int]]:
+    """Indices of agents that can meet.
 
-
-def pairs_in_reach(schedules: tuple[Schedule, ...]) -> list[tuple[int, int]]:
-    """Indices of agents that can meet."""
-    if not schedules:
-        return []
-    problem = schedules[0].path.agent.problem
-    near = arms_in_reach(problem.scene, problem.arms, MARGINS[0])
-    reach = [frozenset().union(*(near[arm] for arm in s.path.agent.arms)) for s in schedules]
-    return [
-        (i, j)
-        for i, j in combinations(range(len(schedules)), 2)
-        if not reach[i].isdisjoint(schedules[j].path.agent.arms)
-    ]
+    Args:
+        scene: The scene.
+        agents: The arms of each.
+    """
+    near = arms_in_reach(scene, tuple(arm for arms in agents for arm in arms), MARGINS[0])
+    reach = [frozenset().union(*(near[arm] for arm in arms)) for arms in agents]
+    return [(i, j) for i, j in combinations(range(len(agents)), 2) if not reach[i].isdisjoint(agents[j])]
 
 
 # ---- the smallest graph ----------------------------------------------------------------------
