@@ -75,7 +75,7 @@ def _assert_late_executions_are_safe(plan: rp.RunningPlan, rng: np.random.Genera
     for route in graph.routes:
         arm, times = plan.trajectory.select(route.arms[0]), route.steps.times[1:]
         np.testing.assert_allclose(arm(times), route.gridpoints[route.steps.begins[1:]], atol=1e-6)
-    for _ in range(4):
+    for _ in range(2):
         delays = {arm: rp.ArmDelay(rng.uniform(0.0, 0.5), rng.uniform(0.0, 0.5)) for arm in plan.arms}
         late = rp.execute_plan(graph, plan.scene, delays)
         assert rp.validate(late.trajectory, plan.scene).certified
@@ -83,10 +83,10 @@ def _assert_late_executions_are_safe(plan: rp.RunningPlan, rng: np.random.Genera
         for arm in plan.arms:
             np.testing.assert_allclose(late.trajectory.select(arm)(late.makespan), plan.goal(arm), atol=1e-9)
     blind = rp.PlanGraph(graph.routes, ())
-    collides = [
+    collides = (
         not rp.validate(rp.execute_plan(blind, plan.scene, {arm: rp.ArmDelay(0.5)}).trajectory, plan.scene).valid
         for arm in plan.arms
-    ]
+    )
     assert any(collides)
 
 
