@@ -19,7 +19,6 @@ import coal
 import numpy as np
 from clutter import box_of
 from numpy.typing import NDArray
-from opinions import link_frames
 from scipy.optimize import minimize, nnls
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -34,6 +33,7 @@ from rr1plan.collision.convex.convex_bodies import (
     occupied_cells,
     solid_pieces,
 )
+from rr1plan.testing.scene_bodies import link_frames
 from rr1plan.transforms import inverse
 
 # Coal may overstate a distance of round bodies by this much [m].
@@ -177,8 +177,8 @@ class PlainCoal:
             centers: Where both balls of each are, shape (n, 2, 3).
             pairs: The pairs, shape (n,).
         """
-        apart = np.linalg.norm(centers[:, 0] - centers[:, 1], axis=1)
-        return np.asarray(apart - self._radii[self.index[pairs]].sum(axis=1) - self.padding[pairs])
+        distances = np.linalg.norm(centers[:, 0] - centers[:, 1], axis=1)
+        return np.asarray(distances - self._radii[self.index[pairs]].sum(axis=1) - self.padding[pairs])
 
     def touches(self, k: int, placed: Array, beyond: float = 0.0) -> bool:
         """Whether a pair is nearer than this beyond its padding [m]; the parts are at `placed` (parts, 4, 4)."""

@@ -196,8 +196,9 @@ def _plan_many(problem: rp.Problem, task: Mapping[str, Any]) -> dict[str, Any]:
     answer: dict[str, Any] = {"trajectory": result.trajectory, "stages": [group.stage for group in result.groups]}
     if result.trajectory is None:
         return answer | {"failed": result.reason}
-    keys = ("makespan", "ratio", "waiting")
-    return answer | {key: getattr(result, key) for key in keys} | {"length": result.path_length}
+    quality = result.quality
+    figures = {"makespan": quality.makespan, "ratio": quality.ratio, "waiting": quality.waiting}
+    return answer | figures | {"length": quality.path_length}
 
 
 def _plan_prioritized(problem: rp.Problem, task: Mapping[str, Any]) -> dict[str, Any]:
@@ -328,7 +329,7 @@ def _fits(cells: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _kind(cell: Mapping[str, Any]) -> float:
-    """What tells apart cells of one set besides the arms: the spacing of a grid; rings have radii by their arms."""
+    """The parameter of a set besides the number of arms: the spacing of a grid."""
     return float(cell["share"]) if cell["set"] == "grid" else 0.0
 
 

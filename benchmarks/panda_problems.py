@@ -26,7 +26,6 @@ import numpy as np
 import peers
 from comparison import KINDS, Run, compare, excess
 from line import STAGES, Outcome, find_margin, find_path, run_line, time_motion, warm_up
-from opinions import Opinions, Verdict
 from picture import draw
 from plain import describe_changes, describe_problem, settle
 from shared import STAGE_HEADER, heading, make_parser, number, pin_to_core, save, spread, stage_rows, table, track
@@ -36,8 +35,9 @@ from rr1plan.scene.motion_bench import problem_set_joints, read_problem_set
 
 _STEP = 0.002  # of the samples whose speed and acceleration are looked at [s]
 _REFERENCE = peers.PEERS[0].name
-# By the question's name and the kind of what was judged.
-_Verdicts = Mapping[str, Mapping[str, Verdict]]
+# By the problem's name and the kind of motion that was judged.
+_Verdicts = Mapping[str, Mapping[str, rp.SecondOpinion]]
+_CHECKERS = ("Coal", "FCL")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -60,7 +60,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         for out in _run(problem, {n: seeds[n] for n, q in chosen.items() if q is problem}, args.order, settings)
     ]
     others = _ask_peers(args, chosen, seeds)
-    opinions = {name: Opinions(problem.scene) for name, problem in firsts.items()}
     judged = [o for o in outcomes if o.name in firsts]
     # What a scene needs is made for its first question.
     clocks = [(o.name, o.clock.cpu) for o in outcomes]
@@ -68,11 +67,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name, seconds in clocks:
         if name not in firsts:
             seconds.pop("set up", None)
-    verdicts = {o.name: _judge(o, opinions[o.name]) for o in track(judged, "rr1plan at a millimeter")}
+    verdicts = {o.name: _judge(o, firsts[o.name].scene) for o in track(judged, "rr1plan at a millimeter")}
     for run in others:
         answers = [answer for answer in run.solved if answer["name"] in firsts]
         for answer in track(answers, f"{run.name} at a millimeter") if answers else ():
-            answer |= _judge_peer(answer, opinions[answer["name"]], chosen[answer["name"]].scene.limits())
+            answer |= _judge_peer(answer, chosen[answer["name"]].scene)
     runs = [_own_run(args.planner, chosen, outcomes, verdicts), *others]
     facts = {
         "problems": len(firsts),
@@ -189,20 +188,27 @@ def _ask_peers(args: argparse.Namespace, problems: Mapping[str, rp.Problem], see
     return runs
 
 
-def _judge(out: Outcome, opinions: Opinions) -> dict[str, Verdict]:
+def _judge(out: Outcome, scene: rp.Scene) -> dict[str, rp.SecondOpinion]:
     if out.raw is None or out.path is None or out.trajectory is None:
         return {}
-    raw, short = opinions.judge_path(out.raw.waypoints), opinions.judge_path(out.path.waypoints)
-    return {"raw": raw, "path": short, "timed": opinions.judge_trajectory(out.trajectory)}
+    motions = {"raw": out.raw, "path": out.path, "timed": out.trajectory}
+    return {kind: rp.second_opinion(motion, scene, checkers=_CHECKERS) for kind, motion in motions.items()}
 
 
-def _judge_peer(answer: dict[str, Any], opinions: Opinions, limits: rp.Limits) -> dict[str, Any]:
+def _touches(opinion: rp.SecondOpinion) -> dict[str, tuple[str, str, float] | None]:
+    """The first contact that each checker finds: two elements and a time, or None."""
+    firsts = {name: opinion.first_contact(name) for name in opinion.checkers}
+    return {name: None if first is None else (*first.pair, first.first) for name, first in firsts.items()}
+
+
+def _judge_peer(answer: dict[str, Any], scene: rp.Scene) -> dict[str, Any]:
     """First touches of its paths and its timed samples by Coal and FCL, and how far it goes beyond its limits."""
+    paths = {kind: rp.Path(scene.joint_names(), answer[kind]) for kind in KINDS if kind in answer}
     judged: dict[str, Any] = {
-        "touches": {kind: opinions.judge_path(answer[kind]).touches for kind in KINDS if kind in answer}
+        "touches": {kind: _touches(rp.second_opinion(p, scene, checkers=_CHECKERS)) for kind, p in paths.items()}
     }
     if "timed" in answer:
-        judged["excess"] = excess(answer["timed"], answer["step"], limits)
+        judged["excess"] = excess(answer["timed"], answer["step"], scene.limits())
     return judged
 
 
@@ -212,7 +218,7 @@ def _own_run(planner: str, problems: Mapping[str, rp.Problem], outcomes: list[Ou
     return Run(name, answers, "every edge certified; set up builds its checker for a new scene")
 
 
-def _answer(out: Outcome, verdicts: Mapping[str, Verdict], limits: rp.Limits) -> dict[str, Any]:
+def _answer(out: Outcome, verdicts: Mapping[str, rp.SecondOpinion], limits: rp.Limits) -> dict[str, Any]:
     """What the comparison asks of an answer, of rr1plan's."""
     answer: dict[str, Any] = {"name": out.name, "seconds": out.clock.cpu}
     if out.raw is None or out.path is None:
@@ -221,7 +227,7 @@ def _answer(out: Outcome, verdicts: Mapping[str, Verdict], limits: rp.Limits) ->
     if out.trajectory is not None:
         samples = out.trajectory(np.arange(0.0, out.trajectory.duration, _STEP))
         answer |= {"duration": out.trajectory.duration, "excess": excess(samples, _STEP, limits)}
-    return answer | {"touches": {kind: found.touches for kind, found in verdicts.items()}}
+    return answer | {"touches": {kind: _touches(found) for kind, found in verdicts.items()}}
 
 
 # ---- telling ---------------------------------------------------------------------------------------
@@ -239,7 +245,7 @@ def _report(facts: dict[str, Any], runs: list[Run], outcomes: list[Outcome], ver
     parts.append(f"Least clearance of a timed motion: median {number(spread(clearances, 1.0)['median'])} mm.")
     faults = [f"- {o.name}: {o.status} {o.reason} {_violations(o)}".rstrip() for o in outcomes if not o.certified]
     faults += [
-        f"- {o.name} {k}: {v.touches}" for o in outcomes for k, v in verdicts.get(o.name, {}).items() if not v.free
+        f"- {o.name} {k}: {_touches(v)}" for o in outcomes for k, v in verdicts.get(o.name, {}).items() if not v.free
     ]
     return [*parts, "\n".join(["What went wrong:", "", *faults])] if faults else parts
 
@@ -252,8 +258,8 @@ def _counts(outcomes: list[Outcome], verdicts: _Verdicts) -> str:
     for kind in KINDS:
         found = [v[kind] for v in verdicts.values() if v]
         samples = sum(v.samples for v in found)
-        for opinion in ("Coal", "FCL"):
-            touching = sum(v.touches[opinion] is not None for v in found)
+        for opinion in _CHECKERS:
+            touching = sum(v.first_contact(opinion) is not None for v in found)
             rows.append([f"{kind}: in collision by {opinion} ({samples:,} samples)", f"{touching} / {len(found)}"])
     return table(["what", "count"], rows)
 
@@ -261,7 +267,7 @@ def _counts(outcomes: list[Outcome], verdicts: _Verdicts) -> str:
 def _data(facts: dict[str, Any], runs: list[Run], outcomes: list[Outcome], verdicts: _Verdicts) -> dict[str, Any]:
     problems = [
         out.to_dict()
-        | {"opinions": {k: {"samples": v.samples, "asked": v.asked} for k, v in verdicts.get(out.name, {}).items()}}
+        | {"opinions": {k: {"samples": v.samples, "asked": v.queries} for k, v in verdicts.get(out.name, {}).items()}}
         for out in outcomes
     ]
     return {"settings": facts, "problems": problems, "runs": [run.to_dict() for run in runs]}

@@ -5,7 +5,8 @@
 An RR1 beside a mug of 2,600 triangles, and above a terrain of 10,000 and of 100,000, all made here. Set up is what the
 tables of the scene take once the arm's are made. Edges are random, from random free configurations. Convex pieces come
 from CoACD (`convex_pieces`), where they come within `--seconds`. Verdicts of the kernels are compared with those of
-python-fcl's hierarchy of triangles at random configurations; those nearer to contact than `GRAZING` are counted apart.
+python-fcl's hierarchy of triangles at random configurations; those nearer to contact than `GRAZING` are counted
+separately.
 """
 
 from __future__ import annotations
@@ -19,12 +20,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 from unittest import mock
 
-import fcl
 import numpy as np
 from clutter import box_of
 from coal_proof import PlainCoal
 from concave_shapes import mug, terrain
-from opinions import fcl_shape, link_frames
 from shared import heading, make_parser, number, pin_to_core, save, table, track
 
 import rr1plan as rp
@@ -35,6 +34,7 @@ from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.errors import BackendError, InputError
 from rr1plan.robot import Geometry
 from rr1plan.shapes.convex_decomposition import convex_pieces
+from rr1plan.testing.collision_checkers import ElementChecker
 
 GRAZING = 1e-4  # [m]
 _ROUNDS = 5
@@ -150,47 +150,14 @@ def _compare(scene: rp.Scene, bare: rp.Scene, samples: int, rng: np.random.Gener
     q: list[Array] = []
     while len(q) < samples:
         q += [one for one in rng.uniform(low, high, (samples, checker.nq)) if alone.is_free(one)]
-    touching = _Fcl(scene).touch(np.array(q[:samples]))
+    contacts = ElementChecker(scene, scene.joint_names(), ["FCL"]).contacts(np.array(q[:samples]))
+    touching = np.array([any("mesh" in pair for pair in found) for found in contacts])
     found = {"samples": samples, "contacts": int(touching.sum()), "grazing": 0, "different": 0}
     for one, touches in zip(q, touching, strict=False):
         if checker.is_free(one) == touches:
             bracket = plain.bracket(one)
             found["grazing" if max(-bracket.lower, bracket.upper) <= GRAZING else "different"] += 1
     return found
-
-
-class _Fcl:
-    """The arm's links against the mesh, by python-fcl: shapes against its hierarchy of triangles.
-
-    Args:
-        scene: One arm, and the obstacle "mesh".
-    """
-
-    def __init__(self, scene: rp.Scene) -> None:
-        placed, obstacle = scene.arms["arm"], scene.obstacles["mesh"]
-        self._robot, self._base = placed.robot, placed.base
-        mesh = obstacle.geometries[0].shape
-        tree = fcl.BVHModel()
-        tree.beginModel(len(mesh.vertices), len(mesh.faces))
-        tree.addSubModel(np.array(mesh.vertices), np.array(mesh.faces))
-        tree.endModel()
-        T = obstacle.pose
-        self._mesh = fcl.CollisionObject(tree, fcl.Transform(np.ascontiguousarray(T[:3, :3]), T[:3, 3].copy()))
-        # An arm may touch what its base stands on.
-        links = [link for link in self._robot.links if link.name != self._robot.base]
-        self._shapes = [
-            (link.name, g.pose, fcl.CollisionObject(fcl_shape(g.shape))) for link in links for g in link.collisions
-        ]
-
-    def touch(self, q: Array) -> Array:
-        """Whether the arm touches the mesh at configurations (n, nq), shape (n,)."""
-        frames = link_frames(self._robot, q)
-        return np.array([any(self._touches(frames, n, *shape) for shape in self._shapes) for n in range(len(q))])
-
-    def _touches(self, frames: dict[str, Array], n: int, link: str, local: Array, thing: Any) -> bool:
-        T = self._base @ frames[link][n] @ local
-        thing.setTransform(fcl.Transform(np.ascontiguousarray(T[:3, :3]), T[:3, 3].copy()))
-        return bool(fcl.collide(self._mesh, thing, fcl.CollisionRequest(), fcl.CollisionResult()) > 0)
 
 
 # ---- what came of it -------------------------------------------------------------------------------

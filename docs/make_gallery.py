@@ -15,6 +15,7 @@ from pathlib import Path
 from rr1plan import save_html, screenshot
 from rr1plan.load_motion import load_motion
 from rr1plan.scene.model_library import load_scene
+from rr1plan.sequences.sequence_files import holds_sequence, load_sequence
 
 HERE = Path(__file__).resolve().parent
 EXAMPLES = HERE.parent / "examples"
@@ -46,7 +47,7 @@ def _moment(work: Path, page: Path) -> float | None:
     saved = work / f"{page.stem}.json"
     if not saved.exists():
         return None
-    trajectory = load_motion(saved).trajectory
+    trajectory = (load_sequence if holds_sequence(saved) else load_motion)(saved).trajectory
     return trajectory.start_time + 0.5 * trajectory.duration
 
 

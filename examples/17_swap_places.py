@@ -9,8 +9,8 @@ print(motion)
 many = motion.many_arms
 for group in many.groups:
     print(f"{len(group.arms)} arms that can meet, scheduled by {group.stage}")
-print(f"all arrive after {many.makespan:.2f} s, the slowest arm alone after {many.slowest_alone:.2f} s")
-print(f"the arms wait {many.waiting:.2f} s in all")
+print(f"all arrive after {many.makespan:.2f} s, the slowest arm alone after {many.quality.slowest_alone:.2f} s")
+print(f"the arms wait {many.quality.waiting:.2f} s in all")
 
 print(rp.simulate(motion.trajectory, problem.scene))
 print(motion.save_html("17_swap_places.html"), motion.save("17_swap_places.json"))

@@ -10,9 +10,9 @@ for width in (0.20, 0.15, 0.12, 0.10):
     motion = rp.plan_motion(problem, planner="many_arms", rng=0)
     poses = problem.scene.link_poses(problem.scene.split(motion.trajectory(motion.trajectory.end_time), problem.arms))
     tools = [poses[f"{arm}/{problem.scene.arms[arm].robot.tool}"][:3, 3] for arm in problem.arms]
-    apart = np.linalg.norm(tools[0] - tools[1])
+    distance = np.linalg.norm(tools[0] - tools[1])
     print(f"{100 * width:.0f} cm: {motion.report!r}, {motion.many_arms.ratio:.2f} times the slowest arm alone")
-    print(f"  the tools meet {100 * apart:.1f} cm apart; clearance {motion.report.margins['clearance']}")
+    print(f"  the tools meet {100 * distance:.1f} cm apart; clearance {motion.report.margins['clearance']}")
 
 # The narrowest as a scene file, which `rr1plan plan 20_hand_over.toml --planner many_arms` plans, too.
 print(rp.save_scene("20_hand_over.toml", problem.scene, problems={"meet": problem}))

@@ -9,7 +9,9 @@ motion = rp.plan_motion(problem, rng=0, budget=rp.Budget(seconds=60))
 print(motion.report)
 many = motion.many_arms
 print(f"planned in {motion.seconds['plan']:.2f} s, proven in {motion.seconds['validate']:.2f} s")
-print(f"makespan {many.makespan:.2f} s, {many.ratio:.2f} times the slowest arm alone; {many.waiting:.2f} s of waiting")
+quality = many.quality
+print(f"makespan {quality.makespan:.2f} s, {quality.ratio:.2f} times the slowest arm alone")
+print(f"{quality.waiting:.2f} s of waiting")
 for stage in dict.fromkeys(group.stage for group in many.groups):
     sizes = [len(group.arms) for group in many.groups if group.stage == stage]
     print(f"  {stage}: {len(sizes)} groups with {sum(sizes)} arms, the largest of {max(sizes)}")

@@ -25,6 +25,13 @@ if TYPE_CHECKING:
     from rr1plan.batch import Answer as Answer
     from rr1plan.batch import PlanFailure as PlanFailure
     from rr1plan.batch import plan_many as plan_many
+    from rr1plan.calibration.calibrate import calibrate as calibrate
+    from rr1plan.calibration.joint_calibration import Calibration as Calibration
+    from rr1plan.calibration.joint_calibration import CalibrationFit as CalibrationFit
+    from rr1plan.calibration.joint_calibration import JointCalibration as JointCalibration
+    from rr1plan.calibration.joint_calibration import ZeroShift as ZeroShift
+    from rr1plan.calibration.joint_calibration import load_calibration as load_calibration
+    from rr1plan.calibration.measurement_poses import propose_calibration_poses as propose_calibration_poses
     from rr1plan.checks import Array as Array
     from rr1plan.checks import Seed as Seed
     from rr1plan.collision import CollisionChecker as CollisionChecker
@@ -40,6 +47,7 @@ if TYPE_CHECKING:
     from rr1plan.errors import CancelledError as CancelledError
     from rr1plan.errors import ControllerError as ControllerError
     from rr1plan.errors import FormatError as FormatError
+    from rr1plan.errors import HardwareError as HardwareError
     from rr1plan.errors import InputError as InputError
     from rr1plan.errors import InstallationError as InstallationError
     from rr1plan.errors import MissingPackageError as MissingPackageError
@@ -47,14 +55,40 @@ if TYPE_CHECKING:
     from rr1plan.errors import PlannerError as PlannerError
     from rr1plan.errors import RetimingError as RetimingError
     from rr1plan.errors import Rr1PlanError as Rr1PlanError
+    from rr1plan.errors import SerialLineError as SerialLineError
+    from rr1plan.errors import StalledJointError as StalledJointError
     from rr1plan.errors import UnknownNameError as UnknownNameError
+    from rr1plan.export.controller_rules import check_joint_trajectory as check_joint_trajectory
     from rr1plan.export.csv_files import load_csv as load_csv
     from rr1plan.export.csv_files import save_csv as save_csv
     from rr1plan.export.plan_files import save_motion as save_motion
     from rr1plan.export.robot_formats import save_mjcf as save_mjcf
     from rr1plan.export.robot_formats import save_rosbag as save_rosbag
     from rr1plan.export.ros_trajectories import load_joint_trajectory as load_joint_trajectory
+    from rr1plan.export.ros_trajectories import save_joint_trajectory as save_joint_trajectory
+    from rr1plan.hardware.box_emulator import BoxEmulator as BoxEmulator
+    from rr1plan.hardware.box_emulator import EmulatedSerialLine as EmulatedSerialLine
+    from rr1plan.hardware.command_plan import CommandPlan as CommandPlan
+    from rr1plan.hardware.command_plan import plan_commands as plan_commands
+    from rr1plan.hardware.command_sender import SerialPort as SerialPort
+    from rr1plan.hardware.command_sender import open_serial_port as open_serial_port
+    from rr1plan.hardware.command_sender import send_commands as send_commands
+    from rr1plan.hardware.control_box import BoxChannel as BoxChannel
+    from rr1plan.hardware.control_box import ControlBox as ControlBox
+    from rr1plan.hardware.control_box import load_control_box as load_control_box
+    from rr1plan.hardware.control_box_frames import BoxCommand as BoxCommand
+    from rr1plan.hardware.control_box_frames import Telemetry as Telemetry
     from rr1plan.load_motion import load_motion as load_motion
+    from rr1plan.mirror.corridor import Corridor as Corridor
+    from rr1plan.mirror.corridor import CorridorPosition as CorridorPosition
+    from rr1plan.mirror.corridor import certified_corridor as certified_corridor
+    from rr1plan.mirror.joint_states import StateMessage as StateMessage
+    from rr1plan.mirror.joint_states import StreamError as StreamError
+    from rr1plan.mirror.joint_states import read_states as read_states
+    from rr1plan.mirror.mirror import Mirror as Mirror
+    from rr1plan.mirror.mirror_report import MirrorEvent as MirrorEvent
+    from rr1plan.mirror.mirror_report import MirrorReport as MirrorReport
+    from rr1plan.mirror.mirror_report import MirrorState as MirrorState
     from rr1plan.model import IkResult as IkResult
     from rr1plan.model import Kinematics as Kinematics
     from rr1plan.model import copies_within_limits as copies_within_limits
@@ -115,6 +149,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram as CoordinationDiagram
     from rr1plan.playback.schedules.timeline import Timeline as Timeline
     from rr1plan.playback.schedules.timeline import timeline as timeline
+    from rr1plan.playback.simulation.arm_variation import ArmVariation as ArmVariation
     from rr1plan.playback.simulation.controllers import Controller as Controller
     from rr1plan.playback.simulation.controllers import ForwardPositionController as ForwardPositionController
     from rr1plan.playback.simulation.controllers import ForwardVelocityController as ForwardVelocityController
@@ -123,8 +158,12 @@ if TYPE_CHECKING:
     from rr1plan.playback.simulation.controllers import SetPoint as SetPoint
     from rr1plan.playback.simulation.gripper_controller import GripperController as GripperController
     from rr1plan.playback.simulation.gripper_controller import GripperStatus as GripperStatus
+    from rr1plan.playback.simulation.manual_controller import ManualController as ManualController
+    from rr1plan.playback.simulation.recorder import Recorder as Recorder
+    from rr1plan.playback.simulation.replay import BodyMotion as BodyMotion
     from rr1plan.playback.simulation.replay import Replay as Replay
     from rr1plan.playback.simulation.replay import ReplayContact as ReplayContact
+    from rr1plan.playback.simulation.replay import ReplayRecord as ReplayRecord
     from rr1plan.playback.simulation.replay_trajectory import simulate as simulate
     from rr1plan.playback.simulation.simulation import Simulation as Simulation
     from rr1plan.playback.simulation.state_broadcaster import JointStateBroadcaster as JointStateBroadcaster
@@ -163,6 +202,8 @@ if TYPE_CHECKING:
     from rr1plan.scene import Obstacle as Obstacle
     from rr1plan.scene import Scene as Scene
     from rr1plan.scene import scene_differences as scene_differences
+    from rr1plan.scene.loose_bodies import load_body as load_body
+    from rr1plan.scene.loose_bodies import stack_bodies as stack_bodies
     from rr1plan.scene.model_library import installed_robot_names as installed_robot_names
     from rr1plan.scene.model_library import load_problems as load_problems
     from rr1plan.scene.model_library import load_robot as load_robot
@@ -177,6 +218,22 @@ if TYPE_CHECKING:
     from rr1plan.scene.problem import PoseGoal as PoseGoal
     from rr1plan.scene.problem import Problem as Problem
     from rr1plan.scene.problem import RegionGoal as RegionGoal
+    from rr1plan.sequences.pick_and_place import pick_and_place as pick_and_place
+    from rr1plan.sequences.pick_and_place import top_grasps as top_grasps
+    from rr1plan.sequences.plan_sequence import plan_sequence as plan_sequence
+    from rr1plan.sequences.segments import Attach as Attach
+    from rr1plan.sequences.segments import Detach as Detach
+    from rr1plan.sequences.segments import FreeMotion as FreeMotion
+    from rr1plan.sequences.segments import MoveGripper as MoveGripper
+    from rr1plan.sequences.segments import Pause as Pause
+    from rr1plan.sequences.segments import StraightLine as StraightLine
+    from rr1plan.sequences.sequence import Sequence as Sequence
+    from rr1plan.sequences.sequence_files import load_sequence as load_sequence
+    from rr1plan.sequences.sequence_plan import SequencePlan as SequencePlan
+    from rr1plan.sequences.sequence_replay import CarriedObject as CarriedObject
+    from rr1plan.sequences.sequence_replay import SequenceReplay as SequenceReplay
+    from rr1plan.sequences.sequence_replay import simulate_sequence as simulate_sequence
+    from rr1plan.sequences.stages import SequenceStage as SequenceStage
     from rr1plan.shapes import Box as Box
     from rr1plan.shapes import Capsule as Capsule
     from rr1plan.shapes import Cylinder as Cylinder
@@ -188,6 +245,14 @@ if TYPE_CHECKING:
     from rr1plan.shapes.convex_decomposition import convex_pieces as convex_pieces
     from rr1plan.shapes.mesh_files import load_mesh as load_mesh
     from rr1plan.shapes.point_cloud_files import load_point_cloud as load_point_cloud
+    from rr1plan.testing.assertions import assert_replays as assert_replays
+    from rr1plan.testing.assertions import assert_valid as assert_valid
+    from rr1plan.testing.replay_variations import ReplayVariations as ReplayVariations
+    from rr1plan.testing.replay_variations import VariedReplays as VariedReplays
+    from rr1plan.testing.second_opinion import Disagreement as Disagreement
+    from rr1plan.testing.second_opinion import SampledContact as SampledContact
+    from rr1plan.testing.second_opinion import SecondOpinion as SecondOpinion
+    from rr1plan.testing.second_opinion import second_opinion as second_opinion
     from rr1plan.trajectory import Trajectory as Trajectory
     from rr1plan.validation import certify_path as certify_path
     from rr1plan.validation import validate as validate
@@ -197,6 +262,15 @@ __version__ = "0.1.0"
 # A test checks that these names and the imports above agree.
 _EXPORTS = {
     "rr1plan.batch": ("Answer", "PlanFailure", "plan_many"),
+    "rr1plan.calibration.joint_calibration": (
+        "Calibration",
+        "CalibrationFit",
+        "JointCalibration",
+        "ZeroShift",
+        "load_calibration",
+    ),
+    "rr1plan.calibration.calibrate": ("calibrate",),
+    "rr1plan.calibration.measurement_poses": ("propose_calibration_poses",),
     "rr1plan.checks": ("Array", "Seed"),
     "rr1plan.collision": (
         "CollisionChecker",
@@ -214,6 +288,7 @@ _EXPORTS = {
         "ControllerError",
         "CancelledError",
         "FormatError",
+        "HardwareError",
         "InputError",
         "InstallationError",
         "MissingPackageError",
@@ -221,6 +296,8 @@ _EXPORTS = {
         "PlannerError",
         "RetimingError",
         "Rr1PlanError",
+        "SerialLineError",
+        "StalledJointError",
         "UnknownNameError",
     ),
     "rr1plan.robot.contact_bands": ("ContactBand",),
@@ -229,8 +306,13 @@ _EXPORTS = {
     "rr1plan.shapes.mesh_files": ("load_mesh",),
     "rr1plan.export.plan_files": ("save_motion",),
     "rr1plan.shapes.point_cloud_files": ("load_point_cloud",),
-    "rr1plan.export.ros_trajectories": ("load_joint_trajectory",),
+    "rr1plan.export.controller_rules": ("check_joint_trajectory",),
+    "rr1plan.export.ros_trajectories": ("load_joint_trajectory", "save_joint_trajectory"),
     "rr1plan.robot.disabled_collisions": ("PairProposal", "propose_disabled_collisions"),
+    "rr1plan.mirror.corridor": ("Corridor", "CorridorPosition", "certified_corridor"),
+    "rr1plan.mirror.joint_states": ("StateMessage", "StreamError", "read_states"),
+    "rr1plan.mirror.mirror": ("Mirror",),
+    "rr1plan.mirror.mirror_report": ("MirrorEvent", "MirrorReport", "MirrorState"),
     "rr1plan.model": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),
     "rr1plan.scene.model_library": (
         "installed_robot_names",
@@ -242,6 +324,11 @@ _EXPORTS = {
         "scene_names",
     ),
     "rr1plan.robot.joint_limits": ("Limits",),
+    "rr1plan.hardware.box_emulator": ("BoxEmulator", "EmulatedSerialLine"),
+    "rr1plan.hardware.command_plan": ("CommandPlan", "plan_commands"),
+    "rr1plan.hardware.command_sender": ("SerialPort", "open_serial_port", "send_commands"),
+    "rr1plan.hardware.control_box": ("BoxChannel", "ControlBox", "load_control_box"),
+    "rr1plan.hardware.control_box_frames": ("BoxCommand", "Telemetry"),
     "rr1plan.load_motion": ("load_motion",),
     "rr1plan.motion_plan": ("MotionPlan",),
     "rr1plan.multi.execution.added_motions": (
@@ -315,7 +402,10 @@ _EXPORTS = {
     "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
     "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
-    "rr1plan.playback.simulation.replay": ("Replay", "ReplayContact"),
+    "rr1plan.playback.simulation.arm_variation": ("ArmVariation",),
+    "rr1plan.playback.simulation.manual_controller": ("ManualController",),
+    "rr1plan.playback.simulation.recorder": ("Recorder",),
+    "rr1plan.playback.simulation.replay": ("BodyMotion", "Replay", "ReplayContact", "ReplayRecord"),
     "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.replay_trajectory": ("simulate",),
     "rr1plan.playback.simulation.simulation": ("Simulation",),
@@ -341,8 +431,20 @@ _EXPORTS = {
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),
     "rr1plan.retiming.path_blends": ("CurveChecker",),
     "rr1plan.robot": ("Color", "Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
+    "rr1plan.scene.loose_bodies": ("load_body", "stack_bodies"),
     "rr1plan.scene": ("Arm", "Attachment", "Obstacle", "Scene", "scene_differences"),
+    "rr1plan.sequences.pick_and_place": ("pick_and_place", "top_grasps"),
+    "rr1plan.sequences.plan_sequence": ("plan_sequence",),
+    "rr1plan.sequences.segments": ("Attach", "Detach", "FreeMotion", "MoveGripper", "Pause", "StraightLine"),
+    "rr1plan.sequences.sequence": ("Sequence",),
+    "rr1plan.sequences.sequence_files": ("load_sequence",),
+    "rr1plan.sequences.sequence_plan": ("SequencePlan",),
+    "rr1plan.sequences.sequence_replay": ("CarriedObject", "SequenceReplay", "simulate_sequence"),
+    "rr1plan.sequences.stages": ("SequenceStage",),
     "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
+    "rr1plan.testing.assertions": ("assert_replays", "assert_valid"),
+    "rr1plan.testing.replay_variations": ("ReplayVariations", "VariedReplays"),
+    "rr1plan.testing.second_opinion": ("Disagreement", "SampledContact", "SecondOpinion", "second_opinion"),
     "rr1plan.trajectory": ("Trajectory",),
     "rr1plan.validation": ("certify_path", "validate"),
 }

@@ -169,7 +169,7 @@ def problem_seeds(rng: Seed, count: int) -> list[int]:
 
 
 def _sent_planner(planner: str | Planner, executor: Executor | None) -> str | Planner:
-    """What processes are told to plan with: names that are known everywhere, or the planner itself.
+    """The planner as processes receive it: a name that is known everywhere, or the planner itself.
 
     Raises:
         InputError: a planner that cannot be sent.

@@ -11,6 +11,9 @@
     ├── InstallationError (ImportError)     a part of rr1plan that the build makes is missing or broken
     ├── PlannerError                  a planner of the caller's own raised something, or its answer is none
     ├── ControllerError              a controller raised something, or returned no set-points
+    ├── HardwareError                 an arm that does not do what it was sent
+    │   ├── SerialLineError           a serial line that stops, or carries garbage
+    │   └── StalledJointError         a joint that does not follow its steps
     └── BackendError                  a library failed in a way we did not foresee
 
 A failed search is a value (`PlanResult.status`), an invalid argument is an exception.
@@ -95,6 +98,18 @@ class PlannerError(Rr1PlanError):
 
 class ControllerError(Rr1PlanError):
     """A controller of a simulation raised something, or returned what is no set-point."""
+
+
+class HardwareError(Rr1PlanError):
+    """A real arm is not where it should be, or does not do what it was sent; nothing more is sent to it."""
+
+
+class SerialLineError(HardwareError):
+    """A serial line that stops, takes only part of a frame, or carries bytes that are no frame."""
+
+
+class StalledJointError(HardwareError):
+    """A joint that does not execute its steps, or whose encoder does not follow them; the message names it."""
 
 
 class RetimingError(Rr1PlanError):

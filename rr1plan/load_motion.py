@@ -52,6 +52,8 @@ def load_motion(
     """
     of_kind("scene", scene, Scene, optional=True)
     saved = read_motion(file, scene, topic)
+    if saved.sequence is not None:
+        raise FormatError("holds a sequence of stages, whose scenes differ; read it with load_sequence", file)
     where = saved.scene if scene is None else scene
     if where is None:
         made_for = "" if saved.made_for is None else f"; it was made for {saved.made_for.scene!r}"

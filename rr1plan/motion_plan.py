@@ -1,11 +1,11 @@
-"""What `plan_motion` returns: the planner's result, path, trajectory and report; to show, print or save."""
+"""`MotionPlan`, the result of `plan_motion`: path, trajectory and report, to show, print or save."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypedDict, TypeVar
 
 from rr1plan.checks import check_text, counted, known_name
 from rr1plan.errors import InputError, NoPlanError
@@ -25,6 +25,15 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T")
 _DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
+
+
+class _Content(TypedDict):
+    """Arguments of the functions that show or write a motion."""
+
+    path: Path | None
+    trajectory: Trajectory | None
+    report: Report | None
+    problem: Problem | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +67,7 @@ class MotionPlan:
 
     @property
     def scene(self) -> Scene:
-        """Where it happens."""
+        """The scene."""
         if self._scene is not None:
             return self._scene
         assert self.problem is not None, "a plan without a problem is made with its scene"
@@ -136,10 +145,7 @@ class MotionPlan:
 
         return show(
             self.scene,
-            trajectory=self._trajectory,
-            path=self._path_if_any(),
-            problem=self.problem,
-            report=self._report,
+            **self._content(),
             replay=replay,
             options=self._page_options(options),
             port=port,
@@ -153,19 +159,10 @@ class MotionPlan:
         """Write one self-contained page that plays the motion offline; arguments as in `rr1plan.save_html`."""
         from rr1plan.playback.viewer import save_html
 
-        return save_html(
-            file,
-            self.scene,
-            trajectory=self._trajectory,
-            path=self._path_if_any(),
-            problem=self.problem,
-            report=self._report,
-            replay=replay,
-            options=self._page_options(options),
-        )
+        return save_html(file, self.scene, **self._content(), replay=replay, options=self._page_options(options))
 
     def timeline(self) -> Timeline:
-        """When each arm moves and rests, whom it waits for in a plan of many arms, and where arms touch in a bad one.
+        """The time line: when each arm moves and rests, which arms it waits for, and contacts that the referee found.
 
         Raises:
             NoPlanError: there is no timed motion.
@@ -186,7 +183,7 @@ class MotionPlan:
         )
 
     def coordination_diagram(self, one: str, two: str) -> CoordinationDiagram:
-        """Where two arms of a plan of many arms exclude each other on their paths, and how they are timed.
+        """The coordination diagram of two arms of a plan of many arms, with their schedules.
 
         Args:
             one: An arm that moves.
@@ -232,26 +229,17 @@ class MotionPlan:
         """
         from rr1plan.export.plan_files import save_motion
 
-        return save_motion(
-            file,
-            self.scene,
-            path=self._path_if_any(),
-            trajectory=self._trajectory,
-            report=self._report,
-            problem=self.problem,
-            embed=embed,
-        )
+        return save_motion(file, self.scene, **self._content(), embed=embed)
 
     def to_json(self) -> str:
         """Text of a self-contained motion file."""
         from rr1plan.export.plan_files import motion_text
 
-        return motion_text(
-            self.scene,
-            path=self._path_if_any(),
-            trajectory=self._trajectory,
-            report=self._report,
-            problem=self.problem,
+        return motion_text(self.scene, **self._content())
+
+    def _content(self) -> _Content:
+        return _Content(
+            path=self._path_if_any(), trajectory=self._trajectory, report=self._report, problem=self.problem
         )
 
     def _path_if_any(self) -> Path | None:

@@ -57,7 +57,7 @@ def plan_motion(
     is timed again with a stop at each waypoint, which stays on the certified edges.
 
     Args:
-        problem: The question.
+        problem: The problem.
         planner: A name of `planner_names()`, an instance of `Planner`, or (by `plan_many_arms`) "many_arms"
             plans a path for each arm and schedules them, "many_arms_anytime" improves the motion until the budget
             ends. Default: "rrt_connect" for one or two
@@ -67,9 +67,8 @@ def plan_motion(
         shorten: Whether to shorten the path; that of a planner that `keeps_shape`, such as the Cartesian one, is left
             as it is.
         margin: Distance to keep beyond the scene's padding [m] (default: that of the problem, or 2 mm where it has
-            none): a proof of zero clearance is little use to an
-            arm that tracks to a fraction of a millimeter. It is halved until start and goal have
-            twice as much, and given up when no configuration found for a goal in space has it.
+            none), for an arm with tracking errors of a fraction of a millimeter. It is halved until the clearance of
+            start and goal is twice as large, and is zero if no configuration found for a goal pose has it.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When the planner has to stop (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
@@ -90,9 +89,7 @@ def plan_motion(
     generator = as_generator(rng)
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
-    if planner is None:
-        as_one = len(problem.arms) <= _PLANNED_AS_ONE or retiming == _LEAVES_PATHS
-        planner = "rrt_connect" if as_one else _MANY_ARMS
+    planner = default_planner(problem, retiming) if planner is None else planner
     if isinstance(planner, str) and planner in MANY_ARMS_PLANNERS:
         check_many_arms_retiming(planner, retiming)
         return _plan_many_arms(problem, planner, retiming, torque_limits, seconds, margin, budget, generator, progress)
@@ -103,7 +100,8 @@ def plan_motion(
             _cut_meshes(problem.scene, progress)
             margin = affordable_margin(problem, (problem.margin or _MARGIN) if margin is None else margin)
             roomy = problem.with_margin(margin)
-            warm_up(roomy)
+            with checker_from_pool(problem.scene, problem.arms, margin) as motions:
+                motions.warm_up()
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), chosen.name), seconds)
     with _timed(seconds, "plan"):
@@ -135,6 +133,12 @@ def plan_motion(
             result = replace(result, status=PlanStatus.CANCELLED, path=None, reason=str(error))
             return MotionPlan(problem, result, seconds, margin)
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
+
+
+def default_planner(problem: Problem, retiming: str) -> str:
+    """The name of the planner that `plan_motion` uses if none is given."""
+    as_one = len(problem.arms) <= _PLANNED_AS_ONE or retiming == _LEAVES_PATHS
+    return "rrt_connect" if as_one else _MANY_ARMS
 
 
 def check_many_arms_retiming(planner: str, retiming: str) -> None:
@@ -230,8 +234,8 @@ def warm_up(problem: Problem, *, progress: ProgressCallback | None = None) -> No
 def affordable_margin(problem: Problem, margin: float) -> float:
     """The margin [m], halved until the clearance of start and goal is twice as large; 0 after five halvings.
 
-    Of several configurations as goals the one with most
-    counts; of other goals it is not known ahead. Elements that do not move against each other do not count.
+    Of several goal configurations the one with the largest clearance counts; goal poses are not considered, because
+    their configurations are not known yet. Elements that do not move relative to each other do not count.
 
     Raises:
         InputError: below zero or not finite.
@@ -239,7 +243,7 @@ def affordable_margin(problem: Problem, margin: float) -> float:
     margin = finite_number("margin", margin)
     if margin < 0.0:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
-    # By the checker that will plan with the margin: what is left beyond that.
+    # The checker that will plan with the margin computes the clearance beyond it.
     with checker_from_pool(problem.scene, problem.arms, margin) as checker:
         rest = checker.moving_clearance(problem.start, margin)
         goals = joint_goals(problem)

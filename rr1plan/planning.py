@@ -174,7 +174,7 @@ def check_question(problem: Any, budget: Any, progress: Any) -> None:
 
 
 class Planner(ABC):
-    """A planner: settings in the constructor, the problem in `plan`. Derive from it to bring your own.
+    """Base class of planners: settings in the constructor, the problem in `plan`.
 
     A planner keeps no state that changes its answers: the same problem, seed and budget of iterations give the same
     path. Pass an instance wherever a planner's name is taken, or make it known by a name with `register_planner`.

@@ -1,4 +1,4 @@
-"""What long work reports while it runs, and how it is cancelled; the same for planners, proofs and replays."""
+"""Progress of long computations and their cancellation; the same for planners, proofs and replays."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rr1plan.errors import CancelledError
 
 @dataclass(frozen=True)
 class Progress:
-    """How far long work is.
+    """The progress of a long computation.
 
     Args:
         stage: What is being done: a planner's name, "shorten", "validate", "simulate", ...
@@ -31,7 +31,7 @@ ProgressCallback = Callable[[Progress], bool | None]
 
 
 def fraction_callback(stage: str, progress: ProgressCallback | None) -> Callable[[float], None] | None:
-    """What reports a fraction as progress; None where nobody wants to know.
+    """A function that reports a fraction as progress; None without a callback.
 
     It raises `CancelledError` when `progress` returns False.
     """

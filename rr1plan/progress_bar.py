@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 
 class Advance(Protocol):
-    """What moves a bar."""
+    """A function that moves a bar."""
 
     def __call__(self, fraction: float, what: str = "") -> None:
         """Show the fraction done, and the current task if given."""

@@ -255,7 +255,9 @@ class Trajectory(Value):
             raise InputError("t is not finite")
         piece = np.clip(np.searchsorted(self.breaks, flat, side="right") - 1, 0, len(self.coefficients) - 1)
         local = np.clip(flat, self.breaks[0], self.breaks[-1]) - self.breaks[piece]
-        coefficients = self.derivative_coefficients(derivative)[piece]
+        first = int(piece.min(initial=len(self.coefficients) - 1))
+        used = self.coefficients[first : int(piece.max(initial=first)) + 1]
+        coefficients = _derived(used, derivative)[piece - first]
         value = np.zeros((len(flat), len(self.joint_names)))
         for k in range(coefficients.shape[1] - 1, -1, -1):
             value = value * local[:, None] + coefficients[:, k]
@@ -270,10 +272,7 @@ class Trajectory(Value):
             InputError: a derivative that is negative or above 100.
         """
         whole_number("derivative", derivative, 0, _MOST_DERIVATIVE)
-        c = self.coefficients
-        for _ in range(derivative):
-            c = np.asarray(c[:, 1:] * np.arange(1, c.shape[1])[None, :, None] if c.shape[1] > 1 else np.zeros_like(c))
-        return c
+        return _derived(self.coefficients, derivative)
 
     def sample_times(self, dt: float) -> Array:
         """Times start, start + dt, ..., and the end [s]."""
@@ -332,3 +331,11 @@ def _interpolate(h: Array, rows: list[Array]) -> Array:
     quartic = (-15.0 * dq + 7.0 * dv - da) / h**4
     quintic = (6.0 * dq - 3.0 * dv + da / 2.0) / h**5
     return np.stack([q0, v0, a0 / 2.0, cubic, quartic, quintic], axis=1)
+
+
+def _derived(coefficients: Array, derivative: int) -> Array:
+    """Local coefficients of a derivative, lowest power first."""
+    c = coefficients
+    for _ in range(derivative):
+        c = np.asarray(c[:, 1:] * np.arange(1, c.shape[1])[None, :, None] if c.shape[1] > 1 else np.zeros_like(c))
+    return c

@@ -6,8 +6,6 @@ import numpy as np
 
 import rr1plan as rp
 
-READY = "Boolean(window.RR1 && RR1.ready)"
-
 # The boxes around what is drawn of each link at a level of detail, from the corners that the graphics card gets.
 DRAWN_LINKS = """level => {
     const found = {}, matrix = new RR1.THREE.Matrix4(), corner = new RR1.THREE.Vector3();

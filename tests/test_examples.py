@@ -271,6 +271,81 @@ def a_simulation_is_commanded_while_it_runs(said: str, folder: Path) -> None:
     assert len((folder / "24_states.jsonl").read_text().splitlines()) == 200
 
 
+def a_tower_falls_and_a_page_shows_it(said: str, folder: Path) -> None:
+    heights = ("top block at", "drawn at", "bodies, the top one at")
+    standing, drawn, again = (number(rf"{words} (\S+) m", said) for words in heights)
+    assert standing == pytest.approx(drawn, abs=0.002)
+    assert again == drawn
+    assert number(r"(\d) of 8 blocks lie", said) >= 6
+    assert number(r"deepest penetration (\S+) mm", said) < 20
+    assert "forbidden contacts: []" in said
+    assert '"poses"' in (folder / "25_loose_bodies.html").read_text()
+
+
+def an_arm_is_calibrated_and_its_slipped_belt_is_named(said: str, folder: Path) -> None:
+    assert "20 poses to measure in" in said
+    assert "left out: row 5" in said
+    assert number(r"zeros are off by at most (\S+) deg", said) < 0.5
+    assert number(r"moved: elbow_joint: \+(\S+) deg", said) == pytest.approx(2.0, abs=0.5)
+    assert number(r"all others by less than (\S+) standard", said) < 4.0
+    assert "not determined: {'hand_joint': ('zero', 'scale', 'sign')}" in said
+    assert rp.load_calibration(folder / "31_rr1.toml").unit == "steps"
+
+
+def an_arm_that_is_pushed_leaves_the_corridor_and_comes_back(said: str, folder: Path) -> None:
+    assert said.index("outside: left the certified corridor") < said.index("inside the certified corridor again")
+    assert number(r"(\d+) messages, ", said) > 100
+    assert number(r"at most (\S+) rad or m off the plan", said) > 0.01
+    assert "MuJoCo has 0 contacts" in said
+    assert len((folder / "32_run.jsonl").read_text().splitlines()) == number(r"from the file: (\d+) messages", said)
+    assert 0.0 < number(r"5 mrad off: (\d+) % of the corridor", said) < 300.0
+
+
+def a_block_is_carried_by_friction(said: str, folder: Path) -> None:
+    assert FREE in said
+    assert number(r"(\d+) grasps from above", said) >= 4
+    taken, left = (number(rf"at (\S+) s: {what} 'block'", said) for what in ("attach", "detach"))
+    assert 0.0 < taken < left
+    assert number(r"block: at most (\S+) mm from where the plan has it", said) < 10.0
+    assert "contacts: none that no stage allows" in said
+    assert "read again: SequencePlan(13 stages, Report(certified" in said
+    assert re.search(r"with a ball: stage 7 .*late_ball and block overlap", said)
+    assert re.search(r"too far: no plan \(infeasible\): segment 7 .*out of reach", said)
+    assert (folder / "26_pick_and_place.html").stat().st_size > 100_000
+
+
+def three_blocks_end_in_a_row(said: str, folder: Path) -> None:
+    assert re.search(r"34 stages, \S+ s: Report\(certified", said)
+    for name, y in (("red", -0.06), ("green", -0.14), ("blue", -0.22)):
+        assert f"{name} at [-0.28, {y}], " in said
+    assert max(numbers(r"(\S+) mm off in the simulation", said)) < 5.0
+    assert (folder / "27_blocks.html").exists()
+
+
+def a_bar_goes_from_one_arm_to_the_other(said: str, folder: Path) -> None:
+    assert FREE in said
+    assert re.findall(r"at \S+ s: (\w+) 'bar'", said) == ["attach", "detach", "attach", "detach"]
+    assert number(r"bar: at most (\S+) mm from where the plan has it", said) < 10.0
+    assert rp.load_sequence(folder / "28_hand_over.json").valid
+
+
+def assertions_say_what_is_wrong(said: str, _: Path) -> None:
+    assert said.count(": passed") == 3
+    assert "11 replays passed; the worst:" in said
+    assert "FCL, Coal, MuJoCo at" in said
+    assert "free of contacts, they agree" in said
+    assert re.search(r"in_the_way: failed\n  the motion is not valid: collision: .*and ball overlap by", said)
+
+
+def a_motion_goes_to_an_emulated_control_box(said: str, folder: Path) -> None:
+    assert "certified free of collision, steps and ramps" in said
+    assert number(r"planned (\S+) s", said) < number(r"the arm takes (\S+) s", said)
+    assert "executed: idle, counters" in said
+    assert "refused: W1 is at 0 steps" in said
+    assert "objections of a controller: []" in said
+    assert rp.load_joint_trajectory(folder / "30_motion.yaml").degree == 5
+
+
 CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "01_first_motion": the_first_motion_is_proven_and_replayed,
     "02_robots": robots_have_presets_and_grippers_and_bad_files_are_refused,
@@ -296,6 +371,14 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "22_hundred_on_a_grid": a_hundred_arms_move_at_once,
     "23_no_schedule": what_has_no_schedule_says_why,
     "24_simulation": a_simulation_is_commanded_while_it_runs,
+    "25_loose_bodies": a_tower_falls_and_a_page_shows_it,
+    "26_pick_and_place": a_block_is_carried_by_friction,
+    "27_blocks": three_blocks_end_in_a_row,
+    "28_hand_over": a_bar_goes_from_one_arm_to_the_other,
+    "29_assert_replays": assertions_say_what_is_wrong,
+    "30_real_arm": a_motion_goes_to_an_emulated_control_box,
+    "31_calibration": an_arm_is_calibrated_and_its_slipped_belt_is_named,
+    "32_mirror": an_arm_that_is_pushed_leaves_the_corridor_and_comes_back,
 }
 
 

@@ -7,11 +7,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 GUIDE = Path(__file__).parent.parent / "docs" / "guide.md"
+PAGES = sorted(GUIDE.with_name("moving_over").glob("[!R]*.md"))
 
 
-def _blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", GUIDE.read_text(), re.MULTILINE | re.DOTALL)
+def _blocks(language: str, page: Path = GUIDE) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
 
 
 def test_the_guide_s_code_runs_on_the_guide_s_files(tmp_path: Path) -> None:
@@ -39,8 +42,33 @@ def test_the_guide_s_code_runs_on_the_guide_s_files(tmp_path: Path) -> None:
     assert "certified free of collision in continuous time" in done.stdout
 
 
-def test_every_name_the_guide_uses_is_public() -> None:
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_the_code_of_a_page_on_moving_over_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files on the page are named in their first line."""
+    monkeypatch.chdir(tmp_path)
+    for language in ("xml", "yaml", "toml", "text"):
+        for text in _blocks(language, page):
+            first, rest = text.split("\n", 1)
+            name = re.fullmatch(r"(?:<!-- |# )(\S+?)(?: -->)?", first)
+            assert name, first
+            # Formats without comments begin after the name.
+            (tmp_path / name[1]).write_text(rest if language == "text" else text)
+    code = _blocks("python", page)
+    assert code
+    exec(compile("\n".join(code), str(page), "exec"), {})
+
+
+def test_every_page_on_moving_over_is_listed_with_what_did_it_before_and_now() -> None:
+    index = GUIDE.with_name("moving_over") / "README.md"
+    assert set(re.findall(r"\((\w+\.md)\)", index.read_text())) == {page.name for page in PAGES}
+    for page in PAGES:
+        assert "**There:**" in page.read_text()
+        assert "**Here:**" in page.read_text()
+
+
+@pytest.mark.parametrize("page", [GUIDE, *PAGES], ids=lambda page: page.stem)
+def test_every_name_the_guide_uses_is_public(page: Path) -> None:
     import rr1plan
 
-    used = set(re.findall(r"\brp\.(\w+)", GUIDE.read_text()))
+    used = set(re.findall(r"\brp\.(\w+)", page.read_text()))
     assert used <= set(rr1plan.__all__)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.playback.simulation.replay import Replay, ReplayContact
+from rr1plan.playback.simulation.replay import Replay, ReplayContact, ReplayRecord
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,8 @@ def test_inverse_kinematics_is_true_if_it_found_a_solution(problem: rp.Problem) 
 @pytest.mark.parametrize("contacts", [(), (ReplayContact(("arm/link", "wall"), 0.0, 0.1, 0.001),)])
 def test_a_replay_is_true_if_nothing_touched(contacts: tuple[ReplayContact, ...]) -> None:
     one = np.zeros((1, 1))
-    replay = Replay("dynamic", ("arm/joint",), one[0], one, one, one[0], one[0], one[0], contacts, 1, 0.002, 1.0)
+    record = ReplayRecord(one[0], one, one)
+    replay = Replay("dynamic", ("arm/joint",), record, one[0], one[0], one[0], contacts, 1, 0.002, 1.0)
     assert bool(replay) is not bool(contacts)
 
 

@@ -11,10 +11,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.binding.c_sources import KernelSources
+from rr1plan.binding.c_sources import KernelSources, Prototype
 
 # Vectors across two lines of the processor's cache take twice as long.
 _LINE = 64
+_NATIVE: dict[str, Any] = {"void": None, "int64_t": ctypes.c_int64, "double": ctypes.c_double}
 _DTYPES: dict[str, np.dtype[Any]] = {
     "double": np.dtype(np.float64),
     "float": np.dtype(np.float32),
@@ -24,7 +25,9 @@ _DTYPES: dict[str, np.dtype[Any]] = {
     "int8_t": np.dtype(np.int8),
     "uint8_t": np.dtype(np.uint8),
 }
-_start_of: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
+# The address of an array's first item follows the head of the object, in every version of NumPy's C interface.
+_HEAD = object.__basicsize__
+_word_at: Callable[[int], ctypes.c_size_t] = ctypes.c_size_t.from_address
 
 
 class CStruct:
@@ -57,18 +60,17 @@ class CStruct:
         Raises:
             TypeError: an array of another type than declared.
         """
-        pointers = self.sources.pointers(self.name)
+        pointers, targets, value = self.sources.pointers(self.name), self._targets, self.value
         for key, given in fields.items():
-            if key in pointers:
-                if given is self._targets.get(key):
-                    continue  # what a copy shares with the struct it was made of
-                setattr(self.value, key, address_of(self.sources, given, pointers[key]))
-                self._targets[key] = given
-            else:
-                setattr(self.value, key, given)
+            kind = pointers.get(key)
+            if kind is None:
+                setattr(value, key, given)
+            elif given is not targets.get(key):  # unlike what a copy shares with the struct it was made of
+                setattr(value, key, address_of(self.sources, given, kind))
+                targets[key] = given
 
     def give_room(self, *, unset: bool = False, **counts: int) -> None:
-        """Let pointers lead to new memory, aligned for vectors, in which what is used together shares pages and lines.
+        """Point fields to new memory, aligned for vectors, in which data used together share pages and cache lines.
 
         Args:
             unset: Whether it may hold anything; otherwise it is zeroed.
@@ -76,7 +78,7 @@ class CStruct:
         """
         layout, size = _layout(self.sources, self.name, tuple(counts.items()))
         room = np.empty(size, np.uint8) if unset else np.zeros(size, np.uint8)
-        begin = ctypes.addressof(_start_of(room))
+        begin = _data_of(room)
         first = -begin % _LINE
         for key, part in layout.items():
             setattr(self.value, key, begin + first + part.offset)
@@ -93,7 +95,7 @@ class CStruct:
         return other
 
     def part(self, field: str) -> Any:
-        """What a pointer leads to: an array, or another struct."""
+        """The target of a pointer: an array, or another struct."""
         if field not in self._targets:
             layout, room = next((layout, room) for layout, room in self._rooms if field in layout)
             self._targets[field] = layout[field].of(room)
@@ -101,7 +103,7 @@ class CStruct:
 
     @property
     def targets(self) -> dict[str, Any]:
-        """What its pointers lead to, by field."""
+        """The targets of its pointers, by field."""
         keys = [*self._targets, *(key for layout, _ in self._rooms for key in layout)]
         return {key: self.part(key) for key in dict.fromkeys(keys)}
 
@@ -126,8 +128,10 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
         if given.name != kind:
             raise TypeError(f"a {given.name} is no {kind}")
         return given.address
-    flags, expected = given.flags, _DTYPES.get(kind)
-    if not flags.c_contiguous:
+    if not isinstance(given, np.ndarray):
+        raise TypeError(f"a {type(given).__name__} is no array of {kind}")
+    expected = _DTYPES.get(kind)
+    if not given.flags.c_contiguous:
         raise TypeError(f"an array for {kind} is not C-contiguous")
     if expected is None:
         row = given.itemsize * (given.shape[1] if given.ndim == 2 else 1)
@@ -136,37 +140,38 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
             raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
     elif given.dtype is not expected and given.dtype != expected:
         raise TypeError(f"an array of {given.dtype} is no array of {kind}")
-    if flags.writeable and given.size:
-        return ctypes.addressof(_start_of(given))  # three times as fast as the general case below
-    address: int = given.__array_interface__["data"][0]
-    return address
+    return _data_of(given)
 
 
-def argument_type(sources: KernelSources, kind: str) -> Any:
-    """The type of an argument of an exported function, as `ctypes` takes it.
+def _data_of(array: NDArray[Any]) -> int:
+    """Address of an array's first item; `array.ctypes` and `__array_interface__` take five times as long."""
+    return _word_at(id(array) + _HEAD).value
+
+
+def bound(sources: KernelSources, function: Any, prototype: Prototype) -> Callable[..., Any]:
+    """An exported function that takes numbers, and for each pointer an array, a `CStruct` or an address.
+
+    Arguments are converted before `ctypes` sees them: it turns any exception meanwhile, also that of Ctrl-C, into an
+    ArgumentError.
 
     Args:
-        sources: Sources that declare the function.
-        kind: A type of number; or a pointer type with a `*`, which takes an array, a `CStruct` or an address.
+        sources: Sources that declare it.
+        function: The function as `ctypes` found it in a library.
+        prototype: Its declaration.
     """
-    if not kind.endswith("*"):
-        return {"int64_t": ctypes.c_int64, "double": ctypes.c_double}[kind]
-    target = kind.removesuffix("*")
-    expected = _DTYPES.get(target)
+    pointers = [(i, kind.removesuffix("*")) for i, kind in enumerate(prototype.arguments) if kind.endswith("*")]
+    function.restype = _NATIVE[prototype.result]
+    function.argtypes = [_NATIVE.get(kind, ctypes.c_void_p) for kind in prototype.arguments]
 
-    class Pointer:
-        """A pointer argument."""
+    def call(*arguments: Any) -> Any:
+        converted = list(arguments)
+        for i, kind in pointers:
+            given = converted[i]
+            if type(given) is not int:
+                converted[i] = address_of(sources, given, kind)
+        return function(*converted)
 
-        @classmethod
-        def from_param(cls, given: Any) -> Any:
-            """The value passed to C."""
-            if type(given) is np.ndarray and given.dtype is expected:  # most arguments, in half of the time
-                flags = given.flags
-                if flags.c_contiguous and flags.writeable and given.size:
-                    return ctypes.byref(_start_of(given))
-            return ctypes.c_void_p(given if type(given) is int else address_of(sources, given, target))
-
-    return Pointer
+    return call
 
 
 @dataclass(frozen=True)
@@ -206,5 +211,5 @@ def zeroed(sources: KernelSources, kind: str, count: int) -> NDArray[Any]:
     """Zeroed memory for structs (rows of bytes) or numbers, aligned for vectors."""
     item = sources.item_size(kind)
     room = np.zeros(count * item + _LINE, np.uint8)
-    part = _Part(-room.__array_interface__["data"][0] % _LINE, count * item, item, _DTYPES.get(kind))
+    part = _Part(-_data_of(room) % _LINE, count * item, item, _DTYPES.get(kind))
     return part.of(room)

@@ -5,20 +5,17 @@ from __future__ import annotations
 import ctypes
 import platform
 import sys
-from collections.abc import Callable
 from functools import cached_property
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
 
-from rr1plan.binding.c_memory import argument_type
+from rr1plan.binding.c_memory import bound
 from rr1plan.binding.c_sources import KernelSources
 from rr1plan.errors import InstallationError
 
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
 _SUFFIXES = {"win32": ".dll", "darwin": ".dylib"}
 _LEVELS = (4, 3, 2)
-_RESULTS = {"void": None, "int64_t": ctypes.c_int64, "double": ctypes.c_double}
 HOW_TO_BUILD = "build them with `pip install -e .` or, in a source checkout, `python hatch_build.py`"
 
 
@@ -70,10 +67,7 @@ class KernelLibrary:
         try:
             library = ctypes.CDLL(str(file))
             for name, prototype in self.sources.prototypes.items():
-                function = getattr(library, name)
-                function.restype = _RESULTS[prototype.result]
-                function.argtypes = [argument_type(self.sources, kind) for kind in prototype.arguments]
-                setattr(library, name, _interruptible(function))
+                setattr(library, name, bound(self.sources, getattr(library, name), prototype))
             expected = self.sources.layout()
             compiled = (ctypes.c_int64 * (len(expected) + 1)).in_dll(library, "rr1_layout")
         except (OSError, AttributeError, ValueError) as error:
@@ -92,23 +86,6 @@ class KernelLibrary:
         if not self.variants:
             raise InstallationError(f"no compiled kernels for {platform.machine()} in {self.folder}; {HOW_TO_BUILD}")
         return self.load(self.variant_file(self.variants[0]))
-
-
-def _interruptible(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of a library, during a call of which Ctrl-C raises a KeyboardInterrupt.
-
-    While arguments are converted, `ctypes` turns every exception into an ArgumentError that keeps nothing but its text.
-    """
-
-    def call(*arguments: Any) -> Any:
-        try:
-            return function(*arguments)
-        except ctypes.ArgumentError as error:
-            if KeyboardInterrupt.__name__ in str(error):
-                raise KeyboardInterrupt from error
-            raise
-
-    return call
 
 
 def _unloadable(file: Path, error: Exception) -> InstallationError:

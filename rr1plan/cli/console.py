@@ -1,4 +1,4 @@
-"""What the commands say: text for people, one JSON value for programs, progress on a terminal."""
+"""Output of the commands: text for people, one JSON value for programs, progress on a terminal."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class Console:
             self.write(json.dumps(value, indent=2, allow_nan=False) + "\n")
 
     def error(self, message: str, code: int) -> None:
-        """What went wrong: on stderr for people, and as JSON for programs."""
+        """Report an error: on stderr for people, and as JSON for programs."""
         message = self.spelled(message)
         if self.as_json and self._has_reader:
             with suppress(InputError):
@@ -155,7 +155,7 @@ class Console:
 
 
 def _discard(stream: TextIO) -> None:
-    """Let what is left in a stream's buffer go nowhere: it would be written once more when the process ends."""
+    """Discard the rest of a stream's buffer, which would be written again when the process ends."""
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 

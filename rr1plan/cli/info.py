@@ -20,15 +20,15 @@ from rr1plan.robot.robot_packages import PACKAGE, installed_robots
 from rr1plan.scene.model_library import load_robot, load_scene_file, robot_names, scene_names
 
 _REQUIRED = (
-    "numpy", "scipy", "pin", "coal", "ompl", "toppra", "ruckig", "mujoco", "meshcat", "tornado",
+    "numpy", "scipy", "pin", "coal", "python-fcl", "ompl", "toppra", "ruckig", "mujoco", "meshcat", "tornado",
     "trimesh", "pycollada", "coacd", "matplotlib", "msgspec", "pyyaml", "rich",
 )  # fmt: skip
 _OPTIONAL = {
     "xacrodoc": "xacro",
     "rosbags": "ros",
+    "pyserial": "serial",
     "example-robot-data": "robots",
     "playwright": "dev",
-    "python-fcl": "dev",
 }
 
 
@@ -176,7 +176,7 @@ def doctor(options: Namespace, console: Console) -> int:
 
 
 def _kernels() -> dict[str, str]:
-    """Which variant of the compiled kernels this processor runs, by library.
+    """The variant of the compiled kernels that this processor runs, by library.
 
     Raises:
         InstallationError: one is not there, or cannot be loaded.

@@ -1,15 +1,17 @@
-"""What `plan` says of a plan of many arms, and the figures it draws."""
+"""Output of the command `plan` about many arms, and its figures."""
 
 from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from rr1plan.checks import counted, known_name
 from rr1plan.cli.console import Console, milliseconds
 from rr1plan.errors import InputError
 from rr1plan.motion_plan import MotionPlan
+from rr1plan.pipeline import MANY_ARMS_PLANNERS, default_planner
 from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:
@@ -17,8 +19,6 @@ if TYPE_CHECKING:
     from rr1plan.multi.timing.schedule import Schedule
     from rr1plan.playback.schedules.timeline import Timeline
 
-_MANY_ARMS = "many_arms"
-_FEWEST = 3  # arms that are planned by `many_arms` where no planner is named
 _MOST = 8  # waits or groups that are printed
 
 
@@ -31,8 +31,8 @@ def check_figures(options: Namespace, problem: Problem) -> None:
     """
     if options.diagram is None:
         return
-    schedules = len(problem.arms) >= _FEWEST if options.planner is None else options.planner.startswith(_MANY_ARMS)
-    if not schedules:
+    planner = options.planner or default_planner(problem, options.retiming)
+    if planner not in MANY_ARMS_PLANNERS:
         raise InputError("option diagram needs the schedules of option planner many_arms")
     if len(problem.arms) < 2:
         raise InputError(f"option diagram needs two arms that move, got {problem.arms[0]!r} alone")
@@ -72,20 +72,20 @@ def _agent_of(motion: MotionPlan, arm: str) -> Schedule:
 
 
 def say_many(motion: MotionPlan, console: Console) -> None:
-    """What a user needs to know of a plan of many arms, besides the report."""
+    """Print the summary of a plan of many arms: makespan, groups, waits."""
     many = motion.many_arms
     if many is None or console.as_json or console.quiet:
         return
     console.say(
         f"{counted(len(many.paths), 'arm')}: makespan {many.makespan:.3f} s, "
-        f"{many.ratio:.2f} times the slowest arm alone; {many.waiting:.3f} s of waiting"
+        f"{many.ratio:.2f} times the slowest arm alone; {many.quality.waiting:.3f} s of waiting"
     )
     _say_groups(many, console)
     _say_waits(motion.timeline(), console)
 
 
 def say_unscheduled(motion: MotionPlan, console: Console) -> None:
-    """Which groups of arms have schedules and which have none, where some were planned."""
+    """Print which groups of arms have schedules, if any were planned."""
     if motion.many_arms is not None:
         _say_groups(motion.many_arms, console)
 
@@ -122,11 +122,4 @@ def many_values(motion: MotionPlan) -> Mapping[str, Any]:
     if not many.found:
         return {"many_arms": {"groups": groups}}
     waits = [{"arm": w.arm, "begin": w.begin, "end": w.end, "others": list(w.others)} for w in motion.timeline().waits]
-    numbers = {
-        "makespan": many.makespan,
-        "slowest_alone": many.slowest_alone,
-        "ratio": many.ratio,
-        "path_length": many.path_length,
-        "waiting": many.waiting,
-    }
-    return {"many_arms": {**numbers, "groups": groups, "waits": waits}}
+    return {"many_arms": {**asdict(many.quality), "ratio": many.ratio, "groups": groups, "waits": waits}}

@@ -159,6 +159,50 @@ def _play(parser: Parser) -> None:
     parser.add_argument("--timestep", type=_positive, default=0.002, help="step of the simulator [s] (%(default)s)")
 
 
+def _send(parser: Parser) -> None:
+    parser.add_argument("motion", metavar="MOTION", help=_MOTION)
+    parser.add_argument(
+        "--calibration",
+        type=_named_file,
+        required=True,
+        metavar="FILE",
+        help="the arm's calibration in steps, with its control box (.toml)",
+    )
+    parser.add_argument(
+        "--port", type=_named_file, help="the serial port of the box, e.g. /dev/ttyACM0 (default: a dry run)"
+    )
+    parser.add_argument("--scene", help="the scene to certify it in (default: the one that the file holds)")
+    _topic(parser)
+    parser.add_argument(
+        "--tolerance", type=_positive, default=0.01, help="how far segments may leave the motion [rad] (%(default)s)"
+    )
+    parser.add_argument(
+        "--safety", choices=("high", "low"), default="high", help="high: at most 1024 steps a command (%(default)s)"
+    )
+
+
+def _mirror(parser: Parser) -> None:
+    parser.add_argument(
+        "source", metavar="SOURCE", help="joint states: udp://HOST:PORT, a file (.jsonl), or a ROS bag with JointState"
+    )
+    parser.add_argument("--plan", metavar="MOTION", help=f"what the arms are to do: {_MOTION}")
+    parser.add_argument("--scene", help="the scene (default: the one that the motion's file holds)")
+    parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds such messages)")
+    parser.add_argument(
+        "--start", type=_finite, help="when the plan begins, on the sender's clock [s] (default: at the first message)"
+    )
+    parser.add_argument("--record", type=_named_file, metavar="FILE", help="write all messages to a file (.jsonl)")
+    parser.add_argument("--duration", type=_positive, help="how long to listen [s] (default: to the end, or Ctrl-C)")
+    parser.add_argument(
+        "--silence", type=_positive, default=1.0, help="report a socket that is silent for this long [s] (%(default)s)"
+    )
+    parser.add_argument("--port", type=_count, help="port of the page on this machine (default: the next free one)")
+    parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
+    parser.add_argument("--no-page", action="store_true", help="only print what is noticed")
+    parser.excludes("--no-page", "--port", "--no-browser")
+    parser.different_files("source", "--record")
+
+
 def _view(parser: Parser) -> None:
     parser.add_argument("what", metavar="WHAT", help=f"a shipped scene, a scene file, or {_MOTION}")
     parser.add_argument("--scene", help="the scene of the motion (default: the one that the file holds)")
@@ -255,11 +299,29 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         ("rr1plan play motion.json", "rr1plan play motion.json --mode kinematic"),
         _play,
     ),
+    "send": (
+        "send.send",
+        "send a saved motion to RR1's control box; a dry run where no port is named",
+        (
+            "rr1plan send motion.json --calibration arm.toml",
+            "rr1plan send motion.json --calibration arm.toml --port /dev/ttyACM0",
+        ),
+        _send,
+    ),
     "view": (
         "view.view",
         "look at a scene or a saved motion in the browser",
         ("rr1plan view rr1_shelf", "rr1plan view motion.json --html motion.html"),
         _view,
+    ),
+    "mirror": (
+        "joint_stream.mirror",
+        "show joint states live, beside a plan and its certified corridor",
+        (
+            "rr1plan mirror udp://127.0.0.1:9000 --plan motion.json --record run.jsonl",
+            "rr1plan mirror run.jsonl --plan motion.json --no-page",
+        ),
+        _mirror,
     ),
     "cspace": (
         "view.cspace",

@@ -112,7 +112,7 @@ def _chosen(scene: str, queries: Mapping[str, Problem], name: str | None) -> Pro
 
 
 def page_options(options: Namespace) -> rp.ViewOptions | None:
-    """How a page looks, as the command line says it; None where it says nothing, which loads no viewer.
+    """The view options of the command line; None if it gives none, so that no viewer is loaded.
 
     Raises:
         UnknownNameError: no such view.

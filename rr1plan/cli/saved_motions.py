@@ -9,9 +9,10 @@ import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.plan import told_to
 from rr1plan.errors import InputError, NoPlanError
-from rr1plan.load_motion import load_motion
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.scene.model_library import load_scene
+from rr1plan.sequences.sequence_files import holds_sequence, load_sequence
+from rr1plan.sequences.sequence_plan import SequencePlan
 
 
 def validate(options: Namespace, console: Console) -> int:
@@ -32,26 +33,37 @@ def play(options: Namespace, console: Console) -> int:
     except NoPlanError as error:
         raise InputError(f"{error}; only a motion with times can be replayed") from error
     say_changes(motion, console)
+    if isinstance(motion, SequencePlan) and options.mode != "dynamic":
+        raise InputError("a sequence is replayed with --mode dynamic only, where fingers hold objects")
+    replay: rp.Replay | rp.SequenceReplay
     with console.progress("replaying") as advance:
-        replay = rp.simulate(
-            trajectory, motion.scene, mode=options.mode, dt=options.timestep, progress=told_to(advance)
-        )
+        if isinstance(motion, SequencePlan):
+            replay = rp.simulate_sequence(motion, dt=options.timestep, progress=told_to(advance))
+        else:
+            replay = rp.simulate(
+                trajectory, motion.scene, mode=options.mode, dt=options.timestep, progress=told_to(advance)
+            )
     console.say(str(replay))
-    console.say(f"  it took {milliseconds(replay.wall_seconds)}")
-    console.result({**replay.to_dict(), **about(motion)})
+    said = replay.to_dict()
+    console.say(f"  it took {milliseconds(said['wall_seconds'])}")
+    console.result({**said, **about(motion)})
     return 0 if replay else 4
 
 
-def saved_motion(file: str, options: Namespace, console: Console, checks: dict[str, bool] | None = None) -> MotionPlan:
-    """A motion from a file of any kind, judged in the scene that the options name or in its own."""
+def saved_motion(
+    file: str, options: Namespace, console: Console, checks: dict[str, bool] | None = None
+) -> MotionPlan | SequencePlan:
+    """A motion or a sequence from a file of any kind, judged in the scene that the options name or in its own."""
     with console.progress("loading the scene"):
         where = None if options.scene is None else load_scene(options.scene)
     with console.progress("checking") as advance:
-        return load_motion(file, where, topic=options.topic, **(checks or {}), progress=told_to(advance))
+        if options.topic is None and holds_sequence(file):
+            return load_sequence(file, where, **(checks or {}), progress=told_to(advance))
+        return rp.load_motion(file, where, topic=options.topic, **(checks or {}), progress=told_to(advance))
 
 
-def say_changes(motion: MotionPlan, console: Console) -> None:
-    """Where a motion is looked at, what it is made of, and what differs from where it was made."""
+def say_changes(motion: MotionPlan | SequencePlan, console: Console) -> None:
+    """Print the scene of a motion, its parts, and the differences from the scene that it was made in."""
     console.say(f"in the scene {motion.scene.name}: {motion.size()}")
     if motion.changes:
         console.say("the scene differs from the one that the motion was made in:")
@@ -59,6 +71,6 @@ def say_changes(motion: MotionPlan, console: Console) -> None:
         console.say(f"  {change}")
 
 
-def about(motion: MotionPlan) -> dict[str, Any]:
+def about(motion: MotionPlan | SequencePlan) -> dict[str, Any]:
     """The same as plain values, for JSON."""
     return {"scene": motion.scene.name, "changes": list(motion.changes)}

@@ -44,15 +44,20 @@ def demo(options: Namespace, console: Console) -> int:
         replay = rp.simulate(motion.trajectory, scene, progress=told_to(advance))
     console.say(f"  {str(replay).replace(chr(10), chr(10) + '  ')}")
     with watch.stage("write the files"):
-        files = _write_demo(folder, motion, look)
+        files = {
+            "the page that plays it, offline": motion.save_html(folder / "motion.html", options=look),
+            "the motion": motion.save(folder / "motion.json"),
+            "the trajectory": save_trajectory(folder / "trajectory.json", motion.trajectory, scene),
+            "the trajectory as a table": save_csv(folder / "trajectory.csv", motion.trajectory),
+        }
     console.say("how long each step took")
     steps = {**watch.seconds}
     inner = "".join(f"\n      {name}: {milliseconds(seconds)}" for name, seconds in motion.seconds.items())
     for name, seconds in steps.items():
         console.say(f"  {name}: {milliseconds(seconds)}{inner if name.startswith('plan') else ''}")
     console.say("wrote")
-    for what, file in files.items():
-        console.say(f"  {what}: {file}")
+    for content, file in files.items():
+        console.say(f"  {content}: {file}")
     console.result(
         {**summary(motion), "replay": replay.to_dict(), "steps": steps, "files": {k: str(v) for k, v in files.items()}}
     )
@@ -67,15 +72,6 @@ def _made(folder: Path) -> Path:
         raise InputError(f"cannot make the folder {folder}: {error.strerror}") from error
     check_writable(folder / "motion.json")
     return folder
-
-
-def _write_demo(folder: Path, motion: MotionPlan, look: rp.ViewOptions | None) -> dict[str, Path]:
-    return {
-        "the page that plays it, offline": motion.save_html(folder / "motion.html", options=look),
-        "the motion": motion.save(folder / "motion.json"),
-        "the trajectory": save_trajectory(folder / "trajectory.json", motion.trajectory, motion.scene),
-        "the trajectory as a table": save_csv(folder / "trajectory.csv", motion.trajectory),
-    }
 
 
 def view(options: Namespace, console: Console) -> int:
@@ -101,7 +97,7 @@ def view(options: Namespace, console: Console) -> int:
     return 0
 
 
-def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | None]:
+def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | rp.SequencePlan | None]:
     """A scene, and a motion in it when the name is a motion file's."""
     is_scene = options.what in scene_names() or not is_motion_file(options.what)
     if is_scene and options.topic is not None:

@@ -74,7 +74,7 @@ class ArmGeometry:
 
 @dataclass(frozen=True)
 class _Content:
-    """All that an arm's geometry depends on, to compare; and what to make it from."""
+    """The inputs of an arm's geometry, and the part of them that decides whether two are equal."""
 
     robot: str
     held: tuple[tuple[str, str, bytes, tuple[tuple[Shape, bytes], ...]], ...]

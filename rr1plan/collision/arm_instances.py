@@ -103,7 +103,7 @@ def _at_origin(geometries: tuple[ArmGeometry, ...]) -> ArmInstances:
 
 
 def _first(counts: Sequence[int]) -> _INTS:
-    """How many come before each."""
+    """The number of items before each."""
     return np.cumsum([0, *counts], dtype=np.int64)[:-1]
 
 

@@ -27,7 +27,7 @@ from rr1plan.checks import (
     positive_number,
     read_only,
 )
-from rr1plan.collision.coal_checker import CoalChecker, checked_margin
+from rr1plan.collision.coal_checker import CoalChecker, checked_margin, is_plain
 from rr1plan.collision.collision_geometry import geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
 from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
@@ -58,7 +58,7 @@ class FirstContact(Value):
 
 
 class CollisionChecker(CoalChecker):
-    """Which elements of a scene touch at a configuration, how far apart they are, and which motions are free.
+    """Contacts and distances of a scene's elements at configurations, and proofs that edges and curves are free.
 
     An edge is the straight line between two configurations; it is certified as a whole. Joint limits are another
     question (`limit_violations`), and so is the shorter way round of a continuous joint.
@@ -101,7 +101,7 @@ class CollisionChecker(CoalChecker):
 
     @property
     def done(self) -> EdgeCounters:
-        """What has been done so far, by compiled planners too."""
+        """Counters of the work so far, including that of compiled planners."""
         return self._kernel.done
 
     def keep_margin(self, margin: float) -> None:
@@ -173,11 +173,11 @@ class CollisionChecker(CoalChecker):
 
     @property
     def context(self) -> tuple[int, int]:
-        """What compiled planners hand to the certified edge: addresses of the tables and the scratch memory."""
+        """What compiled planners pass to the edge check: the addresses of tables and scratch memory."""
         return self._kernel.context
 
     def memory_image(self) -> bytes:
-        """The collision tables and fresh scratch memory for `core.wasm`, where pages certify edges by themselves.
+        """The collision tables and new scratch memory for `core.wasm`, with which pages certify edges.
 
         Equal scenes have equal images. `rr1plan/kernels/core.js` places one in memory, with the names `scene` and
         `scratch`.
@@ -198,7 +198,7 @@ class CollisionChecker(CoalChecker):
         return EdgeKernel(tables, exact, self.nq, self.tolerance, fixed=self.fixed.struct)
 
     def is_free(self, q: ArrayLike) -> bool:
-        """No checked pair is nearer than its padding at a configuration: Coal's answer, mostly without asking it.
+        """Whether all checked pairs keep their padding at a configuration; Coal decides the few that kernels do not.
 
         Args:
             q: Configuration [rad or m], shape (nq,).
@@ -211,7 +211,7 @@ class CollisionChecker(CoalChecker):
         return status == FREE or (status != CONTACT and self.is_free_slowly(q))
 
     def is_free_ignoring(self, q: ArrayLike, arms: frozenset[str]) -> bool:
-        """The same, but that pairs do not count in which some arms have a part; nothing is nearer than a nanometer.
+        """Like `is_free`, ignoring pairs that involve some arms; the others keep at least a nanometer.
 
         Args:
             q: Configuration [rad or m], shape (nq,).
@@ -252,7 +252,7 @@ class CollisionChecker(CoalChecker):
         return self._certify(q0, q1)[0] == FREE
 
     def edge_is_free_slowly(self, q0: ArrayLike, q1: ArrayLike) -> bool:
-        """The answer of `edge_is_free`, by the exact kernel alone; it is what tests hold that to.
+        """Like `edge_is_free`, by the exact kernel alone; the reference in tests.
 
         Args:
             q0: Begin [rad or m], shape (nq,).
@@ -306,7 +306,7 @@ class CollisionChecker(CoalChecker):
         return self.static_is_free and self._kernel.certify_parabola(curve, duration)[0] == FREE
 
     def polynomial_is_free_slowly(self, coefficients: ArrayLike, duration: float) -> bool:
-        """The answer of `polynomial_is_free`, by the exact kernel alone; it is what tests hold that to.
+        """Like `polynomial_is_free`, by the exact kernel alone; the reference in tests.
 
         Args:
             coefficients: c_k [rad/s^k or m/s^k], shape (k + 1, nq).
@@ -318,7 +318,7 @@ class CollisionChecker(CoalChecker):
         return self._certify_exactly(*self._checked_curve(coefficients, duration))[0] == FREE
 
     def first_contact(self, q0: ArrayLike, q1: ArrayLike, *, precision: float = _PRECISION) -> FirstContact | None:
-        """Where the straight line from q0 to q1 first touches something, or None when it is free.
+        """The first contact on the straight line from q0 to q1, or None when it is free.
 
         Args:
             q0: Begin [rad or m], shape (nq,).
@@ -332,7 +332,7 @@ class CollisionChecker(CoalChecker):
         return self._first_contact(np.array([q0, q1 - q0]), 1.0, positive_number("precision", precision))
 
     def first_contact_on(self, coefficients: ArrayLike, duration: float) -> FirstContact | None:
-        """Where the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, first touches something, or None when it is free.
+        """The first contact on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, or None when it is free.
 
         Args:
             coefficients: c_k [rad/s^k or m/s^k], shape (k + 1, nq).
@@ -359,13 +359,17 @@ class CollisionChecker(CoalChecker):
         return FirstContact(free, read_only(shifted_polynomial(curve, free * duration)[0]), self._names(pair))
 
     def _checked_curve(self, coefficients: ArrayLike, duration: float) -> tuple[Array, float]:
+        terms = getattr(coefficients, "shape", ())[:1]
+        if is_plain(coefficients, (*terms, self.nq)) and terms != (0,) and type(duration) is float:
+            count = len(coefficients)
+            # No number that is not finite passes.
+            if duration >= 0.0 and np.abs(coefficients).max() * count * max(1.0, duration) ** (count - 1) <= FARTHEST:
+                return coefficients, duration
         curve = finite_array("coefficients", coefficients, (None, self.nq))
         duration = finite_number("duration", duration)
         if len(curve) == 0 or duration < 0.0:
             raise InputError(f"a curve of {len(curve)} coefficients and duration {duration}, expected >= 1 and >= 0")
-        largest = float(np.abs(curve).max(initial=0.0))
-        if not (duration <= 1.0 and largest * len(curve) <= FARTHEST):
-            _check_reach(curve, duration)
+        _check_reach(curve, duration)
         return curve, duration
 
     def _certify(self, q0: Array, q1: Array) -> Answer:

@@ -1,7 +1,7 @@
 """Clearance maps: lower bounds of the gap of two links over the one or two joints between them, made once for a robot.
 
-A map of gaps depends on the two solids and the joints between them, on nothing else: not on where the arm stands, what
-is around it or which padding is asked for. Where they are near is counted from it in microseconds.
+A clearance map depends on the two solids and the joints between them only: the place of the arm, its surroundings and
+the padding do not matter. Which cells are near for a given padding is read from it in microseconds.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rr1plan.kernels.planner_kernels import constants, load_library
 from rr1plan.object_cache import kept_in
 
 _INTS = NDArray[np.int64]
-# Gaps up to these are told apart [m]; a map takes the least that the padding allows.
+# Upper ends of the ranges of gaps that maps resolve [m]; a map takes the smallest that the padding allows.
 _STEPS = (0.02, 0.06, 0.2)
 # Joints that turn without end have a map of a turn to both sides; one that slides, of as many meters.
 _TURN = 2.0 * np.pi
@@ -158,7 +158,7 @@ class _Counts:
         self._end = 0
 
     def add(self, gaps: NDArray[np.float32], least: float) -> int:
-        """Where the counts of cells begin that have less than the least gap."""
+        """Where the counts of cells with less than the smallest gap begin."""
         made = np.empty((gaps.shape[0] + 1, gaps.shape[1] + 1), np.int16)
         load_library().rr1_count_near_cells(gaps, *gaps.shape, least, made)
         self._parts.append(made.ravel())
@@ -226,7 +226,7 @@ def _between(pair: _Pair) -> _Between | None:
 
 
 def _range(low: float, high: float) -> tuple[float, float]:
-    """Where a map is made: within the limits, or a turn to both sides."""
+    """The range of a map: the joint limits, or a turn to both sides."""
     low, high = max(low, -_TURN), min(high, _TURN)
     # A joint at its limit is in the map, whatever the rounding.
     return low - 1e-6, max(high, low) + 1e-6

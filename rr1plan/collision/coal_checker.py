@@ -30,7 +30,7 @@ from rr1plan.scene import Scene
 
 
 class CoalChecker:
-    """Which elements of a scene touch, and how far apart they are, at a configuration: what `CollisionChecker` adds to.
+    """Contacts and distances of the elements of a scene at a configuration; the base of `CollisionChecker`.
 
     Coal's objects are made when they are first needed.
 
@@ -73,8 +73,7 @@ class CoalChecker:
         self._kept_padding: Array = self._bare_padding + margin
         self.solid_padding: Array = read_only(self._kept_padding.view())
         self.margin = margin
-        self.joint_names: tuple[str, ...] = scene.joint_names(self.arms)
-        self.nq = len(self.joint_names)
+        self.nq = sum(scene.arms[name].robot.nq for name in self.arms)
 
     @property
     def scene(self) -> Scene:
@@ -124,6 +123,11 @@ class CoalChecker:
     def solids(self) -> tuple[Solid, ...]:
         """The convex pieces of the elements."""
         return self.geometry.solids
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names "arm/joint" of the columns of q."""
+        return self.scene.joint_names(self.arms)
 
     @cached_property
     def limits(self) -> Limits:
@@ -268,7 +272,7 @@ class CoalChecker:
 
     @cached_property
     def tables(self) -> ExactTables:
-        """What the exact kernel knows of the pairs that move."""
+        """The exact kernel's tables of the pairs that move."""
         return build_tables(self.geometry, self.fixed, self._kept_padding)
 
     @cached_property
@@ -305,7 +309,7 @@ class CoalChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        if _is_plain(q, self.nq) and isfinite(q.dot(q)):
+        if is_plain(q, (self.nq,)) and isfinite(q.dot(q)):
             return q
         return finite_array("q", q, (self.nq,))
 
@@ -313,7 +317,7 @@ class CoalChecker:
 
     @cached_property
     def _left_out(self) -> float:
-        """What `pairs` leaves out stays farther than this beyond its padding [m]."""
+        """Pairs that `pairs` omits keep more than this distance beyond their padding [m]."""
         return self.geometry.least_gap - max((self.scene.padding, *self.scene.pair_padding.values())) - self.margin
 
     @cached_property
@@ -371,6 +375,6 @@ def checked_margin(margin: float) -> float:
     return margin
 
 
-def _is_plain(q: ArrayLike, length: int) -> TypeGuard[Array]:
-    """A vector of this length as compiled kernels take it."""
-    return type(q) is np.ndarray and q.dtype == np.float64 and q.shape == (length,) and bool(q.flags.c_contiguous)
+def is_plain(given: ArrayLike, shape: tuple[int, ...]) -> TypeGuard[Array]:
+    """Whether it is an array of this shape as compiled kernels take it."""
+    return type(given) is np.ndarray and given.dtype == np.float64 and given.shape == shape and given.flags.c_contiguous

@@ -1,11 +1,11 @@
-"""What the moving arms of a scene can touch: instances of arms, obstacles near them, and the pairs to check.
+"""The collision geometry of a scene: instances of arms, obstacles near them, and the pairs to check.
 
 An arm that stands still is an obstacle. Arms and obstacles that a moving arm can never come near are left out (see
 `reach_broad_phase.py`), so that the size of everything built here grows with what is near, not with the scene.
 
 A geometry knows no padding, so scenes that differ in that alone share it as a whole; its parts are shared by content:
-an arm's geometry by all arms with equal robots and held objects, an obstacle's by all scenes that it is in, and the
-pairs by all scenes that differ only in where things are.
+an arm's geometry by all arms with equal robots and held objects, the pairs by all scenes that differ only in where
+things are.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, arm_geometry
 from rr1plan.collision.arm_instances import ArmInstances, arm_instances
+from rr1plan.collision.convex.convex_bodies import is_surfaceless
 from rr1plan.collision.obstacle_geometry import obstacle_geometry, stationary_arm_geometry
 from rr1plan.collision.reach_broad_phase import Near, find_near
 from rr1plan.errors import InputError
@@ -67,13 +68,11 @@ class CollisionGeometry:
             stationary_arm_geometry(name, geometries[name], scene.arms[name].base, scene.arms[name].q)
             for name in near.arms
         )
-        obstacles = tuple(all_obstacles[name] for name in near.obstacles)
-        self.obstacles = (*standing, *obstacles)
+        self.obstacles = (*standing, *[all_obstacles[name] for name in near.obstacles])
         self.rules = _rules(scene, near, arms)
-        moving = chain.from_iterable(g.elements(a) for a, g in zip(arms, self.instances.geometries, strict=True))
-        fixed = chain.from_iterable([thing.elements for thing in self.obstacles])
-        surfaceless = tuple(chain.from_iterable([thing.surfaceless for thing in self.obstacles]))
-        self.pairs = _solid_pairs(_PairContent(self.instances, self.rules, (*moving, *fixed), surfaceless))
+        elements = tuple(chain.from_iterable([thing.elements for thing in self.obstacles]))
+        surfaceless = tuple([is_surfaceless(shape) for thing in self.obstacles for shape in thing.shapes])
+        self.pairs = _solid_pairs(_PairContent(self.instances, arms, self.rules, elements, surfaceless))
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
@@ -93,7 +92,7 @@ class CollisionGeometry:
 
 
 def held_by_arm(scene: Scene) -> dict[str, dict[str, Attachment]]:
-    """What each arm holds, of those that hold anything."""
+    """The attached objects of each arm that has any."""
     held: dict[str, dict[str, Attachment]] = {}
     for name, thing in scene.attachments.items():
         held.setdefault(thing.arm, {})[name] = thing
@@ -154,35 +153,45 @@ class SolidPairs:
 
 @dataclass(frozen=True)
 class _PairContent:
-    """All that the pairs depend on, to compare."""
+    """The inputs of the list of pairs, to compare.
+
+    Args:
+        instances: The moving arms.
+        arms: Their names.
+        rules: Which elements must not touch.
+        elements: The element of each solid that does not move.
+        surfaceless: Which of these solids are half-spaces, point clouds or concave meshes.
+    """
 
     instances: ArmInstances
+    arms: tuple[str, ...]
     rules: ContactRules
     elements: tuple[str, ...]
-    obstacles_surfaceless: tuple[bool, ...]
+    surfaceless: tuple[bool, ...]
 
 
 @lru_cache(maxsize=128)
 def _solid_pairs(content: _PairContent) -> SolidPairs:
     instances, checked = content.instances, content.rules.checked
     number = {name: i for i, name in enumerate(content.rules.names)}
-    elements, element_count = np.array([number[name] for name in content.elements], np.int64), len(number)
+    moving = [name for g, arm in zip(instances.geometries, content.arms, strict=True) for name in g.elements(arm)]
+    elements, element_count = np.array([number[name] for name in (*moving, *content.elements)], np.int64), len(number)
     chains = np.zeros(len(elements), np.int64)
     chains[: len(instances.groups)] = instances.groups
-    surfaceless = np.array([*instances.surfaceless, *content.obstacles_surfaceless], np.bool_)
+    surfaceless = np.array([*instances.surfaceless, *content.surfaceless], np.bool_)
     sizes = np.bincount(elements, minlength=element_count)
     count = int(sizes[checked[:, 0]] @ sizes[checked[:, 1]])
     order, first = np.empty(len(elements), np.int64), np.empty(element_count + 1, np.int64)
     index, owner = np.empty((count, 2), np.int64), np.empty(count, np.int64)
     rows = np.empty((count, 3), np.int64)
-    moving = load_library().rr1_list_solid_pairs(
+    count_moving = load_library().rr1_list_solid_pairs(
         checked, len(checked), elements, len(elements), element_count, chains, instances.shared, len(instances.shared),
         surfaceless.view(np.uint8), order, first, index, owner, rows,
     )  # fmt: skip
     for array in (index, owner, rows, surfaceless):
         read_only(array)
-    unmeasurable = bool(surfaceless[index[:moving]].all(axis=1).any())
-    halves = ((array[:moving], array[moving:]) for array in (index, owner, rows))
+    unmeasurable = bool(surfaceless[index[:count_moving]].all(axis=1).any())
+    halves = ((array[:count_moving], array[count_moving:]) for array in (index, owner, rows))
     (pairs, static), (owners, static_owners), (moving_rows, static_rows) = halves
     return SolidPairs(pairs, owners, moving_rows, static, static_owners, static_rows, surfaceless, unmeasurable)
 

@@ -112,11 +112,11 @@ class JointPlane:
         return tuple(chain)
 
     def turn(self, joints: tuple[int, ...], half: Array) -> float:
-        """How far these joints turn at most in half a cell (2,) [rad]."""
+        """Largest rotation of these joints in half a cell (2,) [rad]."""
         return float(sum(np.abs(self._gains[j - 1]) @ half for j in joints if not self._slides[j - 1]))
 
     def travel(self, placed: Placed, joints: tuple[int, ...], points: Array, half: Array) -> Array:
-        """How far points of the world (n, 3) move at most in half a cell (2,) of these joints, t in the proof, (n,)."""
+        """Largest motion of points of the world (n, 3) in half a cell (2,) of these joints, t in the proof, (n,)."""
         total = np.zeros(len(points))
         for j in joints:
             weight = float(np.abs(self._gains[j - 1]) @ half)
@@ -264,7 +264,7 @@ class ContactCells:
         return blocked, still
 
     def travels(self, centers: Array, half: Array, near: Mask) -> Array:
-        """How far the solids of each pair can come nearer to each other between a cell's center and any place in it.
+        """Largest approach of the solids of each pair between a cell's center and any point of the cell.
 
         Args:
             centers: Of the cells [rad or m], shape (n, 2).

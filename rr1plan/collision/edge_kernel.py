@@ -25,7 +25,7 @@ FREE, CONTACT = constants()["EDGE_FREE"], constants()["EDGE_CONTACT"]
 
 
 class EdgeCounters(NamedTuple):
-    """What has been done so far.
+    """Counters of collision checks.
 
     Args:
         edges: Edges and curves certified or refused.
@@ -101,13 +101,13 @@ class EdgeKernel:
 
     @property
     def done(self) -> EdgeCounters:
-        """What has been done so far."""
+        """Counters of the work so far."""
         done = self._scratch.value.done
         return EdgeCounters(done.edges, done.exact_edges, done.configurations, done.gaps)
 
     @property
     def rest(self) -> float:
-        """What must be left of a gap beyond everything else for a proof [m]."""
+        """The part of a gap that has to remain for a proof [m]."""
         rest: float = self._scene.value.margin
         return rest
 

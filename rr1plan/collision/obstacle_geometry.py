@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -31,23 +30,27 @@ class ObstacleGeometry:
 
     Attributes:
         sizes: A `ShapeSize` of each.
-        surfaceless: Which of them are half-spaces, point clouds or concave meshes.
     """
+
+    __slots__ = ("elements", "frames", "pose", "shapes", "sizes")
 
     def __init__(self, elements: Sequence[str], shapes: Sequence[Shape], frames: bytes, pose: Array) -> None:
         self.elements, self.shapes, self.frames, self.pose = elements, shapes, frames, pose
         self.sizes = b"".join([shape_size(shape) for shape in shapes])
-        self.surfaceless = [is_surfaceless(shape) for shape in shapes]
 
     def at(self, pose: Array, elements: Sequence[str] | None = None) -> ObstacleGeometry:
         """The same object elsewhere, with the same elements by default: T_world_object, shape (4, 4)."""
         other = object.__new__(ObstacleGeometry)
-        other.__dict__ |= self.__dict__ | {"pose": pose}
-        if elements is not None:
-            other.elements = elements
+        other.elements = self.elements if elements is None else elements
+        other.shapes, other.frames, other.pose, other.sizes = self.shapes, self.frames, pose, self.sizes
         return other
 
-    @cached_property
+    @property
+    def surfaceless(self) -> list[bool]:
+        """Which of the solids are half-spaces, point clouds or concave meshes."""
+        return [is_surfaceless(shape) for shape in self.shapes]
+
+    @property
     def solids(self) -> tuple[Solid, ...]:
         """The solids; their joint is the world."""
         frames = np.frombuffer(self.frames).reshape(-1, 4, 4)
@@ -55,26 +58,19 @@ class ObstacleGeometry:
         return tuple(Solid(element, shape, 0, read_only(self.pose @ T)) for element, shape, T in parts)
 
 
-_IN_PIECES = (Mesh, PointCloud)
-
-
 def obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
-    """An obstacle as solids, made once: scenes that differ elsewhere share it.
+    """An obstacle as solids.
 
     Raises:
         InputError: a shape that cannot be made solid.
     """
-    return kept_in(obstacle.kept, ("solids", name), lambda: _new_obstacle_geometry(name, obstacle))
-
-
-def _new_obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
     shapes: list[Shape] = []
     frames: list[bytes] = []
     for geometry in obstacle.geometries:
-        shape = geometry.shape
-        pieces = pieces_of(name, shape, obstacle_pieces) if isinstance(shape, _IN_PIECES) else (shape,)
-        shapes += pieces
-        frames += [geometry.pose.tobytes()] * len(pieces)
+        shape, frame = geometry.shape, geometry.pose.tobytes()
+        for piece in pieces_of(name, shape, obstacle_pieces) if isinstance(shape, Mesh | PointCloud) else (shape,):
+            shapes.append(piece)
+            frames.append(frame)
     return ObstacleGeometry([name] * len(shapes), shapes, b"".join(frames), obstacle.pose)
 
 
@@ -92,7 +88,7 @@ def stationary_arm_geometry(name: str, geometry: ArmGeometry, base: Array, q: Ar
 
 @dataclass(frozen=True, eq=False)
 class PlacedArm:
-    """Where an arm's solids are at a configuration, in the frame of its base.
+    """An arm's solids at a configuration, in the frame of its base.
 
     Args:
         solids: Its solids; their elements are names of links and of held objects.
@@ -113,7 +109,7 @@ _RELATIVE, _ROUNDING = 1.0 + 1e-9, 1e-9
 
 
 def placed_arm(geometry: ArmGeometry, q: bytes) -> PlacedArm:
-    """Where an arm's solids are at a configuration, given as bytes; arms with equal geometries share it."""
+    """An arm's solids at a configuration, given as bytes; arms with equal geometries share them."""
     kept: dict[bytes, PlacedArm] = geometry.kept.setdefault("configurations", {})
     return kept_in(kept, q, lambda: _new_placed_arm(geometry, np.frombuffer(q)), _MOST_PLACED)
 
@@ -152,6 +148,6 @@ def _balls_around(balls: Array, begins: Sequence[int]) -> Array:
     centers, radii = balls[:, :3], balls[:, 3]
     low = np.minimum.reduceat(centers - radii[:, None], begins)
     middle = 0.5 * (low + np.maximum.reduceat(centers + radii[:, None], begins))
-    apart = centers - np.repeat(middle, np.diff([*begins, len(balls)]), axis=0)
-    radius = np.maximum.reduceat(np.linalg.norm(apart, axis=1) + radii, begins)
+    offsets = centers - np.repeat(middle, np.diff([*begins, len(balls)]), axis=0)
+    radius = np.maximum.reduceat(np.linalg.norm(offsets, axis=1) + radii, begins)
     return np.concatenate([middle, (radius * _RELATIVE + _ROUNDING)[:, None]], axis=1)

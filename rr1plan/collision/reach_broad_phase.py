@@ -25,7 +25,7 @@ _RELATIVE, _ROUNDING = 1.0 + 1e-9, 1e-9
 
 @dataclass(frozen=True)
 class Near:
-    """What can come near the moving arms.
+    """Arms and obstacles that can come near the moving arms.
 
     Args:
         arms: Arms that stand still.
@@ -48,7 +48,7 @@ def find_near(
     arms: tuple[str, ...],
     distance: float,
 ) -> Near:
-    """What can come nearer than a distance to the moving arms, whatever their configuration.
+    """Arms and obstacles that can come nearer than a distance to the moving arms in any configuration.
 
     Args:
         scene: The scene.
@@ -120,8 +120,7 @@ def _reach_ball(geometry: ArmGeometry) -> Array:
             before = above[before]
         anchor = joint if not before else anchor
     center = origins[anchor]
-    # How far the origin of each joint gets from the center: two points that one joint carries stay as far apart as
-    # they are.
+    # The largest distance of each joint's origin from the center; two points on one link keep their distance.
     origins[0], beyond = center, {0: 0.0, anchor: 0.0}
     for joint in driven:
         before = above[joint]

@@ -37,7 +37,7 @@ from rr1plan.transforms import identity
 
 
 def stationary_contacts(scene: Scene, moving: Sequence[str]) -> tuple[Contact, ...]:
-    """What touches, or is nearer than its padding, among arms that stand still and obstacles; deepest first.
+    """Pairs of stationary arms and obstacles that touch or are nearer than their padding, deepest first.
 
     Args:
         scene: The scene; arms that stand still are in its configurations.

@@ -44,7 +44,7 @@ class TimedContact(Value):
     Args:
         time: The motion is certified free up to this time [s].
         q: The configuration of the checker's arms at that time, shape (nq,).
-        pair: The elements that touch, or that are not proven apart.
+        pair: The elements that touch, or that are not proven collision-free.
     """
 
     time: float
@@ -131,13 +131,13 @@ class TimedChecker:
         return pairs is None or pairs.is_free(*_line(q_from, q_to, t_from, t_to), t_from, t_to)
 
     def first_contact(self, q_from: ArrayLike, q_to: ArrayLike, t_from: float, t_to: float) -> TimedContact | None:
-        """When an edge first touches something, or None when it is free; see `edge_is_free`.
+        """When an edge first touches something, or None when it is free.
 
         Args:
-            q_from: Begin [rad or m], shape (nq,).
-            q_to: End [rad or m], shape (nq,).
-            t_from: When the arms are at `q_from` [s].
-            t_to: When they are at `q_to` [s].
+            q_from: As in `edge_is_free`.
+            q_to: As in `edge_is_free`.
+            t_from: As in `edge_is_free`.
+            t_to: As in `edge_is_free`.
 
         Raises:
             InputError: wrong shape, not finite, or times in the wrong order.
@@ -171,12 +171,12 @@ class TimedChecker:
     def first_contact_of(
         self, trajectory: Trajectory, t_from: float | None = None, t_to: float | None = None
     ) -> TimedContact | None:
-        """When a trajectory first touches something, or None when it is free; see `trajectory_is_free`.
+        """When a trajectory first touches something, or None when it is free.
 
         Args:
-            trajectory: A motion of these arms; constant before and after its time span.
-            t_from: Begin of the interval [s] (default: that of the trajectory).
-            t_to: End of the interval [s] (default: that of the trajectory).
+            trajectory: As in `trajectory_is_free`.
+            t_from: As in `trajectory_is_free`.
+            t_to: As in `trajectory_is_free`.
 
         Raises:
             InputError: a trajectory of other joints, times that are not finite, or in the wrong order.
@@ -293,15 +293,14 @@ class _MovingPairs:
     def first_contact(
         self, breaks: Array, coefficients: Array, t_from: float, t_to: float
     ) -> tuple[float, tuple[str, str]] | None:
-        """Until when the motion is free [s], and what is in contact then; None if all of it is free."""
+        """The time until which the motion is free [s] and the pair in contact then; None if all of it is free."""
         if self._certify(breaks, coefficients, t_from, t_to, find_first=True) == FREE:
             return None
         result = self._scratch.value.result
-        pair = int(result.pair) if result.pair < len(self._owner) else self._first_child(int(result.pair))
+        pair = int(result.pair)
+        if pair >= len(self._owner):  # two boxes of bodies: the first pair of bodies in them
+            pair = int(self._scene.part("pairs")[pair, 2])
         return max(t_from, float(result.free_until)), self._whole.pairs[self._owner[pair]]
-
-    def _first_child(self, pair: int) -> int:
-        return int(self._scene.part("pairs")[pair, 2])
 
     def _certify(self, breaks: Array, coefficients: Array, t_from: float, t_to: float, *, find_first: bool) -> int:
         terms, stride = coefficients.shape[1:]
@@ -363,7 +362,7 @@ def _arm_rows(
 
 
 def _near_arms(scene: Scene, arms: tuple[str, ...], others: tuple[str, ...], distance: float) -> tuple[str, ...]:
-    """Which of the other arms can come within a distance of the arms, whatever both do."""
+    """The other arms that can come within a distance of the arms in any configurations."""
     geometries = geometries_of(scene)
     one, two = (
         placed_balls(np.array([reach_ball(geometries[a]) for a in names]).reshape(-1, 4), bases_of(scene, names))

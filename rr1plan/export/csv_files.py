@@ -46,13 +46,23 @@ def csv_text(trajectory: Trajectory, dt: float = 0.01) -> str:
     of_kind("trajectory", trajectory, Trajectory)
     times = trajectory.sample_times(dt)
     q, v, a = (trajectory(times, derivative) for derivative in range(3))
-    if np.abs(v[-1]).max(initial=0.0) > 1e-6:
-        joint = trajectory.joint_names[int(np.argmax(np.abs(v[-1])))]
-        raise InputError(f"the trajectory does not end at rest: {joint!r} has the speed {np.abs(v[-1]).max():.3g}")
+    check_rest_at_end(trajectory)
     v[-1] = 0.0
     header = ["t", *(f"{kind}:{name}" for kind in "qva" for name in trajectory.joint_names)]
     rows = np.column_stack([times, q, v, a]).tolist()
     return "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+
+
+def check_rest_at_end(trajectory: Trajectory) -> None:
+    """Refuse a trajectory that does not end at rest.
+
+    Raises:
+        InputError: a joint has a speed at the end.
+    """
+    speeds = np.abs(trajectory(trajectory.end_time, 1))
+    if speeds.max(initial=0.0) > 1e-6:
+        joint = trajectory.joint_names[int(np.argmax(speeds))]
+        raise InputError(f"the trajectory does not end at rest: {joint!r} has the speed {speeds.max():.3g}")
 
 
 def load_csv(file: _File) -> Trajectory:

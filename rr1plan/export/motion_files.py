@@ -114,7 +114,7 @@ def _column(name: str, scene: Scene) -> str:
 
 
 def changes(saved: SavedMotion, scene: Scene) -> tuple[str, ...]:
-    """What differs between the scene that a motion was made in, as far as its file tells, and another."""
+    """Differences between the scene that a motion was made in, as far as its file has it, and another one."""
     if saved.scene is not None:
         return scene_differences(saved.scene, scene)
     if saved.made_for is None or saved.made_for.sha256 == scene.content_hash:

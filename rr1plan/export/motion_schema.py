@@ -172,6 +172,8 @@ class Obstacle(Entry):
     name: Name
     geometries: Annotated[list[Geometry], Meta(min_length=1)]
     pose: Pose
+    mass: Positive | None = None
+    friction: NotNegative = 1.0
 
 
 class Attachment(Entry):
@@ -181,6 +183,8 @@ class Attachment(Entry):
     link: Name
     pose: Pose
     touch: list[Name]
+    mass: Positive | None = None
+    friction: NotNegative = 1.0
 
 
 class PairPadding(Entry):
@@ -273,6 +277,34 @@ class PlanGraph(Entry):
     dependencies: list[Dependency]
 
 
+# ---- sequences -----------------------------------------------------------------------------
+
+
+class Attach(Entry):
+    obstacle: Name
+    arm: Name
+    link: Name
+    touch: list[Name]
+
+
+class SequenceStage(Entry):
+    """When a segment of a sequence happens, what may touch meanwhile, and what it attaches or detaches."""
+
+    label: Text
+    begin: float
+    end: float
+    allowed: list[Pair]
+    attach: Attach | None = None
+    detach: Name | None = None
+
+
+class Sequence(Entry):
+    """The stages of a motion, and the planning joints that belong to grippers, by arm."""
+
+    stages: Annotated[list[SequenceStage], Meta(min_length=1)]
+    gripper_joints: dict[Name, list[Name]]
+
+
 # ---- documents -----------------------------------------------------------------------------
 
 
@@ -331,8 +363,19 @@ class MotionDocument(Document, kw_only=True):
     plan_graph: PlanGraph | None = None
 
 
+class SequenceDocument(Document, kw_only=True):
+    """A planned sequence; the report is checked as that of a motion."""
+
+    robots: list[Robot]
+    scene: Scene
+    trajectory: Trajectory
+    sequence: Sequence
+    report: dict[str, Any] | None = None
+
+
 DOCUMENTS: dict[str, type[Document]] = {
     "path": PathDocument,
     "trajectory": TrajectoryDocument,
     "motion": MotionDocument,
+    "sequence": SequenceDocument,
 }

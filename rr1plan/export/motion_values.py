@@ -142,12 +142,18 @@ def build_scene(entry: schema.Scene, robots: list[schema.Robot], read_shape: Rea
             raise InputError(f"arm {arm.name!r} has robot {arm.robot}, but the file holds {len(built)}")
         arms[arm.name] = Arm(built[arm.robot], np.array(arm.base), np.array(arm.q))
     obstacles = {
-        name: Obstacle(_geometries(thing.geometries, read_shape), np.array(thing.pose))
+        name: Obstacle(_geometries(thing.geometries, read_shape), np.array(thing.pose), thing.mass, thing.friction)
         for name, thing in _by_name("obstacle", entry.obstacles).items()
     }
     attachments = {
         name: Attachment(
-            _geometries(held.geometries, read_shape), held.arm, held.link, np.array(held.pose), frozenset(held.touch)
+            _geometries(held.geometries, read_shape),
+            held.arm,
+            held.link,
+            np.array(held.pose),
+            frozenset(held.touch),
+            held.mass,
+            held.friction,
         )
         for name, held in _by_name("attached object", entry.attachments).items()
     }

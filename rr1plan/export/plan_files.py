@@ -52,6 +52,7 @@ class SavedMotion(Value):
         report: The referee's report at the time of saving.
         problem: The planning problem.
         plan_graph: The temporal plan graph as numbers, texts and lists; `rr1plan.load_plan_graph` makes a value of it.
+        sequence: The stages of a sequence as they are in the file; `rr1plan.load_sequence` makes values of them.
         units: The unit of each column of the trajectory or path.
         made_for: Names and hashes of the scene and its robots.
     """
@@ -62,6 +63,7 @@ class SavedMotion(Value):
     report: Report | None = None
     problem: Problem | None = None
     plan_graph: Mapping[str, Any] | None = None
+    sequence: schema.Sequence | None = None
     units: tuple[str, ...] | None = None
     made_for: schema.SceneReference | None = None
 
@@ -139,6 +141,32 @@ def save_motion(
             raise InputError("a plan graph is saved with the trajectory of its plan")
         entries["plan_graph"] = dict(plan_graph)
     return _save(file, "motion", scene, entries, embed)
+
+
+def save_sequence_document(
+    file: _File,
+    scene: Scene,
+    trajectory: Trajectory,
+    sequence: Mapping[str, object],
+    *,
+    report: Report | None = None,
+    embed: bool = False,
+) -> pathlib.Path:
+    """Write a planned sequence to a JSON file and return the file's path; see `rr1plan.SequencePlan.save`.
+
+    Args:
+        file: The file; read it with `rr1plan.load_sequence`.
+        scene: The scene at the beginning.
+        trajectory: The motion.
+        sequence: Its stages and gripper joints as the schema has them.
+        report: The referee's report.
+        embed: Put large meshes and point clouds into the file; see `save_motion`.
+
+    Raises:
+        InputError: a value that cannot be saved, or the file cannot be written.
+    """
+    entries = _motion_entries(scene, None, trajectory, report, None) | {"sequence": dict(sequence)}
+    return _save(file, "sequence", scene, entries, embed)
 
 
 def motion_text(
@@ -330,10 +358,12 @@ def _saved(document: schema.Document, geometry: _Geometry) -> SavedMotion:
     """
     scene = _scene(document, geometry)
     motion = document if isinstance(document, schema.MotionDocument) else None
+    sequence = document if isinstance(document, schema.SequenceDocument) else None
+    whole = sequence or motion
     path = document.path if isinstance(document, schema.PathDocument | schema.MotionDocument) else None
-    trajectory = (
-        document.trajectory if isinstance(document, schema.TrajectoryDocument | schema.MotionDocument) else None
-    )
+    trajectory = document.trajectory if isinstance(document, schema.TrajectoryDocument) else None
+    if whole is not None:
+        trajectory = whole.trajectory
     columns = [entry for entry in (path, trajectory) if entry is not None]
     for entry in columns:
         _check_units(entry, scene)
@@ -344,10 +374,11 @@ def _saved(document: schema.Document, geometry: _Geometry) -> SavedMotion:
         scene=scene,
         path=built_path,
         trajectory=built_trajectory,
-        report=None if motion is None or motion.report is None else Report.from_dict(motion.report),
+        report=None if whole is None or whole.report is None else Report.from_dict(whole.report),
         problem=_problem(motion, scene),
         plan_graph=None if motion is None or motion.plan_graph is None else msgspec.to_builtins(motion.plan_graph),
-        units=None if motion is not None else tuple(columns[0].units),
+        sequence=None if sequence is None else sequence.sequence,
+        units=None if whole is not None else tuple(columns[0].units),
         made_for=document.made_for,
     )
 
@@ -391,7 +422,7 @@ def _scene(document: schema.Document, geometry: _Geometry) -> Scene | None:
     try:
         scene = values.build_scene(document.scene, document.robots, geometry)
     except _MissingShape:
-        if isinstance(document, schema.MotionDocument) or not geometry.has_scene:
+        if isinstance(document, schema.MotionDocument | schema.SequenceDocument) or not geometry.has_scene:
             raise
         return None
     if msgspec.to_builtins(document.made_for) != _reference(scene):

@@ -1,20 +1,24 @@
 """Trajectories of ROS programs: a `trajectory_msgs/JointTrajectory` in a YAML file or in a bag.
 
 A joint trajectory controller interpolates by what the points carry: positions alone, straight lines; velocities too,
-cubics; accelerations too, quintics. So does `Trajectory.from_samples`.
+cubics; accelerations too, quintics. So does `Trajectory.from_samples`. Messages that are written carry all three.
 """
 
 from __future__ import annotations
 
 import pathlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import msgspec
+import numpy as np
+import yaml
 
-from rr1plan.checks import file_path, known_name, shown
+from rr1plan.checks import Array, file_path, finite_number, known_name, of_kind, positive_number, shown
 from rr1plan.errors import FormatError, InputError, MissingPackageError
+from rr1plan.export.csv_files import check_rest_at_end
 from rr1plan.files.documents import read_yaml_documents
+from rr1plan.files.file_access import write_text
 from rr1plan.trajectory import Trajectory
 
 BAG_SUFFIXES = (".bag", ".mcap", ".db3")
@@ -23,9 +27,11 @@ _MESSAGE = "trajectory_msgs/msg/JointTrajectory"
 # Messages that hold a JointTrajectory, by the name of the field.
 _WRAPPERS = ("joint_trajectory", "trajectory", "goal")
 _File = str | pathlib.Path
+_NANO = 1_000_000_000
+_LONGEST_LEAD = 1e6  # [s]
 
 
-class _Duration(msgspec.Struct, forbid_unknown_fields=True):
+class Duration(msgspec.Struct, forbid_unknown_fields=True):
     """A duration in ROS 2's fields or ROS 1's."""
 
     sec: int = 0
@@ -34,26 +40,43 @@ class _Duration(msgspec.Struct, forbid_unknown_fields=True):
     nsecs: int = 0
 
     @property
-    def seconds(self) -> float:
-        return self.sec + self.secs + 1e-9 * (self.nanosec + self.nsecs)
+    def nanoseconds(self) -> int:
+        """The duration [ns]."""
+        return (self.sec + self.secs) * _NANO + self.nanosec + self.nsecs
 
 
-class _Point(msgspec.Struct, forbid_unknown_fields=True):
+class JointTrajectoryPoint(msgspec.Struct, forbid_unknown_fields=True):
     """A `trajectory_msgs/JointTrajectoryPoint`."""
 
     positions: list[float]
-    time_from_start: _Duration | float
+    time_from_start: Duration | float
     velocities: list[float] = []
     accelerations: list[float] = []
     effort: list[float] = []
 
 
-class _JointTrajectory(msgspec.Struct, forbid_unknown_fields=True):
+class JointTrajectoryMessage(msgspec.Struct, forbid_unknown_fields=True):
     """A `trajectory_msgs/JointTrajectory`."""
 
     joint_names: list[str]
-    points: list[_Point]
+    points: list[JointTrajectoryPoint]
     header: Any = None
+
+    @property
+    def stamps(self) -> list[Duration]:
+        """Times from the start of all points; plain seconds are rounded to nanoseconds.
+
+        Raises:
+            InputError: one is not finite.
+        """
+        return [_as_duration(point.time_from_start) for point in self.points]
+
+
+def _as_duration(time: Duration | float) -> Duration:
+    if isinstance(time, Duration):
+        return time
+    nanoseconds = round(finite_number("time_from_start", time) * _NANO)
+    return Duration(sec=nanoseconds // _NANO, nanosec=nanoseconds % _NANO)
 
 
 def load_joint_trajectory(file: _File, *, topic: str | None = None) -> Trajectory:
@@ -72,16 +95,106 @@ def load_joint_trajectory(file: _File, *, topic: str | None = None) -> Trajector
         UnknownNameError: the bag has no such topic.
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
     """
-    path = file_path(file)
-    if path.suffix in YAML_SUFFIXES:
-        refuse_topic(path, topic)
-        message = _from_yaml(path)
-    else:
-        message = _from_bag(path, topic)
+    message = read_joint_trajectory(file, topic)
     try:
         return _trajectory(message)
     except InputError as error:
         raise FormatError(str(error), file) from error
+
+
+def read_joint_trajectory(file: _File, topic: str | None = None) -> JointTrajectoryMessage:
+    """The one JointTrajectory of a YAML file or a bag, whatever its points are; see `load_joint_trajectory`."""
+    path = file_path(file)
+    if path.suffix in YAML_SUFFIXES:
+        refuse_topic(path, topic)
+        return _from_yaml(path)
+    return _from_bag(path, topic)
+
+
+def save_joint_trajectory(
+    file: _File,
+    trajectory: Trajectory,
+    *,
+    dt: float = 0.01,
+    lead: float = 0.0,
+    rename: Mapping[str, str] | None = None,
+) -> pathlib.Path:
+    """Write a `trajectory_msgs/JointTrajectory` as YAML, as `ros2 topic pub` takes it.
+
+    To publish it: `ros2 topic pub --once /arm_controller/joint_trajectory trajectory_msgs/msg/JointTrajectory
+    "$(cat motion.yaml)"`.
+
+    Args:
+        file: The file, .yaml or .yml.
+        trajectory: A trajectory that ends at rest. Every point has position, velocity and acceleration.
+        dt: Time between points [s].
+        lead: Time from the start of the controller to the first point [s]; above zero it blends in from where the
+            arm is.
+        rename: ROS names of columns. Default: without the arm's name when there is one arm, else "arm_joint".
+
+    Returns:
+        The file.
+
+    Raises:
+        UnknownNameError: a name to rename that is no column.
+        InputError: the trajectory does not end at rest, another suffix, the file cannot be written.
+    """
+    path = file_path(file)
+    if path.suffix not in YAML_SUFFIXES:
+        raise InputError(f"{path} is no YAML file, expected a name that ends in {' or '.join(YAML_SUFFIXES)}")
+    message = sampled_message(trajectory, dt, lead, rename)
+    points = [
+        {name: getattr(point, name) for name in ("positions", "velocities", "accelerations")}
+        | {"time_from_start": {"sec": stamp.sec, "nanosec": stamp.nanosec}}
+        for point, stamp in zip(message.points, message.stamps, strict=True)
+    ]
+    header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    content = {"header": header, "joint_names": message.joint_names, "points": points}
+    return write_text(path, yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=2**31))
+
+
+def sampled_message(
+    trajectory: Trajectory, dt: float, lead: float, rename: Mapping[str, str] | None
+) -> JointTrajectoryMessage:
+    """A trajectory as points that a controller accepts: times in whole nanoseconds, the last velocity exactly zero.
+
+    Args:
+        trajectory: A trajectory that ends at rest.
+        dt: Time between points [s].
+        lead: Time of the first point [s].
+        rename: ROS names of columns.
+
+    Raises:
+        UnknownNameError: a name to rename that is no column.
+        InputError: the trajectory does not end at rest, or a time that makes no sense.
+    """
+    of_kind("trajectory", trajectory, Trajectory)
+    dt = positive_number("dt", dt)
+    if not 0.0 <= finite_number("lead", lead) <= _LONGEST_LEAD:
+        raise InputError(f"lead is {lead}, expected a time from 0 to {_LONGEST_LEAD:g} s")
+    names = _ros_names(trajectory, rename)
+    times = trajectory.sample_times(dt)
+    stamps = np.round((times - times[0] + lead) * _NANO).astype(np.int64).tolist()
+    rows = [trajectory(times, k) for k in range(3)]
+    check_rest_at_end(trajectory)
+    rows[1][-1] = 0.0
+    points = [
+        JointTrajectoryPoint(q, Duration(sec=t // _NANO, nanosec=t % _NANO), v, a)
+        for t, q, v, a in zip(stamps, *(row.tolist() for row in rows), strict=True)
+    ]
+    return JointTrajectoryMessage(names, points)
+
+
+def _ros_names(trajectory: Trajectory, rename: Mapping[str, str] | None) -> list[str]:
+    of_kind("rename", rename, Mapping, optional=True)
+    for name in rename or {}:
+        known_name("column", name, trajectory.joint_names)
+    alone = len(trajectory.arms) == 1
+    default = {n: n.split("/", 1)[1] if alone else n.replace("/", "_") for n in trajectory.joint_names}
+    names = list({**default, **(rename or {})}.values())
+    if len(set(names)) != len(names):
+        raise InputError(f"the ROS names {names} are not distinct")
+    return names
 
 
 def refuse_topic(file: _File, topic: str | None) -> None:
@@ -103,7 +216,7 @@ def holds_joint_trajectory(file: _File) -> bool:
     return bool(documents) and "joint_names" in _unwrapped(documents[0])
 
 
-def _from_yaml(file: pathlib.Path) -> _JointTrajectory:
+def _from_yaml(file: pathlib.Path) -> JointTrajectoryMessage:
     documents = read_yaml_documents(file)
     if len(documents) != 1:
         raise FormatError(f"holds {len(documents)} messages, expected one JointTrajectory", file)
@@ -124,31 +237,20 @@ def _unwrapped(data: Any) -> dict[Any, Any]:
     return data if isinstance(data, dict) else {}
 
 
-def _converted(data: Any, file: pathlib.Path) -> _JointTrajectory:
+def _converted(data: Any, file: pathlib.Path) -> JointTrajectoryMessage:
     if "joint_names" not in data:
         raise FormatError(f"holds no {_MESSAGE}: expected the keys joint_names and points", file)
     try:
-        return msgspec.convert(data, _JointTrajectory)
+        return msgspec.convert(data, JointTrajectoryMessage)
     except msgspec.ValidationError as error:
         raise FormatError(f"is not a {_MESSAGE}: {error}", file) from error
 
 
-def _from_bag(file: pathlib.Path, topic: str | None) -> _JointTrajectory:
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise MissingPackageError("rosbags", "reading a ROS bag", "ros") from error
-    # The database of a ROS 2 bag is read by way of its folder, which describes it.
-    bag = file.parent if file.suffix in (".mcap", ".db3") else file
-    _check_regular(file, bag)
-    try:
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            (message,) = _messages(reader, topic, file)
-    except InputError:
-        raise
-    except Exception as error:  # rosbags raises what it runs into
-        raise FormatError(f"cannot be read as a ROS bag: {error}", file) from error
+def _from_bag(file: pathlib.Path, topic: str | None) -> JointTrajectoryMessage:
+    messages = list(bag_messages(file, _MESSAGE, topic))
+    if len(messages) != 1:
+        raise FormatError(f"has {len(messages)} messages, expected one {_MESSAGE}", file)
+    message = messages[0]
     data = {
         "joint_names": list(message.joint_names),
         "points": [
@@ -160,6 +262,54 @@ def _from_bag(file: pathlib.Path, topic: str | None) -> _JointTrajectory:
         ],
     }
     return _converted(data, file)
+
+
+def read_joint_states(file: _File, *, topic: str | None = None) -> Iterator[tuple[float, tuple[str, ...], Array]]:
+    """The `sensor_msgs/JointState` messages of a bag: time [s], names and positions.
+
+    Args:
+        file: As in `load_joint_trajectory`.
+        topic: As in `load_joint_trajectory`.
+
+    Raises:
+        FormatError: it cannot be read, has no such messages, or has them on several topics.
+        UnknownNameError: the bag has no such topic.
+        MissingPackageError: `rosbags` is not installed (extra `ros`).
+    """
+    for message in bag_messages(file_path(file), "sensor_msgs/msg/JointState", topic):
+        stamp = message.header.stamp
+        yield stamp.sec + 1e-9 * stamp.nanosec, tuple(message.name), np.array(message.position, dtype=np.float64)
+
+
+def bag_messages(file: pathlib.Path, kind: str, topic: str | None) -> Iterator[Any]:
+    """The messages of one type on one topic of a bag, in order.
+
+    Args:
+        file: As in `load_joint_trajectory`.
+        kind: The type, such as "sensor_msgs/msg/JointState".
+        topic: The topic (default: the only one that holds such messages).
+
+    Raises:
+        FormatError: it cannot be read, has no such messages, or has them on several topics.
+        UnknownNameError: the bag has no such topic.
+        MissingPackageError: `rosbags` is not installed (extra `ros`).
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise MissingPackageError("rosbags", "reading a ROS bag", "ros") from error
+    # The database of a ROS 2 bag is read by way of its folder, which describes it.
+    bag = file.parent if file.suffix in (".mcap", ".db3") else file
+    _check_regular(file, bag)
+    try:
+        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            for connection, _, data in reader.messages(connections=_connections(reader, kind, topic, file)):
+                yield reader.deserialize(data, connection.msgtype)
+    except InputError:
+        raise
+    except Exception as error:  # rosbags raises what it runs into
+        raise FormatError(f"cannot be read as a ROS bag: {error}", file) from error
 
 
 def _check_regular(file: pathlib.Path, bag: pathlib.Path) -> None:
@@ -176,30 +326,25 @@ def _check_regular(file: pathlib.Path, bag: pathlib.Path) -> None:
         raise FormatError("there is no such file", file)
 
 
-def _messages(reader: Any, topic: str | None, file: pathlib.Path) -> Iterator[Any]:
-    """The only message of a bag's topic."""
-    connections = [c for c in reader.connections if c.msgtype == _MESSAGE]
+def _connections(reader: Any, kind: str, topic: str | None, file: pathlib.Path) -> list[Any]:
+    """The connections of a bag's topic."""
+    connections = [c for c in reader.connections if c.msgtype == kind]
     topics = sorted({c.topic for c in connections})
     if not topics:
         kinds = ", ".join(sorted({c.msgtype for c in reader.connections})) or "nothing"
-        raise FormatError(f"holds no {_MESSAGE}, only {kinds}", file)
+        raise FormatError(f"holds no {kind}, only {kinds}", file)
     if topic is None and len(topics) > 1:
         raise FormatError(
-            f"has several topics with a {_MESSAGE}: {', '.join(topics)}; say which one with option topic", file
+            f"has several topics with a {kind}: {', '.join(topics)}; say which one with option topic", file
         )
-    chosen = [c for c in connections if c.topic == (topics[0] if topic is None else known_name("topic", topic, topics))]
-    count = sum(c.msgcount for c in chosen)
-    if count != 1:
-        raise FormatError(f"has {count} messages on {chosen[0].topic}, expected one {_MESSAGE}", file)
-    for connection, _, data in reader.messages(connections=chosen):
-        yield reader.deserialize(data, connection.msgtype)
+    return [c for c in connections if c.topic == (topics[0] if topic is None else known_name("topic", topic, topics))]
 
 
-def _trajectory(message: _JointTrajectory) -> Trajectory:
+def _trajectory(message: JointTrajectoryMessage) -> Trajectory:
     points = message.points
     if not points:
         raise InputError("the message has no points, expected at least one")
-    times = [t if isinstance(t := p.time_from_start, float) else t.seconds for p in points]
+    times = [t if isinstance(t := p.time_from_start, float) else 1e-9 * t.nanoseconds for p in points]
     rows = []
     for name in ("positions", "velocities", "accelerations"):
         values = [getattr(p, name) for p in points]

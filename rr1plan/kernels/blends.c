@@ -25,16 +25,16 @@ static double unit_direction(const double *a, const double *b, int64_t nq, doubl
 }
 
 // Largest blend size of each waypoint, the distance before and behind it, shape (count,); 0 at both ends, and for a
-// stop.
+// stop. Returns the length of the polyline.
 //
 // Consecutive waypoints are distinct. The motion stops where it reverses: the sum of both unit directions is shorter
 // than `reversal`. Blends below a fraction `smallest` of the whole length are dropped.
-EXPORT void rr1_largest_blends(const double *points, int64_t count, int64_t nq, double max_size, double reversal,
-                               double smallest, double *sizes) {
+EXPORT double rr1_largest_blends(const double *points, int64_t count, int64_t nq, double max_size, double reversal,
+                                 double smallest, double *sizes) {
     double before[nq], behind[nq], total = 0.0;
     for (int64_t i = 0; i + 1 < count; i++) total += unit_direction(points + i * nq, points + (i + 1) * nq, nq, behind);
     sizes[0] = sizes[count - 1] = 0.0;
-    if (count < 3) return;
+    if (count < 3) return total;
     double length_before = unit_direction(points, points + nq, nq, before);
     for (int64_t i = 1; i + 1 < count; i++) {
         double length_behind = unit_direction(points + i * nq, points + (i + 1) * nq, nq, behind), square = 0.0;
@@ -44,6 +44,7 @@ EXPORT void rr1_largest_blends(const double *points, int64_t count, int64_t nq, 
         length_before = length_behind;
         for (int64_t j = 0; j < nq; j++) before[j] = behind[j];
     }
+    return total;
 }
 
 // The parabola at a corner between two unit directions, shape (3, nq).

@@ -101,10 +101,10 @@ def solve_ik(
         seeds: Where to start first [rad or m], shape (nq,) or (k, nq), clipped to the limits
             (default: the arm's configuration in the scene).
         accept: Called with each distinct solution (nq,); False rejects it, e.g. one that is in collision.
-        attempts: Starts in all, seeds included; of a second attempt as many again.
-        max_solutions: Stop after so many accepted ones (default: all that are found).
-        patience: Stop after so many starts in a row that led to no other accepted one, once there is one (default:
-            never).
+        attempts: Number of starts, seeds included; a second attempt has as many again.
+        max_solutions: Stop after this number of accepted solutions (default: return all that are found).
+        patience: Once there is an accepted solution, stop after this number of consecutive starts without a new one
+            (default: never).
         rng: Generator or seed of the random starts; the same seed gives the same answer.
 
     Raises:

@@ -55,7 +55,7 @@ def nearest_copy(robot: Robot, q: Array, near: Array) -> Array:
 
 
 def copies_within_limits(robot: Robot, q: Array, near: Array, *, reach: float = TURN) -> Array:
-    """All configurations of the same place within the limits, nearest to `near` first, shape (k, nq).
+    """All configurations within the limits that differ by whole turns, nearest to `near` first, shape (k, nq).
 
     Args:
         robot: The robot.

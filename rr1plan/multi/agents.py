@@ -94,6 +94,7 @@ class Agent:
     Attributes:
         arms: Its arms, in the order of the scene.
         start: Where they start, shape (nq,).
+        columns: Which of its joints belong to each arm.
     """
 
     def __init__(self, problem: Problem, arms: Iterable[str], timing: HopTiming = BLENDED) -> None:
@@ -104,12 +105,14 @@ class Agent:
         self.start = np.concatenate([configurations[name] for name in self.arms])
         self.joint_names = problem.scene.joint_names(self.arms)
         self.limits: Limits = problem.scene.limits(self.arms)
+        ends = np.cumsum([len(configurations[name]) for name in self.arms]).tolist()
+        self.columns = {name: slice(a, b) for name, a, b in zip(self.arms, [0, *ends], ends, strict=False)}
 
     def __repr__(self) -> str:
         return f"Agent({', '.join(self.arms)})"
 
     def __getstate__(self) -> dict[str, object]:
-        """What it was made from, and no memory of kernels."""
+        """The constructor's arguments, without memory of kernels."""
         return {name: value for name, value in self.__dict__.items() if name not in ("bodies", "_alone")}
 
     @cached_property
@@ -141,7 +144,7 @@ class Agent:
         return self._question({})
 
     def question(self, others: Mapping[str, Array | None], margin: float) -> Problem:
-        """How these arms get to their goals while `others` stand still.
+        """The problem of these arms while `others` stand still.
 
         Args:
             others: Moving arms of the problem that stand at some configuration, shape (nq,); others do not count.

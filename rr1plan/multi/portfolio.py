@@ -50,7 +50,7 @@ _POLL = 0.05  # time between two looks at what threads do [s]
 
 @dataclass(frozen=True)
 class GroupResult:
-    """What came of one interaction group.
+    """The result of one interaction group.
 
     Args:
         arms: Its arms.
@@ -88,11 +88,8 @@ class ManyArmsResult(Value):
         schedules: When each agent moves along its path; an agent is one arm, or a few that move as one.
         groups: What came of each interaction group.
         seconds: Wall time [s].
-        makespan: When the last arm arrives [s].
-        slowest_alone: Duration of the fastest motion found for the slowest arm alone [s].
-        path_length: Sum of the lengths of all motions [rad].
-        waiting: Sum of the times that arms rest before they arrive [s].
-        first: The figures of the first plan, before `improvement`; None if there is no plan.
+        quality: Its figures: makespan, path length, waiting, and the slowest arm alone.
+        first: The same of the first plan, before `improvement`; None if there is no plan.
         improvements: Moves that were tried to improve it.
         history: (seconds, makespan [s]) of the first plan, and whenever the makespan got shorter.
     """
@@ -104,10 +101,7 @@ class ManyArmsResult(Value):
     schedules: tuple[Schedule, ...] = ()
     groups: tuple[GroupResult, ...] = ()
     seconds: float = 0.0
-    makespan: float = 0.0
-    slowest_alone: float = 0.0
-    path_length: float = 0.0
-    waiting: float = 0.0
+    quality: PlanQuality = field(default_factory=PlanQuality)
     first: PlanQuality | None = None
     improvements: int = 0
     history: tuple[tuple[float, float], ...] = ()
@@ -135,9 +129,14 @@ class ManyArmsResult(Value):
         return tuple(schedule.arms for schedule in self.separated.schedules if len(schedule.arms) > 1)
 
     @property
+    def makespan(self) -> float:
+        """When the last arm arrives [s]."""
+        return self.quality.makespan
+
+    @property
     def ratio(self) -> float:
-        """Makespan over `slowest_alone`; 1 where nothing moves."""
-        return PlanQuality(self.makespan, self.slowest_alone).ratio
+        """Makespan over the duration of the fastest motion found for the slowest arm alone; 1 where nothing moves."""
+        return self.quality.ratio
 
     def __repr__(self) -> str:
         if not self.found:
@@ -159,7 +158,7 @@ def plan_many_arms(
     rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> ManyArmsResult:
-    """Plan the motions of all moving arms on one clock; between them, they are certified in continuous time.
+    """Plan the motions of all moving arms on one clock, certified between the arms in continuous time.
 
     Args:
         problem: The problem. Arms that move without a goal may yield and come back.
@@ -232,10 +231,7 @@ def plan_many_arms(
         schedules=tuple(schedules),
         groups=tuple(groups),
         seconds=watch.seconds,
-        makespan=quality.makespan,
-        slowest_alone=quality.slowest_alone,
-        path_length=quality.path_length,
-        waiting=quality.waiting,
+        quality=quality,
         # By the same bound, so that both ratios compare.
         first=replace(first, slowest_alone=quality.slowest_alone),
         improvements=improver.iterations,
@@ -246,7 +242,7 @@ def plan_many_arms(
 def _search_small_teams(
     found: Preflight, near: Mapping[str, frozenset[str]], seeds: Mapping[str, int], watch: Stopwatch
 ) -> tuple[list[GroupResult], list[Schedule], dict[str, float]]:
-    """What came of the conflict-based search of each group, all schedules, and how fast each arm is alone [s]."""
+    """Results of the conflict-based search of each group, all schedules, and the duration of each arm alone [s]."""
     groups: list[GroupResult] = []
     schedules: list[Schedule] = []
     alone: dict[str, float] = {}

@@ -29,7 +29,7 @@ _REPAIRS = 200
 
 @dataclass(frozen=True)
 class Preflight:
-    """What was found.
+    """The result of the checks before planning.
 
     Args:
         agents: The agent of each arm, in a problem with a configuration as each goal; none if there is no answer to it.
@@ -84,7 +84,7 @@ def preflight(
 def goal_configurations(
     agents: Mapping[str, Agent], near: Mapping[str, frozenset[str]], rng: Seed = None
 ) -> tuple[dict[str, Array], PlanStatus | None, str]:
-    """A configuration for the goal of each arm, apart from those of the others.
+    """A configuration for the goal of each arm, without contact with those of the others.
 
     Args:
         agents: The agent of each arm.
@@ -134,7 +134,7 @@ def _is_usable(checker: CollisionChecker, q: Array) -> bool:
 def _first_contact(
     agents: Mapping[str, Agent], configurations: Mapping[str, Array], near: Mapping[str, frozenset[str]]
 ) -> str | None:
-    """Which links of two arms touch, how deep, in words; None if no arms do."""
+    """A sentence that names the links of two arms that touch, with their depth; None if no arms do."""
     placed = {arm: placed_configuration(agent.bodies, configurations[arm]) for arm, agent in agents.items()}
     for one, agent in agents.items():
         for two in near[one]:

@@ -90,7 +90,7 @@ def planner_table() -> tuple[PlannerInfo, ...]:
 def register_planner(
     name: str, factory: Callable[[], Planner], *, description: str = "", optimizing: bool = False
 ) -> None:
-    """Make a planner of your own known by a name, to `plan`, `plan_motion`, `plan_many` and `planner_names`.
+    """Register a name for a planner, for `plan`, `plan_motion`, `plan_many` and `planner_names`.
 
     Args:
         name: The name, one that no planner has yet.

@@ -66,9 +66,9 @@ def _describe(checker: CollisionChecker, contact: Contact) -> str:
 def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
     """Hints for a held object that rests on an obstacle or touches the gripper that holds it."""
     scene = checker.scene
-    resting = contact_advice(scene, contact.a, contact.b, _gap(checker, contact))
-    if resting:
-        yield resting
+    advice = contact_advice(scene, contact.a, contact.b, _gap(checker, contact))
+    if advice:
+        yield advice
     for held, other in ((contact.a, contact.b), (contact.b, contact.a)):
         if held not in scene.attachments or scene.owner(other) != scene.attachments[held].arm:
             continue

@@ -82,7 +82,7 @@ class Space:
 
     @cached_property
     def movable(self) -> NDArray[np.bool_]:
-        """Which columns can move, shape (nq,)."""
+        """Mask of the columns that can move, shape (nq,)."""
         return self.lower < self.upper
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What a planner from outside of this package has to keep: its answers are checked before they are believed."""
+"""The contract of planners from outside this package: their results are checked."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def checked_answer(
 
 
 def _fault(problem: Problem, result: object) -> str:
-    """What is wrong with an answer, as the rest of a sentence; empty where nothing is."""
+    """The fault of a result, as the end of a sentence; empty if there is none."""
     if not isinstance(result, PlanResult):
         return f"returned {shown(result)}, expected a PlanResult"
     status: object = result.status

@@ -28,7 +28,7 @@ _NAME = "roadmap"
 
 
 class Roadmap(Planner):
-    """A roadmap of a scene and the arms that move in it, built once for many questions.
+    """A roadmap of a scene and its moving arms, built once for many queries.
 
     The result is the shortest path along the roadmap's free edges. If it does not connect start and goal,
     RRT-Connect does, and its path is added to the roadmap. Results therefore depend on earlier queries; the
@@ -128,7 +128,7 @@ class Roadmap(Planner):
 
 
 class RoadmapPlanner(Planner):
-    """A roadmap that is kept with the scene, behind the verb of all planners.
+    """A planner whose roadmap is kept with the scene.
 
     It pays off from the second query in a cluttered scene: among 120 boxes the median query took a third of the
     time of RRT-Connect, for a path that was a fifth shorter before shortcuts. RRT-Connect and `shorten` are better

@@ -1,1 +1,1 @@
-"""What a motion looks like: replay in MuJoCo, the 3-D page, pictures of the configuration space."""
+"""Simulation in MuJoCo, the 3-D page, figures of configuration spaces and schedules."""

@@ -21,9 +21,11 @@ def check_limits(joint_names: tuple[str, ...], waypoints: Array, limits: Limits,
     Raises:
         RetimingError: a moving joint has an infinite limit.
     """
-    moving = np.ptp(waypoints, axis=0) > 0.0
     for kind in ("velocity", "acceleration", "jerk")[: 3 if jerk else 2]:
-        bad = moving & ~np.isfinite(getattr(limits, kind))
+        limited = np.isfinite(getattr(limits, kind))
+        if limited.all():
+            continue
+        bad = ~limited & (np.ptp(waypoints, axis=0) > 0.0)
         if bad.any():
             name = joint_names[int(np.argmax(bad))]
             raise RetimingError(

@@ -75,11 +75,11 @@ def blend_sizes(points: Array, max_blend: float, checker: CurveChecker | None) -
         checker: Certifies blends; None for a curve that needs no certificate.
     """
     sizes = np.empty(len(points))
-    load_library().rr1_largest_blends(points, *points.shape, max_blend, _REVERSAL, _SMALLEST, sizes)
-    if checker is not None and sizes.any():
-        smallest = _SMALLEST * float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-        for i in np.flatnonzero(sizes).tolist():
-            sizes[i] = _certified_size(points, i, float(sizes[i]), smallest, checker)
+    length = load_library().rr1_largest_blends(points, *points.shape, max_blend, _REVERSAL, _SMALLEST, sizes)
+    if checker is not None:
+        for i, size in enumerate(sizes.tolist()):
+            if size > 0.0:
+                sizes[i] = _certified_size(points, i, size, _SMALLEST * length, checker)
     return sizes
 
 
@@ -96,9 +96,8 @@ def _certified_size(points: Array, i: int, size: float, smallest: float, checker
 
 def blend_at(points: Array, i: int, size: float) -> Array:
     """The blend of a size at inner waypoint i, 0 <= s <= 2 size, lowest power first, shape (3, nq)."""
-    corner = np.ascontiguousarray(points[i - 1 : i + 2])
     out: Array = np.empty((3, points.shape[1]))
-    load_library().rr1_blend(corner, points.shape[1], size, out)
+    load_library().rr1_blend(points[i - 1 : i + 2], points.shape[1], size, out)
     return out
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -62,12 +63,12 @@ def concatenate(parts: list[Pieces]) -> Pieces:
 
 def as_trajectory(joint_names: tuple[str, ...], pieces: Pieces) -> Trajectory:
     """The pieces as a trajectory that starts at time zero."""
-    kept = pieces.durations > SHORTEST
-    if not kept.any():
+    kept = np.flatnonzero(pieces.durations > SHORTEST)
+    if len(kept) == 0:
         return Trajectory.rest(joint_names, pieces.coefficients[0, 0])
-    breaks = np.zeros(np.count_nonzero(kept) + 1)
-    np.cumsum(pieces.durations[kept], out=breaks[1:])
-    if not (np.isfinite(breaks[-1]) and (breaks[1:] > breaks[:-1]).all()):
+    breaks, coefficients = np.zeros(len(kept) + 1), pieces.coefficients.take(kept, axis=0)
+    pieces.durations.take(kept).cumsum(out=breaks[1:])
+    if not (isfinite(breaks[-1]) and (breaks[1:] > breaks[:-1]).all()):
         # Pieces so short that breaks coincide: the constructor names them.
-        return Trajectory(joint_names, breaks, pieces.coefficients[kept])
-    return Trajectory.trusted(joint_names, breaks, pieces.coefficients[kept])
+        return Trajectory(joint_names, breaks, coefficients)
+    return Trajectory.trusted(joint_names, breaks, coefficients)

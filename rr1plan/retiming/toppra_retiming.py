@@ -56,14 +56,11 @@ def time_curve_with_torque(curve: Curve, limits: Limits, inverse_dynamics: Inver
     Raises:
         RetimingError: TOPPRA finds no speed; the message names the waypoints.
     """
-    grid = make_grid(curve, limits, _longest(curve))
+    # Intervals are short also on straight lines, along which torques change.
+    longest = np.asarray(curve.lengths / np.clip(np.ceil(curve.lengths / _TORQUE_STEP), 8, _MOST))
+    grid = make_grid(curve, limits, longest)
     rows = _stack(_rate_rows(curve, grid, limits), _torque_rows(curve, grid, limits.effort, inverse_dynamics))
     return timed(curve, grid, _solve(curve, grid, rows))
-
-
-def _longest(curve: Curve) -> Array:
-    """Longest interval on each piece [rad]: torque changes along straight lines too."""
-    return np.asarray(curve.lengths / np.clip(np.ceil(curve.lengths / _TORQUE_STEP), 8, _MOST))
 
 
 def _rate_rows(curve: Curve, grid: Grid, limits: Limits) -> _Rows:

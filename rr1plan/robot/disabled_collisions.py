@@ -147,7 +147,7 @@ def always_colliding(robot: Robot, samples: int, rng: Seed = None) -> frozenset[
 
 
 def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int, rng: Seed = None) -> frozenset[Pair]:
-    """Those of some pairs of links that touch in each of some random configurations, grippers as they are held."""
+    """The pairs of links that touch in each of some random configurations, with locked joints at their values."""
     generator = as_generator(rng)
     bodies = LinkBodies(robot)
     stuck = set(pairs)

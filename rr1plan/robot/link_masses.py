@@ -47,13 +47,21 @@ def _assumed(body: tuple[Link, ...]) -> Iterator[tuple[str, Inertial]]:
         return
     solid = any(link.collisions for link in body)
     for link in body:
-        inertial = _inertial_of(link.collisions if solid else link.visuals)
+        inertial = solid_inertial(link.collisions if solid else link.visuals)
         if inertial is not None:
             yield link.name, inertial
 
 
-def _inertial_of(geometries: tuple[Geometry, ...]) -> Inertial | None:
-    """Mass, center of mass and inertia of solid shapes, with hulls for meshes; None without a volume."""
+def solid_inertial(geometries: tuple[Geometry, ...], mass: float | None = None) -> Inertial | None:
+    """Mass, center of mass and inertia of solid shapes, with hulls for meshes.
+
+    Args:
+        geometries: The shapes; where they overlap, both count.
+        mass: Their mass [kg] (default: that of `DENSITY`).
+
+    Returns:
+        The inertial, in the frame of the shapes; None without a volume.
+    """
     total = pin.Inertia.Zero()
     for geometry in geometries:
         shape = geometry.shape
@@ -63,11 +71,11 @@ def _inertial_of(geometries: tuple[Geometry, ...]) -> Inertial | None:
             except InputError:  # flat
                 continue
         solid = coal_shape(shape)
-        mass, center = DENSITY * solid.computeVolume(), solid.computeCOM().ravel()
-        inertia = pin.Inertia(mass, center, DENSITY * solid.computeMomentofInertiaRelatedToCOM())
-        total += inertia.se3Action(pin.SE3(np.array(geometry.pose)))
+        weight, center = DENSITY * solid.computeVolume(), solid.computeCOM().ravel()
+        own = pin.Inertia(weight, center, DENSITY * solid.computeMomentofInertiaRelatedToCOM())
+        total += own.se3Action(pin.SE3(np.array(geometry.pose)))
     if total.mass <= 0.0:
         return None
-    return Inertial(
-        float(total.mass), read_only(np.array(total.lever)), read_only(np.array(total.inertia)), assumed=True
-    )
+    share = 1.0 if mass is None else mass / float(total.mass)
+    inertia = read_only(share * np.array(total.inertia))
+    return Inertial(share * float(total.mass), read_only(np.array(total.lever)), inertia, assumed=mass is None)

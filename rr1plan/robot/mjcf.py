@@ -56,7 +56,7 @@ class Surrounding:
 
 @dataclass(frozen=True, eq=False)
 class MjcfContent:
-    """What an MJCF file says.
+    """The content of an MJCF file.
 
     Args:
         tree: The links and joints of its robots, hung on the world.
@@ -188,7 +188,7 @@ class _Reader:
                 )
 
     def _surroundings(self) -> Iterator[Surrounding]:
-        """What has shapes and is not the robot: geoms of the world one by one, then bodies."""
+        """Shapes that are not part of the robot: geoms of the world one by one, then bodies."""
         model = self.model
         data = mujoco.MjData(model)
         data.qpos[:] = self.rest

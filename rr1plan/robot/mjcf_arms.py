@@ -1,4 +1,4 @@
-"""Which joints of an MJCF file's robot make the arm, and where its tool is: the format has no groups and no tools."""
+"""The joints and the tool of an arm in an MJCF file, a format without groups and tools."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class ArmFinder:
             link = best.child
 
     def _end(self, link: str) -> str:
-        """What hangs on the last link as the only thing."""
+        """The end of the chain of single links below a link."""
         while len(branches := [j for j in self.below.get(link, ()) if j.child not in self.sites]) == 1:
             link = branches[0].child
         return link

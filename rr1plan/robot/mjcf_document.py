@@ -60,7 +60,7 @@ class MeshFile:
 
 @dataclass(frozen=True, eq=False)
 class Document:
-    """What is given to MuJoCo's parser.
+    """The text for MuJoCo's parser.
 
     Args:
         file: The main file.
@@ -180,7 +180,7 @@ def _replicas(element: Element) -> int:
 
 @dataclass(frozen=True)
 class _MeshFolder:
-    """What the compiler elements say about where meshes are; later elements override earlier ones."""
+    """Mesh directories of the compiler elements; later elements override earlier ones."""
 
     name: str = ""
     strip_path: bool = False

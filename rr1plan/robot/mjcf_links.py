@@ -71,11 +71,11 @@ class LinkReader:
         return range(start, start + int(self.model.body_geomnum[body])) if start >= 0 else range(0)
 
     def colliding_geoms(self, body: int) -> list[int]:
-        """Those of a body's geoms that hit things."""
+        """The geoms of a body that take part in collisions."""
         return [g for g in self.geoms(body) if self.compiled.uses[g].collides]
 
     def shown_geoms(self, body: int) -> list[int]:
-        """Those that show how a body looks: seen ones that hit nothing, or all seen ones where there are none."""
+        """The visual geoms of a body: visible ones without collisions, or all visible ones if there are none."""
         seen = [g for g in self.geoms(body) if self.compiled.uses[g].looks]
         return [g for g in seen if not self.compiled.uses[g].collides] or seen
 
@@ -189,7 +189,7 @@ class LinkReader:
         )
 
     def assumed_masses(self, bodies: Sequence[int]) -> list[int]:
-        """Those of some bodies whose mass is MuJoCo's default density times the volume of their geoms."""
+        """The bodies whose mass is MuJoCo's default density times the volume of their geoms."""
         return [b for b in bodies if (inertial := self._inertial(b)) is not None and inertial.assumed]
 
 

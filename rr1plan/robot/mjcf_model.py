@@ -44,7 +44,7 @@ _LINE = re.compile(r"line (\d+)")
 
 @dataclass(frozen=True)
 class GeomUse:
-    """What a geom is for.
+    """The purpose of a geom.
 
     Args:
         collides: It may be in contact: by its bits, by a pair, or as a shape of a hidden group.
@@ -61,7 +61,7 @@ class GeomUse:
 
 @dataclass(frozen=True, eq=False)
 class CompiledDocument:
-    """What MuJoCo made of a document.
+    """A document as MuJoCo compiled it.
 
     Args:
         document: The document.
@@ -141,7 +141,7 @@ def _refusal(document: Document, error: Exception) -> FormatError:
 
 
 def _use(geom: Any, paired: Container[str]) -> GeomUse:
-    """What a geom is for; `paired` are the names of those that are in a pair."""
+    """The purpose of a geom; `paired` are the names of those that are in a pair."""
     hidden = geom.group >= _SEEN_GROUPS
     touches = bool(geom.contype or geom.conaffinity) or (bool(geom.name) and geom.name in paired)
     weighed = np.isfinite(geom.mass) or geom.density != _DENSITY

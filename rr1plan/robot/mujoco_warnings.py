@@ -1,4 +1,4 @@
-"""What MuJoCo warns of, as a list."""
+"""MuJoCo's warnings as a list."""
 
 from __future__ import annotations
 

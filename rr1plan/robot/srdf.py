@@ -77,7 +77,7 @@ def read_srdf(source: str | bytes | Path, tree: Tree, *, file: str | Path | None
 
 
 def joined_semantics(srdf: Semantics, mjcf: Semantics) -> Semantics:
-    """What an SRDF says of a robot, with the configurations and excluded pairs of its MJCF file."""
+    """The content of an SRDF, with the configurations and excluded pairs of the MJCF file."""
     return replace(
         srdf,
         groups=srdf.groups or mjcf.groups,

@@ -26,7 +26,7 @@ _KINDS: dict[str, JointKind] = {
 
 
 def read_joint(element: Element) -> Joint:
-    """One joint; one that floats, is planar or has no range is a fixed one, with a warning.
+    """One joint; floating and planar joints and those without a range become fixed, with a warning.
 
     Raises:
         FormatError: an unknown type, a missing or inverted limit, a zero axis, a rate not above zero.

@@ -191,7 +191,7 @@ def _read_tree(
 def _semantics(
     srdf: str | Path | Literal[False] | None, beside: Path | None, tree: Tree, own: Semantics | None
 ) -> Semantics | None:
-    """What the SRDF that was chosen, or the one beside the robot's file, adds to what that file says itself."""
+    """What the given SRDF, or the one beside the robot's file, adds to that file."""
     if srdf is None:
         found = _semantics_beside(beside, tree)
     else:

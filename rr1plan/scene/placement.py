@@ -41,7 +41,7 @@ def place_grid(
     scene: Scene | None = None,
     prefix: str = "arm",
 ) -> Scene:
-    """Place rows x columns arms on a grid, all turned the same way.
+    """Place rows x columns arms on a grid, all with the same orientation.
 
     Args:
         robot: The robot all of them are.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import KW_ONLY, dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -225,7 +224,9 @@ class Problem(Value):
         distance = finite_number("margin", distance)
         if distance < 0.0:
             raise InputError(f"margin is {distance}, expected a distance >= 0")
-        other = copy(self)
+        other = object.__new__(type(self))
+        for name in ("scene", "start", "goal", "arms"):
+            object.__setattr__(other, name, getattr(self, name))
         object.__setattr__(other, "margin", distance)
         return other
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import check_text, finite_number, items_of, known_name
+from rr1plan.checks import check_text, finite_number, items_of, known_name, of_kind
 from rr1plan.errors import InputError
 from rr1plan.robot import Color, Geometry, Robot
 from rr1plan.scene.scene_content import SceneContent
@@ -56,7 +56,14 @@ class Scene(SceneContent):
         return replace(self, arms={**self.arms, name: replace(self.arm(name), robot=robot)})
 
     def with_obstacle(
-        self, name: str, shape: Shape | Iterable[Geometry], pose: ArrayLike | None = None, *, color: Color | None = None
+        self,
+        name: str,
+        shape: Shape | Iterable[Geometry],
+        pose: ArrayLike | None = None,
+        *,
+        color: Color | None = None,
+        mass: float | None = None,
+        friction: float = 1.0,
     ) -> Scene:
         """A scene with one more obstacle (or another one of that name).
 
@@ -65,14 +72,28 @@ class Scene(SceneContent):
             shape: A shape, or several posed ones.
             pose: T_world_object: (4, 4), or a position (3,) [m].
             color: Its color (rgba, 0..1).
+            mass: Mass of a loose body [kg]; None: fixed.
+            friction: Coulomb friction coefficient of a loose body.
+
+        Raises:
+            InputError: as `Obstacle`.
         """
         check_text("name", name)
         if isinstance(shape, Shape):
             shape = (Geometry(name, shape, identity(), color),)
-        return replace(self, obstacles={**self.obstacles, name: Obstacle(posed_shapes(shape), as_pose(pose))})
+        return self.with_obstacles({name: Obstacle(posed_shapes(shape), as_pose(pose), mass, friction)})
+
+    def with_obstacles(self, obstacles: Mapping[str, Obstacle]) -> Scene:
+        """A scene with more obstacles by name (or others of those names), such as those of `body_grid`.
+
+        Raises:
+            InputError: no mapping from names to obstacles.
+        """
+        of_kind("obstacles", obstacles, Mapping)
+        return replace(self, obstacles={**self.obstacles, **obstacles})
 
     def with_obstacle_at(self, name: str, pose: ArrayLike) -> Scene:
-        """A scene in which that obstacle is at another place.
+        """A scene in which that obstacle has another pose.
 
         Args:
             name: The obstacle.
@@ -83,7 +104,7 @@ class Scene(SceneContent):
             InputError: no pose.
         """
         thing = self.obstacles[known_name("obstacle", name, self.obstacles)]
-        other = replace(self, obstacles={**self.obstacles, name: Obstacle(thing.geometries, as_pose(pose))})
+        other = self.with_obstacles({name: replace(thing, pose=as_pose(pose))})
         for kept in ("element_names", "contact_rules"):
             other.__dict__[kept] = getattr(self, kept)
         return other
@@ -154,7 +175,7 @@ class Scene(SceneContent):
         touch = frozenset(robot.link(name).name for name in items_of("touch", touch, "links"))
         where = inverse(self.link_poses()[f"{arm}/{link}"]) @ thing.pose if pose is None else pose
         T = as_pose(where, "pose of the held object")
-        held = Attachment(thing.geometries, arm, link, T, touch)
+        held = Attachment(thing.geometries, arm, link, T, touch, thing.mass, thing.friction)
         rest = {n: o for n, o in self.obstacles.items() if n != obstacle}
         return replace(self, obstacles=rest, attachments={**self.attachments, obstacle: held})
 
@@ -163,7 +184,8 @@ class Scene(SceneContent):
         held = self.attachments[known_name("attached object", name, self.attachments)]
         T = self.link_poses()[f"{held.arm}/{held.link}"] @ held.pose
         rest = {n: a for n, a in self.attachments.items() if n != name}
-        return replace(self, attachments=rest, obstacles={**self.obstacles, name: Obstacle(held.geometries, T)})
+        thing = Obstacle(held.geometries, T, held.mass, held.friction)
+        return replace(self, attachments=rest, obstacles={**self.obstacles, name: thing})
 
     def _keep(self, **changes: Any) -> Scene:
         """`replace`, without rules about removed elements."""

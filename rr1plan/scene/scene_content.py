@@ -151,7 +151,7 @@ class SceneContent(Value):
 
     def configuration(self, arms: Sequence[str] | None = None) -> Array:
         """The concatenated configurations of the named arms, shape (nq,)."""
-        return np.concatenate([self.arms[a].q for a in self.arm_names(arms)])
+        return np.concatenate([np.zeros(0), *(self.arms[a].q for a in self.arm_names(arms))])
 
     def split(self, q: Array, arms: Sequence[str] | None = None) -> dict[str, Array]:
         """PlacedArm of every arm of the scene, with q (nq,) for the named ones and the scene's for the rest.

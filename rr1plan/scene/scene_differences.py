@@ -60,7 +60,9 @@ def _arm(before: Arm, after: Arm) -> Iterator[str]:
     if one.content_hash != two.content_hash:
         yield from _robot(one, two)
     if one.joint_names == two.joint_names and not np.array_equal(before.q, after.q):
-        yield f"stands elsewhere: {_largest(one.joint_names, after.q - before.q)}"
+        change = after.q - before.q
+        largest = int(np.argmax(np.abs(change)))
+        yield f"stands elsewhere: {one.joint_names[largest]} by {change[largest]:.4g}"
 
 
 def _obstacle(before: Obstacle, after: Obstacle) -> Iterator[str]:
@@ -199,8 +201,3 @@ def _pairs(rule: str, before: frozenset[Pair], after: frozenset[Pair]) -> Iterat
 
 def _listed(both: Pair) -> str:
     return " and ".join(map(repr, sorted(both)))
-
-
-def _largest(names: tuple[str, ...], change: Array) -> str:
-    j = int(np.argmax(np.abs(change)))
-    return f"{names[j]} by {change[j]:.4g}"

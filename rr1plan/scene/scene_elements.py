@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, Value, shown
+from rr1plan.checks import Array, Value, finite_number, positive_number, shown
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Robot
+from rr1plan.shapes import HalfSpace, Mesh, PointCloud
+from rr1plan.shapes.convex_hulls import is_own_hull
 from rr1plan.transforms import as_pose, identity
 
 Pair = frozenset[str]
@@ -42,24 +43,49 @@ class Arm(Value):
 class Obstacle(Value):
     """A rigid object in the world, with one shape or several.
 
+    An obstacle with a mass is a loose body in simulations: it falls, is pushed and can be grasped. Planners take
+    it as fixed where it is.
+
     Args:
-        geometries: Its shapes, posed in the object's frame.
+        geometries: Its shapes, posed in the object's frame; convex ones for a loose body.
         pose: T_world_object, shape (4, 4).
+        mass: Mass of a loose body [kg], distributed evenly in its shapes; None: fixed.
+        friction: Coulomb friction coefficient of a loose body; of two bodies that touch, the larger one counts.
+
+    Raises:
+        InputError: no shape, a mass not above zero, a friction below zero, or a mass and a shape that cannot move.
     """
 
     geometries: tuple[Geometry, ...]
     pose: Array = field(default_factory=identity)
+    mass: float | None = None
+    friction: float = 1.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "geometries", posed_shapes(self.geometries))
         object.__setattr__(self, "pose", as_pose(self.pose, "obstacle pose"))
         if not self.geometries:
             raise InputError("an obstacle has at least one shape, got none")
+        _check_loose_body(self)
 
-    @cached_property
-    def kept(self) -> dict[Any, Any]:
-        """Cache of values computed from this obstacle, shared by all scenes that it is in; not pickled."""
-        return {}
+
+def _check_loose_body(thing: Obstacle | Attachment) -> None:
+    """Check mass and friction, and convert them to floats."""
+    if finite_number("friction", thing.friction) < 0.0:
+        raise InputError(f"friction is {thing.friction}, expected a coefficient >= 0")
+    object.__setattr__(thing, "friction", float(thing.friction))
+    if thing.mass is None:
+        return
+    object.__setattr__(thing, "mass", positive_number("mass", thing.mass))
+    for geometry in thing.geometries:
+        shape = geometry.shape
+        if isinstance(shape, HalfSpace | PointCloud):
+            raise InputError(f"shape {geometry.name!r} is a {type(shape).__name__}, which cannot have a mass")
+        if isinstance(shape, Mesh) and not shape.convex and not is_own_hull(shape):
+            raise InputError(
+                f"mesh {geometry.name!r} of an object with a mass is not convex; take its hull "
+                "(load_mesh(..., hull=True)), or load_body(..., convex='pieces')"
+            )
 
 
 def posed_shapes(values: Any) -> tuple[Geometry, ...]:
@@ -88,6 +114,8 @@ class Attachment(Value):
         link: The link it is fixed to.
         pose: T_link_object, shape (4, 4).
         touch: Links of that arm it may touch (always its own link).
+        mass: Its mass, which simulations add to the link [kg]; None: not known, weightless.
+        friction: Its Coulomb friction coefficient, as in `Obstacle`.
     """
 
     geometries: tuple[Geometry, ...]
@@ -95,11 +123,14 @@ class Attachment(Value):
     link: str
     pose: Array
     touch: frozenset[str] = frozenset()
+    mass: float | None = None
+    friction: float = 1.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "geometries", posed_shapes(self.geometries))
         object.__setattr__(self, "pose", as_pose(self.pose, "pose of the held object"))
         object.__setattr__(self, "touch", frozenset(self.touch))
+        _check_loose_body(self)
 
 
 def pair(a: str, b: str) -> Pair:

@@ -11,6 +11,8 @@
     xyz = [-0.4, 0.1, 0.1]
     box = [0.1, 0.1, 0.2]              # see `scene_shapes` for the others
     color = "#8a9ba8"
+    mass = 0.5                         # a loose body in simulations [kg]; default: fixed
+    friction = 0.8                     # its friction coefficient; default: 1
 
     [queries.reach]
     goal = { frame = "tool", position = [-0.3, 0.25, 0.2] }
@@ -41,7 +43,7 @@ from rr1plan.scene.scene_shapes import geometries_entries, pose_entries, read_ge
 
 
 class RobotLoader(Protocol):
-    """What reads robots for the scene: `rr1plan.load_robot` is one."""
+    """A function that reads robots for the scene, e.g. `rr1plan.load_robot`."""
 
     def __call__(
         self,
@@ -57,13 +59,14 @@ class RobotLoader(Protocol):
 
 
 _VERSION = 1
+_FRICTION = Obstacle.friction
 _MAX_BYTES = 64 * 1024 * 1024
 _LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
 
 
 @dataclass(frozen=True, eq=False)
 class SceneFile:
-    """What a scene file holds.
+    """The content of a scene file.
 
     Args:
         scene: The scene.
@@ -153,7 +156,8 @@ def scene_text(
     names = robots or {}
     data["arms"] = {n: _arm_entries(arm, names.get(n, arm.robot.name)) for n, arm in scene.arms.items()}
     data["obstacles"] = {
-        n: pose_entries(o.pose) | geometries_entries(n, o.geometries) for n, o in scene.obstacles.items()
+        n: pose_entries(o.pose) | geometries_entries(n, o.geometries) | _body_entries(o)
+        for n, o in scene.obstacles.items()
     }
     data["attachments"] = {n: _attachment_entries(n, held) for n, held in scene.attachments.items()}
     data["queries"] = {n: problem_entries(problem) for n, problem in (problems or {}).items()}
@@ -195,7 +199,7 @@ def _read_arm(entry: Table, robot: Robot) -> Arm:
 
 
 class _Reference(NamedTuple):
-    """What a robot is loaded from."""
+    """The source of a robot."""
 
     name_or_file: str
     srdf: str | None
@@ -205,7 +209,7 @@ class _Reference(NamedTuple):
 
 
 def _robot_reference(entry: Table, folder: Path) -> _Reference:
-    """What an arm's robot is loaded from; a file is meant when the robot's name has a suffix or a slash."""
+    """The source of an arm's robot; a name with a suffix or a slash is a file."""
     name, srdf = entry.string("robot"), entry.string("srdf", "")
     with entry.blame("robot"):
         if _is_file(name):
@@ -269,9 +273,11 @@ def _with_objects(scene: Scene, top: Table, folder: Path) -> Scene:
     obstacles, attachments = top.table("obstacles"), top.table("attachments")
     for name in obstacles.names():
         entry = obstacles.table(name)
-        obstacle = Obstacle(read_geometries(entry, name, folder), read_pose(entry))
+        geometries, where = read_geometries(entry, name, folder), read_pose(entry)
+        mass, friction = _read_body(entry)
         entry.finish()
         with entry.blame():
+            obstacle = Obstacle(geometries, where, mass, friction)
             scene = replace(scene, obstacles={**scene.obstacles, name: obstacle})
     for name in attachments.names():
         entry = attachments.table(name)
@@ -286,8 +292,18 @@ def _with_attachment(scene: Scene, name: str, entry: Table, folder: Path) -> Sce
     robot = scene.arm(arm).robot
     link = robot.link(entry.string("link", robot.tool)).name
     touch = frozenset(robot.link(other).name for other in entry.strings("touch"))
-    held = Attachment(read_geometries(entry, name, folder), arm, link, read_pose(entry), touch)
+    held = Attachment(read_geometries(entry, name, folder), arm, link, read_pose(entry), touch, *_read_body(entry))
     return replace(scene, attachments={**scene.attachments, name: held})
+
+
+def _read_body(entry: Table) -> tuple[float | None, float]:
+    """Mass and friction of an object."""
+    return entry.number("mass") if "mass" in entry else None, entry.number("friction", _FRICTION)
+
+
+def _body_entries(thing: Obstacle | Attachment) -> dict[str, Any]:
+    entries = {} if thing.mass is None else {"mass": thing.mass}
+    return entries | ({} if thing.friction == _FRICTION else {"friction": thing.friction})
 
 
 def _with_rules(scene: Scene, top: Table) -> Scene:
@@ -337,4 +353,4 @@ def _attachment_entries(name: str, held: Attachment) -> dict[str, Any]:
     entries: dict[str, Any] = {"arm": held.arm, "link": held.link} | pose_entries(held.pose)
     if held.touch:
         entries["touch"] = sorted(held.touch)
-    return entries | geometries_entries(name, held.geometries)
+    return entries | geometries_entries(name, held.geometries) | _body_entries(held)

@@ -204,7 +204,7 @@ def _parts(mesh: Mesh) -> list[Mesh]:
     if number > _MOST_PARTS:
         return [mesh]
     parts = [_only(mesh, label == i) for i in range(number)]
-    volumes = [_volume(part) if _is_closed(part) else 0.0 for part in parts]
+    volumes = [enclosed_volume(part) if is_closed(part) else 0.0 for part in parts]
     if min(volumes) < 0.0 < max(volumes):
         return [mesh]
     return [Mesh(p.vertices, p.faces[:, ::-1]) if v < 0.0 else p for p, v in zip(parts, volumes, strict=True)]
@@ -219,13 +219,13 @@ def _only(mesh: Mesh, kept: NDArray[np.bool_]) -> Mesh:
     return Mesh(vertices, faces.reshape(-1, 3).astype(np.int32))
 
 
-def _volume(mesh: Mesh) -> float:
+def enclosed_volume(mesh: Mesh) -> float:
     """Volume within a closed mesh [m³], negative where its triangles face inwards."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices[0] for k in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
 
-def _is_closed(mesh: Mesh) -> bool:
+def is_closed(mesh: Mesh) -> bool:
     """Whether each edge has two triangles, which agree about the outside."""
     directed = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     forth, back = (np.unique(pairs, axis=0) for pairs in (directed, directed[:, ::-1]))
@@ -238,7 +238,7 @@ def _part(part: Mesh, size: float, clock: _Clock) -> _Part:
         return _plates(part, size)
     if _is_own_hull(part):
         return _Part([convex_hull(part.vertices)])
-    closed = _is_closed(part)
+    closed = is_closed(part)
     if not closed and len(part.faces) <= _MOST_PLATES:
         return _plates(part, size)
     options = _CLOSED if closed else _OPEN
@@ -336,7 +336,7 @@ def _is_own_hull(mesh: Mesh) -> bool:
     """Whether a mesh is the surface of its hull up to small gaps; an open box is not."""
     if not is_convex(mesh):
         return False
-    return _is_closed(mesh) or _swelling(mesh, [convex_hull(mesh.vertices)], False) <= _OWN_HULL * _size(mesh.vertices)
+    return is_closed(mesh) or _swelling(mesh, [convex_hull(mesh.vertices)], False) <= _OWN_HULL * _size(mesh.vertices)
 
 
 def _swelling(mesh: Mesh, pieces: list[Mesh], closed: bool) -> float:

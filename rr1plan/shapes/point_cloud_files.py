@@ -91,10 +91,6 @@ def _without_nan(points: Any, file: Path) -> Any:
     return points[kept]
 
 
-def _from_array(data: bytes) -> Any:
-    return parse_array(data)
-
-
 def _from_text(data: bytes) -> Any:
     rows = [line.replace(",", " ").split() for line in data.decode().splitlines()]
     rows = [row for row in rows if row and not row[0].startswith("#")]
@@ -234,7 +230,7 @@ def _whole(word: str) -> int:
 
 
 _READERS: dict[str, Callable[[bytes], Any]] = {
-    ".npy": _from_array,
+    ".npy": parse_array,
     ".ply": _from_ply,
     ".pcd": _from_pcd,
     ".csv": _from_text,

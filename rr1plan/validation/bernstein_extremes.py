@@ -15,7 +15,7 @@ ORDERS = 4
 
 @dataclass(frozen=True, eq=False)
 class Extremes:
-    """What the columns of a motion reach; the first axis is position, velocity, acceleration, jerk.
+    """Extremes of the columns of a motion; the first axis is position, velocity, acceleration, jerk.
 
     Args:
         peaks: Highest value of each column, when [s], lowest value, when; shape (4, nq, 4).

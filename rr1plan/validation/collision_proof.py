@@ -1,4 +1,4 @@
-"""What the compiled search finds, by the names of the scene."""
+"""Findings of the compiled search, by the names of the scene."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Contact(NamedTuple):
 
 @dataclass
 class CollisionProof:
-    """What is found of all pairs of elements over the whole motion.
+    """Findings about all pairs of elements over the whole motion.
 
     Args:
         contacts: Pairs that are not free, in the order of the scene's elements.

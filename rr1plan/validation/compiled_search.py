@@ -26,7 +26,7 @@ ElementPair = tuple[int, int]
 
 
 class FoundPair(NamedTuple):
-    """What is found of a pair of elements.
+    """Findings about a pair of elements.
 
     Args:
         elements: The pair.
@@ -43,7 +43,7 @@ class FoundPair(NamedTuple):
 
 @dataclass(frozen=True)
 class ProofOptions:
-    """What is to be found.
+    """Options of the search.
 
     Args:
         tolerance: The smallest clearance reported is within this of the true one [m].

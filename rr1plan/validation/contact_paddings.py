@@ -1,4 +1,4 @@
-"""Which elements of two owners must not touch, and how far apart they have to be, for two owners at a time.
+"""Paddings between the elements of two owners, `ALLOWED` for pairs that may touch.
 
 An owner is an arm with its links and what it holds, or an obstacle. What a single pair may do is said in words by
 `Scene.may_touch` and `Scene.padding_of`. Rules are looked up by their owners: for all others nothing is worked out.
@@ -42,7 +42,7 @@ class Elements:
 
 
 def rules_by_owners(scene: Scene) -> dict[Pair, list[Pair]]:
-    """The pairs of names that rules are about, allowed contacts and paddings alike, by the owners of what they name."""
+    """Pairs of names with a rule (an allowed contact or a padding), by the owners of the two elements."""
     found: dict[Pair, list[Pair]] = {}
     for both in dict.fromkeys((*scene.allowed, *scene.pair_padding)):
         found.setdefault(frozenset(scene.owner(name) or name for name in both), []).append(both)
@@ -57,7 +57,7 @@ def block_paddings(scene: Scene, one: Elements, two: Elements, checked: NDArray[
         one: The elements of an owner.
         two: Those of another one, or the same.
         checked: Which pairs must not touch if no rule says otherwise, shape (n, m).
-        rules: The pairs of names that rules are about, those of these owners.
+        rules: Pairs of names of these owners that have a rule.
     """
     paddings = np.full(checked.shape, scene.padding)
     kept = {both: scene.pair_padding[both] for both in rules if both in scene.pair_padding}
@@ -80,7 +80,7 @@ def block_paddings(scene: Scene, one: Elements, two: Elements, checked: NDArray[
 
 
 def _elements_named(both: Pair, one: Elements, two: Elements) -> int:
-    """How many of two names are elements' and not owners'."""
+    """Number of two names that name an element rather than an owner."""
     return sum(name in one.index or name in two.index for name in both)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 
@@ -16,28 +16,29 @@ from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem, frame_link
 from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 from rr1plan.validation.limit_checks import Findings
 from rr1plan.validation.link_motion import LinkMotion, TimedColumns
+from rr1plan.validation.moving_scene import MovingScene
 
 # Joint values count as equal within this [rad or m], tolerances are kept to within it.
 _EQUAL = 1e-9
 
 
 def check_endpoints(
-    findings: Findings, motion: TimedColumns, columns: Mapping[str, list[int]], scene: Scene, problem: Problem | None
+    findings: Findings, motion: TimedColumns, last: Array, moving: MovingScene, problem: Problem | None
 ) -> None:
     """A motion starts where it should and ends at a goal, if there is a problem that says so.
 
     Args:
         findings: Where violations go.
         motion: The motion.
-        columns: Columns of each arm that moves.
-        scene: Where the other arms are.
+        last: Its columns at the last instant, shape (nq,).
+        moving: Which columns are those of an arm, and where the other arms are.
         problem: The problem.
     """
     if problem is None:
         findings.not_checked["start"] = findings.not_checked["goal"] = "no problem was given"
         return
+    scene, columns, first = moving.tables.scene, moving.columns_of_arm, motion.coefficients[0, 0]
     _check_arms(problem, scene)
-    first, last = motion.endpoints()
     begin, finish = float(motion.breaks[0]), float(motion.breaks[-1])
     findings.checked += ["start", "goal"]
     offset = 0

@@ -59,7 +59,7 @@ def hull_core(points: Array) -> Core:
 
 
 def _listed(points: Array) -> NDArray[np.bool_]:
-    """Which corners each cell lists, shape (cells, n) of booleans."""
+    """Mask of the vertices in each cell, shape (cells, n)."""
     directions = _cells() @ points.T
     rounding = _ROUNDING * float(np.abs(points).max(initial=0.0))
     listed = np.ones((CELLS, len(points)), dtype=np.bool_)

@@ -25,7 +25,7 @@ _RATES: tuple[tuple[ViolationKind, str], ...] = (("velocity", "/s"), ("accelerat
 
 @dataclass
 class Findings:
-    """What the checks write down as they go."""
+    """Violations and margins that the checks collect."""
 
     violations: list[Violation] = field(default_factory=list)
     margins: dict[str, Margin] = field(default_factory=dict)
@@ -72,7 +72,7 @@ def columns_of(arms: Mapping[str, Arm], places: Mapping[str, list[int]], names: 
 
 
 class Judgment:
-    """What of a motion's extremes is beyond a limit, and how much of the limits is used.
+    """Comparison of a motion's extremes with the limits: violations, and used shares.
 
     Args:
         columns: The columns.

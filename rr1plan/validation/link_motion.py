@@ -1,4 +1,4 @@
-"""Where every link is at many times at once: plain numpy kinematics along a trajectory.
+"""Poses of all links at many times at once: plain NumPy kinematics along a trajectory.
 
 The referee's own forward kinematics. It shares nothing with `rr1plan.model` (Pinocchio)
 and is tested against `Robot.link_poses`.
@@ -36,14 +36,6 @@ class TimedColumns:
     def arms(self) -> tuple[str, ...]:
         """Names of the arms that have columns here, in order."""
         return tuple(dict.fromkeys(name.split("/", 1)[0] for name in self.joint_names))
-
-    def endpoints(self) -> Array:
-        """Columns at the first and at the last instant, shape (2, nq)."""
-        width = self.breaks[-1] - self.breaks[-2] if len(self.breaks) > 1 else 0.0
-        last = self.coefficients[-1, -1]
-        for terms in self.coefficients[-1, -2::-1]:
-            last = last * width + terms
-        return np.stack([self.coefficients[0, 0], last])
 
 
 class Frames(NamedTuple):
@@ -90,7 +82,7 @@ class MovingLink:
 
 
 def drives(robot: Robot, columns: dict[str, int], configuration: dict[str, float]) -> dict[str, Drive]:
-    """What drives every joint that is not fixed: a column, its configuration, its held value, or its leader.
+    """The source of every joint value: a column, the configuration, a locked value, or a leading joint.
 
     Args:
         robot: The robot.

@@ -76,7 +76,7 @@ def cell_parts(cloud: PointCloud) -> Parts:
 
 
 def _face_bits(mesh: Mesh) -> NDArray[np.int64]:
-    """What the kernels read of each triangle, shape (n,); see `referee_tables.h`."""
+    """The rows of the triangles for the kernels, shape (n,); see `referee_tables.h`."""
     _, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
     faces = welded.ravel()[mesh.faces].astype(np.int64)
     part, closed = _parts_of(faces)

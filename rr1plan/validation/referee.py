@@ -93,7 +93,9 @@ def validate(
     moving, motion = moving_scene(scene, trajectory.joint_names), _motion_of(trajectory)
     columns, found = moving.columns, extremes(motion.breaks, motion.coefficients)
     judgment = Judgment(columns, found, motion.breaks, motion.coefficients)
-    options = ProofOptions(tolerance, _most_searches(judgment), clearance, share)
+    # Few searches for a motion that is far too fast, which is refused whatever it hits.
+    most_searches = _MOST_SEARCHES // 50 if judgment.is_absurd(_ABSURD, _FAST) else _MOST_SEARCHES
+    options = ProofOptions(tolerance, most_searches, clearance, share)
     _check_collisions(findings, moving, motion, options, progress)
     _name_unchecked_links(findings, scene)
     judgment.check_positions(findings)
@@ -104,7 +106,7 @@ def validate(
         check_torques(findings, trajectory, scene)
     else:
         findings.not_checked["torque"] = "not asked for (option torque_limits)"
-    check_endpoints(findings, motion, moving.columns_of_arm, scene, problem)
+    check_endpoints(findings, motion, found.end[0], moving, problem)
     return _report(findings, trajectory.duration)
 
 
@@ -256,11 +258,6 @@ def _check_reach(findings: Findings, trajectory: Trajectory) -> bool:
             message = f"{name} has terms that add up to more than {_FARTHEST:.0e}, which is no motion of an arm"
             findings.violations.append(Violation("finite", (name,), None, min(value, 1e308), _FARTHEST, message))
     return bool((reach <= _FARTHEST).all())
-
-
-def _most_searches(judgment: Judgment) -> int:
-    """Searches that a proof may take: few for a motion that is far too fast, which is refused whatever it hits."""
-    return _MOST_SEARCHES // 50 if judgment.is_absurd(_ABSURD, _FAST) else _MOST_SEARCHES
 
 
 def _check_collisions(

@@ -39,7 +39,7 @@ class RefereeStruct(memory.CStruct):
 
 
 def _columns(struct: str, *fields: str) -> tuple[int, ...]:
-    """Where fields begin in a row of a table, counted in numbers."""
+    """Offsets of fields in a row of a table, counted in numbers."""
     return tuple(getattr(SOURCES.classes[struct], field).offset // 8 for field in fields)
 
 

@@ -6,10 +6,11 @@ what other things are called is the scene's.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import accumulate
+from struct import Struct
 from typing import NamedTuple
 
 import numpy as np
@@ -39,10 +40,11 @@ from rr1plan.validation.referee_kernels import (
 from rr1plan.validation.referee_shapes import core_row, point_body
 
 Table = NDArray[np.int64]
+_ROW = Struct("=14d")  # a `ShapeRow`
 
 
 class HeldThing(NamedTuple):
-    """What an arm holds, as far as its model depends on it.
+    """The attached objects of an arm, as far as its model depends on them.
 
     Args:
         geometries: Its shapes.
@@ -130,16 +132,17 @@ def _build(content: _Content) -> ArmTables:
     links = tuple(link.name for link in robot.links if link.collisions)
     elements = [(link.name, link.collisions, np.eye(4)) for link in robot.links if link.collisions]
     elements += [(held.link, held.geometries, np.frombuffer(held.pose).reshape(4, 4)) for held in content.held]
-    poses = [carriers[link][1] @ T @ geometry.pose for link, geometries, T in elements for geometry in geometries]
-    shapes = tuple(geometry.shape for _, geometries, _ in elements for geometry in geometries)
-    counts = [len(geometries) for _, geometries, _ in elements]
+    poses = [carriers[link][1] @ T for link, _, T in elements]
+    geometries = [geometry for _, some, _ in elements for geometry in some]
+    counts = [len(some) for _, some, _ in elements]
+    first = _starts(counts)
     on = np.repeat(np.array([carriers[link][0] for link, _, _ in elements], dtype=np.int64), counts)
     depth = np.array([len(chain) for chain in chains], dtype=np.int64)[on]
     own_checked = _own_checked(links, content)
-    bodies = _bodies(shapes, _stacked(poses))
-    table, first = bodies.part("bodies"), _starts(counts)
+    shapes, bodies = _bodies(geometries, poses, first)
+    table = bodies.part("bodies")
     table[:, LINK], table[:, DEPTH], table[:, FIRST_JOINT] = on, depth, np.cumsum(depth) - depth
-    struct = RefereeStruct(
+    model = RefereeStruct(
         "RefereeModel",
         joints=np.array(joints, dtype=np.int64).reshape(-1, 3),
         frames=np.array(frames, dtype=np.float64).reshape(-1, 17),
@@ -154,16 +157,16 @@ def _build(content: _Content) -> ArmTables:
     )
     planes = _half_spaces(shapes, first)
     moving = tuple(i for i in planes if depth[first[i]] > 0)
-    return ArmTables(links, shapes, bodies, struct, len(counts), int(depth.max(initial=0)), planes, moving, own_checked)
+    return ArmTables(links, shapes, bodies, model, len(counts), int(depth.max(initial=0)), planes, moving, own_checked)
 
 
-def _stacked(poses: list[Array]) -> Array:
-    """Poses as one array, shape (n, 4, 4)."""
-    return np.concatenate(poses).reshape(-1, 4, 4) if poses else np.zeros((0, 4, 4))
+def _joined(poses: Iterable[Array]) -> Array:
+    """Poses one after the other, shape (16 n,)."""
+    return np.frombuffer(bytearray().join([pose.tobytes() for pose in poses]))
 
 
 def _starts(counts: list[int]) -> Table:
-    """Where each of several runs begins and the last one ends, shape (n + 1,)."""
+    """Offsets at which consecutive runs begin and the last one ends, shape (n + 1,)."""
     return np.array([0, *accumulate(counts)], dtype=np.int64)
 
 
@@ -198,7 +201,7 @@ def _frame(origin: Array, joint: Joint, drive: Drive) -> Array:
 
 
 def _own_checked(links: tuple[str, ...], content: _Content) -> NDArray[np.uint8]:
-    """Which pairs of an arm's links and held things must not touch."""
+    """Pairs of an arm's links and attached objects that must not touch."""
     index, count = {name: i for i, name in enumerate(links)}, len(links) + len(content.held)
     checked = np.ones((count, count), dtype=np.uint8)
     np.fill_diagonal(checked, 0)
@@ -216,25 +219,32 @@ def _own_checked(links: tuple[str, ...], content: _Content) -> NDArray[np.uint8]
 
 def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
     """The model of all obstacles of a scene: elements of a single link at the world's origin."""
-    obstacles = tuple(obstacles)
-    geometries = [geometry for obstacle in obstacles for geometry in obstacle.geometries]
-    counts = [len(obstacle.geometries) for obstacle in obstacles]
-    poses = [obstacle.pose for obstacle in obstacles for _ in obstacle.geometries]
-    of_obstacle, of_shape = _stacked(poses + [g.pose for g in geometries]).reshape(2, -1, 4, 4)
-    shapes = tuple(geometry.shape for geometry in geometries)
-    bodies, first = _bodies(shapes, of_obstacle @ of_shape), _starts(counts)
-    struct = RefereeStruct(
-        "RefereeModel", bodies=bodies, element_bodies=first, element_count=len(counts), base_element=-1
+    parts = [(obstacle.geometries, obstacle.pose) for obstacle in obstacles]
+    first = _starts([len(geometries) for geometries, _ in parts])
+    shapes, bodies = _bodies([geometry for some, _ in parts for geometry in some], [pose for _, pose in parts], first)
+    model = RefereeStruct(
+        "RefereeModel", bodies=bodies, element_bodies=first, element_count=len(parts), base_element=-1
     )
-    return ArmTables((), shapes, bodies, struct, len(counts), 0, _half_spaces(shapes, first), (), None)
+    return ArmTables((), shapes, bodies, model, len(parts), 0, _half_spaces(shapes, first), (), None)
 
 
-def _bodies(shapes: tuple[Shape, ...], poses: Array) -> RefereeStruct:
-    """Bodies as the kernels read them, with their corners and trees, at poses (b, 4, 4) on link 0."""
-    # At once: one array is made from all numbers faster than one from each row.
-    rows = np.array([number for shape in shapes for number in core_row(shape)], dtype=np.float64)
+def _bodies(
+    geometries: Sequence[Geometry], poses: Iterable[Array], first: Table
+) -> tuple[tuple[Shape, ...], RefereeStruct]:
+    """Shapes, and bodies as the kernels read them, on link 0, with their corners and trees.
+
+    Args:
+        geometries: The shapes of all elements, in their frames.
+        poses: T_link_element of each element, shape (4, 4).
+        first: The first body of each element, and one past the last.
+    """
+    shapes = tuple([geometry.shape for geometry in geometries])
+    rows = np.frombuffer(bytearray().join([_ROW.pack(*core_row(shape)) for shape in shapes])).reshape(
+        -1, _ROW.size // 8
+    )
     table, sizes = np.empty((len(shapes), 7), dtype=np.int64), np.empty((len(shapes), 23))
-    columns = load_library().rr1_fill_bodies(rows.reshape(-1, 14), poses, len(shapes), table, sizes)
+    frames = _joined([geometry.pose for geometry in geometries])
+    columns = load_library().rr1_fill_bodies(rows, frames, _joined(poses), first, len(first) - 1, table, sizes)
     arrays = {"bodies": table, "sizes": sizes}
     if columns:
         made = [point_body(shape) for shape in shapes if isinstance(shape, (Mesh, PointCloud))]
@@ -244,4 +254,4 @@ def _bodies(shapes: tuple[Shape, ...], poses: Array) -> RefereeStruct:
             table[table[:, SHAPE] >= SURFACE, FIRST_NODE] = _starts([len(tree.nodes) for tree in trees])[:-1]
             arrays["boxes"] = np.concatenate([tree.boxes for tree in trees])
             arrays["nodes"] = np.concatenate([tree.nodes for tree in trees])
-    return RefereeStruct("RefereeBodies", body_count=len(shapes), corner_count=columns, **arrays)
+    return shapes, RefereeStruct("RefereeBodies", body_count=len(shapes), corner_count=columns, **arrays)

@@ -127,7 +127,7 @@ class RefereeScene:
         return self._paddings(one, two, []) if found is None else found
 
     def _check_half_spaces(self) -> None:
-        """No two half-spaces are to be kept apart."""
+        """Refuse a pair of half-spaces that must not touch: their distance cannot be proven."""
         arms = len(self.names)
         owners = [i for i in range(arms) if self.model(i).planes]
         for i in owners:
@@ -135,9 +135,9 @@ class RefereeScene:
             for j in others:
                 first = self.model(i).planes
                 second = self.model(j).planes if j < arms else (0,)
-                apart = self.paddings_between(i, j)[np.ix_(first, second)] >= 0.0
-                if apart.any():
-                    a, b = np.argwhere(apart)[0].tolist()
+                checked = self.paddings_between(i, j)[np.ix_(first, second)] >= 0.0
+                if checked.any():
+                    a, b = np.argwhere(checked)[0].tolist()
                     names = list(self.elements(i).index)[first[a]], list(self.elements(j).index)[second[b]]
                     raise InputError(f"{names[0]!r} and {names[1]!r} are both half-spaces, which cannot be kept apart")
 

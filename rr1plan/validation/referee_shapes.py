@@ -34,7 +34,7 @@ class PointBody(NamedTuple):
 
 
 def core_row(shape: Shape) -> tuple[float, ...]:
-    """What the kernels read of a shape in its frame, a `ShapeRow` of `referee_tables.h`.
+    """A shape in its frame for the kernels, a `ShapeRow` of `referee_tables.h`.
 
     Returns:
         14 numbers: kind, number of corners that are looked at one by one, columns of `corners`; half edges or what

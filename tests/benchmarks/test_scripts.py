@@ -63,6 +63,22 @@ def test_simulated_arms_are_measured(script, tmp_path):
     assert all(r["error"] < 1e-3 for r in results)
 
 
+def test_calibrations_are_measured(script, tmp_path):
+    assert script("calibration").main(["--count", "1", "--out", str(tmp_path)]) == 0
+    results = json.loads((tmp_path / "calibration.json").read_text())["results"]
+    assert [r["outliers"] for r in results] == [0, 0, 2]
+    assert all(r["signs"] and r["named"] and r["significance"] > 4.0 for r in results)
+    assert max(abs(zero) for r in results for zero in r["zeros"]) < 1.0
+
+
+def test_a_falling_tower_is_measured(script, tmp_path):
+    arguments = ["--boats", "6", "--seconds", "2", "--out", str(tmp_path)]
+    assert script("falling_tower").main(arguments) == 0
+    results = json.loads((tmp_path / "falling_tower.json").read_text())["results"]
+    assert [r["solver"] for r in results] == ["newton", "cg"]
+    assert all(r["lowest"] > -0.01 and 0.0 <= r["depth"] <= r["deepest"][0] < 0.1 and r["contacts"] for r in results)
+
+
 def test_peers_answer_the_same_problems_or_tell_why_not(script, tmp_path, monkeypatch):
     peers = script("peers")
     straight = tmp_path / "straight_worker.py"

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 
-from rr1plan.playback.viewer.page_capture import find_browser, open_browser
+from rr1plan.playback.viewer.page_capture import find_browser, open_browser, wait_until
+
+_READY = "Boolean(window.RR1 && RR1.ready)"
 
 
 # No longer than a module: as long as it runs, nothing else of this thread can use asyncio.
@@ -51,6 +57,24 @@ class Tab:
     def ask(self, expression: str, argument: Any = None) -> Any:
         return self.page.evaluate(expression, argument)
 
+    def open(self, page: Path | str, ready: str = _READY) -> None:
+        """Open a file or an address and wait until the page is ready."""
+        self.page.goto(page.as_uri() if isinstance(page, Path) else page)
+        wait_until(self.page, ready)
+
+    def picture(self) -> np.ndarray:
+        """The pixels of the next frames as they stand, shape (height, width, 3)."""
+        frames = self.ask("RR1.frames")
+        wait_until(self.page, f"RR1.frames > {frames} + 2")
+        return np.asarray(Image.open(io.BytesIO(self.page.screenshot())).convert("RGB"), dtype=int)
+
+    def bare_picture(self) -> np.ndarray:
+        """The same without the cards."""
+        self.ask("document.body.classList.add('bare')")
+        pixels = self.picture()
+        self.ask("document.body.classList.remove('bare')")
+        return pixels
+
 
 @pytest.fixture
 def tab(browser: Any) -> Iterator[Tab]:
@@ -64,3 +88,10 @@ def shared_tab(browser: Any) -> Iterator[Tab]:
     page = browser.new_page()
     yield Tab(page)
     page.close()
+
+
+@pytest.fixture(scope="module")
+def opened(shared_tab: Tab, page_file: Path) -> Tab:
+    """The page of the module's `page_file`."""
+    shared_tab.open(page_file)
+    return shared_tab

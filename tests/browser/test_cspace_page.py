@@ -42,8 +42,7 @@ def page_file(lesson: rp.CSpace, tmp_path_factory: pytest.TempPathFactory) -> Fi
 @pytest.fixture(scope="module")
 def opened(shared_tab: Any, page_file: FilePath) -> Any:
     shared_tab.page.set_viewport_size({"width": 1280, "height": 720})
-    shared_tab.page.goto(page_file.as_uri())
-    wait_until(shared_tab.page, READY)
+    shared_tab.open(page_file, READY)
     return shared_tab
 
 
@@ -311,8 +310,7 @@ def test_where_no_path_exists_the_page_says_so_in_two_colors(tab: Any, tmp_path:
     picture = rp.cspace(problem.scene, problem, resolution=CELLS)
     file = picture.save_html(tmp_path / "none.html", options=rp.ViewOptions(title="<b>no & way</b>"))
     tab.page.set_viewport_size({"width": 1280, "height": 720})
-    tab.page.goto(file.as_uri())
-    wait_until(tab.page, READY)
+    tab.open(file, READY)
     said = tab.page.locator(".verdict").inner_text()
     assert said.startswith("No path exists")
     assert "proven by certified cells" in said
@@ -330,8 +328,7 @@ def test_where_no_path_exists_the_page_says_so_in_two_colors(tab: Any, tmp_path:
 def test_a_timed_motion_plays_on_its_own_clock(tab: Any, lesson: rp.CSpace, tmp_path: FilePath) -> None:
     trajectory = rp.retime(rp.Path(("arm/joint1", "arm/joint2"), lesson.path), lesson.grid.scene)
     file = lesson.save_html(tmp_path / "timed.html", trajectory=trajectory, options=rp.ViewOptions(play=False))
-    tab.page.goto(file.as_uri())
-    wait_until(tab.page, READY)
+    tab.open(file, READY)
     assert tab.ask("RR1.duration") == pytest.approx(trajectory.duration)
     tab.ask("t => RR1.seek(t)", trajectory.duration / 3)
     np.testing.assert_allclose(shown(tab), trajectory(trajectory.duration / 3), atol=1e-5)
@@ -340,8 +337,7 @@ def test_a_timed_motion_plays_on_its_own_clock(tab: Any, lesson: rp.CSpace, tmp_
 
 def test_two_joints_of_a_bigger_arm_have_their_page_too(tab: Any, rr1_table: rp.Scene, tmp_path: FilePath) -> None:
     picture = rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=32)
-    tab.page.goto(picture.save_html(tmp_path / "rr1.html").as_uri())
-    wait_until(tab.page, READY)
+    tab.open(picture.save_html(tmp_path / "rr1.html"), READY)
     start = shown(tab)
     i, j = deep_inside(picture.grid.free)
     columns = tab.ask(
@@ -368,8 +364,7 @@ def test_a_live_page_redraws_both_spaces_for_another_scene(tab: Any, rr1_table: 
         wait_until(tab.page, f"JSON.stringify({expression}) === JSON.stringify({json.dumps(expected)})")
 
     with first.show(port=0, open_browser=False, quiet=True) as viewer:
-        tab.page.goto(viewer.url)
-        wait_until(tab.page, READY)
+        tab.open(viewer.url, READY)
         wait_until(tab.page, "RR1.live.socket && RR1.live.socket.readyState === 1")
         assert tab.page.locator(".verdict").inner_text().startswith("Start and goal lie in the same")
         # Without a query: another world, nothing of the old query is left.
@@ -412,8 +407,7 @@ def test_both_pictures_are_large_in_a_small_window(
     tab: Any, page_file: FilePath, width: int, height: int, radius: int
 ) -> None:
     tab.page.set_viewport_size({"width": width, "height": height})
-    tab.page.goto(page_file.as_uri())
-    wait_until(tab.page, READY)
+    tab.open(page_file, READY)
     base, reach = (in_view(tab, [x, 0.0, 0.0]) for x in (0.0, 1.7))
     assert reach[0] - base[0] > radius
     assert reach[0] < width
@@ -440,8 +434,7 @@ def looked_from(tab: Any) -> np.ndarray:
 def test_a_planar_arm_is_looked_at_from_above_or_from_the_view_that_is_given(
     tab: Any, lesson: rp.CSpace, tmp_path: FilePath, view: Any, direction: Any
 ) -> None:
-    tab.page.goto(lesson.save_html(tmp_path / "page.html", options=rp.ViewOptions(view=view)).as_uri())
-    wait_until(tab.page, READY)
+    tab.open(lesson.save_html(tmp_path / "page.html", options=rp.ViewOptions(view=view)), READY)
     expected = np.array([np.cos(0.5), 0.0, np.sin(0.5)] if direction is None else direction, dtype=float)
     np.testing.assert_allclose(looked_from(tab), expected / np.linalg.norm(expected), atol=1e-2)
     assert tab.complaints == []
@@ -470,8 +463,7 @@ def test_without_a_path_the_arm_stands_at_the_start_and_both_ends_are_seen(tab: 
     scene = rp.Scene().with_arm("arm", robot).with_obstacle("wall", rp.Box((0.1, 3.0, 0.4)))
     picture = rp.cspace(scene, rp.Problem(scene, [-0.8, -0.5], [0.8, 0.5]), resolution=24)
     tab.page.set_viewport_size({"width": 1280, "height": 800})
-    tab.page.goto(picture.save_html(tmp_path / "page.html").as_uri())
-    wait_until(tab.page, READY)
+    tab.open(picture.save_html(tmp_path / "page.html"), READY)
     np.testing.assert_allclose(shown(tab), [-0.8, -0.5])
     assert tab.page.locator("#panel-cspace .state").inner_text() == "free"
     pane = tab.page.locator("#pane").bounding_box()
@@ -516,8 +508,7 @@ def test_names_are_whole_in_the_picture(
 ) -> None:
     picture = rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=40)
     tab.page.set_viewport_size({"width": width, "height": height})
-    tab.page.goto(picture.save_html(tmp_path / "slice.html").as_uri())
-    wait_until(tab.page, READY)
+    tab.open(picture.save_html(tmp_path / "slice.html"), READY)
     texts, plot = written(tab)
     names = [box for text, box in texts.items() if text in picture.grid.layers]
     assert len(names) >= 2
@@ -529,8 +520,7 @@ def test_goals_are_not_written_over_names(tab: Any, tmp_path: FilePath, width: i
     problem = load_problems("planar2r_path")["to_a_point"]
     picture = rp.cspace(problem.scene, problem, resolution=CELLS)
     tab.page.set_viewport_size({"width": width, "height": height})
-    tab.page.goto(picture.save_html(tmp_path / "point.html").as_uri())
-    wait_until(tab.page, READY)
+    tab.open(picture.save_html(tmp_path / "point.html"), READY)
     texts, plot = written(tab)
     assert {"goal, IK 1", "goal, IK 2", "start", "green"} <= set(texts)
     for mark in ("goal, IK 1", "goal, IK 2", "start"):

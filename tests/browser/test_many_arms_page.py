@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drawn_links import DRAWN_LINKS, READY, link_boxes, wander
+from drawn_links import DRAWN_LINKS, link_boxes, wander
 from PIL import Image
 
 import rr1plan as rp
@@ -41,13 +41,6 @@ def page_file(grid: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> FileP
     problem = rp.Problem(grid, None, {first: motion(3.0)[:6]})
     file = tmp_path_factory.mktemp("many") / "page.html"
     return save_html(file, grid, trajectory=motion, problem=problem, report=report, options=rp.ViewOptions(play=False))
-
-
-@pytest.fixture(scope="module")
-def opened(shared_tab: Any, page_file: FilePath) -> Any:
-    shared_tab.page.goto(page_file.as_uri())
-    wait_until(shared_tab.page, READY)
-    return shared_tab
 
 
 @pytest.fixture
@@ -185,12 +178,11 @@ def test_contacts_of_a_simulation_are_marked_while_they_last(tab: Any, planar2r:
     motion, times = wander(scene), np.linspace(0, 3, 4)
     link, zeros = f"arm/{planar2r.links[1].name}", np.zeros(2)
     contacts = (rp.ReplayContact((link, "box"), 1.0, 2.0, 0.001),)
-    q = motion(times)
-    replay = rp.Replay("dynamic", motion.joint_names, times, q, q, zeros, zeros, zeros, contacts, 1, 0.1, 1.0)
+    record = rp.ReplayRecord(times, motion(times), motion(times))
+    replay = rp.Replay("dynamic", motion.joint_names, record, zeros, zeros, zeros, contacts, 1, 0.1, 1.0)
     options = rp.ViewOptions(play=False)
     file = save_html(tmp_path / "page.html", scene, trajectory=motion, replay=replay, options=options)
-    tab.page.goto(file.as_uri())
-    wait_until(tab.page, READY)
+    tab.open(file)
     for time, touching in ((0.5, []), (1.0, [link, "box"]), (2.0, [link, "box"]), (2.5, [])):
         assert tab.ask("t => (RR1.seek(t), RR1.conflicts.elements())", time) == touching
     assert tab.ask("document.querySelectorAll('#marks button').length") == 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Iterator
 from pathlib import Path as FilePath
@@ -10,8 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drawn_links import DRAWN_LINKS, READY, link_boxes, wander
-from PIL import Image
+from drawn_links import DRAWN_LINKS, link_boxes, wander
 
 import rr1plan as rp
 from rr1plan import Panel, Replay, pack_array, save_html, show
@@ -48,9 +46,8 @@ def page_file(two_arms: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> F
     times = np.linspace(0, 3, 31)
     zeros = np.zeros(trajectory.coefficients.shape[2])
     actual = trajectory(times) + 0.01
-    replay = Replay(
-        "dynamic", trajectory.joint_names, times, trajectory(times), actual, zeros + 0.02, zeros, zeros, (), 1, 0.1, 1.0
-    )
+    record = rp.ReplayRecord(times, trajectory(times), actual)
+    replay = Replay("dynamic", trajectory.joint_names, record, zeros + 0.02, zeros, zeros, (), 1, 0.1, 1.0)
     file = tmp_path_factory.mktemp("page") / "page.html"
     return save_html(
         file,
@@ -63,28 +60,12 @@ def page_file(two_arms: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> F
     )
 
 
-@pytest.fixture(scope="module")
-def opened(shared_tab: Any, page_file: FilePath) -> Any:
-    shared_tab.page.goto(page_file.as_uri())
-    wait_until(shared_tab.page, READY)
-    return shared_tab
-
-
 @pytest.fixture
 def calm(opened: Any) -> Iterator[Any]:
     """The page at its start, standing still, whatever the test before did."""
     opened.ask("RR1.pause(), RR1.setSpeed(1), RR1.setLoop(true), RR1.seek(0)")
     yield opened
     assert opened.complaints == []
-
-
-def drawn(tab: Any) -> np.ndarray:
-    """The picture without the cards, as numbers."""
-    frames = tab.ask("document.body.classList.add('bare'), RR1.frames")
-    wait_until(tab.page, f"RR1.frames > {frames} + 2")
-    png = tab.page.screenshot()
-    tab.ask("document.body.classList.remove('bare')")
-    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=int)
 
 
 def test_the_page_asks_nobody_for_anything(opened: Any, page_file: FilePath) -> None:
@@ -94,12 +75,12 @@ def test_the_page_asks_nobody_for_anything(opened: Any, page_file: FilePath) -> 
 
 
 def test_the_picture_shows_the_robot_and_its_ghosts(calm: Any) -> None:
-    with_robot = drawn(calm)
+    with_robot = calm.bare_picture()
     red, green, blue = with_robot[..., 0], with_robot[..., 1], with_robot[..., 2]
     orange = (red > 120) & (green < 0.75 * red) & (blue < 0.6 * red)
     assert orange.sum() > 2000
     calm.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, false))")
-    without = drawn(calm)
+    without = calm.bare_picture()
     calm.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, true))")
     assert (np.abs(with_robot - without).max(axis=2) > 40).sum() > 4000
 
@@ -305,8 +286,7 @@ def test_names_from_files_stay_text(tab: Any, rr1: rp.Robot, tmp_path: FilePath)
     panel = Panel(
         "own", nasty, html="<p id='told'></p>", script="root.querySelector('#told').textContent = data;", data=nasty
     )
-    tab.page.goto(save_html(tmp_path / "nasty.html", scene, options=rp.ViewOptions(panels=[panel])).as_uri())
-    wait_until(tab.page, READY)
+    tab.open(save_html(tmp_path / "nasty.html", scene, options=rp.ViewOptions(panels=[panel])))
     assert tab.ask("document.title") == nasty
     assert tab.page.text_content("#title") == nasty
     assert tab.page.text_content("#told") == nasty
@@ -331,8 +311,7 @@ def test_a_panel_sees_and_moves_the_arm(tab: Any, planar2r: rp.Robot, tmp_path: 
         script=script,
         data=pack_array([0.25, 0.5], "f8"),
     )
-    tab.page.goto(save_html(tmp_path / "panel.html", scene, options=rp.ViewOptions(panels=[panel])).as_uri())
-    wait_until(tab.page, READY)
+    tab.open(save_html(tmp_path / "panel.html", scene, options=rp.ViewOptions(panels=[panel])))
     tab.page.click("#panel-lesson button")
     assert tab.page.inner_text("#panel-lesson output") == "0.250 true"
     assert tab.complaints == []
@@ -340,8 +319,7 @@ def test_a_panel_sees_and_moves_the_arm(tab: Any, planar2r: rp.Robot, tmp_path: 
 
 def test_a_live_page_follows_the_program(tab: Any, two_arms: rp.Scene) -> None:
     with show(two_arms, trajectory=wander(two_arms), port=0, open_browser=False) as viewer:
-        tab.page.goto(viewer.url)
-        wait_until(tab.page, READY)
+        tab.open(viewer.url)
         wait_until(tab.page, "RR1.live.socket && RR1.live.socket.readyState === 1")
         q = two_arms.configuration() + 0.125
         for i in range(50):
@@ -385,12 +363,8 @@ def test_a_long_report_covers_no_arm(
     report = rp.validate(motion, rr1_table)
     assert len(report.violations) > 5
     tab.page.set_viewport_size({"width": width, "height": height})
-    tab.page.goto(
-        save_html(
-            tmp_path / "page.html", rr1_table, trajectory=motion, report=report, options=rp.ViewOptions(play=False)
-        ).as_uri()
-    )
-    wait_until(tab.page, READY)
+    options = rp.ViewOptions(play=False)
+    tab.open(save_html(tmp_path / "page.html", rr1_table, trajectory=motion, report=report, options=options))
     assert tab.page.inner_text("#badge") == f"Invalid: {len(report.violations)} found"
     assert tab.page.locator("#report").is_visible() == (width >= 700)
     for t in (0.0, 0.5, 1.0):
@@ -412,8 +386,7 @@ def test_both_ends_of_a_motion_are_seen_in_every_window(tab: Any, tmp_path: File
         const ray = new THREE.Raycaster(eye, to.clone().sub(eye).normalize(), 0, eye.distanceTo(to) - 0.001);
         return ray.intersectObjects(RR1.world.obstacles.sets.map((set) => set.drawn), false).length;
     }"""
-    tab.page.goto(file.as_uri())
-    wait_until(tab.page, READY)
+    tab.open(file)
     for width, height in ((1280, 800), (800, 600), (390, 844), (844, 390)):
         tab.page.set_viewport_size({"width": width, "height": height})
         wait_until(tab.page, f"RR1.stage.renderer.domElement.clientWidth === {width}")
@@ -429,21 +402,13 @@ def test_a_panda_behind_a_wall_is_seen(
     scene, motion, before = panda_and_wall
 
     def magenta() -> int:
-        frames = tab.ask("RR1.frames")
-        wait_until(tab.page, f"RR1.frames > {frames} + 2")
-        red, green, blue = np.moveaxis(
-            np.asarray(Image.open(io.BytesIO(tab.page.screenshot())).convert("RGB"), int), 2, 0
-        )
+        red, green, blue = np.moveaxis(tab.picture(), 2, 0)
         return int(((red > green + 60) & (blue > green + 60)).sum())
 
     def shown(view: Any) -> list[float]:
         """The part of the arm's pixels that the wall leaves, at three instants, in the first view."""
-        tab.page.goto(
-            save_html(
-                tmp_path / "page.html", scene, trajectory=motion, options=rp.ViewOptions(view=view, play=False)
-            ).as_uri()
-        )
-        wait_until(tab.page, READY)
+        options = rp.ViewOptions(view=view, play=False)
+        tab.open(save_html(tmp_path / "page.html", scene, trajectory=motion, options=options))
         shares = []
         for t in (0.0, 0.5, 1.0):
             tab.ask("t => { RR1.seek(t); RR1.setShown('obstacles', true); }", t)
@@ -461,8 +426,7 @@ def test_a_panda_behind_a_wall_is_seen(
 
 def test_without_webgl_the_page_says_so_and_the_rest_works(tab: Any, page_file: FilePath, two_arms: rp.Scene) -> None:
     tab.disable_webgl()
-    tab.page.goto(page_file.as_uri())
-    wait_until(tab.page, READY)
+    tab.open(page_file)
     assert "no WebGL" in tab.page.inner_text("#pane")
     assert tab.page.inner_text("#title") == "two"
     assert tab.page.inner_text("#badge") == "Invalid: 1 found"

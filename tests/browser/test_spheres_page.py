@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import rr1plan as rp
 from rr1plan import save_html, show
@@ -17,7 +15,6 @@ from rr1plan.playback.viewer.page_capture import wait_until
 
 pytestmark = pytest.mark.browser
 
-READY = "Boolean(window.RR1 && RR1.ready)"
 LAYERS = ("linkspheres", "bodyspheres", "spheres")
 # Where each sphere of a layer is drawn, how large it is, and what for.
 DRAWN = """layer => RR1.world.spheres.layers.get(layer).sets.flatMap(({drawn, items}) => items.map((item, i) => {
@@ -43,12 +40,9 @@ def straight(scene: rp.Scene) -> rp.Trajectory:
 
 
 @pytest.fixture(scope="module")
-def opened(shared_tab: Any, scene: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def page_file(scene: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     file = tmp_path_factory.mktemp("page") / "page.html"
-    save_html(file, scene, trajectory=straight(scene), options=rp.ViewOptions(spheres=True, play=False))
-    shared_tab.page.goto(file.as_uri())
-    wait_until(shared_tab.page, READY)
-    return shared_tab
+    return save_html(file, scene, trajectory=straight(scene), options=rp.ViewOptions(spheres=True, play=False))
 
 
 @pytest.fixture
@@ -58,14 +52,6 @@ def calm(opened: Any) -> Iterator[Any]:
     yield opened
     opened.ask("['linkspheres', 'bodyspheres'].forEach(l => RR1.setShown(l, false)), RR1.setShown('spheres', true)")
     assert opened.complaints == []
-
-
-def picture(tab: Any) -> np.ndarray:
-    frames = tab.ask("document.body.classList.add('bare'), RR1.frames")
-    wait_until(tab.page, f"RR1.frames > {frames} + 2")
-    png = tab.page.screenshot()
-    tab.ask("document.body.classList.remove('bare')")
-    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=int)
 
 
 def in_the_world(scene: rp.Scene, q: np.ndarray, level: int) -> list[tuple[str, np.ndarray, float]]:
@@ -112,18 +98,18 @@ def test_what_is_drawn_contains_the_sphere_and_little_more(calm: Any) -> None:
 def test_chips_turn_each_level_on_and_off(calm: Any) -> None:
     chips = dict(calm.ask(CHIPS))
     assert {name: chips[name] for name in LAYERS} == {"spheres": "true", "linkspheres": "false", "bodyspheres": "false"}
-    shown = picture(calm)
+    shown = calm.bare_picture()
     calm.page.click("[data-layer=spheres]")
     assert dict(calm.ask(CHIPS))["spheres"] == "false"
-    without = picture(calm)
+    without = calm.bare_picture()
     calm.page.click("[data-layer=linkspheres]")
-    coarse = picture(calm)
+    coarse = calm.bare_picture()
     for one, two in ((shown, without), (without, coarse), (shown, coarse)):
         assert (np.abs(one - two).max(axis=2) > 12).sum() > 4000
 
 
 def test_the_robot_is_seen_through_its_spheres(calm: Any) -> None:
-    shown = picture(calm)
+    shown = calm.bare_picture()
     red, green, blue = shown[..., 0], shown[..., 1], shown[..., 2]
     assert ((red > 120) & (green < 0.75 * red) & (blue < 0.65 * red)).sum() > 1000
 
@@ -137,15 +123,13 @@ def test_the_headline_counts_them(calm: Any, scene: rp.Scene) -> None:
 
 def test_robots_of_one_body_a_link_have_no_layer_of_bodies(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
     scene = rp.Scene().with_arm("arm", planar2r)
-    tab.page.goto(save_html(tmp_path / "page.html", scene, options=rp.ViewOptions(spheres=True)).as_uri())
-    wait_until(tab.page, READY)
+    tab.open(save_html(tmp_path / "page.html", scene, options=rp.ViewOptions(spheres=True)))
     assert [name for name, _ in tab.ask(CHIPS) if name in LAYERS] == ["spheres", "linkspheres"]
     assert tab.complaints == []
 
 
 def test_a_page_without_them_has_no_chips_for_them(tab: Any, scene: rp.Scene, tmp_path: FilePath) -> None:
-    tab.page.goto(save_html(tmp_path / "page.html", scene).as_uri())
-    wait_until(tab.page, READY)
+    tab.open(save_html(tmp_path / "page.html", scene))
     assert not {name for name, _ in tab.ask(CHIPS)} & set(LAYERS)
     assert "contain" not in tab.page.inner_text("#facts")
     assert tab.complaints == []
@@ -153,8 +137,7 @@ def test_a_page_without_them_has_no_chips_for_them(tab: Any, scene: rp.Scene, tm
 
 def test_live_pages_show_them_follow_updates_and_drop_them_with_the_next_scene(tab: Any, scene: rp.Scene) -> None:
     with show(scene, open_browser=False, options=rp.ViewOptions(spheres=True)) as viewer:
-        tab.page.goto(viewer.url)
-        wait_until(tab.page, READY)
+        tab.open(viewer.url)
         before = tab.ask(DRAWN, "spheres")
         q = scene.configuration() + 0.2
         viewer.update(q)

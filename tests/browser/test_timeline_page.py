@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.playback.viewer.page_capture import wait_until
 
 pytestmark = pytest.mark.browser
 
-READY = "Boolean(window.RR1 && RR1.ready)"
 CANVAS = "#panel-timeline canvas"
 
 
@@ -32,8 +30,7 @@ def opened(shared_tab: Any, rr1: rp.Robot, tmp_path_factory: pytest.TempPathFact
     file = tmp_path_factory.mktemp("page") / "page.html"
     options = rp.ViewOptions(panels=[line.panel()], play=False)
     rp.save_html(file, scene, trajectory=trajectory, report=report, options=options)
-    shared_tab.page.goto(file.as_uri())
-    wait_until(shared_tab.page, READY)
+    shared_tab.open(file)
     shared_tab.conflict = line.conflicts[0]
     return shared_tab
 

@@ -3,7 +3,6 @@ from __future__ import annotations
 import dataclasses
 import pickle
 
-import fcl
 import numpy as np
 import pytest
 
@@ -14,6 +13,7 @@ from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
+from rr1plan.testing.collision_checkers import ElementChecker
 from rr1plan.transforms import identity, pose
 
 CORNERS = np.random.default_rng(1).normal(size=(12, 3)) * 0.15
@@ -131,48 +131,14 @@ def test_padding_is_a_distance_for_every_pair_of_shapes(one, two):
             assert contact.depth == pytest.approx(padding - distance, abs=1e-6)
 
 
-def fcl_object(shape, T):
-    match shape:
-        case Box(size):
-            geometry = fcl.Box(*size)
-        case Sphere(radius):
-            geometry = fcl.Sphere(radius)
-        case Cylinder(radius, length):
-            geometry = fcl.Cylinder(radius, length)
-        case Capsule(radius, length):
-            geometry = fcl.Capsule(radius, length)
-        case Mesh():
-            mesh = hull_of(shape)
-            faces = np.concatenate([np.full((len(mesh.faces), 1), 3), mesh.faces], axis=1).ravel()
-            geometry = fcl.Convex(mesh.vertices, len(mesh.faces), faces)
-    return fcl.CollisionObject(geometry, fcl.Transform(np.array(T[:3, :3]), np.array(T[:3, 3])))
-
-
-def hull_of(mesh):
-    from rr1plan.shapes.convex_hulls import convex_hull
-
-    return convex_hull(mesh.vertices)
-
-
-def test_fcl_and_plain_kinematics_give_the_same_answer(cluttered):
+def test_other_checkers_and_plain_kinematics_give_the_same_answer(cluttered):
     checker = CollisionChecker(cluttered)
+    others = ElementChecker(cluttered, cluttered.joint_names())
     rng = np.random.default_rng(6)
     free = 0
-    for q in rng.uniform(-2.5, 2.5, (150, 6)):
-        poses = cluttered.link_poses({"arm": q})
-        objects = {
-            f"arm/{link.name}": [fcl_object(g.shape, poses[f"arm/{link.name}"] @ g.pose) for g in link.collisions]
-            for link in cluttered.arms["arm"].robot.links
-        }
-        objects |= {
-            n: [fcl_object(g.shape, o.pose @ g.pose) for g in o.geometries] for n, o in cluttered.obstacles.items()
-        }
-        touching = {
-            pair
-            for pair in cluttered.checked_pairs
-            if any(fcl.collide(x, y) for x in objects[pair[0]] for y in objects[pair[1]])
-        }
-        assert {(c.a, c.b) for c in checker.contacts(q)} == touching
+    configurations = rng.uniform(-2.5, 2.5, (150, 6))
+    for q, touching in zip(configurations, others.contacts(configurations), strict=True):
+        assert touching == {(c.a, c.b): {"FCL", "Coal"} for c in checker.contacts(q)}
         assert checker.is_free_slowly(q) == (not touching)
         free += not touching
     assert 20 < free < 130

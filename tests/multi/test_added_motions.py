@@ -19,7 +19,7 @@ def _assert_same_before(one: rp.RunningPlan, two: rp.RunningPlan, time: float) -
 
 
 def _free_goal(plan: rp.RunningPlan, arm: str, rng: np.random.Generator) -> np.ndarray:
-    """A random configuration apart from where the others end."""
+    """A random configuration without contact with the others at their goals."""
     scene = plan.scene
     for other in plan.arms:
         scene = scene.with_configuration(other, plan.goal(other))

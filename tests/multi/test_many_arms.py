@@ -42,8 +42,8 @@ def test_plans_are_safe_and_start_and_end_where_they_have_to(name: str, rr1: rp.
     assert set(result.paths) == set(problem.arms)
     assert result.makespan == pytest.approx(motion.duration)
     assert result.ratio >= 1.0 - 1e-9
-    assert result.waiting >= 0.0
-    assert result.path_length > 0.0
+    assert result.quality.waiting >= 0.0
+    assert result.quality.path_length > 0.0
     assert {arm for group in result.groups for arm in group.arms} == set(problem.arms)
     assert all(group.stage for group in result.groups)
 

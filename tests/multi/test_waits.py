@@ -20,7 +20,7 @@ def motion() -> rp.MotionPlan:
 
 
 def in_contact(schedules: list[Schedule], problem: rp.Problem, step: float = 0.005) -> set[frozenset[str]]:
-    """Pairs of arms that Coal sees nearer than 2 mm at instants, of which the planner keeps them apart."""
+    """Pairs of arms that Coal finds nearer than 2 mm at instants; the planner keeps at least that distance."""
     trajectory = rp.Trajectory.merge(*(schedule.trajectory() for schedule in schedules))
     arms = tuple(dict.fromkeys(name.split("/")[0] for name in trajectory.joint_names))
     order = [trajectory.joint_names.index(name) for name in problem.scene.joint_names(arms)]
@@ -43,8 +43,8 @@ def test_an_arm_that_does_not_wait_touches_one_that_it_waits_for(motion: rp.Moti
         others = [s for s in schedules if set(wait.others) & set(s.arms)]
         if not others or len(own.arms) > 1 or wait.begin > 0.0:
             continue
-        sooner = Schedule(own.path, tuple(Leg(leg.departure - wait.end, leg.begin, leg.end) for leg in own.legs))
-        met = in_contact([sooner, *others], motion.problem)
+        earlier = Schedule(own.path, tuple(Leg(leg.departure - wait.end, leg.begin, leg.end) for leg in own.legs))
+        met = in_contact([earlier, *others], motion.problem)
         assert any(frozenset((wait.arm, other)) in met for other in wait.others), wait
 
 

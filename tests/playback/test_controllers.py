@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -52,11 +53,14 @@ def made(kind: str, scene: rp.Scene) -> tuple[rp.Controller, Callable[[], object
     if kind == "velocity":
         drift = rp.ForwardVelocityController(ARM)
         return drift, lambda: drift.command(np.full(len(ARM), 0.1))
+    if kind == "manual":
+        hand = rp.ManualController(ARM)
+        return hand, lambda: hand.command(scene.configuration() + 0.02)
     grip = rp.GripperController(["rr1/finger_joint"])
     return grip, lambda: grip.command([0.02])
 
 
-KINDS = ("own", "trajectory", "position", "velocity", "gripper")
+KINDS = ("own", "trajectory", "position", "velocity", "manual", "gripper")
 
 
 # ---- the contract of every controller --------------------------------------------------------------
@@ -145,6 +149,38 @@ def test_a_trajectory_is_followed_and_its_execution_succeeds(scene: rp.Scene) ->
     np.testing.assert_allclose(sim.configuration(), trajectory(0.6), atol=1e-4)
 
 
+# Positions of the joints that the RR1 twin of the thesis was driven through [rad], each in 4 s.
+POSES = (
+    *((-2.25, -0.39, 1.30, 0.05, 3.10, 1.25), (-0.35, -0.25, 1.15, -2.15, 1.80, -1.20)),
+    *((1.40, 0.39, 0.95, 2.30, 2.65, -0.60), (-2.35, 0.32, -1.10, -1.50, 1.40, 0.50)),
+    *((-0.80, -0.28, 0.70, 0.0, 2.10, -0.15), (-0.17, 0.37, -1.13, -1.14, 0.95, 1.09), (0.0,) * 6),
+)
+
+
+@pytest.mark.parametrize(("payload", "most"), [(0.0, 1e-3), (1.0, 5e-3)])
+def test_seven_poses_are_tracked_also_with_an_unknown_load(rr1: rp.Robot, payload: float, most: float) -> None:
+    sim = rp.Simulation(rp.Scene().with_arm("rr1", rr1, q=np.zeros(6)))
+    follow = rp.JointTrajectoryController(ARM, goal_time=0.1)
+    sim.activate(follow)
+    model, data = sim.model, sim.data
+    tool, jacobian = model.body("rr1/tool").id, np.zeros((3, model.nv))
+
+    def pull(_: rp.Simulation) -> None:
+        """The weight of a load at the tool, of which the feed-forward does not know [kg]."""
+        mujoco.mj_jac(model, data, jacobian, None, data.xpos[tool], tool)
+        data.qfrc_applied[:] = jacobian[2] * (-9.81 * payload)
+
+    sim.on_step(pull)
+    errors, now = [], np.zeros(6)
+    for goal in POSES:
+        move = rp.Trajectory.from_samples(ARM, [0.0, 4.0], [now, goal], np.zeros((2, 6)), np.zeros((2, 6)))
+        execution, now = follow.send(move), np.array(goal)
+        sim.run(duration=4.2)
+        assert execution.code == 0
+        errors.append(execution.max_error.max())
+    assert max(errors) <= most
+
+
 def test_simulate_is_the_same_motion(scene: rp.Scene) -> None:
     trajectory = motion(scene, ARM)
     replay = rp.simulate(trajectory, scene, record_dt=0.002)
@@ -155,7 +191,7 @@ def test_simulate_is_the_same_motion(scene: rp.Scene) -> None:
     rows = [sim.configuration()]
     sim.on_step(lambda s: rows.append(s.configuration()))
     sim.step(replay.steps)
-    np.testing.assert_allclose(np.array(rows), replay.actual, atol=1e-9)
+    np.testing.assert_allclose(np.array(rows), replay.record.actual, atol=1e-9)
 
 
 def test_points_are_interpolated_by_what_they_carry(scene: rp.Scene) -> None:
@@ -262,6 +298,50 @@ def test_velocities_stop_at_the_limits(scene: rp.Scene) -> None:
     assert sim.state(ARM[1:2]).positions[0] == pytest.approx(upper, abs=1e-3)
     with pytest.raises(rp.InputError, match="above its limit"):
         drift.command([1000.0])
+
+
+def test_manual_control_follows_sliders_and_keys_within_speed_and_limits(scene: rp.Scene) -> None:
+    sim = rp.Simulation(scene)
+    hand = rp.ManualController(ARM, speed=0.1, step=0.05)
+    with pytest.raises(rp.InputError, match="not active"):
+        hand.press("+")
+    sim.activate(hand)
+    start, limit = sim.configuration(), scene.limits()
+    hand.move(ARM[1], 9.0)  # as far as the joint goes
+    speeds: list[float] = []
+    ended = sim.on_step(lambda s: speeds.append(float(np.abs(s.velocities[:6]).max())))
+    sim.run(duration=1.5)
+    ended()
+    assert sim.configuration()[1] == pytest.approx(limit.upper[1], abs=1e-4)
+    assert max(speeds) <= 0.1 * limit.velocity[1] * 1.02
+    assert [hand.press(key) for key in ("3", "+", "+", "-", "x", "9", "")] == [
+        True,
+        True,
+        True,
+        True,
+        False,
+        False,
+        False,
+    ]
+    assert hand.selected == ARM[2]
+    sim.run(duration=1.0)
+    assert sim.configuration()[2] == pytest.approx(start[2] + 0.05, abs=1e-3)
+    # A new target takes over on the way, without a jump of the velocity.
+    hand.move(ARM[0], 1.0)
+    sim.run(duration=0.3)
+    before = sim.velocities[0]
+    assert before > 0.1
+    hand.move(ARM[0], -1.0)
+    sim.step()
+    assert abs(sim.velocities[0] - before) < 0.05
+    sim.run(duration=0.2)
+    hand.press(" ")
+    there = sim.configuration()[0]
+    sim.run(duration=2.0)
+    assert sim.configuration()[0] == pytest.approx(there, abs=0.1)
+    assert np.abs(sim.velocities).max() < 1e-3
+    with pytest.raises(rp.UnknownNameError, match="unknown joint 'rr1/shouldr_joint'"):
+        hand.move("rr1/shouldr_joint", 0.0)
 
 
 def test_a_gripper_arrives_or_stalls(scene: rp.Scene) -> None:
@@ -392,6 +472,12 @@ def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> N
             sim.step()
         assert sim.steps == 0
         np.testing.assert_array_equal(sim.configuration(), scene.configuration())
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "own"])
+def test_commands_need_an_active_controller(kind: str, scene: rp.Scene) -> None:
+    with pytest.raises(rp.InputError, match="the controller is not active; activate it in a simulation first"):
+        made(kind, scene)[1]()
 
 
 def test_bad_arguments_are_refused(scene: rp.Scene) -> None:

@@ -8,8 +8,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import coal
-import fcl
 import numpy as np
 import pytest
 from concave_meshes import angle_block, half_shell, soup, terrain, torus
@@ -26,6 +24,7 @@ from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene.model_library import load_problems
 from rr1plan.shapes import Shape
 from rr1plan.shapes.convex_hulls import convex_hull
+from rr1plan.testing.collision_checkers import ElementChecker
 from rr1plan.transforms import pose
 
 BALL = 0.05
@@ -154,50 +153,9 @@ def test_every_configuration_of_a_certified_cell_is_in_contact(seed: int) -> Non
 def test_plain_coal_and_fcl_agree_about_certified_cells(seed: int) -> None:
     scene, rng = a_scene(seed, plain=True)
     places, _ = certified_cells(scene, rng)
-    world = Opinions(scene)
-    for q in rng.permutation(places)[:40]:
-        assert world.touching(q) == (True, True)
-
-
-class Opinions:
-    """Plain Coal and python-fcl on the shapes of a scene, moved by the robot's own numpy kinematics."""
-
-    def __init__(self, scene: rp.Scene) -> None:
-        self.scene = scene
-        own = scene.arms["arm"].robot.links
-        geometries = {f"arm/{link.name}": [(g.pose, g.shape) for g in link.collisions] for link in own}
-        for name, thing in scene.obstacles.items():
-            geometries[name] = [(thing.pose @ g.pose, g.shape) for g in thing.geometries]
-        self.parts = {
-            name: [(T, shape_in(coal, shape), shape_in(fcl, shape)) for T, shape in parts]
-            for name, parts in geometries.items()
-        }
-
-    def touching(self, q: np.ndarray) -> tuple[bool, bool]:
-        frames = self.scene.link_poses({"arm": q}) | dict.fromkeys(self.scene.obstacles, np.eye(4))
-        pairs = [(a, b, x, y) for a, b in self.scene.checked_pairs for x in self.parts[a] for y in self.parts[b]]
-        by_coal = by_fcl = False
-        for a, b, (Ta, coal_a, fcl_a), (Tb, coal_b, fcl_b) in pairs:
-            at = [frames[a] @ Ta, frames[b] @ Tb]
-            first, second = (coal.Transform3s(T[:3, :3], T[:3, 3]) for T in at)
-            request = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1)
-            by_coal |= coal.collide(coal_a, first, coal_b, second, request, coal.CollisionResult()) > 0
-            one, two = (
-                fcl.CollisionObject(s, fcl.Transform(T[:3, :3], T[:3, 3]))
-                for s, T in zip((fcl_a, fcl_b), at, strict=True)
-            )
-            by_fcl |= fcl.collide(one, two, fcl.CollisionRequest(), fcl.CollisionResult()) > 0
-        return by_coal, by_fcl
-
-
-def shape_in(library: Any, shape: Shape) -> Any:
-    """A plain shape in Coal or in python-fcl, which name them alike."""
-    if isinstance(shape, rp.Box):
-        return library.Box(*shape.size)
-    if isinstance(shape, rp.Sphere):
-        return library.Sphere(shape.radius)
-    assert isinstance(shape, rp.Capsule | rp.Cylinder)
-    return getattr(library, type(shape).__name__)(shape.radius, shape.length)
+    chosen = rng.permutation(places)[:40]
+    for found in ElementChecker(scene, scene.joint_names()).contacts(chosen):
+        assert set().union(*found.values()) == {"Coal", "FCL"}
 
 
 def among_meshes(seed: int) -> tuple[rp.Scene, np.random.Generator]:

@@ -157,8 +157,8 @@ def test_ten_arms_are_told_apart_by_any_eyes(eyes: str) -> None:
     light = np.where(written <= 0.04045, written / 12.92, ((written + 0.055) / 1.055) ** 2.4)
     seen = np.clip(light @ np.array(_EYES[eyes]).T, 0.0, 1.0)
     lab = np.cbrt(seen @ np.array(_CONES).T) @ np.array(_LAB).T
-    apart = np.linalg.norm(lab[:, None] - lab, axis=2)[np.triu_indices(len(lab), 1)]
-    assert apart.min() > 0.10
+    differences = np.linalg.norm(lab[:, None] - lab, axis=2)[np.triu_indices(len(lab), 1)]
+    assert differences.min() > 0.10
 
 
 def test_colors_of_more_arms_differ() -> None:

@@ -131,6 +131,27 @@ def test_commands_arrive_in_order(viewer: Viewer) -> None:
     assert [m["value"] for m in messages] == [None, 2.0, 0.5, None]
 
 
+def test_sliders_of_pages_are_heard_and_anything_else_is_not(viewer: Viewer) -> None:
+    heard: list[tuple[str, float]] = []
+    viewer.on_slider(lambda joint, value: heard.append((joint, value)))
+    sent = ['{"type": "slider", "column": 1, "value": 0.5}', '{"type": "slider", "column": 0, "value": -1}']
+    odd = ["", "[", "7", "x" * 100_000, '{"type": "slider"}', '{"type": "slider", "column": 6, "value": 0}']
+    odd += ['{"type": "slider", "column": 0, "value": 1e300}', '{"type": "slider", "column": 0, "value": NaN}']
+
+    async def tell() -> None:
+        connection = await websocket_connect(f"{viewer.url.replace('http', 'ws')}updates?version=1")
+        for message in (*odd, *sent):
+            await connection.write_message(message)
+        while len(heard) < 2:
+            await asyncio.sleep(0.01)
+        await close(connection)
+
+    asyncio.run(asyncio.wait_for(tell(), 20))
+    assert heard == [("rr1/upper_arm_joint", 0.5), ("rr1/shoulder_joint", -1.0)]
+    with pytest.raises(rp.InputError, match="callback is 3, expected a function"):
+        viewer.on_slider(3)
+
+
 def test_a_taken_port_gives_the_next_one(rr1_table: rp.Scene, viewer: Viewer) -> None:
     taken = int(viewer.url.rsplit(":", 1)[1].strip("/"))
     with show(rr1_table, port=taken, open_browser=False) as other:

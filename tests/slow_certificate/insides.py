@@ -6,6 +6,7 @@ belongs to an even number of its triangles. Only closed parts have an inside.
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from functools import cached_property
 
 import numpy as np
@@ -33,23 +34,29 @@ class Inside:
     @cached_property
     def _closed(self) -> Mask:
         """The triangles of closed parts, shape (n,)."""
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
-
-        count = len(self._faces)
-        ends = np.sort(np.stack([self._faces, np.roll(self._faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-        triangle = np.repeat(np.arange(count), 3)
-        _, edge, sharing = np.unique(
-            ends[:, 0] * (1 + self._faces.max()) + ends[:, 1], return_inverse=True, return_counts=True
-        )
-        pairs = triangle[np.argsort(edge, kind="stable")][np.repeat(sharing == 2, sharing)].reshape(-1, 2)
-        graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-        number, part = connected_components(graph, directed=False)
-        # Count each edge of each part, without edges of no length.
-        long = ends[:, 0] != ends[:, 1]
-        own, times = np.unique((part[triangle] * len(sharing) + edge)[long], return_counts=True)
-        is_open = np.bincount(own[times % 2 == 1] // len(sharing), minlength=number) > 0
-        return np.asarray(~is_open[part])
+        edges: dict[tuple[int, int], list[int]] = defaultdict(list)
+        for k, (a, b, c) in enumerate(self._faces.tolist()):
+            for edge in ((a, b), (b, c), (c, a)):
+                edges[min(edge), max(edge)].append(k)
+        neighbors: dict[int, set[int]] = defaultdict(set)
+        for sharing in edges.values():
+            if len(sharing) == 2:
+                neighbors[sharing[0]].add(sharing[1])
+                neighbors[sharing[1]].add(sharing[0])
+        part: dict[int, int] = {}
+        for first in range(len(self._faces)):
+            reached = [] if first in part else [first]
+            part.setdefault(first, first)
+            while reached:
+                for other in neighbors[reached.pop()] - part.keys():
+                    part[other] = first
+                    reached.append(other)
+        is_open = set()
+        for (begin, end), sharing in edges.items():
+            if begin != end:  # an edge of no length bounds nothing
+                times = Counter(part[k] for k in sharing)
+                is_open |= {p for p, count in times.items() if count % 2}
+        return np.array([part[k] not in is_open for k in range(len(self._faces))], dtype=np.bool_)
 
     @cached_property
     def _winds(self) -> bool:

@@ -120,7 +120,7 @@ def _coal_mesh(mesh: Mesh, convex: bool) -> Any:
     import coal
 
     if convex:
-        # A hull of its own: it holds the mesh even where the flag is wrong.
+        # The hull computed here contains the mesh even if its `convex` flag is wrong.
         mesh = convex_hull(mesh.vertices)
     points = coal.StdVec_Vec3s()
     points.extend(list(np.array(mesh.vertices)))

@@ -15,6 +15,7 @@ from slow_certificate.scene_motion import SceneMotion
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.robot import Geometry, Joint, Link, Mimic
+from rr1plan.testing.collision_checkers import fcl_geometry
 from rr1plan.transforms import pose
 from rr1plan.validation.collision_proof import CollisionProof, prove
 from rr1plan.validation.compiled_search import ProofOptions
@@ -149,16 +150,6 @@ def search(scene: rp.Scene, move: rp.Trajectory, tolerance: float = 2e-4, cleara
     return prove(moving_scene(scene, move.joint_names), motion, ProofOptions(tolerance, 400_000, clearance))
 
 
-def fcl_shape(shape: Any) -> Any:
-    if isinstance(shape, rp.Box):
-        return fcl.Box(*shape.size)
-    if isinstance(shape, rp.Sphere):
-        return fcl.Sphere(shape.radius)
-    if isinstance(shape, rp.HalfSpace):
-        return fcl.Halfspace(np.array(shape.normal), shape.offset)
-    return (fcl.Capsule if isinstance(shape, rp.Capsule) else fcl.Cylinder)(shape.radius, shape.length)
-
-
 class FclWorld:
     """All shapes of a scene in python-fcl, moved by the robot's own plain kinematics."""
 
@@ -175,7 +166,7 @@ class FclWorld:
             else:
                 arm, link = name.split("/")
                 parts = [(name, g.pose, g) for g in scene.arms[arm].robot.link(link).collisions]
-            self.parts[name] = [(link, T, fcl.CollisionObject(fcl_shape(g.shape))) for link, T, g in parts]
+            self.parts[name] = [(link, T, fcl.CollisionObject(fcl_geometry(g.shape))) for link, T, g in parts]
 
     def place(self, joint_names: tuple[str, ...], q: Array) -> None:
         value = dict(zip(joint_names, q, strict=True))

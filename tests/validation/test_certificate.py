@@ -154,7 +154,7 @@ def test_half_a_micrometer_is_undecided_never_free(slider: Make, quintic: Make) 
 
 
 def test_less_than_a_micrometer_is_undecided_where_bounding_volumes_suffice_too(slider: Make) -> None:
-    """Two balls, whose distance needs no search, and a mesh beside the corner of its own box."""
+    """Two balls, whose distance needs no search, and a mesh near a corner of its bounding box."""
     for shape in (rp.Sphere(0.1), torus(0.1, 0.02)):
         reach = 0.1 if isinstance(shape, rp.Sphere) else float(shape.vertices[:, 0].max())
         scene = rp.Scene().with_arm("arm", slider(BALL)).with_obstacle("other", shape, [1.0, 0.0, 0.0])

@@ -1,8 +1,8 @@
 """Spheres that contain a solid: few, tight, and proven.
 
 A solid is cut into small cells. A sphere holds a cell when it holds the cell's corners, and the cells
-together are the solid, so spheres that hold every cell contain it. Candidates are centerd at the cells
-and as large as the solid is deep there, and a little more; the one that holds most of what is left is taken
+together are the solid, so spheres that hold every cell contain it. Candidates are centered at the cells, with radii
+slightly above the depth of the solid there; the one that holds most of the remaining cells is taken
 next (greedy set cover, Chvatal 1979). Capsules and long cylinders are chains of spheres along their
 axis. Each sphere also knows how large a ball about its center lies wholly inside the solid: what touches
 that ball touches the solid.
@@ -193,7 +193,7 @@ def _simpler(corners: Array) -> Array:
 
 
 def _choose(needed: Array, allowed: Array) -> tuple[Array, Array] | None:
-    """Which candidates hold all cells, and how large each has to be; None if there would be too many."""
+    """Candidates that together hold all cells, and the radius of each; None if there would be too many."""
     holds = needed <= allowed[:, None]
     if not holds.any(axis=0).all():
         return None

@@ -1,11 +1,11 @@
-"""Our shapes as Coal's.
+"""Shapes as Coal's collision geometries.
 
-Every one of them is solid but for the meshes of obstacles that are not convex: their surface is hollow to Coal, and
-`coal_pairs.py` adds their inside.
+All are solid except concave meshes of obstacles, which are surfaces to Coal; `coal_pairs.py` adds their interior.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, TypeGuard
@@ -17,6 +17,7 @@ from rr1plan.checks import Array
 from rr1plan.collision.convex.mesh_trees import orientations_of
 from rr1plan.errors import BackendError, InputError
 from rr1plan.progress import ProgressCallback
+from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.shapes.convex_decomposition import convex_pieces
@@ -80,10 +81,17 @@ def cut_meshes(scene: Scene, progress: ProgressCallback) -> None:
     """
     # Arms of one robot have the same meshes.
     robots = {id(arm.robot): (name, arm.robot) for name, arm in scene.arms.items()}
-    arms = ((f"{name}/{link.name}", link.collisions) for name, robot in robots.values() for link in robot.links)
-    attachments = ((name, held.geometries) for name, held in scene.attachments.items())
-    for element, geometries in (*arms, *attachments):
-        for mesh in (g.shape for g in geometries if isinstance(g.shape, Mesh) and not g.shape.convex):
+    for name, robot in robots.values():
+        for link in robot.links:
+            _cut(f"{name}/{link.name}", link.collisions, progress)
+    for name, held in scene.attachments.items():
+        _cut(name, held.geometries, progress)
+
+
+def _cut(element: str, geometries: Sequence[Geometry], progress: ProgressCallback) -> None:
+    for geometry in geometries:
+        mesh = geometry.shape
+        if is_concave(mesh):
             try:
                 _mesh_pieces(_Whole(mesh, progress))
             except InputError as error:
@@ -91,7 +99,7 @@ def cut_meshes(scene: Scene, progress: ProgressCallback) -> None:
 
 
 def _check_reach(cloud: PointCloud) -> None:
-    """Refuse a point cloud that Coal would lose cells of, here and not when Coal is asked."""
+    """Refuse a point cloud so large for its resolution that Coal's octree would lose cells."""
     reach = float(np.abs(cloud.points).max()) / cloud.resolution
     if reach > _OCTREE_REACH:
         raise InputError(
@@ -144,7 +152,9 @@ def _coal_geometry(shape: Shape) -> Any:
         case HalfSpace(normal, offset):
             return coal.Halfspace(np.array(normal), offset)
         case PointCloud():
-            return _octree(shape)
+            _check_reach(shape)
+            # The cells' centers, not the points: a point on a cell's face then cannot fall on either side.
+            return coal.makeOctree(occupied_cells(shape), shape.resolution)
         case _:
             return _convex(shape) if shape.convex else surface_of(shape)
 
@@ -156,12 +166,6 @@ def _convex(mesh: Mesh) -> Any:
     for a, b, c in mesh.faces:
         triangles.append(coal.Triangle(int(a), int(b), int(c)))
     return coal.Convex(vertices, triangles)
-
-
-def _octree(cloud: PointCloud) -> Any:
-    _check_reach(cloud)
-    # The cells' centers, not the points: a point on a cell's face then cannot fall on either side.
-    return coal.makeOctree(occupied_cells(cloud), cloud.resolution)
 
 
 # ---- concave meshes ------------------------------------------------------------------------------------

@@ -92,7 +92,7 @@ class Cores:
         return len(self._rows) - 1
 
     def tables(self) -> CoreTables:
-        """What was added, counted from zero."""
+        """The added rows, counted from zero."""
         rows, values = np.array(self._rows, np.int64).reshape(-1, 7), np.array(self._values).reshape(-1, 14)
         points, blocks = (np.ascontiguousarray(np.concatenate(parts)) for parts in (self._points, self._blocks))
         return CoreTables(*map(read_only, (rows, values, points, blocks, np.concatenate(self._lowest))))
@@ -151,7 +151,7 @@ def extremes(shape: Shape) -> Array:
         case Box(size):
             return _around(0.5 * np.array(size))
         case Cylinder(radius, length):
-            # Corners of the box around it are farther out than any of its own.
+            # The corners of its bounding box are farther out than any of its points.
             return _around(np.array([radius, radius, 0.5 * length]))
         case _:
             assert isinstance(shape, Mesh)
@@ -164,7 +164,7 @@ def _around(half: Array) -> Array:
 
 
 def core_radius(shape: Shape) -> float:
-    """How far a shape reaches beyond its core [m]."""
+    """Radius of a shape around its core [m]."""
     return shape.radius if isinstance(shape, Sphere | Capsule) else 0.0
 
 

@@ -137,7 +137,7 @@ def _in_order(points: Array) -> _INTS:
 
 
 def orientations_of(mesh: Mesh) -> _INTS:
-    """Which triangles enclose something: 1 as they are, -1 turned round, 0 for an open surface, shape (t,)."""
+    """Signs that orient closed parts: 1 as given, -1 reversed, 0 for an open surface, shape (t,)."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
@@ -159,7 +159,7 @@ def orientations_of(mesh: Mesh) -> _INTS:
     part_of_edge[edge] = part[triangle]
 
     def closed(turns: _INTS) -> NDArray[np.bool_]:
-        """Which parts run along each of their edges as often in one direction as in the other."""
+        """Parts that traverse each of their edges as often in one direction as in the other."""
         balance = np.bincount(edge, weights=direction * turns[triangle])
         return np.asarray(np.bincount(part_of_edge, weights=balance != 0, minlength=number) == 0)
 

@@ -1,4 +1,4 @@
-"""Which corners of a body can be the lowest one along a direction: few, and known ahead for each cell of directions.
+"""Support tables: the few vertices of a body that can be the lowest along the directions of a cell.
 
 Directions are cells of two squares, one for each side of the third axis, as in an octahedron unfolded: n / (|n_1| +
 |n_2| + |n_3|) without its third number. Within a cell that is linear, so a corner that is higher than another one along
@@ -26,12 +26,12 @@ _EQUAL = 1e-9
 
 
 def corners_per_bit(count: int) -> int:
-    """How many corners one after the other share a bit of a word."""
+    """Number of consecutive vertices that share a bit of a word."""
     return -(-count // WORD)
 
 
 def support_cells(points: Array) -> NDArray[np.int64]:
-    """Those that can be the lowest along the directions of each cell: a bit for each `corners_per_bit` of them.
+    """Vertices that can be the lowest along the directions of each cell: a bit for each `corners_per_bit` of them.
 
     Args:
         points: Corners [m], shape (n, 3).

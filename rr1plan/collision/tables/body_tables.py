@@ -1,4 +1,4 @@
-"""What the exact kernel knows of bodies by themselves: each a core, a radius around it, and volumes that bound it."""
+"""The exact kernel's tables of bodies: each has a core, a radius around it, and bounding volumes."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def body_tables(solids: Sequence[Solid], joint_poses: Array) -> BodyTables:
 
 @lru_cache(maxsize=256)
 def neighbors(shape: Shape) -> tuple[_INTS, _INTS]:
-    """How many edges leave each point of a shape's core, and where they lead, point after point."""
+    """Number of edges at each point of a shape's core, and their other ends, point after point."""
     count = len(body_core(shape).points)
     if not (isinstance(shape, Mesh) and shape.convex):
         return np.zeros(count, np.int64), np.zeros(0, np.int64)
@@ -152,7 +152,7 @@ def describe_solids(sizes: bytearray, counts: Sequence[int], links: int, first_b
 
 @lru_cache(maxsize=1024)
 def body_core(shape: Shape) -> BodyCore:
-    """What the exact kernel knows of a shape."""
+    """The exact kernel's description of a shape."""
     if isinstance(shape, PointCloud):
         return _cells(shape)
     if isinstance(shape, Mesh):

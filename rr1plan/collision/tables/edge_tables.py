@@ -26,7 +26,7 @@ _WORLD_FRAME = np.repeat(np.concatenate([np.eye(3).ravel(), np.zeros(9)]), 8).vi
 
 
 class EdgeTables(NamedTuple):
-    """What the certified edge reads (`scene_tables.h`).
+    """The tables of the certified edge (`scene_tables.h`).
 
     Args:
         instances: The arms that move.
@@ -85,7 +85,7 @@ class PaddedPairs:
 
 
 def build_edge_tables(geometry: CollisionGeometry, fixed: FixedSolids, padding: Array, tolerance: float) -> EdgeTables:
-    """What the certified edge reads.
+    """The tables of the certified edge.
 
     Args:
         geometry: The moving arms and their pairs.
@@ -144,7 +144,7 @@ def scene_struct(
 
 
 def _arm_struct(tables: EdgeTables) -> CStruct:
-    """What moves, and cores, as C reads them; scenes without cores of obstacles share it."""
+    """The moving arms and the cores as C structs; scenes without cores of obstacles share them."""
     arm, instances = tables.arm, tables.instances
 
     def with_cores(cores: CoreTables) -> CStruct:
@@ -264,7 +264,7 @@ def _new_padded_pairs(geometry: CollisionGeometry, padding: Array, rest: float) 
 
 @dataclass(frozen=True, eq=False)
 class _KernelPairs:
-    """Which bodies and obstacles must not touch; columns as in `PaddedPairs`.
+    """Pairs of bodies and obstacles that must not touch; columns as in `PaddedPairs`.
 
     Args:
         body_pairs, group_pairs: Their first columns there.

@@ -61,7 +61,7 @@ class LinkSpheres:
 
     @cached_property
     def rounding(self) -> float:
-        """What rounding may take from a gap between two bodies [m]."""
+        """Bound of the rounding error of a gap between two bodies [m]."""
         return 1e-9 + 1e-12 * float(np.abs(self.joint_values[:, 9:12]).sum())
 
     @cached_property
@@ -99,7 +99,7 @@ class LinkSpheres:
 
 
 def _chain_tables(tables: LinkSpheres) -> tuple[_INTS, _INTS, Array]:
-    """How many driven joints are above each joint, and the kernel's `group_blocks` and `reach`."""
+    """Number of driven joints above each joint, and the kernel's `group_blocks` and `reach`."""
     depths = np.zeros(len(tables.joints), np.int64)
     for j, parent in enumerate(tables.joints[1:, 0].tolist(), 1):
         depths[j] = depths[parent] + (parent > 0)
@@ -184,7 +184,7 @@ class _SharedCores:
         self._end = np.zeros(7, np.int64)
 
     def first(self, geometry: ArmGeometry, cores: CoreTables) -> _INTS:
-        """What is added to the rows of a geometry's cores, shape (7,)."""
+        """Offsets of the rows of a geometry's cores, shape (7,)."""
         if geometry not in self._first:
             self._first[geometry] = self._end.copy()
             self._parts.append(cores)
@@ -350,12 +350,12 @@ def _sphere_rows(made: SphereCover, T: Array) -> Array:
     centers = np.concatenate([made.ball[None, :3], made.centers])
     radii = np.array([made.ball[3], *made.radii])
     inner = np.array([_NOTHING, *np.maximum(made.inner, _NOTHING)])
-    apart = np.linalg.norm(centers - centers[0], axis=1) * (1.0 + 1e-9) + 1e-12
-    return np.column_stack([centers @ T[:3, :3].T + T[:3, 3], radii, inner, apart])
+    distances = np.linalg.norm(centers - centers[0], axis=1) * (1.0 + 1e-9) + 1e-12
+    return np.column_stack([centers @ T[:3, :3].T + T[:3, 3], radii, inner, distances])
 
 
 def _reaches(joints: _Joints, above: list[int], points: Array) -> list[float]:
-    """How far points of a body can be from the axis of each joint of its chain [m], root first."""
+    """Largest distance of a body's points from the axis of each joint of its chain [m], root first."""
     reach = [float(np.hypot(points[:, 0], points[:, 1]).max())]
     beyond = float(np.linalg.norm(points, axis=1).max())
     for joint in above[:-1]:

@@ -19,11 +19,11 @@ from rr1plan.collision.tables.arm_tables import arm_tables
 from rr1plan.collision.tables.body_tables import BodyTables, body_core, describe_solids, neighbors
 from rr1plan.kernels.planner_kernels import CStruct, constants, load_library
 from rr1plan.object_cache import kept_in
-from rr1plan.shapes import Mesh, PointCloud, Shape
+from rr1plan.shapes import Mesh, Shape
 
 _INTS = NDArray[np.int64]
 LANES = constants()["LANES"]
-_CORE_MESH = constants()["CORE_MESH"]
+_CORE_MESH, _CORE_LEFT_OUT = constants()["CORE_MESH"], constants()["CORE_LEFT_OUT"]
 # Meshes of more corners are left to the exact kernel, which walks along edges instead of looking at all.
 _MOST_POINTS = 2000
 
@@ -97,9 +97,9 @@ class FixedSolids:
     def _describe_special(self, things: Sequence[ObstacleGeometry], rows: Array) -> list[tuple[int, Shape]]:
         """Describe meshes and point clouds: write their rows of `SolidShape`, and their kinds of cores."""
         special: list[tuple[int, Shape]] = []
-        for i, shape in enumerate(shape for thing in things for shape in thing.shapes):
-            if not isinstance(shape, Mesh | PointCloud):
-                continue
+        flat = [shape for thing in things for shape in thing.shapes]
+        for i in np.flatnonzero(self.solids[:, 3] == _CORE_LEFT_OUT).tolist():
+            shape = flat[i]
             exact = body_core(shape)
             rows[i, :15] = *exact.ball, *exact.values
             if is_concave(shape):
@@ -196,12 +196,10 @@ def balls_of(things: Sequence[ObstacleGeometry]) -> Array:
 
 def fixed_links(instances: ArmInstances) -> tuple[ObstacleGeometry, ...]:
     """The solids of the arms that no joint moves, an object for each arm; cached."""
-    return kept_in(instances.kept, "fixed links", lambda: _fixed_links(instances))
-
-
-def _fixed_links(instances: ArmInstances) -> tuple[ObstacleGeometry, ...]:
     arms = zip(instances.geometries, instances.bases, strict=True)
-    return tuple(fixed_links_of(geometry).at(base) for geometry, base in arms)
+    return kept_in(
+        instances.kept, "fixed links", lambda: tuple(fixed_links_of(geometry).at(base) for geometry, base in arms)
+    )
 
 
 def fixed_links_of(geometry: ArmGeometry) -> ObstacleGeometry:

@@ -17,7 +17,7 @@ _ROUNDING = 1.0 + 1e-9
 
 
 class TimedPairs(NamedTuple):
-    """What must not touch between the own arms and the others.
+    """Pairs between the own arms and the others that must not touch.
 
     Args:
         tables: The exact kernel's tables; behind the bodies come boxes around all bodies that one joint carries, and

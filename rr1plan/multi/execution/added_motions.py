@@ -45,7 +45,7 @@ from rr1plan.scene.problem import Goal, Problem
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
 
-# Paths around others that are tried for each place to begin, ways to step aside, and goal configurations.
+# Numbers of detours from each stop, of evasive motions, and of goal configurations that are tried.
 _DETOURS, _STEPS_ASIDE, _GOALS = 4, 12, 3
 _SAMPLES = 20  # random configurations that are tried for one that is free
 # A motion that takes no more than this times as long as the fastest one alone is good enough.
@@ -62,7 +62,7 @@ _LEAD = 0.01
 
 @dataclass(frozen=True, eq=False)
 class AddedMotion(Value):
-    """What came of a new goal.
+    """The outcome of `add_motion`.
 
     Args:
         plan: The new plan; the old one where there is none.
@@ -153,11 +153,11 @@ class _NewMotion:
 
 @dataclass
 class _Attempt:
-    """All that was tried for one arm.
+    """The motions tried for one arm.
 
     Args:
-        paths: Paths that were found, with the stop at which each begins.
-        alone: How long the fastest takes from there [s].
+        paths: The paths found, with the stop at which each begins.
+        alone: Duration of the fastest from there [s].
         best: The motion that arrives first.
     """
 
@@ -232,7 +232,7 @@ class _Change:
         return self._watch.goes_on() and self._watch.seconds < until
 
     def _time_paths(self, arm: str, stop: Stop, goals: list[Array], attempt: _Attempt, until: float) -> None:
-        """Time the straight way from a stop to a goal, and ways around others."""
+        """Time the straight path from a stop to a goal, and detours around others."""
         pool = self._pool(arm, stop, goals)
         known = len(pool.paths)
         for number in range(known + 1 + _DETOURS):
@@ -306,7 +306,7 @@ class _Change:
         return Agent(Problem(self.plan.scene, {**starts, arm: q}, {arm: goal}, arms=self.plan.arms), [arm])
 
     def _goals(self, agent: Agent) -> list[Array]:
-        """Configurations of an arm's goal that are apart from where the others end, nearer ones first."""
+        """Configurations of an arm's goal without contact with the others at their goals, nearest first."""
         question = agent.question({}, 0.0)
         (arm,) = agent.arms
         with checker_from_pool(question.scene, question.arms) as checker:
@@ -339,7 +339,7 @@ class _Change:
         return kept_in(self._placements, (agent.arms, q.tobytes()), lambda: placed_configuration(agent.bodies, q))
 
     def _standing(self, agent: Agent, goals: list[Array], number: int, time: float) -> dict[str, Array | None]:
-        """Where others stand that a path should go around: nobody, where they end, where they are, nobody."""
+        """Configurations of others that a path should avoid: by `number` none, their goals, present ones, or none."""
         standing: dict[str, Array | None] = {}
         if number not in (1, 2):
             return standing
@@ -453,7 +453,7 @@ class _Change:
 
     @contextmanager
     def _trying(self) -> Iterator[None]:
-        """What others do is afterwards as it was before; only what is returned is kept."""
+        """Restore the motions of others at the end of the block."""
         parts, blockers, reason = dict(self._parts), set(self._blockers), self._reason
         try:
             yield
@@ -523,7 +523,7 @@ class _Change:
 
 
 def _report(motion: Trajectory, scene: Scene) -> Report:
-    """What the referee says of a motion in whose first instant the arms may move."""
+    """The referee's report on a motion, at whose first instant the arms may move."""
     report = validate(motion, scene)
     kept = tuple(v for v in report.violations if v.kind != "rest" or v.time != motion.start_time)
     return replace(report, violations=kept)

@@ -24,7 +24,7 @@ from rr1plan.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class ArmDelay(Value):
-    """What delays an arm. Arms of one agent, which move as one, are delayed together.
+    """Delays of an arm. The arms of one agent move as one and are delayed together.
 
     Args:
         start: It starts so much later [s].
@@ -60,7 +60,7 @@ def _not_negative(name: str, value: object) -> float:
 
 @dataclass(frozen=True, eq=False)
 class PlanExecution(Value):
-    """How a plan was executed.
+    """The execution of a plan.
 
     Args:
         trajectory: All arms of the plan on one clock.
@@ -187,7 +187,7 @@ class _Run:
         heappush(self.events, _Event(time, next(self.numbers), agent, pause, dependency))
 
     def _next_cause(self) -> tuple[float, int, int]:
-        """What others wait for and happens next: when, who does it, and which dependency it releases; -1 if nothing."""
+        """The next event that others wait for: time, agent, and the released dependency; -1 if there is none."""
         first = (math.inf, -1, -1)
         for i, causes in enumerate(self.causes):
             if causes:

@@ -71,7 +71,7 @@ class RouteSteps(Value):
 
 @dataclass(frozen=True, eq=False)
 class Route(Value):
-    """The way of an agent.
+    """The unrolled path of an agent: all segments and rests in order.
 
     Args:
         joint_names: Name of each column, "arm/joint", length nq.
@@ -161,7 +161,7 @@ def passed_gridpoints(schedule: Schedule) -> NDArray[np.int64]:
 
 
 def route_of(schedule: Schedule) -> Route:
-    """What an agent passes that moves by a schedule."""
+    """The route of an agent that moves by a schedule."""
     path = schedule.path
     nq = len(path.start)
     lengths, coefficients = [np.zeros(0)], [np.zeros((0, 3, nq))]

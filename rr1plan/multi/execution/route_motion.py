@@ -53,7 +53,7 @@ class _Moved(NamedTuple):
 
 @dataclass
 class _Profile:
-    """What is planned from now on: segments with their squared speeds, and when their ends are passed.
+    """The plan from now on: segments with their squared speeds and the times of their ends.
 
     Args:
         grid: The segments, the first from where the agent is.
@@ -221,7 +221,7 @@ class RouteMotion:
         return Grid(grid.piece.repeat(2), offset, np.array([half, half])), [-1, *marks]
 
     def _advance(self, now: float) -> None:
-        """Let happen what is planned before now."""
+        """Record the part of the plan before now as done."""
         plan = self._profile
         over = int(np.searchsorted(plan.times[1:], now, side="right"))
         if over < len(plan.gridpoint) and now > plan.times[over]:
@@ -241,7 +241,7 @@ class RouteMotion:
         self.now = now if self._x == 0.0 else float(plan.times[over])
 
     def _pass(self, k: int) -> None:
-        """Let a whole segment of the profile happen."""
+        """Record a whole segment of the profile as done."""
         plan = self._profile
         self._record(k, float(plan.grid.delta[k]), float(plan.x[k + 1]))
         if plan.gridpoint[k] >= 0:
@@ -249,7 +249,7 @@ class RouteMotion:
             self._passed[self.segment] = plan.times[k + 1]
 
     def _record(self, k: int, distance: float, x: float) -> None:
-        """Let the first part of a segment of the profile happen."""
+        """Record the first part of a segment of the profile as done."""
         plan = self._profile
         if self._share == 0.0:
             self._left[self.segment] = plan.times[k]

@@ -119,7 +119,7 @@ class RunningPlan(Value):
         return tuple(self.parts)
 
     def configuration(self, arm: str, time: float) -> Array:
-        """Where an arm is at a time [s], shape (nq,); within its limits, whatever the rounding.
+        """Configuration of an arm at a time [s], shape (nq,), within its limits in spite of rounding.
 
         Raises:
             UnknownNameError: the plan has no such arm.
@@ -132,7 +132,7 @@ class RunningPlan(Value):
         return np.asarray(np.where(np.abs(nearest - q) < _ROUNDING, nearest, q))
 
     def velocity(self, arm: str, time: float) -> Array:
-        """How fast the joints of an arm are at a time [s], shape (nq,) [rad/s or m/s].
+        """Joint velocities of an arm at a time [s], shape (nq,) [rad/s or m/s].
 
         Raises:
             UnknownNameError: the plan has no such arm.
@@ -140,7 +140,7 @@ class RunningPlan(Value):
         return np.asarray(self._columns(arm, time, 1))
 
     def goal(self, arm: str) -> Array:
-        """Where an arm ends, shape (nq,).
+        """Final configuration of an arm, shape (nq,).
 
         Raises:
             UnknownNameError: the plan has no such arm.
@@ -155,7 +155,7 @@ class RunningPlan(Value):
         return np.asarray(self.trajectory(finite_number("time", time), derivative)[columns])
 
     def part_at(self, arm: str, time: float) -> Part:
-        """On which path an arm is."""
+        """The part in which an arm is at a time [s]."""
         return next(part for part in self.parts[arm] if time <= part.end)
 
     def with_parts(self, changed: Mapping[str, tuple[Part, ...]], trajectory: Trajectory, now: float) -> RunningPlan:
@@ -174,12 +174,12 @@ class RunningPlan(Value):
 
 @dataclass(frozen=True)
 class Stop:
-    """Where an arm can be at rest to begin something else.
+    """A rest from which an arm can begin a new motion.
 
     Args:
         time: Since when [s].
-        q: Where, shape (nq,).
-        before: What it does until then.
+        q: Its configuration, shape (nq,).
+        before: Its part until then.
         braking: Its motion from now to there; None if it rests already.
     """
 
@@ -190,7 +190,7 @@ class Stop:
 
 
 def stops_of(plan: RunningPlan, arm: str, now: float) -> list[Stop]:
-    """Where an arm can stop, soonest first: where it rests, or the first gridpoint, a later one, the planned stop."""
+    """The stops of an arm, earliest first: its rest, or the first gridpoint, a later one, and the planned stop."""
     part = plan.part_at(arm, now)
     q, rates = plan.configuration(arm, now), plan.velocity(arm, now)
     if np.abs(rates).max(initial=0.0) <= _REST:
@@ -216,7 +216,7 @@ def stops_of(plan: RunningPlan, arm: str, now: float) -> list[Stop]:
 
 
 def _state_on(route: Route, segment: int, q: Array, rates: Array) -> tuple[float, float]:
-    """How far on a segment an arm is [rad], and its squared path speed."""
+    """Distance of an arm along a segment [rad], and its squared path speed."""
     c = route.curve.coefficients[route.grid.piece[segment]]
     offset, delta = float(route.grid.offset[segment]), float(route.grid.delta[segment])
     s = offset + 0.5 * delta

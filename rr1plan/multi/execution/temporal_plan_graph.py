@@ -120,7 +120,7 @@ class PlanGraph(Value):
 
     @property
     def skew_tolerance(self) -> float:
-        """All arms may start late by up to this, each by another time, and no two touch although nobody waits [s].
+        """Each arm may start late by up to this time, without any waiting, and no two arms touch [s].
 
         A certified lower bound; inf where no two arms come near each other, 0 where some only move as one.
         """
@@ -146,7 +146,7 @@ class PlanGraph(Value):
         return PlanGraph(routes, tuple(moved))
 
     def waits_for(self, arm: str) -> tuple[Dependency, ...]:
-        """The dependencies that make an arm wait, in the order of its way.
+        """The dependencies for which an arm waits, in order.
 
         Raises:
             UnknownNameError: the plan has no such arm.
@@ -233,7 +233,7 @@ def plan_graph(plan: ManyArmsResult | RunningPlan) -> PlanGraph:
         plan: What `plan_many_arms` found, or a plan with the new goals that `add_motion` gave it.
 
     Raises:
-        InputError: no plan, or one whose agents are not proven apart.
+        InputError: no plan, or one whose agents are not proven free of contact.
     """
     orders: dict[tuple[int, int], list[Precedence] | None] = {}
     if isinstance(plan, RunningPlan):

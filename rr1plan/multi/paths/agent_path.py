@@ -127,7 +127,7 @@ class AgentPath:
         return float(self.curve.lengths.sum())
 
     def _segment_counts(self) -> NDArray[np.int64]:
-        """How many segments each piece of the curve is cut into."""
+        """Number of segments of each piece of the curve."""
         speed = [
             float((np.abs(c[1] + c[2] * length) * self.agent.bodies.reach).sum())
             for length, c in zip(self.curve.lengths, self.curve.coefficients, strict=True)
@@ -246,7 +246,7 @@ class AgentPath:
         return _merged(timed(self.curve, grid, x).within(self.agent.limits), grid, x, self.curve)
 
     def at(self, gridpoint: int) -> Array:
-        """Where the agent is at a gridpoint, shape (nq,)."""
+        """Configuration of the agent at a gridpoint, shape (nq,)."""
         if gridpoint == 0:
             return np.asarray(self.start)
         if gridpoint == self.segments:

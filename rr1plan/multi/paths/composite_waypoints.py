@@ -16,7 +16,7 @@ _SAME_TIME = 1e-6
 
 
 def composite_waypoints(schedules: Iterable[Schedule], agent: Agent) -> Array:
-    """Where the arms of several schedules are, at every instant at which one of them passes a gridpoint.
+    """Configurations of the arms of several schedules at all instants at which one of them passes a gridpoint.
 
     Straight lines between these waypoints approximate the motion, and are not certified.
 

@@ -21,7 +21,7 @@ _BISECTIONS = 60  # of a time between two breaks: to the rounding of numbers
 
 @dataclass(frozen=True)
 class HopTiming:
-    """How the arms of a problem move from stop to stop.
+    """The retiming of the arms' motions from stop to stop.
 
     Args:
         method: "blend" rounds corners, "stop" stops at them, "ruckig" stops at them and limits jerk.

@@ -16,6 +16,7 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.time_shortcuts import shorten_in_time
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
 from rr1plan.planners import RrtConnect, plan
@@ -25,6 +26,8 @@ from rr1plan.scene.problem import JointGoal, Problem
 
 _SHORTCUTS = 48
 _ITERATIONS = 2000  # of the planner, for each arm of an agent
+# Rounds of shortcuts in time, and how many are tried in each, for each arm of an agent.
+_ROUNDS_IN_TIME, _SHORTCUTS_IN_TIME = 8, 25
 _NO_LIMIT = 2**62
 _SAMPLES = 20  # random configurations that are tried for one to go through
 
@@ -97,6 +100,30 @@ class PathPool:
             path = AgentPath(self.agent, Path(self.agent.joint_names, np.concatenate(shorter)), checker)
         self.paths.append(path)
         return path
+
+    def add_faster(self, path: AgentPath) -> AgentPath:
+        """Add a path made from another one by shortcuts in time; a path of a few waypoints may not get faster.
+
+        Args:
+            path: A path of the agent.
+
+        Raises:
+            RetimingError: it cannot be timed under the limits.
+        """
+        question, points = self.agent.question({}, self.margin), path.path.waypoints
+        with checker_from_pool(question.scene, question.arms, self.margin) as checker:
+            # In turn with shortcuts that save length, and so corners, which take time.
+            for _ in range(_ROUNDS_IN_TIME):
+                attempts = _SHORTCUTS_IN_TIME * len(self.agent.arms)
+                points = shorten_in_time(points, self.agent, checker, self._rng, self._watch, attempts)
+                points = shorten(
+                    Path(self.agent.joint_names, points),
+                    question.scene,
+                    checker=checker,
+                    iterations=attempts // 2,
+                    rng=self._rng,
+                ).waypoints
+        return self.add_shortened([Path(self.agent.joint_names, points)])
 
     def _plan(self, leg: Problem, effort: int, *, patient: bool) -> PlanResult:
         goes_on, seconds = self._watch.let_planner_go_on, max(self._watch.left, 1e-3)

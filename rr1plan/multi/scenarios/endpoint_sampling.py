@@ -1,4 +1,4 @@
-"""Starts and goals of many arms for seeded problems: random ones, or with tools in regions; all free, and apart."""
+"""Starts and goals of many arms for seeded problems: random, or with tools in regions; all collision-free."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Draw = Callable[[np.random.Generator], Array | None]
 
 
 class ToolBox(NamedTuple):
-    """Where the tool of an arm starts or ends.
+    """A region for the tool of an arm at the start or the goal.
 
     Args:
         frame: Frame of the box in the world, shape (4, 4).
@@ -58,7 +58,7 @@ def sample_configurations(
     *,
     advice: str = "try a wider spacing",
 ) -> dict[str, Array]:
-    """A configuration of each arm: free, and apart from those of all others.
+    """A configuration of each arm, without contact with the scene or another arm.
 
     Args:
         scene: The arms and obstacles.
@@ -124,7 +124,7 @@ def _anywhere(agent: Agent) -> Draw:
 def _free_among(
     agent: Agent, others: list[tuple[Agent, CStruct]], draw: Draw, tries: int, rng: np.random.Generator
 ) -> Array | None:
-    """A free configuration of an arm that is apart from others."""
+    """A configuration of an arm without contact with the scene or other arms."""
     question = agent.question({}, 0.0)
     with checker_from_pool(question.scene, question.arms) as checker:
         for _ in range(tries):
@@ -150,7 +150,7 @@ def check_robot(robot: Robot) -> None:
 
 
 def front_of(robot: Robot, front: Array | None = None) -> Array:
-    """Which way a robot's front points in its base frame: as given, or the horizontal axis nearest to its tool at home.
+    """Direction of a robot's front in its base frame: as given, or the horizontal axis nearest to its tool at home.
 
     Args:
         robot: The robot.
@@ -187,7 +187,7 @@ def facing(robot: Robot, place: tuple[float, float], angle: float) -> tuple[Arra
 
 @lru_cache(maxsize=64)
 def horizontal_reach(robot: Robot) -> float:
-    """How far from the axis of its base a robot's tool gets, of some random configurations [m]."""
+    """Largest distance of a robot's tool from the axis of its base, over random configurations [m]."""
     rng = np.random.default_rng(0)
     drawn = rng.uniform(robot.limits.lower, robot.limits.upper, (_SAMPLES, robot.nq))
     tools = np.array([robot.link_poses(q)[robot.tool][:2, 3] for q in drawn])

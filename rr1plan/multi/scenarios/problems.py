@@ -1,6 +1,6 @@
 """Seeded problems of many arms: random queries on a grid, reaches on a table, swaps in a ring, two arms at a shelf.
 
-All starts and goals are checked: each arm is free, and arms are apart from each other. Problems in cells with more
+All starts and goals are checked: no arm touches the scene or another arm. Problems in cells with more
 around the arms are in `workcell_problems.py`.
 """
 
@@ -47,7 +47,7 @@ def random_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng:
         rng: Seed.
 
     Raises:
-        InputError: numbers that make no sense, or so narrow a grid that no free configurations are found.
+        InputError: numbers out of range, or so narrow a grid that no free configurations are found.
     """
     scene = _grid(robot, count, positive_number("spacing", spacing))
     generator = as_generator(rng)
@@ -59,16 +59,16 @@ def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: 
     """Arms on a grid on a table, turned at random; each tool gets from one point above the table to another.
 
     Points are in front of an arm, up to nine tenths of its reach away, and from 5 cm to half its reach above the table,
-    so that many are where other arms reach, too.
+    so that many are within reach of other arms, too.
 
     Args:
-        robot: The robot all of them are, whose joints have limits; or several robots, which take turns.
-        count: How many arms.
-        spacing: Distance between neighbors [m].
-        rng: Seed.
+        robot: As in `random_grid`.
+        count: As in `random_grid`.
+        spacing: As in `random_grid`.
+        rng: As in `random_grid`.
 
     Raises:
-        InputError: numbers that make no sense, or so narrow a grid that no free configurations are found.
+        InputError: numbers out of range, or so narrow a grid that no free configurations are found.
     """
     scene = _grid(robot, count, positive_number("spacing", spacing))
     generator = as_generator(rng)
@@ -121,7 +121,7 @@ def ring_swap(
             its tool at home).
 
     Raises:
-        InputError: numbers that make no sense, or no configurations that are free and apart.
+        InputError: numbers out of range, or no collision-free configurations of all arms.
     """
     of_kind("robot", robot, Robot)
     whole_number("count", count, 2, 1000)
@@ -174,11 +174,10 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
         robot: The robot both are.
         spacing: Distance between their bases [m].
         rng: Seed.
-        front: Which way the robot's front points in its base frame, shape (3,) (default: the axis nearest to
-            its tool at home).
+        front: As in `ring_swap`.
 
     Raises:
-        InputError: numbers that make no sense, or no configurations that are free and apart.
+        InputError: numbers out of range, or no collision-free configurations of all arms.
     """
     of_kind("robot", robot, Robot)
     spacing = positive_number("spacing", spacing)
@@ -205,7 +204,7 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
 
 
 def _reaching(scene: Scene, points: Mapping[str, Array], rng: np.random.Generator) -> tuple[dict[str, Array], str]:
-    """Configurations of all arms with their tools at some points, apart from each other; or none, and why."""
+    """Collision-free configurations of all arms with their tools at given points; or none, and why."""
     aims = {arm: PoseGoal("tool", point) for arm, point in points.items()}
     problem = Problem(scene, None, aims)
     agents = {arm: Agent(problem, [arm]) for arm in problem.arms}

@@ -1,7 +1,7 @@
 """Seeded problems of many arms in work cells: a hand-over through a window, a shared bin, a conveyor, shelves.
 
 Sizes of the things that arms work on are fixed; where arms stand follows from how far they reach. All starts and goals
-are checked: each arm is free, and arms are apart from each other.
+are checked: no arm touches the scene or another arm.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def handover_window(robot: Robot, width: float = 0.12, rng: Seed = None, *, gap:
         gap: How far from each other the origins of the tools are then [m]; RR1's fingers end 2.7 cm beyond it.
 
     Raises:
-        InputError: a width that makes no sense, or so narrow a window that no configurations are free and apart.
+        InputError: a width out of range, or a window too narrow for collision-free configurations of all arms.
     """
     check_robot(robot)
     generator = as_generator(rng)
@@ -108,8 +108,8 @@ def handover_window(robot: Robot, width: float = 0.12, rng: Seed = None, *, gap:
         arm = cell.add_arm((-math.cos(angle) * distance, 0.0), angle)
         frame = cell.frames[arm]
         starts[arm] = ToolBox(frame, (0.2 * far, -0.6 * far, 0.2 * far), (0.5 * far, 0.6 * far, 0.9 * far))
-        meeting = (distance - 0.5 * between, 0.0, middle)
-        goals[arm] = ToolBox(frame, meeting, meeting)
+        point = (distance - 0.5 * between, 0.0, middle)
+        goals[arm] = ToolBox(frame, point, point)
     return cell.problem(starts, goals, generator, "try a wider window or another robot")
 
 
@@ -122,7 +122,7 @@ def shared_bin(robot: Robot, count: int = 4, rng: Seed = None) -> Problem:
         rng: Seed.
 
     Raises:
-        InputError: another count, or no configurations that are free and apart.
+        InputError: another count, or no collision-free configurations of all arms.
     """
     check_robot(robot)
     generator = as_generator(rng)
@@ -163,7 +163,7 @@ def conveyor_line(robot: Robot, count: int, rng: Seed = None) -> Problem:
         rng: Seed.
 
     Raises:
-        InputError: numbers that make no sense, or no configurations that are free and apart.
+        InputError: numbers out of range, or no collision-free configurations of all arms.
     """
     check_robot(robot)
     generator = as_generator(rng)
@@ -195,7 +195,7 @@ def shelf_rows(robot: Robot, count: int = 8, rng: Seed = None) -> Problem:
         rng: Seed.
 
     Raises:
-        InputError: numbers that make no sense, or no configurations that are free and apart.
+        InputError: numbers out of range, or no collision-free configurations of all arms.
     """
     check_robot(robot)
     generator = as_generator(rng)

@@ -42,7 +42,7 @@ _MOST_CONFLICTS = 4
 
 @dataclass
 class SearchResult:
-    """What came of a search.
+    """The result of a search.
 
     Args:
         moves: The moves of each arm on its roadmap; None if none were found.
@@ -325,7 +325,7 @@ def _arrival(moves: Sequence[Move]) -> float:
 
 
 def actions_of(roadmap: ArmRoadmap, moves: Sequence[Move]) -> list[Action]:
-    """All that an arm does, rest included, until infinity.
+    """All actions of an arm, rests included, until infinity.
 
     Args:
         roadmap: Its roadmap.

@@ -144,7 +144,7 @@ class PlanImprover:
         )
 
     def _bound_arms(self, schedule: Schedule) -> None:
-        """What an arm does in the plan bounds what it can do alone."""
+        """Lower the bounds of the arms alone to their arrivals in the plan."""
         for arm in schedule.path.agent.arms:
             self.alone[arm] = min(self.alone.get(arm, math.inf), schedule.arrival)
 
@@ -291,7 +291,7 @@ class PlanImprover:
             self._remember(path_found)
 
     def _change_path(self) -> bool:
-        """Change the path of an agent by chance, and time it among the others; then those it frees may be sooner."""
+        """Change the path of an agent at random and reschedule it, then the agents that may arrive earlier."""
         agent, makespan = self._chosen_agent(), self._cost()[0]
         current = self.schedules[agent].path
         if current.segments == 0:

@@ -16,6 +16,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import combinations
 from typing import NamedTuple
@@ -31,11 +32,13 @@ from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.preflight import affordable_margin
 from rr1plan.multi.search.coupled_windows import CoupledWindows
+from rr1plan.multi.search.sequential_moves import SequentialMoves
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import Blocked, are_apart
 from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
 from rr1plan.multi.timing.schedule import Schedule
+from rr1plan.path import Path
 
 # Paths of a pool before another agent is evicted, and at most.
 _DETOURS, _MOST_PATHS = 3, 12
@@ -47,7 +50,7 @@ _STANDING = 0.7  # share of the others around which an arm's path leads before a
 _ROUNDS_OF_SAME_EFFORT = 4  # of windows
 _ROUNDS_FIRST = 8  # of windows there, each with twice the effort
 
-STAGES = ("timing", "detours", "eviction", "composite", "windows")
+STAGES = ("timing", "detours", "eviction", "composite", "windows", "sequential")
 """Stages of a search, by what they cost."""
 _ATTEMPTS = 3  # at a path in that joint space
 # Separate paths of a few arms are timed where the joint path is slower than their slowest by more than this [ratio]:
@@ -57,7 +60,6 @@ COUPLED_FIRST = 16
 """Agents of a group for which windows are tried before coordination diagrams are computed."""
 # Arms of an agent that quarrels make, at most: the joint space of more is too large without windows.
 _MOST_TOGETHER = 4
-_MOST_AS_ONE = 8  # arms of a group that is planned as one in the end, at most
 # Evictions for each agent between two rounds of windows, which take twice the effort each time.
 _EVICTIONS = 3
 # A makespan nearer to its lower bound than this is not made shorter, nor by less than that [ratio].
@@ -67,7 +69,7 @@ _NEIGHBORHOOD = 3  # agents that are scheduled again with the last, at most
 
 @dataclass
 class Statistics:
-    """What was done to find schedules."""
+    """Counters of a search for schedules."""
 
     paths: int = 0
     detours: int = 0
@@ -167,10 +169,10 @@ class PrioritizedPlanner:
         at_first = not self.schedules
         if at_first and 1 < len(self.agents) <= PLANNED_AS_ONE and self._plan_few():
             return True
-        coupled_first = at_first and PLANNED_AS_ONE < len(self.agents) <= COUPLED_FIRST
+        coupled_first = at_first and 1 < len(self.agents) <= COUPLED_FIRST
         effort = 0
         while coupled_first and effort < _ROUNDS_FIRST and self._watch.goes_on():
-            if self._couple(effort) or (effort == 0 and self._plan_all()):
+            if self._couple(effort) or self._move_in_turn(effort):
                 return True
             effort += 1
         self._prepare_diagrams()
@@ -185,7 +187,7 @@ class PrioritizedPlanner:
                 return True
             if not self._watch.goes_on():
                 break
-            if self._couple(effort) or self._plan_all():
+            if self._couple(effort) or self._move_in_turn(effort):
                 return True
             effort += 1
             waiting = [agent for agent in self._slowest_first() if agent not in self.schedules]
@@ -245,14 +247,19 @@ class PrioritizedPlanner:
         self._return_to(alone)
         return self._adopt([pool], "composite")
 
-    def _plan_all(self) -> bool:
-        """Plan all arms as one, with twice the effort each time; whether that was possible."""
-        if len(self.arms) > _MOST_AS_ONE:
-            return False
+    def _move_in_turn(self, effort: int) -> bool:
+        """Move one arm at a time by way of retreats, as one agent; whether that was possible."""
+        began = time.perf_counter()
         pool = self._pool_of(self.arms)
-        self._add_path(pool, self._tries_as_one)
-        self._tries_as_one += 1
-        return self._adopt([pool], "composite")
+        agent, alone = pool.agent, {arm: self._agent_of([arm]) for arm in self.arms}
+        goal = np.concatenate([self._alone[arm].paths[0].goal for arm in agent.arms])
+        moves = SequentialMoves(agent, goal, alone, self._near, pool.margin, self._rng, self._watch)
+        points = moves.find(effort // _ROUNDS_OF_SAME_EFFORT)
+        if points is not None:
+            with suppress(RetimingError):
+                pool.add_shortened([Path(agent.joint_names, points)])
+        self.statistics.add_time("sequential", began)
+        return self._adopt([pool], "sequential")
 
     def _couple(self, effort: int) -> bool:
         """Couple arms on windows of time around their conflicts; whether all agents have a schedule then."""
@@ -270,11 +277,11 @@ class PrioritizedPlanner:
         found = self._adopt_windows(windows, sets)
         if len(sets) == 1 or (found and self.makespan <= self._slow_from()):
             return found
-        apart = self._plan()
+        separate = self._plan()
         arrival = self.makespan if found else math.inf
         as_one = self._adopt_windows(windows, [arms])
         if as_one and self.makespan > arrival:
-            self._return_to(apart)
+            self._return_to(separate)
         return found or as_one
 
     def _first_guess(self, arm: str, effort: int) -> AgentPath:
@@ -363,9 +370,8 @@ class PrioritizedPlanner:
         Args:
             rounds: How often to try.
         """
-        if len(self.agents) < 2:
-            return
-        for _ in range(rounds):
+        self._hasten()
+        for _ in range(rounds if len(self.agents) > 1 else 0):
             last = max(self.agents, key=lambda agent: self.schedules[agent].arrival)
             limit = self.makespan
             if limit <= self.slowest_alone() * (1.0 + _GOOD_ENOUGH) or not self._watch.goes_on():
@@ -385,6 +391,20 @@ class PrioritizedPlanner:
                 for agent, count in tries.items()
             ):
                 self.schedules = before
+
+    def _hasten(self) -> None:
+        """Replace paths of meta-agents whose arms move in turn by faster ones with simultaneous motion."""
+        limit = self.slowest_alone() * (1.0 + _GOOD_ENOUGH)
+        for agent in [agent for agent in self.agents if len(agent.arms) > 1]:
+            began, before = time.perf_counter(), self.schedules[agent]
+            if before.arrival <= limit or not self._watch.goes_on():
+                continue
+            with suppress(RetimingError):
+                path = self.pools[agent].add_faster(before.path)
+                found = self._timed(path, self._others(agent)) if path.fastest < before.arrival else None
+                if found is not None and found.arrival < before.arrival:
+                    self.schedules[agent] = found
+            self.statistics.add_time("paths", began)
 
     @property
     def makespan(self) -> float:
@@ -520,7 +540,7 @@ class PrioritizedPlanner:
         return [*([o] for o in in_the_way), in_the_way]
 
     def _merge_quarrels(self, agent: Agent, evicted: list[Agent]) -> list[Agent]:
-        """Who has to be scheduled next: the evicted, or one agent of those that quarrel too often."""
+        """The agents to schedule next: the evicted ones, or a meta-agent of two that evict each other too often."""
         for victim in evicted:
             together = {*agent.arms, *victim.arms}
             if self._quarrels[frozenset((agent, victim))] < _QUARRELS or len(together) > _MOST_TOGETHER:

@@ -29,7 +29,7 @@ class Action(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """It is a motion."""
+        """Whether it is a motion rather than a rest."""
         return self.path.segments > 0
 
 

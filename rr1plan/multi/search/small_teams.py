@@ -35,7 +35,7 @@ MOST_ARMS = 8
 """Arms of a group, at most."""
 
 SUBOPTIMALITY = 1.1
-"""What the sum of arrivals may be of the least on the roadmaps [ratio]."""
+"""Largest ratio of the sum of arrivals to the minimum on the roadmaps."""
 
 # Samples of the roadmaps, and nodes of the search on them; the last ones have all of the time.
 _ROUNDS = ((50, 500), (200, 2000), (800, 10**9))

@@ -21,7 +21,7 @@ from rr1plan.object_cache import kept_in
 from rr1plan.scene import Scene
 
 Blocked = NDArray[np.uint8]
-"""Which cells are not proven free, shape (cells of one path, cells of the other)."""
+"""Cells that are not proven free, shape (cells of one path, cells of the other)."""
 
 
 def coordination_diagram(one: AgentPath, two: AgentPath, margin: float = 0.0) -> Blocked | None:
@@ -42,7 +42,7 @@ def coordination_diagram(one: AgentPath, two: AgentPath, margin: float = 0.0) ->
 
 
 def are_apart(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: float = 0.0) -> bool:
-    """Whether two agents are proven apart in one configuration of each; bodies that no joint moves count, too.
+    """Whether two agents are proven collision-free in one configuration of each, also bodies that no joint moves.
 
     Args:
         one: An agent.
@@ -62,7 +62,7 @@ def _are_apart(one: Agent, two: Agent, placed: CStruct, other: CStruct, pairs: C
 
 
 def ends_are_apart(one: AgentPath, two: AgentPath, margin: float) -> bool:
-    """Whether the starts, and the goals, of two paths are proven apart; bodies that no joint moves do not count.
+    """Whether the starts, and the goals, of two paths are proven collision-free, without bodies that no joint moves.
 
     Args:
         one: A path of an agent.
@@ -93,7 +93,7 @@ def may_touch(one: AgentPath, two: AgentPath, margin: float) -> bool:
 
 
 def cross_pairs(one: Agent, two: Agent, margin: float, *, fixed: bool = False) -> CStruct:
-    """Which bodies of two agents must not touch, and how near they may be (`coordination.h`).
+    """Pairs of bodies of two agents that must not touch, with their padding (`coordination.h`).
 
     Args:
         one: An agent.
@@ -125,8 +125,8 @@ def _cross_pairs(scene: Scene, one: Agent, two: Agent, margin: float, fixed: boo
     padding = np.full((len(a.elements), len(b.elements)), scene.padding)
     if scene.allowed or scene.pair_padding:
         for (i, first), (j, second) in product(enumerate(a.elements), enumerate(b.elements)):
-            apart = scene.padding_of(first, second)
-            padding[i, j] = -np.inf if scene.may_touch(first, second) else apart
+            distance = scene.padding_of(first, second)
+            padding[i, j] = -np.inf if scene.may_touch(first, second) else distance
     padding += margin + TOLERANCE
     if not fixed:
         # It touches always or never, which is known before anything is planned.

@@ -29,7 +29,7 @@ class DiagramCache:
         self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
 
     def __len__(self) -> int:
-        """How many diagrams have been computed, in both orders."""
+        """Number of computed diagrams, both orders counted."""
         return len(self._diagrams)
 
     def margin(self, one: AgentPath, two: AgentPath) -> float:

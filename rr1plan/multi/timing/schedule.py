@@ -31,7 +31,7 @@ class Leg(NamedTuple):
 
 
 class Occupancy(NamedTuple):
-    """Which rows of extended diagrams an agent occupies, one after the other, each from the end of the one before.
+    """Rows of extended diagrams that an agent occupies in order, each from the end of the one before.
 
     Args:
         rows: Rows, see `extended`.
@@ -102,13 +102,13 @@ class Schedule:
 
     @property
     def length(self) -> float:
-        """How far it goes [rad]."""
+        """Length of its motions [rad]."""
         borders = np.concatenate([[0.0], np.cumsum(self.path.grid.delta)])
         return float(sum(abs(borders[leg.end] - borders[leg.begin]) for leg in self.legs))
 
     @cached_property
     def occupancy(self) -> Occupancy:
-        """Which rows of extended diagrams it occupies."""
+        """The rows of extended diagrams that it occupies, with times."""
         rows, enter, now = [np.array([0])], [np.array([-np.inf])], 0
         for leg in self.legs:
             times = self.instants(leg)

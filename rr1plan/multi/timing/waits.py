@@ -1,4 +1,4 @@
-"""Which arms an arm waits for, and the timing of two arms in their coordination diagram."""
+"""Waits of arms for each other, and the timing of two arms in their coordination diagram."""
 
 from __future__ import annotations
 
@@ -107,8 +107,8 @@ def _in_the_way(
     """The arms that an agent would run into if it began a leg a little earlier; by the time at which it would."""
     wait = leg.departure - began
     for share in _SHARES:
-        sooner = min(wait, max(_SOONEST, share * wait))
-        moved = _occupancy(schedule, leg, leg.departure - sooner, following)
+        advance = min(wait, max(_SOONEST, share * wait))
+        moved = _occupancy(schedule, leg, leg.departure - advance, following)
         found = []
         for other in schedules:
             if other is schedule:

@@ -36,7 +36,7 @@ _WIDEST = 100.0  # [inch]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CSpace(CSpaceQuery):
-    """A configuration space with a query and its answer, which draws itself.
+    """The configuration space of two joints with a query and its answer, as figures and pages.
 
     `CSpaceQuery` lists what it holds.
     """

@@ -55,7 +55,7 @@ class CSpaceGrid(Value):
 
     @property
     def free(self) -> Mask:
-        """Cells that nothing forbids, shape (n, m)."""
+        """The free cells, shape (n, m)."""
         return self.labels > 0
 
     @property

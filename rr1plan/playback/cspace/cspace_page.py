@@ -244,7 +244,7 @@ def _planar(grid: CSpaceGrid) -> dict[str, Any] | None:
 
 
 def _names(grid: CSpaceGrid, height: float) -> list[dict[str, Any]]:
-    """Where the names of obstacles are written: their middles, seen from above."""
+    """Positions of the names of obstacles: their centers, seen from above."""
     colors, named = layer_colors(grid), []
     for name, thing in grid.scene.obstacles.items():
         shadows = [

@@ -82,7 +82,7 @@ class CSpaceQuery(Value):
 
     @cached_property
     def start_blocked_by(self) -> tuple[str, ...]:
-        """What the start touches: names of layers; empty where it is free. The configuration counts, not its cell."""
+        """Names of the layers that the start touches, empty if it is free. The configuration counts, not its cell."""
         return () if self.start is None else self._blocked_by(self.start)
 
     @cached_property
@@ -140,8 +140,9 @@ class CSpaceQuery(Value):
     def _ends_at(self, goal: Array) -> bool:
         if self.path is None or not self.found:
             return False
-        off = np.where(self.grid.turns, _wrapped(self.path[-1] - goal), self.path[-1] - goal)
-        return bool(np.abs(off).max() < _SAME)
+        off = self.path[-1] - goal
+        shortest = np.arctan2(np.sin(off), np.cos(off))
+        return bool(np.abs(np.where(self.grid.turns, shortest, off)).max() < _SAME)
 
     @cached_property
     def decomposition(self) -> Decomposition | None:
@@ -158,7 +159,7 @@ class CSpaceQuery(Value):
 
     @property
     def proves_no_path(self) -> bool:
-        """No path from the start to any goal exists: certified, whatever the resolution of the picture.
+        """Whether it is proven, at any resolution of the picture, that no path leads from the start to a goal.
 
         Either cells that are blocked as a whole separate them, or no configuration reaches the goal, or the goals are
         configurations that are not free. False where the path answers the query, and where the question is open.
@@ -191,10 +192,6 @@ class CSpaceQuery(Value):
 
 def _numbered(name: str, count: int) -> tuple[str, ...]:
     return (name,) if count == 1 else tuple(f"{name} {k}" for k in range(1, count + 1))
-
-
-def _wrapped(angles: Array) -> Array:
-    return np.asarray(np.arctan2(np.sin(angles), np.cos(angles)))
 
 
 _Query = TypeVar("_Query", bound=CSpaceQuery)

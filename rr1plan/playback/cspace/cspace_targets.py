@@ -1,4 +1,4 @@
-"""Which cells of two joints may hold a configuration that reaches the goal."""
+"""Cells of two joints that may hold a configuration that reaches the goal."""
 
 from __future__ import annotations
 
@@ -71,5 +71,5 @@ class CellTargets:
 
 
 def off_by(values: Array, q: Array, turns: Mask) -> Array:
-    """How far two joints are from q (2,) [rad or m], shape (n, 2); where `turns`, whole turns more are the same."""
+    """Distance of two joints from q (2,) [rad or m], shape (n, 2), modulo whole turns where `turns`."""
     return np.where(turns, np.abs((values - q + np.pi) % _TURN - np.pi), np.abs(values - q))

@@ -38,7 +38,7 @@ def describe(cspace: CSpaceQuery) -> str:
 
 
 def _others(cspace: CSpaceQuery) -> list[str]:
-    """Where the other joints of the arm are, which makes this a slice."""
+    """The values of the other joints of the arm, for a slice."""
     arm = cspace.grid.scene.arms[cspace.grid.arm]
     others = [(n, q) for n, q in zip(arm.robot.joint_names, arm.q, strict=True) if n not in cspace.grid.joint_names]
     return [f"  a slice, at {', '.join(f'{name} = {value:.4g}' for name, value in others)}"] if others else []
@@ -58,7 +58,7 @@ def headline(cspace: CSpaceQuery) -> str:
 
 
 def tone(cspace: CSpaceQuery) -> str:
-    """How the page says it: "bad" where no path exists, "good" where one may, "open" where neither is known."""
+    """The style on the page: "bad" if no path exists, "good" if there is one, "open" if neither is known."""
     if cspace.start is None:
         return ""
     if cspace.proves_no_path:

@@ -69,14 +69,11 @@ def _configurations(cspace: CSpaceQuery) -> list[tuple[Array, Any, float]]:
             for k, q in enumerate(along(cspace.path, 9))
         ]
     if cspace.start is None:
-        return [(_configuration(cspace.grid), INK, 0.9)]
+        arm = cspace.grid.scene.arms[cspace.grid.arm]
+        q = np.array([arm.q[arm.robot.joint_names.index(name)] for name in cspace.grid.joint_names])
+        return [(q, INK, 0.9)]
     shown = [(goal, GOAL, 0.8) for goal in cspace.goals]
     return [*shown, (cspace.start, START, 0.9)]
-
-
-def _configuration(grid: CSpaceGrid) -> Array:
-    arm = grid.scene.arms[grid.arm]
-    return np.array([arm.q[arm.robot.joint_names.index(name)] for name in grid.joint_names])
 
 
 def _link_poses(grid: CSpaceGrid, q: Array) -> dict[str, Array]:

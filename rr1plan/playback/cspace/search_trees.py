@@ -113,7 +113,7 @@ def _explored(
 
 
 def _joined(edges: NDArray[np.int64], sides: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Which edges lie within one tree; and the side of each vertex: what its tree's roots say, or a goal's."""
+    """Which edges lie within one tree; and the side of each vertex, by the roots of its tree or a goal."""
     group = np.arange(len(sides))
     side, within = sides.copy(), np.ones(len(edges), dtype=np.bool_)
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class CoordinationDiagram(PairSchedule):
-    """Two arms on their paths, drawn: O'Donnell and Lozano-Pérez, ICRA 1989."""
+    """The coordination diagram of two arms (O'Donnell and Lozano-Pérez, ICRA 1989), as figures."""
 
     def __repr__(self) -> str:
         return f"CoordinationDiagram({' and '.join(self.names)}, {self.blocked_share:.0%} blocked)"

@@ -103,7 +103,7 @@ def _draw_curve(plot: mpl_axes.Axes, diagram: PairSchedule, axes: Axes, look: Lo
 
 
 def _waits(points: Array, times: Array, arm: int) -> list[tuple[int, int]]:
-    """Where an arm rests on its way: first and last index of each rest."""
+    """The rests of an arm before its arrival: first and last index of each."""
     own = points[:, arm]
     rests = (np.abs(np.diff(own)) <= _STILL) & (np.diff(times) > 0.0)
     later = np.logical_and.accumulate(rests[::-1])[::-1]  # at rest for good
@@ -155,7 +155,7 @@ def _draw_axes(plot: mpl_axes.Axes, diagram: PairSchedule, axes: Axes, look: Loo
 
 def _legend(diagram: PairSchedule, look: Look) -> list[Any]:
     handles: list[Any] = [
-        Patch(color=look.blocked, label="not proven apart"),
+        Patch(color=look.blocked, label="not proven free"),
         Line2D([], [], color=look.ink, linewidth=2.6, label="the plan"),
     ]
     for arm in range(2):

@@ -59,7 +59,7 @@ class PairSchedule:
         return np.column_stack(columns)
 
     def scales(self, axes: Axes = "time") -> tuple[Array, Array]:
-        """Where the ends of segments are on both axes; see `curve`.
+        """Positions of the ends of segments on both axes; see `curve`.
 
         Raises:
             UnknownNameError: other axes.

@@ -25,7 +25,7 @@ _STILL = 1e-9  # rates below this are rest [rad or m per power of a second]
 
 
 class Timeline(TimelineRows):
-    """The time line (Gantt chart) of a motion of several arms, which draws itself."""
+    """The time line (Gantt chart) of a motion of several arms, as a figure and as a panel."""
 
     def figure(self, *, width: float = 13.0, dark: bool = False) -> Figure:
         """A matplotlib figure: a row for each arm.

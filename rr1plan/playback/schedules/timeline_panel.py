@@ -18,12 +18,9 @@ _MOST_CONFLICTS = 30
 
 def timeline_panel(line: TimelineRows) -> Panel:
     """The panel of a time line."""
-    html, css, script = (_asset(f"timeline.{kind}") for kind in ("html", "css", "js"))
+    page = files("rr1plan.playback.viewer") / "page"
+    html, css, script = ((page / f"timeline.{kind}").read_text(encoding="utf-8") for kind in ("html", "css", "js"))
     return Panel("timeline", "Who moves when", html=html, css=css, script=script, data=_data(line), width=_WIDTH)
-
-
-def _asset(name: str) -> str:
-    return (files("rr1plan.playback.viewer") / "page" / name).read_text(encoding="utf-8")
 
 
 def _data(line: TimelineRows) -> dict[str, Any]:
@@ -46,9 +43,6 @@ def _data(line: TimelineRows) -> dict[str, Any]:
         if violation.time is not None
     ]
     times = {"start": line.start, "makespan": line.makespan}
-    return {"arms": arms, **times, "conflicts": conflicts, "summary": _summary(line)}
-
-
-def _summary(line: TimelineRows) -> str:
     waiting = f", {line.waiting:.2f} s of waiting in all" if line.waits else ""
-    return f"{counted(len(line.arms), 'arm')}, {line.makespan:.2f} s{waiting}"
+    summary = f"{counted(len(line.arms), 'arm')}, {line.makespan:.2f} s{waiting}"
+    return {"arms": arms, **times, "conflicts": conflicts, "summary": summary}

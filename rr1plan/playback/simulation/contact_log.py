@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from rr1plan.playback.simulation.mujoco_model import MujocoScene
 from rr1plan.playback.simulation.replay import ReplayContact
 
 
@@ -18,20 +21,20 @@ class ContactLog:
         self._gap = gap
         self._intervals: dict[tuple[str, str], list[ReplayContact]] = {}
 
-    def add(self, data: Any, elements: tuple[str, ...], time: float) -> None:
-        """Add the contacts of one instant.
+    def add(self, world: MujocoScene, data: Any, time: float) -> None:
+        """Add the contacts of one instant that the scene forbids.
 
         Args:
+            world: The model.
             data: MuJoCo's data after the collision stage.
-            elements: The scene element of each geom, by geom id.
             time: The instant [s], not before that of the last call.
         """
-        for (first, second), distance in zip(data.contact.geom, data.contact.dist, strict=True):
-            if distance > 0.0:
-                continue
-            a, b = sorted((elements[first], elements[second]))
+        geoms, distances = data.contact.geom, data.contact.dist
+        for k in np.flatnonzero(world.forbidden(geoms) & (distances <= 0.0)).tolist():
+            first, second = geoms[k].tolist()
+            a, b = sorted((world.geom_elements[first], world.geom_elements[second]))
             intervals = self._intervals.setdefault((a, b), [])
-            depth = -float(distance)
+            depth = -float(distances[k])
             if intervals and time - intervals[-1].last <= self._gap:
                 last = intervals.pop()
                 intervals.append(ReplayContact((a, b), last.first, time, max(last.depth, depth)))

@@ -61,7 +61,7 @@ class JointState(NamedTuple):
 
 
 class SetPoint(NamedTuple):
-    """What the servos of some joints have to follow.
+    """Set-points for the servos of some joints.
 
     Args:
         positions: Positions [rad or m], shape (n,).
@@ -112,6 +112,15 @@ class Controller(ABC):
             state: The state of the joints, in the order of `joint_names`.
         """
 
+    def check_active(self) -> None:
+        """Require that `activate` was called.
+
+        Raises:
+            InputError: it was not.
+        """
+        if not hasattr(self, "joints"):
+            raise InputError("the controller is not active; activate it in a simulation first")
+
     def check_positions(self, positions: Array) -> None:
         """Refuse positions beyond the limits of the joints.
 
@@ -119,8 +128,9 @@ class Controller(ABC):
             positions: Positions [rad or m], shape (..., n).
 
         Raises:
-            InputError: a position out of limits; names the joint.
+            InputError: a position out of limits, by the name of the joint, or a controller that is not active.
         """
+        self.check_active()
         joints = self.joints
         over = np.maximum(positions - joints.upper, joints.lower - positions).reshape(-1, len(joints.names))
         worst = over.max(axis=0, initial=-np.inf)
@@ -159,7 +169,7 @@ class ForwardPositionController(Controller):
             positions: Positions [rad or m], shape (n,).
 
         Raises:
-            InputError: another shape, not finite, or out of limits.
+            InputError: another shape, not finite, out of limits, or a controller that is not active.
         """
         target = finite_array("positions", positions, (len(self.joint_names),))
         self.check_positions(target)
@@ -195,9 +205,10 @@ class ForwardVelocityController(Controller):
             velocities: Velocities [rad/s or m/s], shape (n,).
 
         Raises:
-            InputError: another shape, not finite, or above the limits.
+            InputError: another shape, not finite, above the limits, or a controller that is not active.
         """
         target = finite_array("velocities", velocities, (len(self.joint_names),))
+        self.check_active()
         over = np.abs(target) - self.joints.velocity
         if (over > _TOLERANCE).any():
             i = int(np.argmax(over))

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, finite_array, positive_number
-from rr1plan.errors import InputError
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 
 
 class GripperStatus(enum.Enum):
-    """How a gripper stands to its last command."""
+    """The state of a gripper's last command."""
 
     MOVING = "moving"
     ARRIVED = "arrived"
@@ -71,8 +70,6 @@ class GripperController(Controller):
         Raises:
             InputError: another shape, not finite, out of limits, or a controller that is not active.
         """
-        if not hasattr(self, "joints"):
-            raise InputError("the controller is not active; activate it in a simulation first")
         target = finite_array("positions", positions, (len(self.joint_names),))
         self.check_positions(target)
         self._command, self._quiet = target, 0.0

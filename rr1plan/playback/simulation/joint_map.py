@@ -45,6 +45,9 @@ class JointMap:
                 self.followers[self.names[row]] = f"{arm}/{source.name}"
             self._source[row] = self.index[f"{arm}/{source.name}"]
             self._factor[row], self._offset[row] = factor, offset
+        following = np.array([self.index[name] for name in self.followers], dtype=np.int64)
+        self._following, self._followed = following, self._source[following]
+        self._followed_factor, self._followed_offset = self._factor[following], self._offset[following]
 
     def follow(self, values: Array, *, rates: bool = False) -> Array:
         """Values of all joints, mimicking ones computed from those that they follow.
@@ -58,10 +61,11 @@ class JointMap:
 
     def follow_all(self, rows: Array) -> Array:
         """The same for positions, velocities, accelerations and efforts at once, shape (4, n)."""
-        followed = rows[:, self._source] * self._factor
-        followed[0] += self._offset
-        followed[3] = rows[3]
-        return np.asarray(followed)
+        followed = rows.copy()
+        values = rows[:3, self._followed] * self._followed_factor
+        values[0] += self._followed_offset
+        followed[:3, self._following] = values
+        return followed
 
     def expand(self, q: Array) -> Array:
         """Positions of all joints while the planning joints of all arms are at q (nq,); locked ones stay locked."""
@@ -81,7 +85,7 @@ def _independent(robot: Robot, joint: Joint) -> tuple[Joint, float, float]:
 
 
 class JointTargets:
-    """Where every movable joint of a scene has to be: planned, locked, mimicking and resting ones.
+    """Set-points of all movable joints of a scene: planned, locked, mimic and stationary ones.
 
     Args:
         trajectory: The motion of some arms.

@@ -3,24 +3,27 @@
 Idea: every link is a body (frames included, nothing is fused), every collision shape a geom whose
 name tells its element, every movable joint has a servo, and the pairs that may touch are excluded
 one by one while MuJoCo's own parent-child filter is off: what MuJoCo reports as contact is exactly
-what `Scene.checked_pairs` forbids.
+what `Scene.checked_pairs` forbids. Loose bodies are free and touch everything, whatever the scene allows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
-from typing import Any
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
 from rr1plan.playback.cloud_boxes import cloud_boxes
-from rr1plan.robot import Geometry, Joint, Link, Robot
-from rr1plan.scene import Scene
+from rr1plan.robot import Geometry, Inertial, Joint, Link, Robot
+from rr1plan.robot.link_masses import solid_inertial
+from rr1plan.scene import Attachment, Obstacle, Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.shapes.convex_hulls import is_own_hull
 from rr1plan.transforms import quaternion_from_rotation
@@ -34,6 +37,10 @@ _LEAST_CARRIED = 1e-4
 _NOTHING_CARRIED = 1e-7
 # Input signature of the `pid` actuator: position, velocity and feed-forward [MuJoCo's mjtCtrlInput].
 _POSITION_VELOCITY_FEEDFORWARD = 7
+# Torsional and rolling friction of loose bodies [m], MuJoCo's defaults.
+_OTHER_FRICTION = (0.005, 0.0001)
+# Time constant of contacts of loose bodies [s]; with less than four steps large heaps become unstable.
+_CONTACT_TIME = 0.008
 # Half the thickness of a plate in place of a triangle [m].
 _HALF_PLATE = 1e-5
 # Triangles of one mesh; these take about ten seconds to build.
@@ -47,24 +54,63 @@ class MujocoScene:
     """A compiled model and the way from our names to its numbers.
 
     Args:
+        scene: The scene.
         spec: The editable model, e.g. for `spec.to_xml()`.
         model: The compiled model.
-        joint_names: "arm/joint" of every movable joint, in the order of qpos, qvel and actuators.
+        joint_names: "arm/joint" of every movable joint, in the order of actuators and of the first entries of qpos and
+            qvel.
+        body_names: The loose bodies, in the order of the following entries of qpos (7 each) and qvel (6 each).
         geom_elements: The scene element each geom belongs to, by geom id.
         effort_limits: Largest effort of each of those joints [Nm or N], inf where there is none. Servos keep it, except
             in arms whose masses are estimated.
         massless_joints: Those of `joint_names` that carry no mass; each has a motor of some inertia instead.
     """
 
+    scene: Scene
     spec: Any
     model: Any
     joint_names: tuple[str, ...]
+    body_names: tuple[str, ...]
     geom_elements: tuple[str, ...]
     effort_limits: Array
     massless_joints: tuple[str, ...] = ()
 
+    def forbidden(self, geoms: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """Which contacts the scene forbids.
 
-def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80.0) -> MujocoScene:
+        Args:
+            geoms: The two geoms of each contact, shape (n, 2).
+
+        Returns:
+            Shape (n,).
+        """
+        found = np.ones(len(geoms), dtype=np.bool_)
+        if not self.body_names:
+            return found  # pairs that may touch are excluded from the model
+        loose = self._loose_geoms[geoms].any(axis=1)
+        with_arm = self._arm_geoms[geoms].any(axis=1)
+        found[loose] = False
+        for k in np.flatnonzero(loose & with_arm).tolist():
+            a, b = geoms[k].tolist()
+            found[k] = not self.scene.may_touch(self.geom_elements[a], self.geom_elements[b])
+        return found
+
+    @cached_property
+    def _loose_geoms(self) -> NDArray[np.bool_]:
+        loose = frozenset(self.body_names)
+        return np.array([name in loose for name in self.geom_elements])
+
+    @cached_property
+    def _arm_geoms(self) -> NDArray[np.bool_]:
+        return np.array([self.scene.owner(name) is not None for name in self.geom_elements])
+
+
+Solver = Literal["newton", "cg"]
+
+
+def build_mujoco(
+    scene: Scene, *, timestep: float = 0.002, stiffness: float = 160.0, solver: Solver = "newton"
+) -> MujocoScene:
     """Build and compile a scene's MuJoCo model.
 
     Args:
@@ -72,6 +118,7 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
         timestep: Step of the integrator [s].
         stiffness: Natural frequency of the joint servos [rad/s]; gains follow from the inertia each
             joint carries in the scene's configuration (kp = stiffness² M_jj), critically damped.
+        solver: What computes contact forces of loose bodies, see `Simulation`.
 
     Returns:
         The model with one `pid` actuator (position, velocity, feed-forward) for each movable joint.
@@ -80,11 +127,12 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
         BackendError: MuJoCo does not take the scene.
         InputError: a point cloud of too many cells.
     """
-    builder = _Builder(scene, timestep)
+    builder = _Builder(scene, timestep, solver)
     spec = builder.spec
     model = _compile(spec)
-    configuration = _qpos(scene, builder.joints)
-    inertia = _joint_inertia(model, configuration)
+    configuration = model.qpos0.copy()
+    configuration[: len(builder.joints)] = _qpos(scene, builder.joints)
+    inertia = _joint_inertia(model, configuration)[: len(builder.joints)]
     massless = tuple(j.name for j, carried in zip(builder.joints, inertia, strict=True) if carried < _NOTHING_CARRIED)
     for name in massless:
         spec.joint(name).armature = _LEAST_CARRIED
@@ -95,7 +143,8 @@ def build_mujoco(scene: Scene, *, timestep: float = 0.002, stiffness: float = 80
     model = _compile(spec)
     elements = tuple(builder.elements[model.geom(i).name] for i in range(model.ngeom))
     efforts = np.array([joint.joint.effort for joint in builder.joints])
-    return MujocoScene(spec, model, tuple(j.name for j in builder.joints), elements, efforts, massless)
+    joints, bodies = tuple(j.name for j in builder.joints), tuple(loose_bodies(scene))
+    return MujocoScene(scene, spec, model, joints, bodies, elements, efforts, massless)
 
 
 def _compile(spec: Any) -> Any:
@@ -117,7 +166,7 @@ class _PlacedJoint:
 class _Builder:
     """Fills an MjSpec from a scene."""
 
-    def __init__(self, scene: Scene, timestep: float) -> None:
+    def __init__(self, scene: Scene, timestep: float, solver: Solver) -> None:
         self.scene = scene
         self.spec = mujoco.MjSpec()
         self.spec.modelname = scene.name
@@ -125,17 +174,20 @@ class _Builder:
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
         self.spec.compiler.balanceinertia = True
+        if loose_bodies(scene):
+            self._set_solver(solver)
+        self._surface = {"priority": 1, "solref": [max(_CONTACT_TIME, 4.0 * timestep), 1.0]}
         self.joints: list[_PlacedJoint] = []
         self.elements: dict[str, str] = {}
         self.meshes: dict[int, list[str]] = {}
         for name, arm in scene.arms.items():
             self._add_arm(name, arm.robot, arm.base)
         for name, held in scene.attachments.items():
-            body = self._add_body(self.spec.body(f"{held.arm}/{held.link}"), _body_name(name), held.pose)
-            self._add_geoms(body, name, held.geometries)
+            self._add_object(self.spec.body(f"{held.arm}/{held.link}"), name, held)
         for name, obstacle in scene.obstacles.items():
-            body = self._add_body(self.spec.worldbody, _body_name(name), obstacle.pose)
-            self._add_geoms(body, name, obstacle.geometries)
+            body = self._add_object(self.spec.worldbody, name, obstacle)
+            if obstacle.mass is not None:
+                body.add_freejoint(name=_body_name(name))
         for a, b in _excluded_pairs(scene):
             self.spec.add_exclude(bodyname1=_body_name(a), bodyname2=_body_name(b))
 
@@ -148,17 +200,38 @@ class _Builder:
 
     def _add_link(self, parent: Any, arm: str, link: Link, pose: Array) -> Any:
         body = self._add_body(parent, f"{arm}/{link.name}", pose)
-        body.explicitinertial = True
         if link.inertial is not None and link.inertial.mass > 0.0:
-            inertia = _definite(link.inertial.inertia)
-            body.mass = link.inertial.mass
-            body.ipos = link.inertial.com
-            body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+            _set_inertial(body, link.inertial)
         else:
+            body.explicitinertial = True
             body.mass = _NO_MASS
             body.inertia = [_NO_MASS] * 3
         self._add_geoms(body, f"{arm}/{link.name}", link.collisions)
         return body
+
+    def _add_object(self, parent: Any, name: str, thing: Obstacle | Attachment) -> Any:
+        body = self._add_body(parent, _body_name(name), thing.pose)
+        if thing.mass is None:
+            self._add_geoms(body, name, thing.geometries)
+            return body
+        inertial = solid_inertial(thing.geometries, thing.mass)
+        if inertial is None:
+            raise InputError(f"{name!r} has a mass, but its shapes have no volume")
+        _set_inertial(body, inertial)
+        # Against all without a mass its own friction counts, whatever is larger.
+        friction = [thing.friction, *_OTHER_FRICTION]
+        self._add_geoms(body, name, thing.geometries, friction=friction, **self._surface)
+        return body
+
+    def _set_solver(self, solver: Solver) -> None:
+        option = self.spec.option
+        if solver == "newton":
+            # Bodies held by friction creep a hundred times slower than with MuJoCo's pyramidal cones.
+            option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
+        else:
+            option.solver = mujoco.mjtSolver.mjSOL_CG
+            option.iterations, option.tolerance = 20, 1e-5
+            option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
 
     def _add_body(self, parent: Any, name: str, pose: Array) -> Any:
         return parent.add_body(name=name, pos=pose[:3, 3], quat=quaternion_from_rotation(pose[:3, :3]))
@@ -171,14 +244,14 @@ class _Builder:
         body.add_joint(name=name, type=kind, axis=joint.axis, limited=mujoco.mjtLimited.mjLIMITED_FALSE)
         self.joints.append(_PlacedJoint(name, arm, joint))
 
-    def _add_geoms(self, body: Any, element: str, geometries: tuple[Geometry, ...]) -> None:
+    def _add_geoms(self, body: Any, element: str, geometries: tuple[Geometry, ...], **surface: Any) -> None:
         for index, geometry in enumerate(geometries):
             for part, options in enumerate(self._geom_options(geometry.shape)):
                 name = f"{element}#{index}.{part}"
                 T = geometry.pose @ _offset(options.pop("offset", None))
                 quat = quaternion_from_rotation(T[:3, :3] @ options.pop("turn", np.eye(3)))
                 color = geometry.color or (0.6, 0.6, 0.6, 1.0)
-                body.add_geom(name=name, pos=T[:3, 3], quat=quat, rgba=color, mass=0.0, **options)
+                body.add_geom(name=name, pos=T[:3, 3], quat=quat, rgba=color, mass=0.0, **options, **surface)
                 self.elements[name] = element
 
     def _geom_options(self, shape: Shape) -> Iterator[dict[str, Any]]:
@@ -247,7 +320,8 @@ def _few_boxes(cloud: PointCloud) -> tuple[Array, Array]:
 
 
 def _excluded_pairs(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Pairs of bodies that may touch: an arm's own, and what the scene allows between arms and things."""
+    """Pairs of bodies that may touch: an arm's own, and what the scene allows between arms and fixed things."""
+    loose = loose_bodies(scene)
     owned: dict[str | None, list[str]] = {}
     for element in scene.element_names:
         owned.setdefault(scene.owner(element), []).append(element)
@@ -259,7 +333,7 @@ def _excluded_pairs(scene: Scene) -> Iterator[tuple[str, str]]:
         for a in first:
             for b in second:
                 same_arm = scene.owner(a) is not None and scene.owner(a) == scene.owner(b)
-                if a != b and not same_arm and frozenset((a, b)) not in seen:
+                if a != b and not same_arm and not {a, b} & loose.keys() and frozenset((a, b)) not in seen:
                     seen.add(frozenset((a, b)))
                     yield a, b
 
@@ -267,6 +341,19 @@ def _excluded_pairs(scene: Scene) -> Iterator[tuple[str, str]]:
 def _body_name(element: str) -> str:
     """An element's body; MuJoCo keeps the name "world" for itself."""
     return f"{element}#" if element.rstrip("#") == "world" else element
+
+
+def loose_bodies(scene: Scene) -> dict[str, Obstacle]:
+    """The obstacles with a mass, by name."""
+    return {name: thing for name, thing in scene.obstacles.items() if thing.mass is not None}
+
+
+def _set_inertial(body: Any, inertial: Inertial) -> None:
+    inertia = _definite(inertial.inertia)
+    body.explicitinertial = True
+    body.mass = inertial.mass
+    body.ipos = inertial.com
+    body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
 
 
 def _definite(inertia: Array) -> Array:
@@ -299,15 +386,11 @@ def _joint_inertia(model: Any, qpos: Array) -> Array:
     """Inertia that each joint carries at qpos, the diagonal of the mass matrix, shape (nv,)."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    return np.asarray(mass_matrix(model, data).diagonal())
-
-
-def mass_matrix(model: Any, data: Any) -> Array:
-    """The joint-space mass matrix of a model whose position stage has run, shape (nv, nv)."""
-    M = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, M)
-    return M
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_makeM(model, data)
+    # The last entry of each row of the lower triangle is on the diagonal.
+    return np.asarray(data.M[model.M_rowadr + model.M_rownnz - 1])
 
 
 def _add_servo(spec: Any, placed: _PlacedJoint, stiffness: float, inertia: float, limited: bool) -> None:

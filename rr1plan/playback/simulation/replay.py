@@ -1,13 +1,16 @@
-"""What a replay in the simulator showed: tracking, contacts, torques, speed."""
+"""Results of a replay in the simulator: tracking, contacts, torques, speed."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from rr1plan.checks import Array, Value, counted, read_only
+from rr1plan.scene import Obstacle
 
 # An arm is tracked while no joint is farther than this from its set-point [rad or m].
 _TRACKED = 0.01
@@ -31,15 +34,52 @@ class ReplayContact:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class BodyMotion(Value):
+    """Recorded poses of loose bodies.
+
+    Args:
+        bodies: The bodies by name.
+        poses: Position [m] and quaternion (wxyz) of each at the times of the record, shape (n, bodies, 7); NaN while it
+            was not in the scene.
+    """
+
+    bodies: Mapping[str, Obstacle]
+    poses: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bodies", MappingProxyType(dict(self.bodies)))
+        read_only(self.poses)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReplayRecord(Value):
+    """Positions of joints and loose bodies recorded during a replay.
+
+    Args:
+        times: Instants [s], shape (n,).
+        desired: Set-points [rad], shape (n, nq).
+        actual: Positions that were reached [rad], shape (n, nq).
+        bodies: Poses of loose bodies; None if there are none, and in a kinematic replay.
+    """
+
+    times: Array
+    desired: Array
+    actual: Array
+    bodies: BodyMotion | None = None
+
+    def __post_init__(self) -> None:
+        for array in (self.times, self.desired, self.actual):
+            read_only(array)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Replay(Value):
     """The outcome of `simulate`.
 
     Args:
         mode: "dynamic" (servos move the arms) or "kinematic" (the arms are put where they should be).
-        joint_names: Columns of the arrays below, "arm/joint", as in the trajectory.
-        times: Instants of the record [s], shape (n,).
-        desired: Positions that were asked for [rad], shape (n, nq).
-        actual: Positions that were reached [rad], shape (n, nq).
+        joint_names: Columns of the arrays, "arm/joint", as in the trajectory.
+        record: Set-points and positions over time, and the poses of loose bodies.
         max_error: Largest tracking error of each joint over all steps [rad], shape (nq,).
         rms_error: Root mean square tracking error of each joint over all steps [rad], shape (nq,).
         peak_effort: Largest share of the effort limit each joint used, shape (nq,); above 1 only in an arm whose masses
@@ -55,9 +95,7 @@ class Replay(Value):
 
     mode: str
     joint_names: tuple[str, ...]
-    times: Array
-    desired: Array
-    actual: Array
+    record: ReplayRecord
     max_error: Array
     rms_error: Array
     peak_effort: Array
@@ -69,8 +107,8 @@ class Replay(Value):
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("times", "desired", "actual", "max_error", "rms_error", "peak_effort"):
-            read_only(getattr(self, name))
+        for array in (self.max_error, self.rms_error, self.peak_effort):
+            read_only(array)
 
     @property
     def real_time_factor(self) -> float:
@@ -96,11 +134,6 @@ class Replay(Value):
         """The arms followed their motion: `free` and `tracked`."""
         return self.free and self.tracked
 
-    @property
-    def _is_spent(self) -> bool:
-        """A motor gave all it had, and its joint was left behind."""
-        return bool(((self.peak_effort > 0.999) & ~(self.max_error <= _TRACKED)).any())
-
     def __repr__(self) -> str:
         seconds = self.steps * self.timestep
         return f"Replay({self.mode}, {seconds:.3f} s, {self.worst_error:.2e} rad, {len(self.contacts)} contacts)"
@@ -114,9 +147,10 @@ class Replay(Value):
             worst = int(np.argmax(self.max_error))
             lines.append(f"  tracking error: {self.worst_error:.2e} rad at most ({self.joint_names[worst]})")
             busiest = int(np.argmax(self.peak_effort))
+            saturated = ((self.peak_effort > 0.999) & ~(self.max_error <= _TRACKED)).any()
             lines.append(
                 f"  effort: {self.peak_effort[busiest]:.0%} of the limit at most ({self.joint_names[busiest]})"
-                + ("; plan with option torque_limits, or with lower limits of acceleration" if self._is_spent else "")
+                + ("; plan with option torque_limits, or with lower limits of acceleration" if saturated else "")
             )
         if not self.tracked:
             lost = int((~(self.max_error <= _TRACKED)).sum())
@@ -124,7 +158,7 @@ class Replay(Value):
                 f"  the motion was not followed: {counted(lost, 'joint')} of {len(self.joint_names)} more than "
                 f"{_TRACKED:g} rad or m from the set-point"
             )
-        lines += [f"  {what}" for what in self.remarks]
+        lines += [f"  {remark}" for remark in self.remarks]
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"
             for c in self.contacts

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Literal, NamedTuple
 
 import mujoco
@@ -16,11 +16,13 @@ import numpy as np
 
 from rr1plan.checks import Array, check_callback, finite_number, known_name, of_kind, positive_number
 from rr1plan.errors import InputError
+from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.controllers import Controller, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointTargets
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
-from rr1plan.playback.simulation.replay import Replay, ReplayContact
+from rr1plan.playback.simulation.recorder import BodyLog
+from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayContact, ReplayRecord
 from rr1plan.playback.simulation.simulation import Simulation
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
@@ -43,8 +45,9 @@ def simulate(
     mode: Mode = "dynamic",
     dt: float = 0.002,
     record_dt: float = 0.01,
-    stiffness: float = 80.0,
+    stiffness: float = 160.0,
     hold: float = 0.0,
+    variation: ArmVariation | None = None,
     progress: ProgressCallback | None = None,
 ) -> Replay:
     """Replay a trajectory in MuJoCo, the whole scene at once.
@@ -60,13 +63,15 @@ def simulate(
         record_dt: Time between recorded positions [s].
         stiffness: Natural frequency of the joint servos [rad/s].
         hold: How long to go on after the end, the set-points resting there [s].
+        variation: How the arms differ from their description, unknown to the servos (default: not at all).
         progress: Called about ten times a second; False cancels.
 
     Returns:
         Tracking error, contacts, effort and speed; true where the arms followed the motion without contact.
 
     Raises:
-        InputError: a joint the scene does not have, a step that is not above zero, a mode we don't know.
+        InputError: a joint the scene does not have, a step that is not above zero, a mode we don't know, a variation of
+            a kinematic replay.
         BackendError: MuJoCo does not take the scene, or its simulation became unstable.
         CancelledError: `progress` returned False.
     """
@@ -79,27 +84,31 @@ def simulate(
         raise InputError(f"hold is {hold}, expected a time >= 0")
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
+    of_kind("variation", variation, ArmVariation, optional=True)
+    if variation is not None and mode == "kinematic":
+        raise InputError("variation has no effect on a kinematic replay, take the mode 'dynamic'")
     targets = JointTargets(trajectory, scene)
     if trajectory.duration + hold > _MOST_STEPS * dt:
         raise InputError(f"{trajectory.duration + hold:g} s in steps of {dt:g} s are too many; take longer steps")
     steps = max(1, int(np.ceil((trajectory.duration + hold) / dt - 1e-9)))
     times = trajectory.start_time + dt * np.arange(steps + 1, dtype=np.float64)
     desired = targets(times)
+    stride = max(1, round(min(record_dt / dt, len(times))))
     report = _reporter(fraction_callback("simulate", progress), steps)
     if mode == "dynamic":
-        seen = _dynamic(targets, times, desired, dt, stiffness, report)
+        sim = Simulation(scene, dt, stiffness=stiffness, variation=variation)
+        seen = _dynamic(sim, targets, _Steps(times, desired, stride), report)
     else:
         seen = _kinematic(scene, times, desired, dt, report)
     columns = np.array([targets.names.index(name) for name in trajectory.joint_names], dtype=np.int64)
     error = (seen.actual - desired)[:, columns]
-    stride = max(1, round(min(record_dt / dt, len(times))))
     kept = np.unique(np.append(np.arange(0, len(times), stride), len(times) - 1))
     return Replay(
         mode=mode,
         joint_names=trajectory.joint_names,
-        times=times[kept],
-        desired=desired[np.ix_(kept, columns)],
-        actual=seen.actual[np.ix_(kept, columns)],
+        record=ReplayRecord(
+            times[kept], desired[np.ix_(kept, columns)], seen.actual[np.ix_(kept, columns)], seen.bodies
+        ),
         max_error=np.abs(error).max(axis=0),
         rms_error=np.sqrt((error**2).mean(axis=0)),
         peak_effort=seen.effort[columns],
@@ -107,19 +116,29 @@ def simulate(
         steps=steps,
         timestep=dt,
         wall_seconds=seen.wall,
-        settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness},
+        settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness}
+        | ({} if variation is None else asdict(variation)),
         remarks=seen.remarks,
     )
 
 
 class _Seen(NamedTuple):
-    """What a replay saw: positions of all joints at all times, shares of effort limits, contacts."""
+    """Observations of a replay: all joint positions, shares of effort limits, contacts, loose bodies."""
 
     actual: Array
     effort: Array
     contacts: tuple[ReplayContact, ...]
     remarks: tuple[str, ...]
     wall: float
+    bodies: BodyMotion | None = None
+
+
+class _Steps(NamedTuple):
+    """Times of steps [s], positions of all joints then, steps from one recorded pose of loose bodies to the next."""
+
+    times: Array
+    desired: Array
+    stride: int
 
 
 class _Follow(Controller):
@@ -134,17 +153,12 @@ class _Follow(Controller):
         return SetPoint(*(rates[k] for rates in self._rates))
 
 
-def _dynamic(
-    targets: JointTargets,
-    times: Array,
-    desired: Array,
-    dt: float,
-    stiffness: float,
-    report: Callable[[int], None],
-) -> _Seen:
+def _dynamic(sim: Simulation, targets: JointTargets, steps: _Steps, report: Callable[[int], None]) -> _Seen:
     """Servos move the arms."""
-    sim = Simulation(targets.scene, dt, stiffness=stiffness)
+    times, desired = steps.times, steps.desired
     sim.place(targets.names, desired[0], targets(times[:1], 1)[0])
+    bodies = BodyLog()
+    bodies.add(sim)
     actual, effort = desired.copy(), np.zeros(len(targets.names))
     if targets.trajectory.joint_names:
         sim.activate(_Follow(targets.trajectory, times))
@@ -152,6 +166,8 @@ def _dynamic(
     def record(sim: Simulation) -> None:
         actual[sim.steps] = sim.positions
         np.maximum(effort, np.abs(sim.efforts), out=effort)
+        if sim.steps % steps.stride == 0 or sim.steps == len(times) - 1:
+            bodies.add(sim)
         report(sim.steps)
 
     sim.on_step(record)
@@ -161,7 +177,7 @@ def _dynamic(
     begin = float(times[0])
     contacts = tuple(replace(c, first=begin + c.first, last=begin + c.last) for c in sim.contacts)
     remarks = (*_remarks(targets.scene, sim, desired), *(f"MuJoCo: {text}" for text in sim.warnings))
-    return _Seen(actual, effort / sim.effort_limits, contacts, remarks, wall)
+    return _Seen(actual, effort / sim.effort_limits, contacts, remarks, wall, bodies.motion())
 
 
 def _kinematic(scene: Scene, times: Array, desired: Array, dt: float, report: Callable[[int], None]) -> _Seen:
@@ -172,11 +188,11 @@ def _kinematic(scene: Scene, times: Array, desired: Array, dt: float, report: Ca
         model, data = world.model, mujoco.MjData(world.model)
         began = time.perf_counter()
         for k, q in enumerate(desired):
-            data.qpos[:] = q
+            data.qpos[: len(q)] = q  # loose bodies stay where they stand
             mujoco.mj_kinematics(model, data)
             mujoco.mj_collision(model, data)
             if data.ncon:
-                contacts.add(data, world.geom_elements, float(times[k]))
+                contacts.add(world, data, float(times[k]))
             report(k)
         wall = time.perf_counter() - began
     remarks = tuple(f"MuJoCo: {text}" for text in warnings)
@@ -200,7 +216,7 @@ def _reporter(progress: Callable[[float], None] | None, steps: int) -> Callable[
 
 
 def _remarks(scene: Scene, sim: Simulation, desired: Array) -> tuple[str, ...]:
-    """What the description or the step lacks for the physics, in words."""
+    """Remarks on data that the robot's description or the step lacks for the physics."""
     arms = scene.arms.items()
     massless = [name for tile in sim.tiles for name in tile.world.massless_joints]
     links = [f"{name}/{link}" for name, arm in arms for link in arm.robot.links_of_assumed_mass]

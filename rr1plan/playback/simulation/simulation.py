@@ -19,6 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -31,24 +32,29 @@ from rr1plan.checks import (
     counted,
     finite_array,
     finite_number,
+    known_name,
     of_kind,
     positive_number,
     whole_number,
 )
 from rr1plan.errors import BackendError, ControllerError, InputError, UnknownNameError
 from rr1plan.path import check_joint_names
+from rr1plan.playback.simulation.arm_variation import ArmVariation, varied_model
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointMap
-from rr1plan.playback.simulation.mujoco_model import MujocoScene, build_mujoco
+from rr1plan.playback.simulation.mujoco_model import MujocoScene, Solver, build_mujoco
 from rr1plan.playback.simulation.replay import ReplayContact
-from rr1plan.playback.simulation.tiles import tile_scenes
+from rr1plan.playback.simulation.tiles import check_memory, tile_scenes
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
-from rr1plan.scene import Scene
+from rr1plan.scene import Arm, Scene
+from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
 
 _UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}")) for kind in ("QPOS", "QVEL", "QACC", "CTRL")]
 _MOST_STIFFNESS = 1e6  # [rad/s]
 _LONGEST_STEP = 1.0  # [s]
+# Fewer loose bodies are slower on several threads.
+_A_HEAP = 50
 # Steps of one call.
 _MOST_STEPS = 5_000_000
 # Real time is waited for when the simulation is ahead of it by more than this [s].
@@ -63,19 +69,41 @@ class Tile:
     Args:
         world: The compiled model.
         columns: Index of each of its joints among those of the simulation.
+        threads: Threads for contacts of many loose bodies.
+        variation: How the arms differ from their description, unknown to the feed-forward torque.
 
     Attributes:
         model: MuJoCo's model.
         data: MuJoCo's data.
+        joints: Number of its joints.
+        state: Views of their positions, velocities and efforts, shape (joints,) each.
+        bodies: Index of each of its loose bodies among them.
     """
 
-    def __init__(self, world: MujocoScene, columns: NDArray[np.int64]) -> None:
-        self.world, self.columns = world, columns
+    def __init__(
+        self, world: MujocoScene, columns: NDArray[np.int64], threads: int, variation: ArmVariation | None = None
+    ) -> None:
+        self.world = world
+        first, count = int(columns[0]) if len(columns) else 0, len(columns)
+        in_order = np.array_equal(columns, np.arange(first, first + count))
+        self.columns: NDArray[np.int64] | slice = slice(first, first + count) if in_order else columns
+        self.joints = count
         self.model: Any = world.model
-        self.data: Any = mujoco.MjData(world.model)
-        self._control = np.zeros((len(columns), 3))
-        self._torque = np.zeros(self.model.nv)
-        self._alarms = self.data.warning.number
+        if variation is not None:
+            self.model = varied_model(world.model, world.scene, world.effort_limits, variation)
+        self.data: Any = mujoco.MjData(self.model)
+        if threads > 1 and len(world.body_names) >= _A_HEAP:
+            mujoco.mju_threadpool(self.data, threads - 1)
+        # Views of MuJoCo's arrays, which stay where they are: to make one takes as long as a small sum.
+        data = self.data
+        self.state = data.qpos[:count], data.qvel[:count], data.actuator_force
+        self._control = data.ctrl.reshape(count, 3)
+        # The arms as described, where they are others: of them the servos know.
+        self._described = data if variation is None else mujoco.MjData(world.model)
+        self._bias = self._described.qfrc_bias[:count]
+        self.bodies = {name: i for i, name in enumerate(world.body_names)}
+        self._torque, self._accelerations = np.zeros((2, self.model.nv))
+        self._alarms = data.warning.number
         self._state_size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION)
 
     def refresh(self) -> None:
@@ -84,21 +112,37 @@ class Tile:
 
     def command(self, positions: Array, velocities: Array, accelerations: Array, efforts: Array) -> None:
         """Set-points of all joints of the simulation for the next step, with the feed-forward torque."""
-        control = self._control
-        mujoco.mj_mulM(self.model, self.data, self._torque, accelerations[self.columns])
+        control, joints = self._control, self.joints
+        self._accelerations[:joints] = accelerations[self.columns]
+        if self._described is not self.data:
+            self._describe()
+        mujoco.mj_mulM(self.world.model, self._described, self._torque, self._accelerations)
         control[:, 0] = positions[self.columns]
         control[:, 1] = velocities[self.columns]
-        control[:, 2] = self._torque + self.data.qfrc_bias + efforts[self.columns]
-        self.data.ctrl[:] = control.ravel()
+        control[:, 2] = self._torque[:joints] + self._bias + efforts[self.columns]
+
+    def _describe(self) -> None:
+        """Compute inertia and bias torques of the arms as described, at the present state."""
+        data, model = self._described, self.world.model
+        data.qpos[:], data.qvel[:] = self.data.qpos, self.data.qvel
+        for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_makeM, mujoco.mj_comVel):
+            stage(model, data)
+        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
 
     def advance(self) -> None:
         """Take a step from the present state, and refresh what follows from the new one."""
         mujoco.mj_step2(self.model, self.data)
-        mujoco.mj_step1(self.model, self.data)
+        self.refresh()
 
     def is_unstable(self) -> bool:
         """Whether MuJoCo has warned of values that are not finite or too large."""
         return bool(self._alarms[_UNSTABLE].any())
+
+    def body_state(self, name: str) -> tuple[Array, Array]:
+        """Position and quaternion (7,) of a loose body, and its linear and its own angular velocity (6,), as views."""
+        joints, i = self.joints, self.bodies[name]
+        qpos, qvel = self.data.qpos[joints + 7 * i :], self.data.qvel[joints + 6 * i :]
+        return qpos[:7], qvel[:6]
 
     def save(self) -> Array:
         """The state from which a run can be repeated exactly."""
@@ -117,47 +161,64 @@ class Simulation:
     """A scene in MuJoCo, to be stepped; nothing moves that no controller commands.
 
     Joint damping and friction of the description are left out: they belong to a drive, whose controller compensates
-    them. The scene is not changed.
+    them. Obstacles with a mass are loose bodies. The scene is not changed.
 
     Args:
         scene: The scene; arms start in their configurations.
         dt: Time of a step [s].
         stiffness: Natural frequency of the joint servos [rad/s].
-        threads: Threads for arms that can never meet.
+        threads: Threads for arms that can never meet, and for heaps of loose bodies.
+        solver: What computes the forces of contacts where there are loose bodies: "newton" to convergence, which holds
+            grasped bodies; or conjugate gradients ("cg") in at most twenty iterations, with fewer points of contact,
+            which take a fraction of the time for heaps of hundreds of bodies; these sink deeper into each other when
+            they crash.
+        variation: How the arms differ from their description, which their servos rely on (default: not at all).
 
     Attributes:
-        scene: The scene.
+        scene: The scene; its loose bodies where they began, see `current_scene`.
         dt: Time of a step [s].
         joint_names: "arm/joint" of every movable joint, the order of `positions`, `velocities` and `efforts`.
         tiles: The MuJoCo models with their data.
 
     Raises:
-        InputError: a step or stiffness that is not above zero, or a point cloud of too many cells.
+        InputError: a step or stiffness that is not above zero, a point cloud of too many cells, or more arms or bodies
+            than the machine has memory for.
         BackendError: MuJoCo does not take the scene.
     """
 
-    def __init__(self, scene: Scene, dt: float = 0.002, *, stiffness: float = 80.0, threads: int = 1) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        dt: float = 0.002,
+        *,
+        stiffness: float = 160.0,
+        threads: int = 1,
+        solver: Solver = "newton",
+        variation: ArmVariation | None = None,
+    ) -> None:
         of_kind("scene", scene, Scene)
+        of_kind("variation", variation, ArmVariation, optional=True)
+        known_name("solver", solver, ("newton", "cg"))
+        self._solver: Solver = solver
+        self._variation = variation
         self.scene = scene
         self.dt = positive_number("dt", dt)
         if self.dt > _LONGEST_STEP:
             raise InputError(f"dt is {dt:g} s, expected at most {_LONGEST_STEP:g} s")
         if positive_number("stiffness", stiffness) > _MOST_STIFFNESS:
             raise InputError(f"stiffness is {stiffness}, expected at most {_MOST_STIFFNESS:g} rad/s")
+        self._stiffness = float(stiffness)
         self._threads = whole_number("threads", threads, 1, 256)
         self._map = JointMap(scene)
         self.joint_names = self._map.names
-        column = {name: i for i, name in enumerate(self.joint_names)}
-        self.tiles: list[Tile] = []
-        with mujoco_warnings() as self._warnings:
-            for part in tile_scenes(scene):
-                world = build_mujoco(part, timestep=self.dt, stiffness=stiffness)
-                self.tiles.append(Tile(world, np.array([column[name] for name in world.joint_names], dtype=np.int64)))
+        self._warnings: list[str] = []
+        self.tiles = self._build(scene)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 and len(self.tiles) > 1 else None
         self._active: dict[Controller, NDArray[np.int64]] = {}
         self._callbacks: list[StepCallback] = []
         self._pause = threading.Event()
         self._contacts = ContactLog(1.5 * self.dt)
+        self._deepest = 0.0
         self._wall = 0.0
         self._begin(self._map.expand(scene.configuration()), np.zeros(len(self.joint_names)))
 
@@ -249,6 +310,108 @@ class Simulation:
             UnknownNameError: an unknown joint.
         """
         return self._state(self._indices(check_joint_names(joint_names)))
+
+    # ---- loose bodies ----------------------------------------------------------------------------
+
+    @property
+    def body_names(self) -> tuple[str, ...]:
+        """The loose bodies: obstacles with a mass."""
+        return tuple(name for tile in self.tiles for name in tile.bodies)
+
+    @property
+    def max_penetration(self) -> float:
+        """Deepest penetration of any contact since the beginning [m], allowed ones of loose bodies included."""
+        return self._deepest
+
+    @property
+    def current_scene(self) -> Scene:
+        """The scene as it is now, for planning: arms in their configurations, loose bodies at their poses."""
+        moved = {name: replace(self.scene.obstacles[name], pose=self.body_pose(name)) for name in self.body_names}
+        q = self.scene.split(self.configuration())
+        arms = {name: Arm(arm.robot, arm.base, q[name]) for name, arm in self.scene.arms.items()}
+        return replace(self.scene, arms=arms, obstacles={**self.scene.obstacles, **moved})
+
+    def body_pose(self, name: str) -> Array:
+        """T_world_body of a loose body, shape (4, 4).
+
+        Raises:
+            UnknownNameError: no such loose body.
+        """
+        position = self.body_coordinates(name)
+        pose = identity().copy()
+        pose[:3, 3], pose[:3, :3] = position[:3], rotation_from_quaternion(position[3:])
+        return pose
+
+    def body_coordinates(self, name: str) -> Array:
+        """Position [m] and quaternion (wxyz) of a loose body, shape (7,).
+
+        Raises:
+            UnknownNameError: no such loose body.
+        """
+        return self._body(name).body_state(name)[0].copy()
+
+    def body_velocity(self, name: str) -> Array:
+        """Linear velocity of a loose body's origin [m/s] and its angular velocity [rad/s], in world axes, shape (6,).
+
+        Raises:
+            UnknownNameError: no such loose body.
+        """
+        _, velocity = self._body(name).body_state(name)
+        return np.concatenate([velocity[:3], self.body_pose(name)[:3, :3] @ velocity[3:]])
+
+    def place_body(self, name: str, pose: ArrayLike, velocity: ArrayLike | None = None) -> None:
+        """Put a loose body somewhere, between two steps; the clock goes on.
+
+        Args:
+            name: The body.
+            pose: T_world_body: (4, 4), or a position (3,) [m].
+            velocity: Linear [m/s] and angular velocity [rad/s] in world axes, shape (6,) (default: at rest).
+
+        Raises:
+            UnknownNameError: no such loose body.
+            InputError: no pose, or a velocity that is not finite.
+        """
+        tile, T = self._body(name), as_pose(pose, "pose")
+        rates = np.zeros(6) if velocity is None else finite_array("velocity", velocity, (6,))
+        place, motion = tile.body_state(name)
+        place[:3], place[3:] = T[:3, 3], quaternion_from_rotation(T[:3, :3])
+        motion[:3], motion[3:] = rates[:3], T[:3, :3].T @ rates[3:]
+        tile.refresh()
+
+    def update_scene(self, scene: Scene) -> None:
+        """Go on in another scene of the same arms: things added, moved or removed, grasped or released.
+
+            sim.update_scene(sim.scene.with_obstacle("ball", rp.Sphere(0.05), [0.3, 0.0, 1.0], mass=0.2))
+
+        Arms keep their state and their controllers, the clock goes on. Loose bodies that are at the same pose in both
+        scenes keep their state, too; everything else is where the new scene has it. `reset` comes back to the
+        scene of the beginning.
+
+        Args:
+            scene: The other scene.
+
+        Raises:
+            InputError: other arms, or arms elsewhere.
+            BackendError: MuJoCo does not take the scene.
+        """
+        of_kind("scene", scene, Scene)
+        before = self.scene.arms
+        for name in (*before, *scene.arms):
+            one, other = before.get(name), scene.arms.get(name)
+            if one is None or other is None or list(before) != list(scene.arms):
+                raise InputError(f"the scenes have different arms ({name!r}), expected the arms of the simulation")
+            if one.robot.content_hash != other.robot.content_hash or not np.array_equal(one.base, other.base):
+                raise InputError(f"arm {name!r} is another robot or elsewhere, expected the arms of the simulation")
+        tiles = self._build(scene)
+        old, new = self.scene.obstacles, scene.obstacles
+        stay = {name for name in self.body_names if name in new and np.array_equal(old[name].pose, new[name].pose)}
+        for tile in tiles:
+            self._set_joints(tile, self._now.positions, self._now.velocities)
+            for name in stay & tile.bodies.keys():
+                for to, of in zip(tile.body_state(name), self._body(name).body_state(name), strict=True):
+                    to[:] = of
+            tile.refresh()
+        self.tiles, self.scene = tiles, scene
 
     # ---- controllers -----------------------------------------------------------------------------
 
@@ -366,7 +529,8 @@ class Simulation:
         self._pause.set()
 
     def reset(self) -> None:
-        """Go back to the beginning exactly; active controllers are activated again."""
+        """Go back to the beginning and its scene exactly; active controllers are activated again."""
+        self.scene, self.tiles = self._origin
         for tile, state in zip(self.tiles, self._initial, strict=True):
             tile.restore(state)
         self._set_off()
@@ -393,12 +557,32 @@ class Simulation:
 
     # ---- inside ----------------------------------------------------------------------------------
 
+    def _build(self, scene: Scene) -> list[Tile]:
+        tiles = []
+        with mujoco_warnings() as warnings:
+            parts = tile_scenes(scene)
+            check_memory(parts)
+            for part in parts:
+                world = build_mujoco(part, timestep=self.dt, stiffness=self._stiffness, solver=self._solver)
+                tiles.append(Tile(world, self._indices(world.joint_names), self._threads, self._variation))
+        self._warnings += warnings
+        return tiles
+
+    def _set_joints(self, tile: Tile, positions: Array, velocities: Array) -> None:
+        tile.state[0][:] = positions[tile.columns]
+        tile.state[1][:] = velocities[tile.columns]
+
+    def _body(self, name: str) -> Tile:
+        """The model with a loose body."""
+        known_name("loose body", name, self.body_names)
+        return next(tile for tile in self.tiles if name in tile.bodies)
+
     def _begin(self, positions: Array, velocities: Array) -> None:
         for tile in self.tiles:
             mujoco.mj_resetData(tile.model, tile.data)
-            tile.data.qpos[:] = positions[tile.columns]
-            tile.data.qvel[:] = velocities[tile.columns]
+            self._set_joints(tile, positions, velocities)
             tile.refresh()
+        self._origin = self.scene, self.tiles
         self._initial = [tile.save() for tile in self.tiles]
         self._set_off()
 
@@ -407,6 +591,7 @@ class Simulation:
         self.steps = 0
         self._wall = 0.0
         self._contacts.clear()
+        self._deepest = 0.0
         self._observe()
         self._desired = np.zeros((4, len(self.joint_names)))
         self._desired[0] = self._now.positions
@@ -480,14 +665,17 @@ class Simulation:
 
     def _note_contacts(self) -> None:
         for tile in self.tiles:
-            if tile.data.ncon:
-                self._contacts.add(tile.data, tile.world.geom_elements, self.time)
+            depth = -float(tile.data.contact.dist.min()) if tile.data.ncon else -math.inf
+            if depth >= 0.0:
+                self._contacts.add(tile.world, tile.data, self.time)
+                self._deepest = max(self._deepest, depth)
 
     def _observe(self) -> None:
         """Collect the state of all joints from the models."""
         rates = np.empty((3, len(self.joint_names)))
         for tile in self.tiles:
-            rates[:, tile.columns] = tile.data.qpos, tile.data.qvel, tile.data.actuator_force
+            for row, values in zip(rates, tile.state, strict=True):
+                row[tile.columns] = values
         self._now = JointState(self.time, *rates)
 
     def _state(self, indices: NDArray[np.int64]) -> JointState:

@@ -6,10 +6,19 @@ of them never are. Tiles of a few arms do not.
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
+
+from rr1plan.checks import counted
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
+from rr1plan.errors import InputError
+from rr1plan.playback.simulation.mujoco_model import loose_bodies
 from rr1plan.scene import Scene
 from rr1plan.scene.subscene import subscene
 
+# Memory of a model and its data [bytes]: for each degree of freedom, and for each pair of them (MuJoCo's reserve for
+# contacts), from models of 120 to 2,000 arms and bodies with MuJoCo 3.17.
+_BYTES_PER_DOF, _BYTES_PER_PAIR = 1.0e5, 40.0
 # Largest number of arms in one model by default, and smallest number in a tile of a larger scene.
 ARMS_IN_A_TILE = 20
 
@@ -21,8 +30,10 @@ def tile_scenes(scene: Scene) -> list[Scene]:
         scene: The scene.
 
     Returns:
-        The scene itself, or parts in the order of its arms.
+        The scene itself, as always with loose bodies, which may come anywhere; or parts in the order of its arms.
     """
+    if loose_bodies(scene):
+        return [scene]
     groups = interaction_groups(arms_in_reach(scene, scene.arms, 0.0)) if len(scene.arms) > ARMS_IN_A_TILE else []
     if len(groups) < 2:
         return [scene]
@@ -32,3 +43,36 @@ def tile_scenes(scene: Scene) -> list[Scene]:
             tiles.append([])
         tiles[-1] += group
     return [subscene(scene, dict.fromkeys(names)) for names in tiles]
+
+
+def check_memory(tiles: Sequence[Scene]) -> None:
+    """Refuse a simulation that takes more memory than the machine has.
+
+    Args:
+        tiles: The scene of each model.
+
+    Raises:
+        InputError: too many arms or loose bodies; gives both sizes.
+    """
+    have = _physical_memory()
+    need = sum(_BYTES_PER_DOF * n + _BYTES_PER_PAIR * n**2 for n in map(_degrees_of_freedom, tiles))
+    if have is not None and need > have:
+        arms, bodies = sum(len(tile.arms) for tile in tiles), sum(len(loose_bodies(tile)) for tile in tiles)
+        raise InputError(
+            f"a simulation of {counted(arms, 'arm')} and {counted(bodies, 'loose body', 'loose bodies')} takes about "
+            f"{need / 1e9:.3g} GB of memory, this machine has {have / 1e9:.3g} GB; take fewer, or place arms so that "
+            "groups of them cannot meet, which have models of their own"
+        )
+
+
+def _degrees_of_freedom(scene: Scene) -> int:
+    joints = sum(joint.kind != "fixed" for arm in scene.arms.values() for joint in arm.robot.joints)
+    return joints + 6 * len(loose_bodies(scene))
+
+
+def _physical_memory() -> int | None:
+    """Memory of the machine [bytes]; None where the system does not say."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return None

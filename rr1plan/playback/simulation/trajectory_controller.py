@@ -19,7 +19,7 @@ _BLOCK = 64
 
 
 class ExecutionStatus(enum.Enum):
-    """How the execution of a trajectory stands."""
+    """The state of the execution of a trajectory."""
 
     WAITING = "waiting"
     ACTIVE = "active"
@@ -45,7 +45,7 @@ _CODES = {
 
 @dataclass(eq=False)
 class Execution:
-    """One trajectory on its way through a `JointTrajectoryController`.
+    """The execution of one trajectory by a `JointTrajectoryController`.
 
     Args:
         trajectory: The trajectory.
@@ -117,7 +117,7 @@ class JointTrajectoryController(Controller):
         self._active = self._queued = None
 
     def activate(self, joints: JointInfo, state: JointState) -> None:
-        """Hold the present positions, and cancel what is on its way."""
+        """Hold the present positions, and cancel the trajectory in execution."""
         super().activate(joints, state)
         for execution in (self._active, self._queued):
             if execution is not None:
@@ -129,7 +129,7 @@ class JointTrajectoryController(Controller):
         self._block_start = -math.inf
 
     def send(self, trajectory: Trajectory, *, at: float | None = None) -> Execution:
-        """Execute a trajectory; one that is on its way is preempted when the new one begins.
+        """Execute a trajectory; one in execution is preempted when the new one begins.
 
         Args:
             trajectory: The motion, of the joints of this controller in any order. Its first time counts as the start.
@@ -143,8 +143,7 @@ class JointTrajectoryController(Controller):
                 beginning farther from the set-points than `start_tolerance`.
         """
         of_kind("trajectory", trajectory, Trajectory)
-        if not hasattr(self, "joints"):
-            raise InputError("the controller is not active; activate it in a simulation first")
+        self.check_active()
         if set(trajectory.joint_names) != set(self.joint_names):
             odd = sorted(set(trajectory.joint_names) ^ set(self.joint_names))
             whose = "the trajectory" if odd[0] in trajectory.joint_names else "the controller"
@@ -165,7 +164,7 @@ class JointTrajectoryController(Controller):
         return execution
 
     def cancel(self) -> None:
-        """Stop the trajectory that is on its way, and hold the position of the next update."""
+        """Stop the trajectory in execution, and hold the position of the next update."""
         for execution in (self._active, self._queued):
             if execution is not None:
                 _end(execution, ExecutionStatus.CANCELED, self._now, "by its caller")

@@ -1,4 +1,4 @@
-"""Where the page is looked at from first: a direction from which the motion is seen.
+"""The first view of the page: a direction from which the motion is visible.
 
 Directions around the arms are compared by how much of the motion a camera there does not see. Seen should be points
 of the links that move and of the tool along its path, and the hands at the start, middle and end of the motion.
@@ -89,7 +89,7 @@ def check_view(view: Any) -> Point | None:
 
 
 class Camera(NamedTuple):
-    """How a page is looked at from first.
+    """The first view of a page.
 
     Args:
         direction: From which the camera looks, as a direction of the world.
@@ -143,7 +143,7 @@ def _as_point(at: Array) -> Point:
 
 
 class _Sights(NamedTuple):
-    """What should be seen of the motion, and the links that may be in the way.
+    """The points of the motion that should be visible, and the links that may hide them.
 
     Args:
         points: Points of the world, shape (n, 3).
@@ -281,7 +281,7 @@ def behind_obstacles(scene: Scene, points: Array, eyes: Array) -> Mask:
 
 
 def _behind_links(sights: _Sights, eyes: Array, near: float) -> Mask:
-    """Which points at hands the links hide from each of the eyes (v, 3), shape (v, n); not by what is that near."""
+    """Which points at hands the links hide from each of the eyes (v, 3), shape (v, n), except by links too near."""
     hidden = np.zeros((len(eyes), len(sights.points)), dtype=bool)
     (at,) = np.nonzero(sights.hands >= 0)
     points, instants = sights.points[at], sights.hands[at]
@@ -317,7 +317,7 @@ def _meets(shape: Shape, points: Array, d: Array) -> Mask:
 
 
 def _slabs(points: Array, d: Array, half: Array) -> tuple[Array, Array]:
-    """Where along the segments all coordinates are within +-half: from and to, as parts of the segment, (v, n)."""
+    """The part of each segment with all coordinates within +-half: from and to, as fractions, (v, n)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = (-half - points) / d, (half - points) / d
     return np.minimum(first, second).max(axis=-1), np.maximum(first, second).min(axis=-1)

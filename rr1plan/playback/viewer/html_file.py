@@ -28,7 +28,7 @@ def save_html(
     replay: Replay | None = None,
     options: ViewOptions | None = None,
 ) -> FilePath:
-    """Write one self-contained page: it asks no server for anything, and works from a USB stick.
+    """Write one self-contained page, which loads nothing from the network.
 
     Args:
         file: Where to write it; written whole or not at all.
@@ -38,7 +38,8 @@ def save_html(
         problem: The query: its start and goal are drawn as ghosts.
         report: The referee's verdict on the trajectory, shown as a badge. Elements that collide are red at that
             time, and the time line is marked there.
-        replay: What a simulation made of the trajectory, drawn as a shadow beside it; its contacts are shown likewise.
+        replay: What a simulation made of the trajectory, drawn as a shadow beside it; its contacts are shown likewise,
+            and loose bodies move as they did there. Without a trajectory or path it is played itself.
         options: How the page looks (default: `ViewOptions()`).
 
     Returns:

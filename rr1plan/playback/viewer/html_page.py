@@ -1,4 +1,4 @@
-"""One HTML page, whole in itself: Meshcat's viewer, our page around it, and the document.
+"""One self-contained HTML page: Meshcat's viewer, our page around it, and the document.
 
 The page may not load anything from anywhere: its content security policy names the hashes of
 its own scripts and nothing else, so neither a request nor a script smuggled in by a name in a

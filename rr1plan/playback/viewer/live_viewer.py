@@ -6,7 +6,7 @@ import os
 import sys
 import threading
 import webbrowser
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from time import monotonic
 from types import TracebackType
@@ -15,7 +15,16 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import finite_array, finite_number, positive_number, true_or_false
+from rr1plan.checks import (
+    FARTHEST,
+    check_callback,
+    finite_array,
+    finite_number,
+    known_name,
+    of_kind,
+    positive_number,
+    true_or_false,
+)
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.playback.simulation.replay import Replay
@@ -30,6 +39,8 @@ from rr1plan.trajectory import Trajectory
 
 _RELOAD = 2.0  # [s] after its last page has gone, a page counts as closed, not as being loaded again
 _TICK = 0.1  # [s] between two looks at the open pages
+
+SliderCallback = Callable[[str, float], None]
 
 
 class Viewer:
@@ -69,7 +80,8 @@ class Viewer:
         self._options = options
         self._ended = threading.Event()
         page_html(document, options)
-        self._server = PageServer(self._html, port)
+        self._on_slider: SliderCallback | None = None
+        self._server = PageServer(self._html, port, self._hear)
         self._server.set_document(document)
 
     @property
@@ -79,12 +91,12 @@ class Viewer:
 
     @property
     def pages(self) -> int:
-        """How many pages look on."""
+        """Number of connected pages."""
         return self._server.pages
 
     @property
     def closed(self) -> bool:
-        """The page is served no longer."""
+        """Whether the page is no longer served."""
         return not self._server.running
 
     def load(
@@ -120,7 +132,7 @@ class Viewer:
         self._options = replace(self._options, panels=tuple(known.values()))
 
     def update(self, q: ArrayLike | Mapping[str, str | ArrayLike]) -> None:
-        """Put the arms somewhere, at once and as often as you like; pages show the newest.
+        """Set the configuration of the arms at once; pages show the latest one.
 
         Args:
             q: Configuration of all arms of the scene [rad or m], shape (nq,), or a mapping from arm
@@ -138,8 +150,46 @@ class Viewer:
         values = finite_array("q", q, (len(self._document["columns"]),))
         self._server.set_frame(values.astype("<f8").tobytes())
 
+    def update_panel(self, name: str, data: Mapping[str, object]) -> None:
+        """Put new entries into the data of a panel, whose script hears of it by `viewer.on("data", ...)`.
+
+        Args:
+            name: The panel.
+            data: Anything JSON can hold.
+
+        Raises:
+            UnknownNameError: the page has no such panel.
+            InputError: data that JSON cannot hold, or the viewer is closed.
+        """
+        known_name("panel", name, [panel.name for panel in self._options.panels])
+        of_kind("data", data, Mapping)
+        self._server.update_panel(name, dict(data))
+
+    def on_slider(self, callback: SliderCallback | None) -> None:
+        """Hear when somebody moves a slider of a joint on a page, with the mouse or with the arrow keys.
+
+        Args:
+            callback: Called with the joint ("arm/joint") and the value [rad or m], in the thread of the page's server;
+                None: no longer.
+
+        Raises:
+            InputError: something that cannot be called.
+        """
+        check_callback("callback", callback)
+        self._on_slider = callback
+
+    def _hear(self, message: object) -> None:
+        """Pass on a slider that was moved; pages send nothing else."""
+        columns = self._document["columns"]
+        match message:
+            case {"type": "slider", "column": int(column), "value": int(value) | float(value)}:
+                if 0 <= column < len(columns) and abs(value) <= FARTHEST and self._on_slider is not None:
+                    self._on_slider(columns[column], float(value))
+            case _:
+                pass
+
     def play(self) -> None:
-        """Let the motion run."""
+        """Start the clock of the motion."""
         self._server.command("play")
 
     def pause(self) -> None:
@@ -195,7 +245,7 @@ class Viewer:
             return True
 
     def close(self) -> None:
-        """Serve the page no longer; more than once is fine."""
+        """Stop serving the page; may be called more than once."""
         self._server.close()
         self._ended.set()
 

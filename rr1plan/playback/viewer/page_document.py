@@ -1,4 +1,4 @@
-"""What the page needs to know, as one plain value that JSON can hold.
+"""The data of a page as one plain value that JSON can hold.
 
 A robot is described once, however many arms are copies of it: its joints, so that the page
 computes forward kinematics itself, and its shapes, so that the page draws all copies of a shape
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, known_name, number_array, of_kind
 from rr1plan.path import Path
-from rr1plan.playback.simulation.replay import Replay
+from rr1plan.playback.simulation.replay import BodyMotion, Replay
 from rr1plan.playback.viewer.camera import choose_camera
 from rr1plan.playback.viewer.page_shapes import ShapeTable
 from rr1plan.playback.viewer.view_options import ViewOptions, checked_options
@@ -83,6 +83,10 @@ def view_document(
     rows = [_arm_row(name, scene, robots) for name in scene.arms]
     unique = {index: scene.arms[row["name"]].robot for row in rows for index in [row["robot"]]}
     motion = trajectory if trajectory is not None or path is None else _steady(path)
+    if motion is None and replay is not None:
+        motion = _replayed(replay)
+    bodies = None if replay is None else replay.record.bodies
+    fixed = {name: o for name, o in scene.obstacles.items() if bodies is None or name not in bodies.bodies}
     ghosts = [] if problem is None else _ghosts(problem)
     return {
         "title": scene.name if options.title is None else options.title,
@@ -90,14 +94,15 @@ def view_document(
         "robots": [_robot(unique[i], shapes, spheres) for i in sorted(unique)],
         "arms": rows,
         "columns": list(scene.joint_names()) if scene.arms else [],
-        "obstacles": [_object(name, o.geometries, o.pose, shapes) for name, o in scene.obstacles.items()],
+        "obstacles": [_object(name, o.geometries, o.pose, shapes) for name, o in fixed.items()],
+        "bodies": None if replay is None or bodies is None else _bodies(bodies, replay.record.times, shapes),
         "attachments": [
             _object(name, a.geometries, a.pose, shapes)
             | {"arm": a.arm, "link": a.link, "spheres": _spheres({name: a.geometries}) if spheres else None}
             for name, a in scene.attachments.items()
         ],
         "shapes": shapes.rows,
-        "track": None if motion is None else _track(motion, scene) | {"timed": trajectory is not None},
+        "track": None if motion is None else _track(motion, scene) | {"timed": trajectory is not None or path is None},
         "replay": None if replay is None else _track(_replayed(replay), scene) | {"summary": _summary(replay)},
         "path": None if path is None else _waypoints(path, scene),
         "ghosts": ghosts,
@@ -105,6 +110,24 @@ def view_document(
         "report": None if report is None else _finite(report.to_dict()),
         "camera": first_camera(scene, motion, ghosts),
     }
+
+
+def with_moving_objects(document: Document, times: Array, poses: Mapping[str, Array]) -> Document:
+    """The document with some objects that move, as loose bodies do along a replay.
+
+    Args:
+        document: What `view_document` made.
+        times: Instants [s], shape (n,).
+        poses: Position [m] and quaternion (wxyz) of each such object at these instants, shape (n, 7).
+    """
+    things = {thing["name"]: thing for kind in ("obstacles", "attachments") for thing in document[kind]}
+    fixed = {kind: [t for t in document[kind] if t["name"] not in poses] for kind in ("obstacles", "attachments")}
+    bodies = {
+        "objects": [{"name": name, "pose": _numbers(np.eye(4)), "parts": things[name]["parts"]} for name in poses],
+        "times": pack_array(times, "f8"),
+        "poses": pack_array(np.stack(list(poses.values()), axis=1)),
+    }
+    return {**document, **fixed, "bodies": bodies}
 
 
 def first_camera(scene: Scene, motion: Trajectory | None, ghosts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
@@ -208,6 +231,15 @@ def _object(name: str, geometries: Iterable[Geometry], pose: Array, shapes: Shap
     return {"name": name, "pose": _numbers(pose), "parts": [_part(g, shapes) for g in geometries]}
 
 
+def _bodies(motion: BodyMotion, times: Array, shapes: ShapeTable) -> dict[str, Any]:
+    """Loose bodies, and their positions and quaternions along a replay."""
+    return {
+        "objects": [_object(name, body.geometries, np.eye(4), shapes) for name, body in motion.bodies.items()],
+        "times": pack_array(times, "f8"),
+        "poses": pack_array(motion.poses),
+    }
+
+
 def _numbers(T: Array) -> list[float]:
     """A transform as 16 numbers, column after column (as WebGL reads them), to the nanometer."""
     return [_short(v) for v in T.T.ravel().tolist()]
@@ -262,11 +294,12 @@ def _steady(path: Path) -> Trajectory:
 
 
 def _replayed(replay: Replay) -> Trajectory:
-    """What the simulator recorded, as straight lines between its samples."""
-    if len(replay.times) < 2:
-        return Trajectory.rest(replay.joint_names, replay.actual[0])
-    slopes = np.diff(replay.actual, axis=0) / np.diff(replay.times)[:, None]
-    return Trajectory(replay.joint_names, replay.times, np.stack([replay.actual[:-1], slopes], axis=1))
+    """The recorded positions, joined by straight lines."""
+    times, positions = replay.record.times, replay.record.actual
+    if len(times) < 2:
+        return Trajectory.rest(replay.joint_names, positions[0])
+    slopes = np.diff(positions, axis=0) / np.diff(times)[:, None]
+    return Trajectory(replay.joint_names, times, np.stack([positions[:-1], slopes], axis=1))
 
 
 def _summary(replay: Replay) -> dict[str, Any]:

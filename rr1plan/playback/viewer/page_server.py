@@ -30,6 +30,7 @@ _ADDRESS = "127.0.0.1"
 _FIRST_PORT = 7000
 _PORTS_TRIED = 50
 _PATIENCE = 5.0  # [s] for the thread to start or end
+_LONGEST_MESSAGE = 10_000  # of a page
 
 
 class PageServer:
@@ -38,14 +39,18 @@ class PageServer:
     Args:
         page: Called with the document's version; gives the HTML.
         port: First port to try; the next free one is taken. None: 7000.
+        hear: Called with what a page has sent, as parsed from JSON.
 
     Raises:
         InputError: a port that is no port.
         BackendError: no free port.
     """
 
-    def __init__(self, page: Callable[[int], str], port: int | None = None) -> None:
+    def __init__(
+        self, page: Callable[[int], str], port: int | None = None, hear: Callable[[object], None] | None = None
+    ) -> None:
         self._page = page
+        self._hear = hear
         self.listener, self.port = _bind(_FIRST_PORT if port is None else port)
         self._hosts = {f"{name}:{self.port}" for name in (_ADDRESS, "localhost")}
         self._clients: set[_Updates] = set()
@@ -63,12 +68,12 @@ class PageServer:
 
     @property
     def url(self) -> str:
-        """Where a browser of this machine finds the page."""
+        """Address of the page, for browsers of this machine."""
         return f"http://{_ADDRESS}:{self.port}/"
 
     @property
     def pages(self) -> int:
-        """How many pages look on."""
+        """Number of connected pages."""
         return len(self._clients)
 
     @property
@@ -91,6 +96,27 @@ class PageServer:
         with self._lock:
             self._frame = frame
         self._in_thread(self._spread)
+
+    def update_panel(self, name: str, data: dict[str, Any]) -> None:
+        """Put new entries into the data of a panel of all pages.
+
+        Raises:
+            InputError: data that JSON cannot hold.
+        """
+        try:
+            text = json.dumps({"type": "panels", "value": {name: data}}, allow_nan=False)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise InputError(f"the page cannot hold this data: {error}") from error
+        self._in_thread(lambda: self._tell(text))
+
+    def hear(self, message: str | bytes) -> None:
+        """Pass on what a page has sent; what cannot be read is logged."""
+        if self._hear is None:
+            return
+        try:
+            self._hear(json.loads(message[:_LONGEST_MESSAGE]))
+        except Exception:  # a callback of the caller's own must not end the server
+            logger.exception("a message of a page could not be handled")
 
     def command(self, name: str, value: float | None = None) -> None:
         """Tell all pages to play, pause, seek or change speed."""
@@ -196,7 +222,7 @@ class _Page(RequestHandler):
 
 
 class _Updates(WebSocketHandler):
-    """What one page is told."""
+    """Messages to one page."""
 
     def initialize(self, server: PageServer) -> None:
         self.server = server
@@ -214,7 +240,8 @@ class _Updates(WebSocketHandler):
         self.server.welcome(self, self.get_query_argument("version", ""))
 
     def on_message(self, message: str | bytes) -> None:
-        """Pages have nothing to say."""
+        """A page has sent something."""
+        self.server.hear(message)
 
     def on_close(self) -> None:
         self.server.dismiss(self)

@@ -1,4 +1,4 @@
-"""How a page looks: its title, its first view, what is drawn beside the motion."""
+"""Options of a page: title, first view, panels and layers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rr1plan.playback.viewer.camera import check_view
 
 @dataclass(frozen=True)
 class Panel:
-    """Something of your own beside the 3-D view, e.g. a picture of the configuration space.
+    """Custom content next to the 3-D view, e.g. a picture of the configuration space.
 
     Args:
         name: A name unique on the page; letters, digits and "-".
@@ -51,7 +51,7 @@ class Panel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ViewOptions:
-    """How a page shows its scene and motion, the same for live pages and files.
+    """Options of a page, the same for live pages and files.
 
     Args:
         title: Headline of the page (default: the scene's name).

@@ -129,14 +129,28 @@ EXPORT void rr1_begin_search(RefereeSearch *s, double *block) {
     for (int group = 0; group < PAIR_GROUPS; group++) s->smallest[group] = s->proven[group] = s->refined[group] = INFINITY;
 }
 
-// Fill the tables of bodies on link 0 from their shapes and poses on it, shape (count, 4, 4); the number of columns that
-// their corners take.
-EXPORT int64_t rr1_fill_bodies(const ShapeRow *shapes, const double *poses, int64_t count, RefereeBody *bodies,
+// The product of two rigid transforms, shape (3, 4); the factors have shape (4, 4).
+static void compose(const double *A, const double *B, double T[12]) {
+    for (int i = 0; i < 3; i++) {
+        const double *row = A + 4 * i;
+        for (int j = 0; j < 4; j++) T[4 * i + j] = row[0] * B[j] + row[1] * B[4 + j] + row[2] * B[8 + j];
+        T[4 * i + 3] += row[3];
+    }
+}
+
+// Fill the tables of bodies from their shapes; the number of columns that their corners take.
+//
+// frames: pose of each shape in the frame of its element, shape (4, 4) each; elements: pose of each element on its link;
+// first_body: the first body of each element, and one past the last.
+EXPORT int64_t rr1_fill_bodies(const ShapeRow *shapes, const double *frames, const double *elements,
+                               const int64_t *first_body, int64_t element_count, RefereeBody *bodies,
                                BodySizes *sizes) {
-    int64_t columns = 0;
-    for (int64_t b = 0; b < count; b++) {
+    int64_t columns = 0, element = 0;
+    for (int64_t b = 0; b < first_body[element_count]; b++) {
+        while (first_body[element + 1] <= b) element++;
+        double T[12];
+        compose(elements + 16 * element, frames + 16 * b, T);
         const ShapeRow *shape = &shapes[b];
-        const double *T = poses + 16 * b;
         BodySizes *size = &sizes[b];
         bodies[b] = (RefereeBody){
             .shape = (int64_t)shape->shape, .first_corner = columns, .corner_count = (int64_t)shape->corner_count};

@@ -35,11 +35,11 @@ class Conflicts {
   }
 
   /** Marks {time, subject, title} for a time line of a length [s]; marks closer than a fraction of it are merged. */
-  marks(length, apart = 0.006) {
+  marks(length, spacing = 0.006) {
     const marks = [];
     for (const { subject, time, simulated } of this.all) {
       const name = `${subject.join(" and ")} at ${seconds(time)}${simulated ? " (simulated)" : ""}`, last = marks[marks.length - 1];
-      if (last && time - last.time <= apart * length) { last.names.push(name); last.subject.push(...subject); }
+      if (last && time - last.time <= spacing * length) { last.names.push(name); last.subject.push(...subject); }
       else marks.push({ time, subject: [...subject], names: [name] });
     }
     return marks.map(({ time, subject, names }) => ({ time, subject, title: namesOf(names, 6, "\n") }));

@@ -245,7 +245,7 @@ class Controls {
       this.rows.push(row);
       return fold;
     });
-    // So many colors cannot be told apart, so there is no legend.
+    // More colors than a reader can distinguish: no legend.
     if (arms.length > MANY) {
       const fold = element("details");
       fold.append(element("summary", `${arms.length} arms`), ...folds);
@@ -264,7 +264,11 @@ class Controls {
       Object.assign(slider, { type: "range", min: low === null ? -Math.PI : low, max: high === null ? Math.PI : high, step: "any", id: `joint-${column}` });
       label.htmlFor = slider.id;
       label.title = name;
-      slider.oninput = () => this.viewer.setJoint(column, Number(slider.value));
+      slider.oninput = () => {
+        const value = Number(slider.value);
+        this.viewer.setJoint(column, value);
+        if (this.viewer.live) this.viewer.live.tellSlider(column, value);
+      };
       line.append(label, out, slider);
       row.fold.append(line);
       return { slider, out, column, straight: arm.robot.kinds[i] === "prismatic" };
@@ -278,7 +282,7 @@ class Controls {
     const scrub = find("scrub");
     scrub.value = player.time;
     fillPart(scrub);
-    find("clock").textContent = manual ? "by hand" : seconds(player.time);
+    find("clock").textContent = manual ? this.viewer.origin : seconds(player.time);
     if (this.shownPlaying !== player.playing) {
       this.shownPlaying = player.playing;
       find("play").replaceChildren(icon(player.playing ? "pause" : "play"));
@@ -309,7 +313,8 @@ class Controls {
     for (const { fold, joints } of this.rows) {
       if (!fold.open || !joints) continue;
       for (const { slider, out, column, straight } of joints) {
-        slider.value = q[column];
+        // Not while it is dragged: a simulated joint follows later.
+        if (!slider.matches(":active")) slider.value = q[column];
         fillPart(slider);
         out.textContent = straight ? `${(1000 * q[column]).toFixed(1)} mm` : `${((180 / Math.PI) * q[column]).toFixed(1)}°`;
       }

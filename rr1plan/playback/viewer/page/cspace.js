@@ -131,7 +131,7 @@ class Lesson {
     this.tools.tree.title = `What the planner explored (T)${thinned ? `: ${this.tree.length} of ${data.tree.explored} edges are drawn` : ""}`;
   }
 
-  /** Lets the tree grow from its roots, in five seconds or at once where motion is not wanted. */
+  /** Grows the tree from its roots, in five seconds, or at once if the user prefers reduced motion. */
   grow() {
     cancelAnimationFrame(this.growing);
     if (!this.tree.length) return;
@@ -257,7 +257,7 @@ class Lesson {
     this.arm.wire(q2, (q) => this.pose(q));
   }
 
-  /** Where the pointer is, as shares of the axes. */
+  /** The position of the pointer as fractions of the axes. */
   spot(event) {
     const box = this.canvas.getBoundingClientRect(), { x, y, size } = this.plot, ratio = this.ratio;
     return [((event.clientX - box.left) * ratio - x) / size, 1 - ((event.clientY - box.top) * ratio - y) / size];
@@ -373,7 +373,7 @@ class Lesson {
     });
   }
 
-  /** Names on the images, so that nobody has to tell colors apart. */
+  /** Names on the images, so that no reader depends on colors. */
   drawNames(pen) {
     pen.save();
     pen.font = `600 ${12 * this.unit}px ${getComputedStyle(root).fontFamily}`;

@@ -30,7 +30,7 @@ class Cells {
     return i >= 0 && j >= 0 && i < this.n && j < this.m ? i * this.m + j : -1;
   }
 
-  /** What forbids a place: {free, edge, outside, layers}; edge: a neighboring cell answers otherwise. */
+  /** The layers that forbid a point: {free, edge, outside, layers}; edge: a neighboring cell differs. */
   answer(u, v) {
     const cell = this.at(u, v);
     if (cell < 0) return { free: false, edge: false, outside: true, layers: [] };

@@ -74,7 +74,7 @@ class Workspace {
     viewer.add("handle", this.handle);
   }
 
-  /** A thing's name on it, so that nobody has to tell colors apart. */
+  /** An obstacle's name on it, so that no reader depends on colors. */
   nameTag(name, color, place) {
     const { THREE } = viewer, canvas = document.createElement("canvas"), height = 64;
     const font = `600 ${0.66 * height}px ${getComputedStyle(root).fontFamily}`;

@@ -32,9 +32,15 @@ class Live {
       pause: () => viewer.pause(),
       seek: () => viewer.seek(message.value),
       speed: () => viewer.setSpeed(message.value),
+      panels: () => viewer.fillPanels(message.value),
       end: () => { this.ended = true; viewer.controls.status("The program has ended; the page stays usable"); },
     };
     if (Object.hasOwn(acts, message.type)) acts[message.type]();
+  }
+
+  /** Reports a moved slider to the program. */
+  tellSlider(column, value) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ type: "slider", column, value }));
   }
 
   /** Shows the newest configuration that came in since the last frame. */
@@ -42,6 +48,6 @@ class Live {
     if (!this.newest) return;
     const q = this.newest;
     this.newest = null;
-    if (q.length === this.viewer.q.length) this.viewer.setQ(q);
+    if (q.length === this.viewer.q.length) this.viewer.setQ(q, "live");
   }
 }

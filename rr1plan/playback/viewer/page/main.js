@@ -96,9 +96,11 @@ class Viewer {
 
   // ---- the configuration -------------------------------------------------------------------
 
-  setQ(q) {
+  /** Shows a configuration, and in place of the clock where it is from. */
+  setQ(q, origin = "by hand") {
     this.player.pause();
     this.manual = true;
+    this.origin = origin;
     this.q.set(q);
     this.show();
   }
@@ -134,6 +136,7 @@ class Viewer {
     world.update(this.q);
     this.shownAt = performance.now();
     if (this.conflicts.at(this.manual ? null : player.time)) this.paint();
+    world.updateBodies(player.time);
     if (this.replayTrack) world.updateReplay(this.replayTrack.at(player.time, this.kinematics.rest()));
     if (this.toolPath) this.toolPath.show(this.manual ? 1 : player.fraction);
     this.controls.refresh();
@@ -231,7 +234,7 @@ class Viewer {
     return this.playing || Boolean(this.stage.dragged) || (this.pace.many && this.pace.level > 0 && now - this.shownAt < 250);
   }
 
-  /** What stands still is drawn in full. */
+  /** Whether the picture has full quality, as it has while nothing moves. */
   get settled() { return !this.stage.renderer || this.stage.quality === this.pace.full; }
 
   /** Draws as much as a level of `pace.js` says. */

@@ -35,7 +35,7 @@ function jointMotion(out, joint, value) {
   out[12] = shift * x; out[13] = shift * y; out[14] = shift * z;
 }
 
-/** Where every link of every arm is. Links are numbered arm after arm, columns of q likewise. */
+/** Poses of all links of all arms. Links are numbered arm after arm, columns of q likewise. */
 class Kinematics {
   constructor(doc) {
     this.arms = [];

@@ -34,7 +34,7 @@ class Player {
     this.rest = null;
   }
 
-  /** Lets time pass up to now [ms]; true when it did. */
+  /** Advances the clock to now [ms]; true if it advanced. */
   tick(now) {
     if (!this.playing) return false;
     const passed = this.last === null ? 0 : Math.min((now - this.last) / 1000, 0.25);

@@ -7,7 +7,7 @@ class Spheres {
   constructor(doc, kinematics, sides) {
     this.doc = doc;
     this.kinematics = kinematics;
-    // What is drawn has flat faces: they lie outside the sphere, or the link would stick out between them.
+    // The drawn polyhedron contains the sphere; otherwise the link would protrude between its vertices.
     this.sides = sides;
     this.wider = Math.cos(Math.PI / sides) ** -2;
     const items = this.items();
@@ -18,7 +18,7 @@ class Spheres {
     ]));
   }
 
-  /** What is drawn on each level. */
+  /** The spheres of each level. */
   items() {
     const levels = [[], [], []];
     this.kinematics.arms.forEach((arm, index) => {
@@ -43,7 +43,7 @@ class Spheres {
     return { body, local: scaled(placed, scale), radius, pose: placed, frame, color, element, arm, opacity: 1 };
   }
 
-  /** What there is in words; nothing where no spheres were asked for. */
+  /** A summary in words; empty without spheres. */
   summary() {
     if (!this.finest.length) return null;
     const things = new Set(this.finest.map((item) => item.element));

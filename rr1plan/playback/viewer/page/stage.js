@@ -75,7 +75,7 @@ class Stage {
     this.resize();
   }
 
-  /** What the room of soft lamps looks like from its middle, to be mirrored in everything. */
+  /** An environment map: a room of soft lamps, reflected by all surfaces. */
   surroundings() {
     const room = new THREE.Scene();
     for (const { color, size, place } of LAMPS) {
@@ -134,7 +134,7 @@ class Stage {
     lens.updateProjectionMatrix();
     this.key.shadow.normalBias = 0.006 * radius;
     this.meshcat.set_object(["rr1plan", "floor"], this.floor(center, radius, floor));
-    // What has to do with shadows is new.
+    // Shadows depend on the radius set above.
     this.apply(this.quality);
   }
 

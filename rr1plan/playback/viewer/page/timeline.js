@@ -125,7 +125,7 @@ function follow() {
   now.style.left = `${x(Math.min(Math.max(viewer.time, data.start), end))}px`;
 }
 
-/** What is at a point of the chart, in words. */
+/** A description of the chart at a point. */
 function words(row, time) {
   const arm = data.arms[row];
   if (!arm) return "";

@@ -1,4 +1,4 @@
-// Where the tools go and where they have to get to: tool paths, paths without times, goals.
+// Paths and goals of the tools, and paths without times.
 
 /** Positions of the tools of the arms that move, at each of the configurations: one Float32Array an arm. */
 function toolLines(kinematics, columns, configurations) {

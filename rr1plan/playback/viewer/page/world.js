@@ -42,6 +42,7 @@ class World {
     this.moving = [this.robots, this.held, this.collisions, ...this.spheres.layers.values()];
     this.obstacles = this.layer("obstacles", new Bodies(this.obstacleItems(), { roughness: 0.75 }));
     this.obstacles.update(this.poses);
+    this.addLooseBodies();
     this.addEdges();
     this.addSpecials();
     this.addGhosts();
@@ -126,6 +127,42 @@ class World {
       const index = this.kinematics.arms.findIndex((a) => a.name === held.arm);
       return this.objectItems(held, this.kinematics.linkIndex(this.kinematics.arms[index], held.link), HELD, index);
     });
+  }
+
+  /** Loose bodies, which move along the replay: times, and position and quaternion of each body at each of them. */
+  addLooseBodies() {
+    const { objects, times, poses } = this.doc.bodies || { objects: [], times: null, poses: null };
+    this.bodyTrack = times && { times: unpack(times).values, poses: unpack(poses).values, count: objects.length };
+    this.bodyPoses = new Float64Array(16 * objects.length);
+    const items = objects.flatMap((object, i) => this.objectItems(object, i, HELD, -1));
+    this.bodies = this.layer("obstacles", new Bodies(items, { roughness: 0.75 }));
+    if (this.bodyTrack) this.updateBodies(this.bodyTrack.times[0]);
+  }
+
+  /** Puts loose bodies where they were at a time; those that were not there are not drawn. */
+  updateBodies(time) {
+    if (!this.bodyTrack) return;
+    const { times, poses, count } = this.bodyTrack, last = times.length - 1;
+    let i = 0;
+    for (let high = last; i < high;) {
+      const middle = (i + high + 1) >> 1;
+      if (times[middle] <= time) i = middle; else high = middle - 1;
+    }
+    const next = Math.min(i + 1, last), share = next > i ? Math.min(Math.max((time - times[i]) / (times[next] - times[i]), 0), 1) : 0;
+    const p = new THREE.Vector3(), r = new THREE.Vector3(), a = new THREE.Quaternion(), b = new THREE.Quaternion(), T = new THREE.Matrix4();
+    const one = new THREE.Vector3(1, 1, 1);
+    for (let k = 0; k < count; k++) {
+      const from = 7 * (i * count + k), to = 7 * (next * count + k), there = Number.isFinite(poses[from]);
+      if (there) {
+        const moves = Number.isFinite(poses[to]) ? share : 0, at = moves ? to : from;
+        p.fromArray(poses, from).lerp(r.fromArray(poses, at), moves);
+        a.set(poses[from + 4], poses[from + 5], poses[from + 6], poses[from + 3]);
+        a.slerp(b.set(poses[at + 4], poses[at + 5], poses[at + 6], poses[at + 3]), moves);
+        T.compose(p, a, one);
+      } else T.makeScale(0, 0, 0);
+      T.toArray(this.bodyPoses, 16 * k);
+    }
+    this.bodies.update(this.bodyPoses);
   }
 
   /** Thin dark edges: boxes in front of boxes stay readable. */
@@ -297,7 +334,7 @@ class World {
 
   /** Lit by the room around, with shadows on everything; or plainly, which is faster. */
   setRich(on) {
-    for (const bodies of [this.robots, this.held, this.obstacles]) bodies.setRich(on);
+    for (const bodies of [this.robots, this.held, this.obstacles, this.bodies]) bodies.setRich(on);
   }
 
   /** Colors by arm (on colored parts only: gray and black parts stay), and touching elements in red. */
@@ -315,8 +352,9 @@ class World {
       return faded(own.map((v) => Math.min(1, v * shade)));
     };
     this.robots.paint(choose);
-    for (const bodies of [this.held, this.obstacles]) bodies.paint((item) => (red.has(item.element) ? TOUCHED : item.color));
+    for (const bodies of [this.held, this.obstacles, this.bodies]) bodies.paint((item) => (red.has(item.element) ? TOUCHED : item.color));
     this.obstacles.update(this.poses);
+    this.bodies.update(this.bodyPoses);
     this.place();
   }
 
@@ -383,6 +421,7 @@ class World {
       geometry.computeBoundingBox();
       for (const item of items) box.union(geometry.boundingBox.clone().applyMatrix4(T.fromArray(item.local)));
     }
+    if (this.bodyTrack) this.expandByBodies(box);
     for (const object of this.doc.obstacles) {
       for (const part of object.parts) {
         const shape = this.doc.shapes[part.shape];
@@ -392,6 +431,21 @@ class World {
       }
     }
     return box;
+  }
+
+  /** Makes room for loose bodies where they are first and last. */
+  expandByBodies(box) {
+    const { times } = this.bodyTrack, T = new THREE.Matrix4(), placed = identity();
+    for (const time of [times[times.length - 1], times[0]]) {
+      this.updateBodies(time);
+      this.doc.bodies.objects.forEach((object, k) => {
+        if (!this.bodyPoses.subarray(16 * k, 16 * k + 3).some(Boolean)) return;
+        for (const part of object.parts) {
+          multiply(placed, 0, this.bodyPoses, 16 * k, part.pose, 0);
+          box.union(this.boxOf(part.shape).clone().applyMatrix4(T.fromArray(placed)));
+        }
+      });
+    }
   }
 
   dispose() {

@@ -1,0 +1,63 @@
+"""A mirror: joint states of an arm that runs, beside its plan and the corridor that is certified free of collision.
+
+    python 32_mirror.py
+
+The arm is a simulation that broadcasts its joints over UDP; a person pushes it on the way.
+"""
+
+import threading
+
+import numpy as np
+
+import rr1plan as rp
+
+scene = rp.load_scene("rr1_table")
+problem = rp.Problem(scene, "home", rp.PoseGoal("tool", [-0.30, 0.25, 0.20]))
+plan = rp.plan_motion(problem, rng=0).trajectory.stretched(3.0)
+names = plan.joint_names
+address = ("127.0.0.1", 9731)
+
+# How far may the arm be off the plan so that it is proven free of collision?
+corridor = rp.certified_corridor(scene, plan)
+print(corridor)
+
+
+def run_arm() -> None:
+    """Play the arm, with a push at 0.7 s."""
+    sim = rp.Simulation(scene)
+    follow = rp.JointTrajectoryController(names, goal_tolerance=0.05)
+    sim.activate(follow)
+    follow.send(plan)
+    shoulder = sim.model.joint(names[0]).dofadr[0]
+
+    def push(now: rp.Simulation) -> None:
+        now.data.qfrc_applied[shoulder] = 45.0 if 0.7 < now.time < 0.74 else 0.0
+
+    sim.on_step(push)
+    with rp.JointStateBroadcaster(names, address, rate=100.0) as broadcaster:
+        broadcaster.attach(sim)
+        sim.run(duration=plan.duration + 0.1, speed=1.0)
+
+
+stream = rp.read_states(f"udp://{address[0]}:{address[1]}", silence=0.5)
+with rp.Mirror(scene, plan, corridor=corridor, start=0.0, record="32_run.jsonl", on_event=print) as mirror:
+    # mirror.show() opens a page that follows the arm
+    arm = threading.Thread(target=run_arm)
+    arm.start()
+    for item in stream:
+        if isinstance(item, rp.StreamError):
+            break  # silence: the arm has arrived
+        mirror.receive(item)
+    arm.join()
+    print(mirror.report())
+    print(f"MuJoCo has {mirror.data.ncon} contacts in the last state")
+
+# The recording is a stream as well, also for: rr1plan mirror 32_run.jsonl --scene rr1_table
+with rp.Mirror(scene, plan, corridor=corridor, start=0.0) as again:
+    report = again.run(rp.read_states("32_run.jsonl"))
+print(f"again from the file: {report.messages} messages, off by {max(report.max_deviation.values()):.3f} rad at most")
+
+# A configuration by itself: how much of what is certified does it use, and where is room least?
+q = plan(0.5 * plan.duration) + np.array([0.005, 0.0, 0.0, 0.0, 0.0, 0.0])
+place = corridor.position(q)
+print(f"5 mrad off: {100 * place.use:.0f} % of the corridor, {' and '.join(place.pair)} are next")

@@ -1,0 +1,266 @@
+"""Calibration from measured tool positions: sign, zero and scale of every joint by nonlinear least squares.
+
+Signs are searched; zeros and scales follow from Levenberg-Marquardt, at first with a loss that outliers hardly affect.
+What the poses do not determine is found from the singular values of the Jacobian, as in the calibration of kinematic
+parameters (Hollerbach, Khalil, Gautier: Model identification, Springer Handbook of Robotics).
+"""
+
+from __future__ import annotations
+
+import datetime
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares
+
+from rr1plan.calibration.joint_calibration import Calibration, CalibrationFit, JointCalibration
+from rr1plan.calibration.measured_points import MeasuredPoints, Parameters
+from rr1plan.checks import Array, counted, finite_array, of_kind, positive_number, shape_of, true_or_false
+from rr1plan.errors import InputError
+from rr1plan.robot import Robot
+
+_MOST_JOINTS = 10  # 1024 combinations of signs
+_MOST_ROWS = 10_000
+_MOST_NOISE = 1.0  # [m]
+# A direction of the parameters is undetermined if its standard deviation is above this [rad].
+_UNDETERMINED = 0.2
+# Parameters that share an undetermined direction: those with at least this fraction of its largest component.
+_SHARE = 0.1
+# An outlier is farther off than this many standard deviations of a coordinate; by chance 1 measurement in 7000 is.
+_OUTLIER = 4.5
+# Signs are accepted at once if half of the coordinates are within this many of the stated standard deviations.
+_GOOD = 3.0
+# A fit has failed if half of the measurements are farther off than this fraction of their spread.
+_FAILED = 0.1
+_ROUNDS = 10
+# Smallest standard deviation of a coordinate that is believed, as a fraction of the stated one.
+_FLOOR = 0.01
+# Singular values below this fraction of the largest are rounding errors.
+_RANK = 1e-9
+# Median of the absolute value of a normal variable with a standard deviation of 1.
+_MEDIAN = 0.6745
+# A joint whose readings have to be scaled by less than this does not follow them.
+_NO_EFFECT = 1e-2
+_EVALUATIONS = 100
+
+
+def calibrate(
+    robot: Robot,
+    readings: ArrayLike,
+    positions: ArrayLike,
+    *,
+    start: Calibration | None = None,
+    point: ArrayLike = (0.0, 0.0, 0.0),
+    noise: float = 1e-3,
+    free_base: bool = False,
+) -> Calibration:
+    """Estimate the sign, zero and scale of every joint from measured positions of a point of the tool.
+
+    About 20 poses suffice (`propose_calibration_poses`). The point should be away from the axis of the last joint,
+    which otherwise does not move it: hold a pointer across, for example. Links are assumed to be as described.
+
+    Args:
+        robot: The robot.
+        readings: Readings of the planning joints, shape (m, nq), in the unit of `start`.
+        positions: Measured positions of the point in the frame of the robot's base [m], shape (m, 3).
+        start: Values to start from (default: positive signs, readings in rad); signs may be wrong, zeros by about
+            30 degrees, and scales by a fifth.
+        point: The point in the frame of the robot's tool [m], shape (3,), or one for each row, shape (m, 3).
+        noise: Expected standard deviation of a measured coordinate [m]; used in the search of signs. The uncertainty
+            of the result comes from the residuals.
+        free_base: Positions are in a frame of their own, whose pose is estimated too. The zero of a first joint is
+            then not determined, and stays that of `start`.
+
+    Returns:
+        The calibration, with residuals, outliers and what the poses do not determine in `fit`. Undetermined values
+        have a standard deviation of inf; as few as possible of them are those of `start`.
+
+    Raises:
+        InputError: arguments of wrong shapes or kinds, fewer measurements than unknowns, poses that determine nothing,
+            or no signs, zeros and scales near the start that explain the measurements.
+    """
+    of_kind("robot", robot, Robot)
+    of_kind("start", start, Calibration, optional=True)
+    start = Calibration.assumed(robot) if start is None else start
+    missing = [name for name in robot.joint_names if name not in start.joints]
+    if missing:
+        raise InputError(f"start has no joint {missing[0]!r}, expected all of {', '.join(robot.joint_names)}")
+    if robot.nq > _MOST_JOINTS:
+        raise InputError(f"robot {robot.name!r} has {robot.nq} joints, expected at most {_MOST_JOINTS}")
+    rows = finite_array("readings", readings, (None, robot.nq))
+    count = len(rows)
+    if count > _MOST_ROWS:
+        raise InputError(f"readings has {count} rows, expected at most {_MOST_ROWS}")
+    measured = finite_array("positions", positions, (count, 3))
+    points = finite_array("point", point, (3,) if len(shape_of(point)) == 1 else (count, 3))
+    noise, free_base = positive_number("noise", noise), true_or_false("free_base", free_base)
+    if noise > _MOST_NOISE:
+        raise InputError(f"noise is {noise:g} m, expected at most {_MOST_NOISE:g} m")
+    unknowns = 2 * robot.nq + 6 * free_base
+    if 3 * count <= unknowns:
+        raise InputError(
+            f"{count} measurements have {3 * count} coordinates for {unknowns} unknowns; measure at least "
+            f"{unknowns // 3 + 1} poses, better {unknowns}"
+        )
+    data = MeasuredPoints(robot, start, rows, measured, np.broadcast_to(points, (count, 3)))
+    begin = data.begin(free_base=free_base)
+    found = _search_signs(data, begin, noise)
+    spread = float(np.linalg.norm(measured - measured.mean(axis=0), axis=1).mean())
+    off = float(np.median(np.linalg.norm(data.residuals(found), axis=1)))
+    if off > max(_FAILED * spread, _GOOD * noise):
+        raise InputError(
+            f"no signs, zeros and scales near the start explain the measurements: half of them are more than "
+            f"{1e3 * off:.0f} mm off; check units, the point of the tool, and the scales and zeros of start"
+        )
+    estimate = _without_outliers(data, _hold_undetermined(data, begin, found, noise), noise)
+    return _result(robot, start, data, estimate)
+
+
+@dataclass(frozen=True, eq=False)
+class _Estimate:
+    """Parameters on their way to the result.
+
+    Args:
+        parameters: The parameters.
+        free: Those that are estimated, shape (p,); the others are those of the start.
+        undetermined: Those that the poses do not determine, shape (p,).
+        kept: Measurements that are used, shape (m,).
+    """
+
+    parameters: Parameters
+    free: NDArray[np.bool_]
+    undetermined: NDArray[np.bool_]
+    kept: NDArray[np.bool_]
+
+
+def _fitted(
+    data: MeasuredPoints, begin: Parameters, free: NDArray[np.bool_], rows: NDArray[np.bool_], loss: float | None
+) -> Parameters:
+    """Least squares by some parameters over some rows; with a `loss` [m], larger residuals count linearly."""
+
+    def at(values: Array) -> Parameters:
+        full = begin.values.copy()
+        full[free] = values
+        return replace(begin, values=full)
+
+    def residuals(values: Array) -> Array:
+        return data.residuals(at(values))[rows].ravel()
+
+    def jacobian(values: Array) -> Array:
+        return data.with_jacobian(at(values))[1][rows][:, :, free].reshape(-1, int(free.sum()))
+
+    start = begin.values[free]
+    if loss is None:
+        return at(least_squares(residuals, start, jacobian, method="lm", max_nfev=_EVALUATIONS).x)
+    return at(least_squares(residuals, start, jacobian, loss="soft_l1", f_scale=loss, max_nfev=_EVALUATIONS).x)
+
+
+def _search_signs(data: MeasuredPoints, begin: Parameters, noise: float) -> Parameters:
+    """The signs with the best fit, or the first good ones, in the order of their fit at the start."""
+    every, rows = np.ones(len(begin.values), dtype=bool), np.ones(len(data.positions), dtype=bool)
+    loss = _GOOD * noise
+    signs = [begin.signs * flips for flips in itertools.product((1.0, -1.0), repeat=len(begin.signs))]
+    starts = [data.with_signs(begin, each) for each in signs]
+    at_start = [float(np.abs(data.residuals(each)).sum()) for each in starts]
+    best, least = begin, np.inf
+    for i in np.argsort(at_start, kind="stable"):
+        found = _fitted(data, starts[i], every, rows, loss)
+        off = np.abs(data.residuals(found))
+        cost = float((np.sqrt(1.0 + (off / loss) ** 2) - 1.0).sum())
+        if cost < least:
+            best, least = found, cost
+        if np.median(off) <= loss:
+            break
+    return best
+
+
+def _hold_undetermined(data: MeasuredPoints, begin: Parameters, found: Parameters, noise: float) -> _Estimate:
+    """Find what the poses do not determine, and hold as few parameters at the start as make the others unique."""
+    count, joints = len(begin.values), len(begin.signs)
+    kept = np.ones(len(data.positions), dtype=bool)
+    residuals, jacobian = data.with_jacobian(found)
+    # In rad: of the zero, and of the angle at the reading that is farthest from zero.
+    units = np.ones(count)
+    farthest = np.abs(data.turns).max(axis=0)
+    units[joints : 2 * joints] = np.where(farthest > 0.0, farthest, 1.0)
+    columns = jacobian.reshape(-1, count) / units
+    least = max(_robust_std(residuals, count), _FLOOR * noise) / _UNDETERMINED
+    free, undetermined = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
+    while free.any():
+        _, sizes, directions = np.linalg.svd(columns[:, free], full_matrices=False)
+        if sizes[-1] >= max(least, _RANK * sizes[0]):
+            break
+        parts = np.zeros(count)
+        parts[free] = np.abs(directions[-1])
+        undetermined |= parts > _SHARE * parts.max()
+        # Rather a scale than a zero; the pose of a free base is not held.
+        parts[joints : 2 * joints] *= 1.0 + _SHARE
+        parts[2 * joints :] = 0.0
+        free[int(np.argmax(parts))] = False
+    if not free[: 2 * joints].any():
+        raise InputError("these measurements determine no joint; move all joints between them")
+    values = np.where(free, found.values, begin.values)
+    held = _fitted(data, replace(found, values=values), free, kept, _GOOD * noise)
+    return _Estimate(held, free, undetermined, kept)
+
+
+def _robust_std(residuals: Array, unknowns: int) -> float:
+    """Standard deviation of a coordinate from the median of residuals, which outliers hardly affect [m]."""
+    fraction = max(1.0 - unknowns / residuals.size, 1.0 / residuals.size)
+    return float(np.median(np.abs(residuals))) / _MEDIAN / math.sqrt(fraction)
+
+
+def _without_outliers(data: MeasuredPoints, estimate: _Estimate, noise: float) -> _Estimate:
+    """Leave out measurements that are too far off, fit again, and repeat until these stay the same."""
+    unknowns = int(estimate.free.sum())
+    for _ in range(_ROUNDS):
+        residuals = data.residuals(estimate.parameters)
+        std = max(_robust_std(residuals[estimate.kept], unknowns), _FLOOR * noise)
+        kept = np.linalg.norm(residuals, axis=1) <= _OUTLIER * std
+        if 3 * int(kept.sum()) <= unknowns:
+            raise InputError(
+                f"only {int(kept.sum())} of {len(kept)} measurements agree with each other; measure more poses"
+            )
+        parameters = _fitted(data, estimate.parameters, estimate.free, kept, None)
+        done = np.array_equal(kept, estimate.kept)
+        estimate = replace(estimate, parameters=parameters, kept=kept)
+        if done:
+            break
+    return estimate
+
+
+def _result(robot: Robot, start: Calibration, data: MeasuredPoints, estimate: _Estimate) -> Calibration:
+    """The calibration, with standard deviations from the Jacobian at the solution."""
+    parameters, free, kept = estimate.parameters, estimate.free, estimate.kept
+    residuals, jacobian = data.with_jacobian(parameters)
+    columns = jacobian[kept][:, :, free].reshape(-1, int(free.sum()))
+    degrees = columns.shape[0] - columns.shape[1]
+    noise = math.sqrt(float((residuals[kept] ** 2).sum()) / degrees)
+    std = np.full(len(free), math.inf)
+    std[free] = noise * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
+    std[estimate.undetermined] = math.inf
+    joints: dict[str, JointCalibration] = {}
+    undetermined: dict[str, tuple[str, ...]] = {}
+    nq = robot.nq
+    for i, name in enumerate(robot.joint_names):
+        factor, old = float(parameters.values[nq + i]), start.joints[name]
+        if abs(factor) < _NO_EFFECT:
+            raise InputError(
+                f"the readings of joint {name!r} have no effect on the measured positions; check its encoder"
+            )
+        scale = old.scale / abs(factor)
+        sign = int(parameters.signs[i] * math.copysign(1.0, factor))
+        zero_std, scale_std = float(std[i]), float(scale * std[nq + i] / abs(factor))
+        joints[name] = JointCalibration(sign, float(parameters.values[i]), scale, zero_std, scale_std)
+        unknown = ("zero",) * math.isinf(zero_std) + ("scale", "sign") * math.isinf(scale_std)
+        if unknown:
+            undetermined[name] = unknown
+    outliers = tuple(int(row) for row in np.flatnonzero(~kept))
+    distances = np.linalg.norm(residuals, axis=1)
+    fit = CalibrationFit(distances, outliers, noise, undetermined, data.base_pose(parameters))
+    today = datetime.datetime.now(datetime.UTC).date().isoformat()
+    source = f"estimated from {counted(int(kept.sum()), 'measured position')}"
+    return Calibration(robot.name, joints, start.unit, today, source, fit)

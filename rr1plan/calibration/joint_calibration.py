@@ -1,0 +1,339 @@
+"""Calibrations: how readings of encoders or motors become joint positions, with their uncertainty, and their files.
+
+The position of a joint is `zero + sign * reading / scale`. A file is TOML:
+
+    format = "rr1plan calibration"
+    version = 1
+    robot = "rr1"
+    date = "2026-11-23"
+    source = "20 poses, pointer of 100 mm, laser tracker"
+
+    [units]
+    position = "rad"    # of zero; scale is readings per this unit
+    reading = "steps"   # "steps", "counts" or "rad"
+
+    [joints.shoulder_joint]
+    sign = 1
+    zero = 0.0123
+    zero_std = 0.0007
+    scale = 802.14
+    scale_std = 0.6
+
+A standard deviation of `inf` means that the value is assumed, not measured.
+"""
+
+from __future__ import annotations
+
+import math
+import pathlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import (
+    Array,
+    Value,
+    check_text,
+    finite_array,
+    finite_number,
+    items_of,
+    known_name,
+    number_array,
+    of_kind,
+    positive_number,
+    read_only,
+    shape_of,
+    shown,
+)
+from rr1plan.errors import InputError
+from rr1plan.files.checked_tables import Table
+from rr1plan.files.documents import read_toml
+from rr1plan.files.file_access import write_text
+from rr1plan.files.toml_writer import to_toml
+from rr1plan.robot import Robot
+
+READING_UNITS = ("steps", "counts", "rad")
+_FORMAT, _VERSION = "rr1plan calibration", 1
+_MAX_BYTES = 1024 * 1024
+
+
+@dataclass(frozen=True)
+class JointCalibration:
+    """How the readings of one joint become its position: zero + sign * reading / scale.
+
+    Args:
+        sign: 1 if readings grow with the position, -1 if they fall.
+        zero: Position at a reading of zero [rad or m].
+        scale: Change of the reading per unit of the position [steps/rad, counts/rad, ...], above zero.
+        zero_std: Standard deviation of the zero [rad or m]; inf for a value that is assumed.
+        scale_std: Standard deviation of the scale, in its unit; inf for a value that is assumed.
+
+    Raises:
+        InputError: another sign, a number that is not finite, a scale not above zero, a negative standard deviation.
+    """
+
+    sign: int
+    zero: float
+    scale: float
+    zero_std: float = math.inf
+    scale_std: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.sign, int | np.integer) or isinstance(self.sign, bool) or abs(self.sign) != 1:
+            raise InputError(f"sign is {shown(self.sign)}, expected 1 or -1")
+        object.__setattr__(self, "sign", int(self.sign))
+        object.__setattr__(self, "zero", finite_number("zero", self.zero))
+        object.__setattr__(self, "scale", positive_number("scale", self.scale))
+        for name in ("zero_std", "scale_std"):
+            object.__setattr__(self, name, _deviation(name, getattr(self, name)))
+
+
+def _deviation(name: str, value: Any) -> float:
+    number = number_array(name, value)
+    if number.shape != () or not number >= 0.0:
+        raise InputError(f"{name} is {shown(value)}, expected a number >= 0 (inf: unknown)")
+    return float(number)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CalibrationFit(Value):
+    """How a calibration was estimated.
+
+    Args:
+        residuals: Distance of each measured position from where the calibrated arm has the point [m], shape (m,).
+        outliers: Rows of measurements that were left out.
+        noise: Standard deviation of a measured coordinate, from the residuals without outliers [m].
+        undetermined: What the poses cannot tell, by joint: any of "sign", "zero" and "scale".
+        T_measured_base: Pose of the base in the frame of the measurements, shape (4, 4).
+    """
+
+    residuals: Array
+    outliers: tuple[int, ...]
+    noise: float
+    undetermined: Mapping[str, tuple[str, ...]]
+    T_measured_base: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "undetermined", MappingProxyType(dict(self.undetermined)))
+        for name in ("residuals", "T_measured_base"):
+            object.__setattr__(self, name, read_only(np.array(getattr(self, name), dtype=np.float64)))
+
+    def __str__(self) -> str:
+        text = f"{len(self.residuals)} measurements, noise {1e3 * self.noise:.2f} mm per coordinate"
+        for row in self.outliers:
+            text += f"\nleft out: row {row}, {1e3 * self.residuals[row]:.1f} mm off"
+        for name, values in self.undetermined.items():
+            text += f"\nnot determined by these poses: {' and '.join(values)} of {name}"
+        return text
+
+
+@dataclass(frozen=True)
+class ZeroShift:
+    """How far the zero of a joint is from that of an earlier calibration.
+
+    Args:
+        joint: The joint.
+        shift: Later zero less earlier zero [rad or m].
+        std: Standard deviation of the shift [rad or m].
+    """
+
+    joint: str
+    shift: float
+    std: float
+
+    @property
+    def significance(self) -> float:
+        """The shift in standard deviations; 0 where one of the zeros is not known."""
+        return abs(self.shift) / self.std if self.std > 0.0 else math.inf if self.shift else 0.0
+
+    def __str__(self) -> str:
+        return f"{self.joint}: {math.degrees(self.shift):+.2f} deg ({self.significance:.1f} standard deviations)"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration(Value):
+    """Calibrations of the joints of one robot; `calibrate` estimates them, `load_calibration` reads them.
+
+    Args:
+        robot: Name of the robot.
+        joints: The joints that are calibrated, by name.
+        unit: What readings count: "steps" of motors, "counts" of encoders, or "rad".
+        date: When it was measured, any text.
+        source: How it was measured, any text.
+        fit: How it was estimated; None for one from a file.
+
+    Raises:
+        InputError: no joints, another unit, a value of another type.
+    """
+
+    robot: str
+    joints: Mapping[str, JointCalibration]
+    unit: str = "rad"
+    date: str = ""
+    source: str = ""
+    fit: CalibrationFit | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("robot", "date", "source"):
+            check_text(name, getattr(self, name))
+        of_kind("joints", self.joints, Mapping)
+        for name, joint in self.joints.items():
+            check_text("a joint's name", name)
+            of_kind(f"joint {name!r}", joint, JointCalibration)
+        if not self.joints:
+            raise InputError("joints is empty, expected at least one calibrated joint")
+        known_name("unit", self.unit, READING_UNITS)
+        of_kind("fit", self.fit, CalibrationFit, optional=True)
+        object.__setattr__(self, "joints", MappingProxyType(dict(self.joints)))
+
+    @staticmethod
+    def assumed(robot: Robot, scale: float | Mapping[str, float] = 1.0, *, unit: str = "rad") -> Calibration:
+        """Nominal values to start from: positive signs, zeros at zero, and given scales, all of unknown accuracy.
+
+        Args:
+            robot: The robot.
+            scale: Readings per radian or meter, one number or one by joint name; negative ones give negative signs.
+            unit: What readings count.
+
+        Raises:
+            InputError: a scale that is zero, not finite or missing, another unit.
+            UnknownNameError: a scale for a joint that the robot does not plan for.
+        """
+        of_kind("robot", robot, Robot)
+        scales = dict(scale) if isinstance(scale, Mapping) else dict.fromkeys(robot.joint_names, scale)
+        for name in scales:
+            known_name("joint", name, robot.joint_names)
+        joints = {}
+        for name in robot.joint_names:
+            if name not in scales:
+                raise InputError(f"scale has no entry for joint {name!r}")
+            value = finite_number(f"scale of {name!r}", scales[name])
+            joints[name] = JointCalibration(-1 if value < 0.0 else 1, 0.0, abs(value))
+        return Calibration(robot.name, joints, unit, source="assumed")
+
+    def __str__(self) -> str:
+        rows = [f"{self.robot}: readings in {self.unit}{', ' + self.source if self.source else ''}"]
+        for name, joint in self.joints.items():
+            zero = f"zero {math.degrees(joint.zero):9.3f} ± {math.degrees(joint.zero_std):.3f} deg"
+            scale = f"scale {joint.scale:.6g} ± {joint.scale_std:.2g} {self.unit}/rad"
+            rows.append(f"  {name:<18} sign {joint.sign:+d}  {zero}  {scale}")
+        return "\n".join(rows + ([str(self.fit)] if self.fit else []))
+
+    # ---- conversion --------------------------------------------------------------------
+
+    def positions(self, readings: ArrayLike, joint_names: Sequence[str] | None = None) -> Array:
+        """Joint positions from readings.
+
+        Args:
+            readings: Readings, shape (n,) or (m, n).
+            joint_names: Joints of the columns (default: all, in the order of `joints`).
+
+        Returns:
+            Positions [rad or m], same shape.
+
+        Raises:
+            InputError: wrong shape or not finite.
+            UnknownNameError: a joint that is not calibrated.
+        """
+        zeros, slopes = self._columns(joint_names)
+        return np.asarray(zeros + self._rows("readings", readings, len(zeros)) * slopes)
+
+    def readings(self, positions: ArrayLike, joint_names: Sequence[str] | None = None) -> Array:
+        """Readings at joint positions, not rounded; the inverse of `positions`.
+
+        Args:
+            positions: Positions [rad or m], shape (n,) or (m, n).
+            joint_names: Joints of the columns (default: all, in the order of `joints`).
+
+        Returns:
+            Readings, same shape.
+
+        Raises:
+            InputError: wrong shape or not finite.
+            UnknownNameError: a joint that is not calibrated.
+        """
+        zeros, slopes = self._columns(joint_names)
+        return np.asarray((self._rows("positions", positions, len(zeros)) - zeros) / slopes)
+
+    def _columns(self, joint_names: Sequence[str] | None) -> tuple[Array, Array]:
+        """Zeros and signed positions per reading of some joints, each (n,)."""
+        names = tuple(self.joints) if joint_names is None else items_of("joint_names", joint_names, "names")
+        joints = [self.joints[known_name("calibrated joint", name, self.joints)] for name in names]
+        return np.array([j.zero for j in joints]), np.array([j.sign / j.scale for j in joints])
+
+    @staticmethod
+    def _rows(name: str, values: ArrayLike, count: int) -> Array:
+        return finite_array(name, values, (count,) if len(shape_of(values)) == 1 else (None, count))
+
+    def zero_shifts(self, earlier: Calibration) -> tuple[ZeroShift, ...]:
+        """How far zeros have moved since an earlier calibration, most significant first.
+
+        A zero that is more than about four standard deviations off has moved: a slipped belt, or an encoder that was
+        zeroed elsewhere.
+
+        Raises:
+            InputError: a calibration of another robot, or of other joints.
+        """
+        of_kind("earlier", earlier, Calibration)
+        if earlier.robot != self.robot or set(earlier.joints) != set(self.joints):
+            raise InputError(f"the earlier calibration is of {earlier.robot!r} with {', '.join(earlier.joints)}")
+        shifts = [
+            ZeroShift(name, joint.zero - old.zero, math.hypot(joint.zero_std, old.zero_std))
+            for name, joint in self.joints.items()
+            for old in [earlier.joints[name]]
+        ]
+        return tuple(sorted(shifts, key=lambda found: -found.significance))
+
+    # ---- files -------------------------------------------------------------------------
+
+    def save(self, file: str | pathlib.Path) -> pathlib.Path:
+        """Write a TOML file and return its path; numbers read back to the last bit.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        data: dict[str, Any] = {"format": _FORMAT, "version": _VERSION, "robot": self.robot}
+        data |= {"date": self.date, "source": self.source}
+        data["units"] = {"position": "rad", "reading": self.unit}
+        data["joints"] = {name: {key: getattr(j, key) for key in _KEYS} for name, j in self.joints.items()}
+        return write_text(file, f"# position = zero + sign * reading / scale\n{to_toml(data)}")
+
+
+_KEYS = ("sign", "zero", "zero_std", "scale", "scale_std")
+
+
+def load_calibration(file: str | pathlib.Path) -> Calibration:
+    """Read a calibration file; see `Calibration.save`.
+
+    Raises:
+        FormatError: the file cannot be read, is not a calibration, is of a newer version, or has an impossible value.
+    """
+    table = read_toml(file, _MAX_BYTES)
+    if table.string("format") != _FORMAT:
+        raise table.error(f"expected {_FORMAT!r}", "format")
+    if table.number("version") != _VERSION:
+        raise table.error(f"is version {table.raw('version')}, expected {_VERSION}", "version")
+    units, joints = table.table("units"), table.table("joints")
+    if units.string("position") != "rad":
+        raise units.error(f"is {units.raw('position')!r}, expected 'rad' (meters for joints that slide)", "position")
+    robot, unit = table.string("robot"), units.string("reading")
+    date, source = table.string("date", ""), table.string("source", "")
+    rows = {name: _joint(joints.table(name)) for name in joints.names()}
+    table.raw("control_box")  # that of `load_control_box`
+    for part in (units, table):
+        part.finish()
+    with table.blame():
+        return Calibration(robot, rows, unit, date, source)
+
+
+def _joint(row: Table) -> JointCalibration:
+    sign = row.number("sign")
+    values = {key: row.number(key) for key in ("zero", "scale")}
+    values |= {key: row.raw(key, math.inf) for key in ("zero_std", "scale_std")}
+    row.finish()
+    with row.blame():
+        return JointCalibration(int(sign) if sign == round(sign) else 0, **values)

@@ -1,0 +1,56 @@
+"""`mirror`: joint states that come in, beside a plan."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+
+import rr1plan as rp
+from rr1plan.cli.console import Console
+from rr1plan.cli.saved_motions import saved_motion, say_changes
+from rr1plan.errors import InputError, NoPlanError
+from rr1plan.scene.model_library import load_scene
+
+
+def mirror(options: Namespace, console: Console) -> int:
+    """Show a stream of joint states live, and compare it with a plan."""
+    scene, plan = _scene_and_plan(options, console)
+    stream = rp.read_states(options.source, silence=options.silence, topic=options.topic)
+    with console.progress("certifying the corridor"):
+        follower = rp.Mirror(
+            scene,
+            plan,
+            start=options.start,
+            record=options.record,
+            on_event=lambda event: console.say(str(event)),
+        )
+    with follower:
+        if not options.no_page:
+            viewer = follower.show(port=options.port, open_browser=not options.no_browser, quiet=True)
+            console.say(f"page: {viewer.url}  (press Ctrl-C to end)")
+        report = follower.run(stream, duration=options.duration)
+    console.say(str(report))
+    console.result(
+        {
+            "messages": report.messages,
+            "rate": report.rate,
+            "delays": list(report.delays),
+            "max_deviation": dict(report.max_deviation),
+            "outside": [list(interval) for interval in report.outside],
+            "faults": dict(report.faults),
+        }
+    )
+    return 0 if report else 4
+
+
+def _scene_and_plan(options: Namespace, console: Console) -> tuple[rp.Scene, rp.Trajectory | None]:
+    """The scene, and the motion that the stream is compared with."""
+    if options.plan is None:
+        if options.scene is None:
+            raise InputError("a mirror needs a motion or a scene: use option plan or option scene")
+        return load_scene(options.scene), None
+    motion = saved_motion(options.plan, options, console)
+    say_changes(motion, console)
+    try:
+        return motion.scene, motion.trajectory
+    except NoPlanError as error:
+        raise InputError(f"{error}; only a motion with times can be mirrored") from error

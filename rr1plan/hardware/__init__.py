@@ -1,0 +1,1 @@
+"""RR1's control box: its serial frames, the motion law of its firmware, plans of commands, and sending them."""

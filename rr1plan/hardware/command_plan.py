@@ -1,0 +1,307 @@
+"""Plans of commands for the control box: what the arm will really do, certified before anything is sent."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rr1plan.calibration.joint_calibration import Calibration
+from rr1plan.checks import Array, Value, counted, known_name, of_kind, positive_number, read_only
+from rr1plan.errors import InputError
+from rr1plan.hardware.box_emulator import BoxEmulator
+from rr1plan.hardware.control_box import ControlBox, StepScale
+from rr1plan.hardware.control_box_frames import CHANNELS, MOST_STEPS_SAFELY, BoxCommand, Safety
+from rr1plan.hardware.motion_law import SpeedProfile
+from rr1plan.motion_plan import MotionPlan
+from rr1plan.path import Path
+from rr1plan.report import Report
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+from rr1plan.validation import certify_path, validate
+
+# Samples of a motion from which its segments are made.
+_SAMPLES = 4000
+# Pieces of a ramp in the trajectory.
+_RAMP_PIECES = 12
+# Knots closer than this are one [ticks].
+_LEAST_PIECE = 1e-3
+# More commands than this take hours.
+_MOST_COMMANDS = 10_000
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CommandPlan(Value):
+    """A motion as commands of the control box, and what the arm does with them.
+
+    Args:
+        arm: The arm.
+        commands: The commands, each from rest to rest.
+        ticks: Duration of each command with the rest after it [ticks], shape (n,).
+        start: Step counters of the seven channels at which the arm has to be.
+        trajectory: The motion by the firmware's motion law, with its sine ramps.
+        path: Configurations after every single step of every motor, as the emulated firmware makes them.
+        report: The referee's report on the trajectory: collisions, limits.
+        path_report: The referee's report on the path: collisions, position limits.
+        deviation: Largest distance of any joint in the trajectory from its emulated steps [rad], shape (nq,).
+        box: The control box.
+    """
+
+    arm: str
+    commands: tuple[BoxCommand, ...]
+    ticks: Array
+    start: tuple[int, ...]
+    trajectory: Trajectory
+    path: Path
+    report: Report
+    path_report: Report
+    deviation: Array
+    box: ControlBox
+
+    def __post_init__(self) -> None:
+        for name in ("ticks", "deviation"):
+            read_only(getattr(self, name))
+
+    @property
+    def certified(self) -> bool:
+        """Whether the referee certifies both the trajectory and the steps."""
+        return self.report.certified and self.path_report.certified
+
+    def __bool__(self) -> bool:
+        """The same as `certified`."""
+        return self.certified
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What the referee found wrong, in words."""
+        found = [*self.report.violations, *self.path_report.violations]
+        return tuple(dict.fromkeys(f"{violation.kind}: {violation.message}" for violation in found))
+
+    def __repr__(self) -> str:
+        verdict = "certified" if self.certified else "not certified"
+        return f"CommandPlan({self.arm!r}, {counted(len(self.commands), 'command')}, {verdict})"
+
+    def __str__(self) -> str:
+        seconds = float(self.ticks.sum()) * self.box.tick
+        most = max(range(len(self.deviation)), key=lambda j: self.deviation[j], default=0)
+        name = self.trajectory.joint_names[most]
+        lines = [f"{counted(len(self.commands), 'command')} for {self.arm}, {seconds:.1f} s of motion"]
+        lines.append("  command  " + "".join(f"{channel:>7}" for channel in CHANNELS) + "      time")
+        for number, (command, ticks) in enumerate(zip(self.commands, self.ticks, strict=True), 1):
+            row = "".join(f"{steps:7d}" for steps in command.steps)
+            lines.append(f"  {number:7d}  {row}  {ticks * self.box.tick:6.2f} s")
+        lines.append(
+            f"  steps deviate from the sine ramps by {math.degrees(self.deviation[most]):.3f} degrees at most ({name})"
+        )
+        verdict = "certified free of collision, steps and ramps" if self.certified else "NOT CERTIFIED"
+        return "\n".join([*lines, f"  {verdict}", *(f"  {problem}" for problem in self.problems)])
+
+
+def plan_commands(
+    motion: MotionPlan | Trajectory,
+    calibration: Calibration,
+    box: ControlBox,
+    *,
+    scene: Scene | None = None,
+    tolerance: float = 0.01,
+    safety: Safety = "high",
+) -> CommandPlan:
+    """Turn a motion of one arm into commands of its control box, and certify what the arm will do.
+
+    The box knows no times and no paths: a command moves all joints by relative steps from rest to rest, each with its
+    own sine ramps, stretched to the slowest joint. So the motion becomes straight segments in joint space, each a
+    command; an emulation of the firmware gives every step of every motor, and the referee checks them.
+
+    Args:
+        motion: The motion; only one arm moves.
+        calibration: The arm's calibration in steps.
+        box: The arm's control box.
+        scene: The scene (default: that of the `MotionPlan`).
+        tolerance: The segments stay this close to the motion [rad]; larger ones give fewer commands.
+        safety: "high": segments are split into commands of at most 1024 steps for each joint, more of which the box
+            ignores at this level; "low": they are not.
+
+    Returns:
+        The plan; it is true if it is certified, and only then `send_commands` sends it.
+
+    Raises:
+        InputError: no scene, several arms that move, a joint without channel or measured calibration, too many
+            commands.
+        UnknownNameError: another safety level.
+    """
+    of_kind("calibration", calibration, Calibration)
+    of_kind("box", box, ControlBox)
+    of_kind("scene", scene, Scene, optional=True)
+    known_name("safety level", safety, ("high", "low"))
+    tolerance = positive_number("tolerance", tolerance)
+    if not isinstance(motion, MotionPlan | Trajectory):
+        raise InputError(f"motion is of type {type(motion).__name__}, expected MotionPlan or Trajectory")
+    if isinstance(motion, MotionPlan) and scene is None:
+        scene = motion.scene
+    if scene is None:
+        raise InputError("a trajectory does not hold its scene; give the scene too (option scene)")
+    arm, moved = _only_moving_arm(motion if isinstance(motion, Trajectory) else motion.trajectory, scene)
+    scale = StepScale(scene.arms[arm].robot, calibration, box)
+    q = moved(np.linspace(moved.start_time, moved.end_time, _SAMPLES))
+    corners = scale.counters(q[_segment_corners(q, tolerance)])
+    commands = tuple(_commands(corners, scale.joints, safety))
+    if len(commands) > _MOST_COMMANDS:
+        raise InputError(f"the motion takes {len(commands)} commands, more than {_MOST_COMMANDS}; raise the tolerance")
+    start, names = corners[0], scene.joint_names([arm])
+    motions = _emulate(commands, start, scale, box)
+    trajectory = _law_trajectory(motions, start, names, scale, box.tick)
+    path = Path(names, scale.positions(np.concatenate([start[None], *(m.counters for m in motions)])))
+    ticks = np.array([motion.duration for motion in motions])
+    begins = np.cumsum(ticks) - ticks
+    times = np.concatenate([np.zeros(1), *(since + m.times for since, m in zip(begins, motions, strict=True))])
+    still = scene.with_configuration(arm, path.waypoints[0])
+    return CommandPlan(
+        arm,
+        commands,
+        ticks,
+        tuple(int(start[scale.joints.index(name)]) if name in scale.joints else 0 for name in CHANNELS),
+        trajectory,
+        path,
+        validate(trajectory, still),
+        certify_path(path, still),
+        np.abs(trajectory(times * box.tick) - path.waypoints).max(axis=0),
+        box,
+    )
+
+
+def _only_moving_arm(trajectory: Trajectory, scene: Scene) -> tuple[str, Trajectory]:
+    """The arm that moves, and its motion."""
+    for arm in trajectory.arms:
+        scene.arm(arm)
+    bends = np.abs(trajectory.coefficients[:, 1:]).max(axis=(0, 1), initial=0.0)
+    moving = list(dict.fromkeys(n.split("/", 1)[0] for n, b in zip(trajectory.joint_names, bends, strict=True) if b))
+    if len(moving) > 1:
+        raise InputError(f"{' and '.join(moving)} move; a control box drives one arm, export them one by one")
+    arm = moving[0] if moving else trajectory.arms[0]
+    names, selected = scene.joint_names([arm]), trajectory.select(arm)
+    if set(names) != set(selected.joint_names):
+        raise InputError(f"the trajectory does not have all joints of {arm!r}: {', '.join(names)}")
+    order = [selected.joint_names.index(name) for name in names]
+    return arm, Trajectory(names, selected.breaks, selected.coefficients[:, :, order])
+
+
+def _segment_corners(q: Array, tolerance: float) -> list[int]:
+    """Indices of samples (n, nq) that straight lines may connect within a tolerance of all (Douglas, Peucker 1973)."""
+    kept, open_parts = {0, len(q) - 1}, [(0, len(q) - 1)]
+    while open_parts:
+        a, b = open_parts.pop()
+        if b - a < 2:
+            continue
+        chord = q[b] - q[a]
+        length = float(chord @ chord)
+        share = np.clip((q[a + 1 : b] - q[a]) @ chord / length, 0.0, 1.0) if length > 0.0 else np.zeros(b - a - 1)
+        off = np.abs(q[a + 1 : b] - q[a] - share[:, None] * chord).max(axis=1)
+        if off.max() > tolerance:
+            middle = a + 1 + int(off.argmax())
+            kept.add(middle)
+            open_parts += [(a, middle), (middle, b)]
+    return sorted(kept)
+
+
+def _commands(corners: Array, channels: list[str], safety: Safety) -> Iterator[BoxCommand]:
+    """Commands from corner to corner, given as step counters (n, nq)."""
+    now = corners[0].copy()
+    for corner in corners[1:]:
+        parts = max(1, math.ceil(np.abs(corner - now).max() / MOST_STEPS_SAFELY)) if safety == "high" else 1
+        begin = now.copy()
+        for k in range(1, parts + 1):
+            steps = np.rint(begin + (corner - begin) * (k / parts)) - now
+            # The firmware never finishes a single step: it stays for the next command.
+            steps[np.abs(steps) == 1.0] = 0.0
+            if steps.any():
+                now += steps
+                by_channel = dict(zip(channels, steps.astype(int).tolist(), strict=True))
+                yield BoxCommand(tuple(by_channel.get(name, 0) for name in CHANNELS), safety)
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """One emulated command.
+
+    Args:
+        begin: Step counters of the planning joints before it, shape (nq,).
+        steps: Its steps, shape (nq,).
+        profiles: Speeds of the joints that move, by column.
+        duration: Until the box is idle, and not before the ramps are over [ticks].
+        times: Ticks at which a motor stepped, shape (n,).
+        counters: Step counters after each, shape (n, nq).
+    """
+
+    begin: Array
+    steps: Array
+    profiles: dict[int, SpeedProfile]
+    duration: float
+    times: Array
+    counters: Array
+
+
+def _emulate(commands: Sequence[BoxCommand], start: Array, scale: StepScale, box: ControlBox) -> list[_Motion]:
+    emulator, begin, motions = BoxEmulator(box), start, []
+    for command in commands:
+        steps = np.array([command.steps[CHANNELS.index(name)] for name in scale.joints], dtype=np.float64)
+        since = emulator.ticks
+        stepped = emulator.run(command)
+        profiles = {j: emulator.joints[name].profile for j, name in enumerate(scale.joints) if name in stepped}
+        duration = max(emulator.ticks - since, *(profile.total_time for profile in profiles.values()))
+        at = [np.array(stepped.get(name, ()), dtype=np.float64) for name in scale.joints]
+        joint = np.repeat(np.arange(len(at)), [len(one) for one in at])
+        order = np.argsort(np.concatenate(at), kind="stable")
+        times, moves = np.concatenate(at)[order], np.zeros((len(order), len(at)))
+        moves[np.arange(len(order)), joint[order]] = np.sign(steps)[joint[order]]
+        last = np.append(np.diff(times) > 0.0, True)  # steps of one tick are one motion
+        counters = begin + np.cumsum(moves, axis=0)
+        motions.append(_Motion(begin, steps, profiles, float(duration), times[last], counters[last]))
+        begin = begin + steps
+    return motions
+
+
+def _law_trajectory(
+    motions: Sequence[_Motion], start: Array, names: Sequence[str], scale: StepScale, tick: float
+) -> Trajectory:
+    """The motion by the sine ramps of all commands, one after the other."""
+    times, since = [np.zeros(1)], 0.0
+    rows = [np.stack([start, np.zeros_like(start), np.zeros_like(start)])[:, None]]
+    for motion in motions:
+        t = _knots(motion)[1:]
+        values = np.zeros((3, len(t), len(start)))
+        values[0] = motion.begin
+        for j, profile in motion.profiles.items():
+            values[:, :, j] += motion.steps[j] * _share(t, float(profile.ramp_time), float(profile.total_time))
+        times.append(since + t)
+        rows.append(values)
+        since += motion.duration
+    counters, speeds, accelerations = np.concatenate(rows, axis=1)
+    per_step = scale.positions(np.ones((1, len(start)))) - scale.positions(np.zeros((1, len(start))))
+    q = scale.positions(counters)
+    return Trajectory.from_samples(
+        names, np.concatenate(times) * tick, q, speeds * per_step / tick, accelerations * per_step / tick**2
+    )
+
+
+def _knots(motion: _Motion) -> Array:
+    """Ticks between which a quintic follows the ramps of all joints, shape (k,)."""
+    knots = [np.array([0.0, motion.duration])]
+    for profile in motion.profiles.values():
+        ramp = np.linspace(0.0, float(profile.ramp_time), _RAMP_PIECES + 1)
+        knots += [ramp, profile.total_time - ramp]
+    found = np.unique(np.concatenate(knots))
+    return np.asarray(found[np.append(True, np.diff(found) > _LEAST_PIECE)])
+
+
+def _share(t: Array, ramp: float, total: float) -> Array:
+    """The part of a motion that is done at ticks t, and its first and second derivative, shape (3, n)."""
+    late = t > 0.5 * total
+    since = np.where(late, np.maximum(total - t, 0.0), t)  # the second half mirrors the first
+    angle = (np.minimum(since, ramp) / ramp - 0.5) * np.pi
+    way = 0.5 * (np.minimum(since, ramp) - ramp / np.pi * np.cos(angle)) + np.maximum(since - ramp, 0.0)
+    speed = 0.5 * (np.sin(angle) + 1.0)
+    gain = np.where(since < ramp, 0.5 * np.pi / ramp * np.cos(angle), 0.0)
+    whole = total - ramp
+    return np.asarray(np.stack([np.where(late, whole - way, way), speed, np.where(late, -gain, gain)]) / whole)

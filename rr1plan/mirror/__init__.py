@@ -1,0 +1,1 @@
+"""A digital twin: a stream of joint states, shown live, compared with a plan and with its certified corridor."""

@@ -1,0 +1,188 @@
+"""The certified corridor of a motion: configurations around it that are proven free of collision.
+
+A joint that turns by an angle moves no point of a body farther than the angle times the largest distance that the body
+can ever have from its axis, its lever. A configuration q' is therefore free of collision if for each pair of bodies
+
+    sum of lever_j |q'_j - q_j| over the joints j that move the pair against each other  <  distance of the pair at q.
+
+The corridor is the union of these neighborhoods of samples q of the motion, with the distances that Coal measures.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rr1plan.checks import Array, Value, finite_array, of_kind, read_only, shape_of
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError
+from rr1plan.model.joint_turns import TURN, rotary
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+# Samples are so dense that each one uses at most this part of the distances at the one before ...
+_OVERLAP = 0.5
+# ... and that they are between these times apart [s].
+_LONGEST, _SHORTEST = 0.05, 0.001
+_MOST_SAMPLES = 20_000
+# Error of a distance [m].
+_ACCURACY = 1e-5
+# Samples that are compared in full, the nearest ones.
+_NEAREST = 24
+
+
+class CorridorPosition(NamedTuple):
+    """Where a configuration is in a corridor.
+
+    Args:
+        use: Part of the certified distances that is used; below 1 the configuration is proven free of collision.
+        time: Time of the sample of the motion for which that is so [s].
+        pair: The two elements that leave the least room.
+    """
+
+    use: float
+    time: float
+    pair: tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Corridor(Value):
+    """Configurations around a motion that are proven free of collision; `certified_corridor` makes one.
+
+    The proof holds for the scene as it was given: bodies as described, other arms and obstacles where they are.
+
+    Args:
+        joint_names: Columns, "arm/joint".
+        times: Times of the samples [s], shape (k,).
+        configurations: The motion at these times [rad or m], shape (k, nq).
+        distances: Distances of all pairs of bodies there [m], shape (k, p).
+        levers: How far a change of each joint moves each pair against each other at most [m/rad], shape (p, nq).
+        pairs: The elements of each pair.
+        rotary: Which joints are where they were after a whole turn, shape (nq,).
+    """
+
+    joint_names: tuple[str, ...]
+    times: Array
+    configurations: Array
+    distances: Array
+    levers: Array
+    pairs: tuple[tuple[str, str], ...]
+    rotary: NDArray[np.bool_]
+
+    def __repr__(self) -> str:
+        free = self.free_change()
+        name = self.joint_names[int(np.argmin(free))]
+        return f"Corridor({len(self.times)} samples, at least {free.min():.3g} rad or m for {name!r})"
+
+    def free_change(self) -> Array:
+        """How far each joint alone may be off anywhere on the motion [rad or m], shape (nq,)."""
+        with np.errstate(divide="ignore"):
+            each = self.distances[:, :, None] / self.levers[None]
+        return np.asarray(each.min(axis=(0, 1), initial=np.inf))
+
+    def deviation(self, q: ArrayLike, planned: ArrayLike) -> Array:
+        """Configurations less planned ones, without whole turns of joints.
+
+        Args:
+            q: Configurations [rad or m], shape (nq,) or (n, nq), columns as in `joint_names`.
+            planned: Others, of the same shape.
+
+        Raises:
+            InputError: wrong shapes or not finite.
+        """
+        count = len(self.joint_names)
+        shape = (count,) if len(shape_of(planned)) == 1 else (None, count)
+        values, others = finite_array("q", q, shape), finite_array("planned", planned, shape)
+        if values.shape != others.shape:
+            raise InputError(f"q and planned have shapes {values.shape} and {others.shape}, expected the same")
+        return self._apart(values, others)
+
+    def _apart(self, q: Array, planned: Array) -> Array:
+        off = q - planned
+        return np.where(self.rotary, off - TURN * np.round(off / TURN), off)
+
+    def position(self, q: ArrayLike) -> CorridorPosition:
+        """Where a configuration is in the corridor, at the sample of the motion that leaves it the most room.
+
+        Args:
+            q: Configuration [rad or m], shape (nq,), columns as in `joint_names`.
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        off = np.abs(self._apart(finite_array("q", q, (len(self.joint_names),)), self.configurations))
+        order = np.argsort(off @ self.levers.max(axis=0, initial=0.0), kind="stable")[:_NEAREST]
+        uses = (off[order] @ self.levers.T) / self.distances[order]
+        k = int(np.argmin(uses.max(axis=1)))
+        pair = int(np.argmax(uses[k]))
+        return CorridorPosition(float(uses[k, pair]), float(self.times[order[k]]), self.pairs[pair])
+
+
+def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
+    """Find how far arms may be off a motion so that they are proven free of collision.
+
+    Args:
+        scene: The scene.
+        trajectory: A motion without collision, of all joints of some of its arms.
+
+    Raises:
+        InputError: the trajectory is not of all joints of some arms, it is in collision or nearly so, or the scene
+            cannot be checked.
+        UnknownNameError: an arm that the scene does not have.
+    """
+    of_kind("scene", scene, Scene)
+    of_kind("trajectory", trajectory, Trajectory)
+    names = scene.joint_names(trajectory.arms)
+    if set(names) != set(trajectory.joint_names):
+        odd = sorted(set(names) ^ set(trajectory.joint_names))[0]
+        raise InputError(f"trajectory and arms have different joints: only one of them has {odd!r}")
+    columns = [trajectory.joint_names.index(name) for name in names]
+    checker = CollisionChecker(scene, trajectory.arms)
+    levers = _levers(checker)
+    turning = np.concatenate([rotary(scene.arms[arm].robot) for arm in checker.arms])
+    pairs = tuple(checker.pairs[owner] for owner in checker.solid_owner)
+    now, step = trajectory.start_time, _LONGEST
+    times: list[float] = []
+    configurations: list[Array] = []
+    distances: list[Array] = []
+    while len(times) < _MOST_SAMPLES:
+        q = trajectory(now)[columns]
+        apart = checker.solid_distances(q) - _ACCURACY
+        if (apart <= 0.0).any():
+            touching = " and ".join(map(repr, pairs[int(np.argmin(apart))]))
+            raise InputError(f"the motion has no corridor: at {now:.3f} s {touching} touch")
+        times.append(now)
+        configurations.append(q)
+        distances.append(apart)
+        if now >= trajectory.end_time:
+            break
+        step = min(2.0 * step, _LONGEST)
+        while step > _SHORTEST:
+            ahead = np.abs(trajectory(min(now + step, trajectory.end_time))[columns] - q)
+            if (levers @ ahead <= _OVERLAP * apart).all():
+                break
+            step *= 0.5
+        now = min(now + step, trajectory.end_time)
+    samples = [read_only(np.array(rows)) for rows in (times, configurations, distances)]
+    return Corridor(names, samples[0], samples[1], samples[2], read_only(levers), pairs, read_only(turning))
+
+
+def _levers(checker: CollisionChecker) -> Array:
+    """For each pair of bodies, how far a change of each column moves them against each other at most, shape (p, nq)."""
+    tables = checker.tables
+    bodies = tables.bodies.tolist()
+    rows = np.zeros((len(tables.pairs), checker.nq))
+    for row, (first, second, shared) in zip(rows, tables.pairs.tolist(), strict=True):
+        for body in (first, second):
+            if not 0 <= body < len(bodies):
+                continue
+            ball = float(tables.body_values[body, 15])
+            # Joints that both bodies hang on do not move them against each other.
+            for k in range(bodies[body][4] + shared, bodies[body][5]):
+                _, slides, column, _ = tables.joints[tables.chain[k]].tolist()
+                gain = abs(float(tables.joint_values[tables.chain[k], 15]))
+                row[column] += gain * (1.0 if slides else float(tables.chain_reach[k]) + ball)
+    return rows

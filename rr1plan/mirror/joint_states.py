@@ -1,0 +1,147 @@
+"""Streams of joint states: JSON lines in a file or over UDP, messages in a ROS bag, or your own.
+
+A stream is an iterable of `StateMessage`, with a `StreamError` in place of what could not be read and of silence, so
+that it does not end at a damaged message.
+"""
+
+from __future__ import annotations
+
+import json
+import pathlib
+import socket
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import (
+    Array,
+    Value,
+    file_path,
+    finite_number,
+    number_array,
+    positive_number,
+    read_only,
+    shown,
+)
+from rr1plan.errors import InputError
+from rr1plan.export.ros_trajectories import BAG_SUFFIXES, read_joint_states
+from rr1plan.files.file_access import read_text
+from rr1plan.path import check_joint_names
+
+StreamFault = Literal["format", "joints", "finite", "order", "jump", "silence"]
+_LARGEST_DATAGRAM = 65_536
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StateMessage(Value):
+    """The positions of some joints at an instant, as in `sensor_msgs/JointState`.
+
+    Args:
+        time: When the sender measured them, on its clock [s].
+        joint_names: Their names; "joint" alone where only one arm has it.
+        positions: Positions [rad or m], shape (n,); NaN and infinities are kept, for the receiver to report.
+        received: When it arrived, on the clock of the receiver [s]; None: when it is used.
+
+    Raises:
+        InputError: a time that is not finite, no names or the same twice, or another number of positions.
+    """
+
+    time: float
+    joint_names: tuple[str, ...]
+    positions: Array
+    received: float | None = None
+
+    def __init__(
+        self, time: float, joint_names: Sequence[str], positions: ArrayLike, received: float | None = None
+    ) -> None:
+        names, values = check_joint_names(joint_names), number_array("positions", positions)
+        if values.shape != (len(names),):
+            raise InputError(f"positions has shape {values.shape}, expected ({len(names)},): one for each name")
+        object.__setattr__(self, "time", finite_number("time", time))
+        object.__setattr__(self, "joint_names", names)
+        object.__setattr__(self, "positions", read_only(values))
+        object.__setattr__(self, "received", None if received is None else finite_number("received", received))
+
+
+@dataclass(frozen=True)
+class StreamError:
+    """What is wrong with a part of a stream.
+
+    Args:
+        fault: "format" (cannot be read), "joints" (unknown or missing ones), "finite" (NaN or infinite), "order" (not
+            after the message before), "jump" (faster than the joint can move), or "silence" (no message for too long).
+        message: Description for people.
+    """
+
+    fault: StreamFault
+    message: str
+
+
+def read_states(
+    source: str | pathlib.Path, *, silence: float = 1.0, topic: str | None = None
+) -> Iterator[StateMessage | StreamError]:
+    """The joint states of a file or a socket.
+
+    Args:
+        source: "udp://HOST:PORT" to listen for the datagrams of a `JointStateBroadcaster`; or a file of its lines
+            (.jsonl), or a bag with `sensor_msgs/JointState` (.mcap, .db3, .bag, a folder).
+        silence: A socket that is silent for this long gives a `StreamError` [s], and again after as long.
+        topic: The topic of a bag (default: the only one that holds such messages).
+
+    Yields:
+        Messages, and an error in place of each one that cannot be read. A socket is listened to for ever.
+
+    Raises:
+        InputError: another kind of source, an address that cannot be listened to, a file that cannot be read.
+        MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
+    """
+    positive_number("silence", silence)
+    if isinstance(source, str) and "://" in source:
+        return _from_socket(*_address(source), silence)
+    path = file_path(source)
+    if path.suffix in BAG_SUFFIXES or path.is_dir():
+        return (StateMessage(*fields) for fields in read_joint_states(path, topic=topic))
+    lines = [line for line in read_text(path).splitlines() if line.strip()]
+    return (parse_state(line) for line in lines)
+
+
+def parse_state(text: str | bytes) -> StateMessage | StreamError:
+    """One message as a `JointStateBroadcaster` or a `Mirror` writes it: JSON with "time", "name" and "position"."""
+    try:
+        data = json.loads(text)
+        return StateMessage(data["time"], data["name"], data["position"], data.get("received"))
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:  # an InputError is a ValueError
+        what = f"no {error}" if isinstance(error, KeyError) else str(error)
+        return StreamError("format", f"{shown(text[:60])} is no joint state: {what[:200]}")
+
+
+def _address(source: str) -> tuple[str, int]:
+    scheme, _, rest = source.partition("://")
+    host, _, port = rest.rpartition(":")
+    if scheme != "udp" or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise InputError(
+            f"source is {shown(source)}, expected udp://HOST:PORT, such as udp://127.0.0.1:9000, or a file"
+        )
+    return host, int(port)
+
+
+def _from_socket(host: str, port: int, silence: float) -> Iterator[StateMessage | StreamError]:
+    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        receiver.bind((host, port))
+    except OSError as error:
+        receiver.close()
+        raise InputError(f"cannot listen to udp://{host}:{port}: {error.strerror}") from error
+    receiver.settimeout(silence)
+    return _datagrams(receiver, silence)
+
+
+def _datagrams(receiver: socket.socket, silence: float) -> Iterator[StateMessage | StreamError]:
+    with receiver:
+        while True:
+            try:
+                yield parse_state(receiver.recv(_LARGEST_DATAGRAM))
+            except TimeoutError:
+                yield StreamError("silence", f"no message for {silence:g} s")

@@ -1,0 +1,232 @@
+"""A mirror: what a stream of joint states says of an arm, beside what was planned.
+
+with rp.Mirror(motion.scene, motion.trajectory, record="run.jsonl") as mirror:
+mirror.show()
+print(mirror.run(rp.read_states("udp://127.0.0.1:9000"), duration=10.0))
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import pathlib
+import time
+from collections.abc import Callable, Iterable
+from types import TracebackType
+from typing import TextIO
+
+import mujoco
+import numpy as np
+
+from rr1plan.checks import Array, check_callback, file_path, finite_number, of_kind, positive_number, read_only
+from rr1plan.errors import InputError
+from rr1plan.mirror.corridor import Corridor, CorridorPosition, certified_corridor
+from rr1plan.mirror.joint_states import StateMessage, StreamError
+from rr1plan.mirror.message_reader import MessageReader
+from rr1plan.mirror.mirror_page import MirrorPage
+from rr1plan.mirror.mirror_report import MirrorEvent, MirrorReport, MirrorState, MirrorStatistics
+from rr1plan.playback.simulation.mujoco_model import build_mujoco
+from rr1plan.playback.viewer import Viewer
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+
+class Mirror:
+    """Follows a stream of joint states; use it in a `with` statement, or `close` it.
+
+    Args:
+        scene: The scene; joints of which no message tells stay in its configuration.
+        plan: What the arms are to do; None: nothing to compare with.
+        corridor: The certified corridor of the plan (default: computed).
+        start: When the plan begins, on the clock of the sender [s] (default: at the first message).
+        record: A file (.jsonl) that gets all messages, and that `read_states` reads.
+        on_event: Called with each `MirrorEvent`.
+
+    Attributes:
+        scene, plan, corridor: The same.
+        model, data: MuJoCo's model and data, in the newest state.
+        events: What was noticed so far.
+        state: The newest `MirrorState`; None before the first message.
+
+    Raises:
+        InputError: a scene without arms, a plan that is in collision or of other joints, a corridor of other joints,
+            a file that cannot be written, or a callback that is none.
+        UnknownNameError: a plan for arms that the scene does not have.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        plan: Trajectory | None = None,
+        *,
+        corridor: Corridor | None = None,
+        start: float | None = None,
+        record: str | pathlib.Path | None = None,
+        on_event: Callable[[MirrorEvent], None] | None = None,
+    ) -> None:
+        of_kind("scene", scene, Scene)
+        if not scene.arms:
+            raise InputError("the scene has no arm to mirror")
+        of_kind("plan", plan, Trajectory, optional=True)
+        of_kind("corridor", corridor, Corridor, optional=True)
+        check_callback("on_event", on_event)
+        self.scene, self.plan = scene, plan
+        self.corridor = certified_corridor(scene, plan) if corridor is None and plan is not None else corridor
+        if self.corridor is not None and (plan is None or set(self.corridor.joint_names) != set(plan.joint_names)):
+            raise InputError(f"the corridor is of other joints than the plan: {', '.join(self.corridor.joint_names)}")
+        self._start = None if start is None else finite_number("start", start)
+        self._on_event = on_event
+        planned = () if self.corridor is None else self.corridor.joint_names
+        self._reader = MessageReader(scene, scene.joint_names(None if plan is None else plan.arms))
+        self._world = build_mujoco(scene)
+        self.model: mujoco.MjModel = self._world.model
+        self.data = mujoco.MjData(self.model)
+        self.events: list[MirrorEvent] = []
+        self.state: MirrorState | None = None
+        self._statistics = MirrorStatistics(planned, np.zeros(len(planned)))
+        self._page: MirrorPage | None = None
+        self._record = None if record is None else _opened(record)
+
+    def __enter__(self) -> Mirror:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file and the page; more than once is fine."""
+        if self._record is not None:
+            self._record.close()
+        if self._page is not None:
+            self._page.viewer.close()
+
+    def show(self, *, port: int | None = None, open_browser: bool = True, quiet: bool = False) -> Viewer:
+        """Open a live page that shows the arms as measured, with their deviation from the plan.
+
+        Args:
+            port: As in `show`.
+            open_browser: As in `show`.
+            quiet: As in `show`.
+
+        Raises:
+            InputError: a port that is none.
+            BackendError: no free port.
+        """
+        self._page = MirrorPage(self.scene, self.plan, self._statistics.joint_names, port)
+        return self._page.open(open_browser, quiet)
+
+    def run(self, stream: Iterable[StateMessage | StreamError], *, duration: float | None = None) -> MirrorReport:
+        """Follow a stream to its end, for a time, or until Ctrl-C.
+
+        Args:
+            stream: Messages, as of `read_states`.
+            duration: How long at most [s], by this machine's clock (default: without a limit).
+
+        Raises:
+            InputError: a stream of something else, or a duration that is not above zero.
+        """
+        end = math.inf if duration is None else time.monotonic() + positive_number("duration", duration)
+        try:
+            for item in stream:
+                self.receive(item)
+                if time.monotonic() >= end:
+                    break
+        except KeyboardInterrupt:
+            pass
+        except TypeError as error:
+            raise InputError(f"the stream gave something that is no message: {error}") from error
+        return self.report()
+
+    def receive(self, item: StateMessage | StreamError) -> MirrorState | None:
+        """Take in one message.
+
+        Args:
+            item: The message; an error of the stream is counted.
+
+        Returns:
+            The state of the arms; None if the message is of no use, for a reason that is in `events`.
+
+        Raises:
+            InputError: something else than a message.
+        """
+        if isinstance(item, StreamError):
+            self._fault(item)
+            return None
+        of_kind("item", item, StateMessage)
+        arrival = time.monotonic() if item.received is None else item.received
+        if self._record is not None:
+            fields = {"time": item.time, "name": item.joint_names, "position": item.positions.tolist()}
+            print(json.dumps(fields | {"received": arrival}), file=self._record, flush=True)
+        q = self._reader.read(item)
+        if isinstance(q, StreamError):
+            self._fault(q)
+            return None
+        jump = self._reader.accept(item.time, q)
+        if jump is not None:
+            self._fault(jump)
+        self._start = item.time if self._start is None else self._start
+        state = MirrorState(item.time, read_only(q), *self._compared(item.time, q), self._contacts(q))
+        was_inside = self.state is None or self.state.corridor is None or self.state.proven_free
+        self._statistics.add(state, arrival, was_inside)
+        self._note_changes(state, was_inside)
+        self.state = state
+        if self._page is not None:
+            self._page.draw(state, arrival, self._statistics, self.events[-1] if self.events else None)
+        return state
+
+    def report(self) -> MirrorReport:
+        """What came in so far."""
+        return self._statistics.report()
+
+    # ---- inside --------------------------------------------------------------------------
+
+    def _fault(self, error: StreamError) -> None:
+        """Count a fault; many of the same kind in a row are one event."""
+        self._statistics.faults[error.fault] += 1
+        if not self.events or self.events[-1].kind != error.fault:
+            self._notice(MirrorEvent(self.state.time if self.state else 0.0, error.fault, error.message))
+
+    def _notice(self, event: MirrorEvent) -> None:
+        self.events.append(event)
+        if self._on_event is not None:
+            self._on_event(event)
+
+    def _compared(self, now: float, q: Array) -> tuple[Array | None, CorridorPosition | None]:
+        """Deviation from the plan at its time, and the place in the corridor."""
+        if self.plan is None or self.corridor is None or self._start is None:
+            return None, None
+        names = self.corridor.joint_names
+        measured = q[[self.scene.joint_names().index(name) for name in names]]
+        planned = self.plan(self.plan.start_time + now - self._start)
+        planned = planned[[self.plan.joint_names.index(name) for name in names]]
+        return read_only(self.corridor.deviation(measured, planned)), self.corridor.position(measured)
+
+    def _contacts(self, q: Array) -> tuple[tuple[str, str], ...]:
+        """Pairs that touch in MuJoCo, which is put into the state."""
+        self.data.qpos[:] = self._reader.joints.expand(q)
+        mujoco.mj_forward(self.model, self.data)
+        elements = self._world.geom_elements
+        touching = self.data.contact.geom[self.data.contact.dist <= 0.0].tolist()
+        return tuple(sorted({(elements[first], elements[second]) for first, second in touching}))
+
+    def _note_changes(self, state: MirrorState, was_inside: bool) -> None:
+        """Notice what begins or ends with a state."""
+        is_inside = state.corridor is None or state.proven_free
+        if was_inside and not is_inside and state.corridor is not None:
+            nearest = " and ".join(state.corridor.pair)
+            self._notice(MirrorEvent(state.time, "outside", f"left the certified corridor: {nearest} might touch"))
+        elif is_inside and not was_inside:
+            self._notice(MirrorEvent(state.time, "inside", "inside the certified corridor again"))
+        for pair in sorted(set(state.contacts) - set(self.state.contacts if self.state else ())):
+            self._notice(MirrorEvent(state.time, "contact", f"{pair[0]} and {pair[1]} touch"))
+
+
+def _opened(file: str | pathlib.Path) -> TextIO:
+    """A file to write text to."""
+    path = file_path(file)
+    try:
+        return path.open("w", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error

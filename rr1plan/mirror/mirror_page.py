@@ -1,0 +1,74 @@
+"""The live page of a mirror: the arms as measured, and a panel with their deviation from the plan."""
+
+from __future__ import annotations
+
+import math
+from importlib.resources import files
+from typing import Any
+
+from rr1plan.checks import true_or_false
+from rr1plan.mirror.mirror_report import MirrorEvent, MirrorState, MirrorStatistics
+from rr1plan.playback.viewer import Panel, Viewer, ViewOptions
+from rr1plan.playback.viewer.live_viewer import open_viewer
+from rr1plan.scene import Scene
+from rr1plan.trajectory import Trajectory
+
+# Least time between two updates of the page, and of its panel [s].
+_FRAME, _PANEL = 1 / 60, 0.1
+_WIDTH = 380  # [px]
+
+
+class MirrorPage:
+    """The page, which is sent no more than it can draw.
+
+    Args:
+        scene: The scene.
+        plan: The plan; None: the panel has no deviations.
+        names: The joints whose deviations the panel shows.
+        port: As in `show`.
+
+    Attributes:
+        viewer: The page itself.
+    """
+
+    def __init__(self, scene: Scene, plan: Trajectory | None, names: tuple[str, ...], port: int | None) -> None:
+        html, css, script = (_asset(f"mirror.{kind}") for kind in ("html", "css", "js"))
+        data = {"joints": list(names), "state": None}
+        panel = Panel("mirror", "Mirror", html=html, css=css, script=script, data=data, width=_WIDTH)
+        options = ViewOptions(title=f"{scene.name}: mirror", play=False, panels=(panel,))
+        self.viewer = Viewer(scene, trajectory=plan, options=options, port=port)
+        self._next_frame = self._next_panel = -math.inf
+
+    def open(self, open_browser: bool, quiet: bool) -> Viewer:
+        """Print the address of the page and open it in a browser."""
+        return open_viewer(self.viewer, true_or_false("open_browser", open_browser), true_or_false("quiet", quiet))
+
+    def draw(self, state: MirrorState, now: float, statistics: MirrorStatistics, event: MirrorEvent | None) -> None:
+        """Show a state that arrived at a time of this machine's clock [s], with the newest event."""
+        if self.viewer.closed:
+            return
+        if now >= self._next_frame:
+            self.viewer.update(state.q)
+            self._next_frame = now + _FRAME
+        if now >= self._next_panel:
+            self.viewer.update_panel("mirror", {"state": _panel_state(state, statistics, event)})
+            self._next_panel = now + _PANEL
+
+
+def _panel_state(state: MirrorState, statistics: MirrorStatistics, event: MirrorEvent | None) -> dict[str, Any]:
+    corridor = state.corridor
+    return {
+        "time": state.time,
+        "rate": statistics.rate(),
+        "delay": statistics.delay(),
+        "deviation": None if state.deviation is None else state.deviation.tolist(),
+        "most": statistics.max_deviation.tolist(),
+        "use": None if corridor is None else corridor.use,
+        "pair": None if corridor is None else list(corridor.pair),
+        "contacts": [list(pair) for pair in state.contacts],
+        "event": None if event is None else f"{event.time:.2f} s: {event.message}",
+    }
+
+
+def _asset(name: str) -> str:
+    return (files("rr1plan.playback.viewer") / "page" / name).read_text(encoding="utf-8")

@@ -1,0 +1,182 @@
+"""What a mirror finds: states, events and reports."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from rr1plan.checks import Array, Value, counted
+from rr1plan.mirror.corridor import CorridorPosition
+from rr1plan.mirror.joint_states import StreamFault
+
+# Messages that the present rate and the median delay are of, the newest ones.
+_RECENT, _TYPICAL = 50, 10_000
+
+
+@dataclass(frozen=True)
+class MirrorEvent:
+    """Something that a mirror noticed.
+
+    Args:
+        time: On the clock of the sender [s]; that of the last message where there is none.
+        kind: "outside" or "inside" (the arms left the certified corridor, or came back), "contact" (bodies touch), or
+            a fault of the stream as in `StreamError`.
+        message: Description for people.
+    """
+
+    time: float
+    kind: Literal["outside", "inside", "contact"] | StreamFault
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.time:.3f} s: {self.kind}: {self.message}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MirrorState(Value):
+    """The arms by the newest message.
+
+    Args:
+        time: When it was measured, on the clock of the sender [s].
+        q: Planning joints of all arms of the scene [rad or m], shape (nq,).
+        deviation: Measured less planned positions [rad or m], of the joints of the corridor; None without a plan.
+        corridor: Where the arms are in the certified corridor; None without a plan.
+        contacts: Pairs of elements that touch and must not.
+    """
+
+    time: float
+    q: Array
+    deviation: Array | None
+    corridor: CorridorPosition | None
+    contacts: tuple[tuple[str, str], ...]
+
+    @property
+    def proven_free(self) -> bool:
+        """Whether the arms are in the certified corridor."""
+        return self.corridor is not None and self.corridor.use < 1.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MirrorReport(Value):
+    """What came in, and how it compares with the plan.
+
+    Args:
+        messages: Number of messages that were used.
+        rate: Messages per second, by their arrival.
+        delays: Median and largest delay of messages beyond that of the fastest one [s]; clocks may differ.
+        max_deviation: Largest deviation from the plan of each of its joints [rad or m], by name.
+        outside: Intervals outside the certified corridor, on the clock of the sender [s].
+        faults: Number of faults of the stream of each kind.
+    """
+
+    messages: int
+    rate: float
+    delays: tuple[float, float]
+    max_deviation: Mapping[str, float]
+    outside: tuple[tuple[float, float], ...]
+    faults: Mapping[StreamFault, int]
+
+    def __post_init__(self) -> None:
+        for name in ("max_deviation", "faults"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def __bool__(self) -> bool:
+        """All messages were good, and the arms stayed in the corridor."""
+        return self.messages > 0 and not self.outside and not self.faults
+
+    def __str__(self) -> str:
+        typical, longest = (1e3 * delay for delay in self.delays)
+        text = (
+            f"{counted(self.messages, 'message')}, {self.rate:.1f}/s, delay {typical:.1f} ms, at most {longest:.1f} ms"
+        )
+        if self.max_deviation:
+            name = max(self.max_deviation, key=lambda joint: self.max_deviation[joint])
+            text += f"\nat most {self.max_deviation[name]:.3g} rad or m off the plan ({name})"
+            text += "" if self.outside else "\nalways inside the certified corridor"
+        for begin, end in self.outside:
+            text += f"\noutside the certified corridor from {begin:.3f} s to {end:.3f} s"
+        for fault, count in self.faults.items():
+            text += f"\n{fault}: {counted(count, 'time')}"
+        return text
+
+
+@dataclass
+class MirrorStatistics:
+    """Running figures of a mirror, of bounded size however long it runs.
+
+    Args:
+        joint_names: Joints of the plan.
+        max_deviation: Largest deviation of each so far [rad or m], shape (n,).
+        arrivals: When the newest messages arrived, on this machine's clock [s].
+        offsets: How much later than they were measured, on different clocks [s].
+        totals: Number of messages, first and last arrival, least and largest offset [s].
+        outside: Intervals outside the certified corridor [s].
+        faults: Number of faults of the stream of each kind.
+    """
+
+    joint_names: tuple[str, ...]
+    max_deviation: Array
+    arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    offsets: deque[float] = field(default_factory=lambda: deque(maxlen=_TYPICAL))
+    totals: Totals = field(default_factory=lambda: Totals())
+    outside: list[tuple[float, float]] = field(default_factory=list)
+    faults: Counter[StreamFault] = field(default_factory=Counter)
+
+    def add(self, state: MirrorState, arrival: float, was_inside: bool) -> None:
+        """Count a message."""
+        self.arrivals.append(arrival)
+        self.offsets.append(arrival - state.time)
+        self.totals = self.totals.with_message(arrival, arrival - state.time)
+        if state.deviation is not None:
+            np.maximum(self.max_deviation, np.abs(state.deviation), out=self.max_deviation)
+        if state.corridor is not None and not state.proven_free:
+            begin = state.time if was_inside else self.outside.pop()[0]
+            self.outside.append((begin, state.time))
+
+    def rate(self) -> float:
+        """Messages per second, by the arrival of the newest."""
+        lasted = self.arrivals[-1] - self.arrivals[0] if self.arrivals else 0.0
+        return (len(self.arrivals) - 1) / lasted if lasted > 0.0 else 0.0
+
+    def delay(self) -> float:
+        """Delay of the newest message beyond that of the fastest one [s]."""
+        return self.offsets[-1] - self.totals.least_offset
+
+    def report(self) -> MirrorReport:
+        """The figures so far."""
+        totals = self.totals
+        lasted, delays = totals.last - totals.first, (0.0, 0.0)
+        if totals.count:
+            typical = float(np.median(self.offsets)) - totals.least_offset
+            delays = (typical, totals.largest_offset - totals.least_offset)
+        return MirrorReport(
+            messages=totals.count,
+            rate=(totals.count - 1) / lasted if lasted > 0.0 else 0.0,
+            delays=delays,
+            max_deviation=dict(zip(self.joint_names, self.max_deviation.tolist(), strict=True)),
+            outside=tuple(self.outside),
+            faults=dict(self.faults),
+        )
+
+
+@dataclass(frozen=True)
+class Totals:
+    """Of all messages so far: number, first and last arrival, least and largest offset between the clocks [s]."""
+
+    count: int = 0
+    first: float = 0.0
+    last: float = 0.0
+    least_offset: float = math.inf
+    largest_offset: float = -math.inf
+
+    def with_message(self, arrival: float, offset: float) -> Totals:
+        """The same with one more message."""
+        first = arrival if self.count == 0 else self.first
+        least, largest = min(self.least_offset, offset), max(self.largest_offset, offset)
+        return Totals(self.count + 1, first, arrival, least, largest)

@@ -1,0 +1,121 @@
+"""Shortcuts of a path of several arms that save time rather than length.
+
+A shortcut joins two random instants by straight lines, of all arms or of a few while the others go on as they were
+(partial shortcuts: Geraerts and Overmars, Creating high-quality paths for motion planning, 2007; of arms: Huang et al.,
+Benchmarking shortcutting techniques for multi-robot-arm motion planning, 2025). So arms that moved one after the other
+come to move at the same time. An edge takes as long as its slowest joint does from rest to rest; where corners are
+rounded later, the motion is faster.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.collision import CollisionChecker
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.robot.joint_limits import Limits
+
+# A shortcut has to save this share of the duration. A share of the mean time of the joints counts, too, so that arms
+# take shorter ways while others decide how long an edge takes.
+_LEAST_GAIN, _WAY = 1e-3, 0.1
+# Consecutive shortcuts without a gain after which the search stops, for each arm.
+_PATIENCE = 40
+_ALL, _MOST = 0.4, 2  # how often all arms are joined straight, and otherwise how many at most
+
+
+def shorten_in_time(
+    points: Array,
+    agent: Agent,
+    checker: CollisionChecker,
+    rng: np.random.Generator,
+    watch: Stopwatch,
+    attempts: int,
+) -> Array:
+    """Make a certified path of several arms faster.
+
+    Args:
+        points: Waypoints, shape (n, nq).
+        agent: The arms.
+        checker: Certifies edges of their joints.
+        rng: Where random numbers come from.
+        watch: Says when to stop.
+        attempts: Shortcuts to try, at most.
+
+    Returns:
+        Waypoints, shape (m, nq); each edge is certified, or a part of a given one.
+    """
+    path, columns = _TimedPolyline(points, agent.limits), list(agent.columns.values())
+    idle = 0
+    for _ in range(attempts):
+        if idle >= _PATIENCE * len(columns) or len(path.points) <= 2 or not watch.goes_on():
+            break
+        begin, end = np.sort(rng.random(2)) * path.times[-1]
+        count = len(columns) if rng.random() < _ALL else 1 + int(rng.integers(min(_MOST, len(columns))))
+        chosen = [columns[i] for i in rng.permutation(len(columns))[:count].tolist()]
+        first, behind = path.rows_between(begin, end)
+        old = np.vstack([path.at(begin), path.points[first:behind], path.at(end)])
+        new = (
+            old[[0, -1]] if count == len(columns) else _straightened(old, path.times[first:behind], begin, end, chosen)
+        )
+        idle += 1
+        if path.cost(old) - path.cost(new) > _LEAST_GAIN * path.times[-1] and checker.path_is_free(new):
+            joined = np.concatenate([path.points[:first], new, path.points[behind:]])
+            path, idle = _TimedPolyline(joined, agent.limits), 0
+    return path.points
+
+
+def _straightened(section: Array, times: Array, begin: float, end: float, chosen: list[slice]) -> Array:
+    """A section on which some arms move straight, at the pace of the clock."""
+    new = section.copy()
+    share = ((times - begin) / (end - begin))[:, None]
+    for columns in chosen:
+        new[1:-1, columns] = section[0, columns] + share * (section[-1, columns] - section[0, columns])
+    return new
+
+
+class _TimedPolyline:
+    """A polyline on a clock.
+
+    Args:
+        points: Waypoints, repeated ones are dropped, shape (n, nq).
+        limits: Of its joints.
+
+    Attributes:
+        points: Waypoints.
+        times: When it is at each.
+    """
+
+    def __init__(self, points: Array, limits: Limits) -> None:
+        # Joints that move have limits, or their motion could not be timed.
+        self._velocity, self._acceleration = (
+            np.where(np.isfinite(most), most, 1.0) for most in (limits.velocity, limits.acceleration)
+        )
+        durations = self._joint_times(points).max(axis=1)
+        moves = durations > 0.0
+        self.points: Array = points[np.concatenate([[True], moves])]
+        self.times = np.concatenate([[0.0], np.cumsum(durations[moves])])
+
+    def _joint_times(self, points: Array) -> Array:
+        """How long each joint takes for each edge from rest to rest, shape (edges, nq)."""
+        steps = np.abs(np.diff(points, axis=0))
+        ramps = 2.0 * np.sqrt(steps / self._acceleration)
+        cruises = steps / self._velocity + self._velocity / self._acceleration
+        return np.asarray(np.where(steps * self._acceleration > self._velocity**2, cruises, ramps))
+
+    def cost(self, points: Array) -> float:
+        """The duration of some waypoints, and a share of the mean time of their joints."""
+        times = self._joint_times(points)
+        return float(times.max(axis=1).sum() + _WAY * times.mean(axis=1).sum())
+
+    def at(self, time: float) -> Array:
+        """Where the arms are at an instant, shape (nq,)."""
+        row = min(int(np.searchsorted(self.times, time, side="right")), len(self.times) - 1)
+        share = (time - self.times[row - 1]) / (self.times[row] - self.times[row - 1])
+        return np.asarray(self.points[row - 1] + share * (self.points[row] - self.points[row - 1]))
+
+    def rows_between(self, begin: float, end: float) -> tuple[int, int]:
+        """The first waypoint after an instant, and the first one after a later one."""
+        first, behind = np.searchsorted(self.times, [begin, end], side="right").tolist()
+        return first, behind

@@ -1,0 +1,82 @@
+"""Arms that differ from their description: payload, masses, friction that the servos do not know of."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from rr1plan.checks import Array, finite_number, positive_number
+from rr1plan.errors import InputError
+from rr1plan.scene import Scene
+
+# Radius of the ball that a payload is [m].
+_PAYLOAD_RADIUS = 0.05
+
+
+@dataclass(frozen=True)
+class ArmVariation:
+    """How simulated arms differ from their description, which the feed-forward torque of their servos follows.
+
+    Args:
+        payload: Mass at the tool of each arm [kg], a ball of 5 cm radius around the tool's origin.
+        mass: Factor of the masses and inertias of all links.
+        friction: Coulomb friction of each joint as a share of its effort limit; joints without a limit have none.
+
+    Raises:
+        InputError: a negative payload or friction, a factor that is not above zero, numbers that are not finite.
+    """
+
+    payload: float = 0.0
+    mass: float = 1.0
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("payload", "friction"):
+            value = finite_number(name, getattr(self, name))
+            if value < 0.0:
+                raise InputError(f"{name} is {value}, expected a number >= 0")
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "mass", positive_number("mass", self.mass))
+
+    def __str__(self) -> str:
+        return (
+            f"payload {self.payload:.3g} kg, masses x {self.mass:.3g}, friction {100.0 * self.friction:.3g} % of effort"
+        )
+
+
+def varied_model(model: Any, scene: Scene, effort_limits: Array, variation: ArmVariation) -> Any:
+    """A copy of a MuJoCo model with other arms.
+
+    Args:
+        model: The model of a scene, whose first degrees of freedom are the joints.
+        scene: The scene.
+        effort_limits: Largest effort of each joint [Nm or N], shape (n,).
+        variation: How the arms differ.
+    """
+    varied = copy.copy(model)
+    for name, arm in scene.arms.items():
+        for link in arm.robot.links:
+            body = varied.body(f"{name}/{link.name}").id
+            varied.body_mass[body] *= variation.mass
+            varied.body_inertia[body] *= variation.mass
+        if variation.payload > 0.0:
+            _add_payload(varied, varied.body(f"{name}/{arm.robot.tool}").id, variation.payload)
+    limited = np.isfinite(effort_limits)
+    varied.dof_frictionloss[: len(effort_limits)] += np.where(limited, variation.friction * effort_limits, 0.0)
+    # What MuJoCo derives from the masses.
+    mujoco.mj_setConst(varied, mujoco.MjData(varied))
+    return varied
+
+
+def _add_payload(model: Any, body: int, payload: float) -> None:
+    own, com = float(model.body_mass[body]), model.body_ipos[body].copy()
+    total = own + payload
+    model.body_mass[body] = total
+    model.body_ipos[body] = com * (own / total)
+    # The parallel-axis term in all directions alike: at most too much, and none for a frame without a mass.
+    shifted = own * payload / total * float(com @ com)
+    model.body_inertia[body] += shifted + 0.4 * payload * _PAYLOAD_RADIUS**2

@@ -1,0 +1,128 @@
+"""Manual control: joints that follow sliders and keys at a bounded speed and acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import Array, check_text, finite_array, finite_number, known_name, positive_number
+from rr1plan.errors import InputError
+from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
+
+# Highest speed of joints without a limit [rad/s or m/s].
+_SPEED = 1.0
+# Time to reach the highest speed [s].
+_RAMP = 0.2
+
+
+class ManualController(Controller):
+    """Moves joints by hand, as RQt's joint trajectory controller panel does.
+
+        viewer.on_slider(manual.move)          # the sliders of a live page, with mouse or arrow keys
+        manual.press("2"); manual.press("+")   # keys of a terminal: choose a joint, move it by a step
+
+    Every joint goes to its last target at a part of its highest speed, which it reaches in 0.2 s; a new target takes
+    over from the present speed.
+
+    Args:
+        joint_names: The joints to claim, "arm/joint".
+        speed: Part of the highest speed, above 0 and at most 1.
+        step: How far a key moves a joint [rad or m].
+
+    Attributes:
+        selected: The joint that "+" and "-" move.
+
+    Raises:
+        InputError: no joints, a speed out of range, or a step that is not above zero.
+    """
+
+    _target: Array
+    _positions: Array
+    _velocities: Array
+
+    def __init__(self, joint_names: Sequence[str], *, speed: float = 0.25, step: float = 0.05) -> None:
+        super().__init__(joint_names)
+        self.speed, self.step = positive_number("speed", speed), positive_number("step", step)
+        if self.speed > 1.0:
+            raise InputError(f"speed is {speed:g}, expected at most 1, a part of the highest speed")
+        if not self.joint_names:
+            raise InputError("joint_names is empty, expected the joints to move")
+        self.selected = self.joint_names[0]
+
+    def activate(self, joints: JointInfo, state: JointState) -> None:
+        """Hold the present positions until the first command."""
+        super().activate(joints, state)
+        self._target, self._positions = state.positions.copy(), state.positions.copy()
+        self._velocities = np.zeros(len(joints.names))
+
+    def command(self, positions: ArrayLike) -> None:
+        """Set the targets of all joints.
+
+        Args:
+            positions: Positions [rad or m], shape (n,); beyond the limits, the limits.
+
+        Raises:
+            InputError: another shape, not finite, or a controller that is not active.
+        """
+        targets = finite_array("positions", positions, (len(self.joint_names),))
+        self.check_active()
+        self._target = np.clip(targets, self.joints.lower, self.joints.upper)
+
+    def move(self, joint: str, position: float) -> None:
+        """Set the target of one joint; may be called from any thread.
+
+        Args:
+            joint: The joint, "arm/joint".
+            position: Where to [rad or m]; beyond the limits, the limits.
+
+        Raises:
+            UnknownNameError: a joint that this controller does not have.
+            InputError: not finite, or a controller that is not active.
+        """
+        known_name("joint", joint, self.joint_names)
+        value = finite_number("position", position)
+        self.check_active()
+        targets = self._target.copy()
+        targets[self.joint_names.index(joint)] = value
+        self.command(targets)
+
+    def press(self, key: str) -> bool:
+        """Take in a key: "1" to "9" choose a joint, "+" and "-" move it by a step, " " stops all joints.
+
+        Returns:
+            Whether it is one of these keys.
+
+        Raises:
+            InputError: no text, or a controller that is not active.
+        """
+        check_text("key", key)
+        self.check_active()
+        if key in ("+", "-"):
+            i = self.joint_names.index(self.selected)
+            self.move(self.selected, float(self._target[i]) + (self.step if key == "+" else -self.step))
+        elif key == " ":
+            self._target = self._positions.copy()
+        elif len(key) == 1 and key in "123456789" and int(key) <= len(self.joint_names):
+            self.selected = self.joint_names[int(key) - 1]
+        else:
+            return False
+        return True
+
+    def update(self, state: JointState) -> SetPoint:
+        """The next positions on the way."""
+        dt = self.joints.dt
+        fastest = self.speed * np.where(np.isfinite(self.joints.velocity), self.joints.velocity, _SPEED)
+        acceleration = fastest / _RAMP
+        left = self._target - self._positions
+        # The speed from which a joint can still stop at its target.
+        wanted = np.sign(left) * np.minimum(fastest, np.sqrt(2.0 * acceleration * np.abs(left)))
+        change = np.clip(wanted - self._velocities, -acceleration * dt, acceleration * dt)
+        velocities = self._velocities + change
+        arrives = (np.abs(left) <= np.abs(velocities) * dt) & (np.abs(velocities) <= 2.0 * acceleration * dt)
+        velocities = np.where(arrives, left / dt, velocities)
+        self._positions = self._positions + velocities * dt
+        accelerations = (velocities - self._velocities) / dt
+        self._velocities = np.where(arrives, 0.0, velocities)
+        return SetPoint(self._positions, self._velocities, np.where(arrives, 0.0, accelerations))

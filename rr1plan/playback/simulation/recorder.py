@@ -1,0 +1,108 @@
+"""Records of simulations: what joints and loose bodies did, for pages and for measurements."""
+
+from __future__ import annotations
+
+import time
+
+import mujoco
+import numpy as np
+
+from rr1plan.checks import Array, of_kind, positive_number
+from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayRecord
+from rr1plan.playback.simulation.simulation import Simulation
+from rr1plan.scene import Obstacle
+
+
+class BodyLog:
+    """Collects poses of loose bodies; bodies may come and go between two instants."""
+
+    def __init__(self) -> None:
+        self._bodies: dict[str, Obstacle] = {}
+        self._rows: list[dict[str, Array]] = []
+
+    def add(self, sim: Simulation) -> None:
+        """Add the present poses."""
+        names = sim.body_names
+        self._bodies |= {name: sim.scene.obstacles[name] for name in names}
+        self._rows.append({name: sim.body_coordinates(name) for name in names})
+
+    def motion(self) -> BodyMotion | None:
+        """All poses so far; None if there were no bodies."""
+        if not self._bodies:
+            return None
+        gone = np.full(7, np.nan)
+        poses = np.array([[row.get(name, gone) for name in self._bodies] for row in self._rows])
+        return BodyMotion(self._bodies, poses)
+
+
+class Recorder:
+    """Records a simulation from now on.
+
+        with rp.Recorder(sim) as recorder:
+            sim.run(duration=5.0)
+        rp.save_html("run.html", scene, replay=recorder.replay())
+
+    Args:
+        sim: The simulation; it may not be reset while it is recorded.
+        dt: Time between recorded instants [s]; tracking errors and efforts are noted at every step.
+
+    Raises:
+        InputError: no simulation, or a time that is not above zero.
+    """
+
+    def __init__(self, sim: Simulation, dt: float = 0.02) -> None:
+        of_kind("sim", sim, Simulation)
+        self._sim, self._stride = sim, max(1, round(positive_number("dt", dt) / sim.dt))
+        self._names = sim.scene.joint_names() if sim.scene.arms else ()
+        self._columns = np.array([sim.joint_names.index(name) for name in self._names], dtype=np.int64)
+        self._limits = sim.effort_limits[self._columns]
+        self._begin, self._wall = sim.steps, time.perf_counter()
+        self._times: list[float] = []
+        self._rows: list[Array] = []
+        self._max_error, self._square, self._effort = np.zeros((3, len(self._names)))
+        self._bodies = BodyLog()
+        self._stop = sim.on_step(self._note)
+        self._keep()
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """Record no more."""
+        stop, self._stop = self._stop, lambda: None
+        stop()
+
+    def replay(self) -> Replay:
+        """The record so far, as `simulate` returns it."""
+        steps, rows = self._sim.steps - self._begin, np.array(self._rows)
+        begin = self._times[0]
+        return Replay(
+            mode="dynamic",
+            joint_names=self._names,
+            record=ReplayRecord(np.array(self._times), rows[:, 0], rows[:, 1], self._bodies.motion()),
+            max_error=self._max_error,
+            rms_error=np.sqrt(self._square / max(1, steps)),
+            peak_effort=self._effort / self._limits,
+            contacts=tuple(contact for contact in self._sim.contacts if contact.last >= begin),
+            steps=steps,
+            timestep=self._sim.dt,
+            wall_seconds=time.perf_counter() - self._wall,
+            settings={"mujoco": mujoco.__version__},
+        )
+
+    def _note(self, sim: Simulation) -> None:
+        error = (sim.positions - sim.set_points)[self._columns]
+        np.maximum(self._max_error, np.abs(error), out=self._max_error)
+        self._square += error**2
+        np.maximum(self._effort, np.abs(sim.efforts[self._columns]), out=self._effort)
+        if (sim.steps - self._begin) % self._stride == 0:
+            self._keep()
+
+    def _keep(self) -> None:
+        sim = self._sim
+        self._times.append(sim.time)
+        self._rows.append(np.array([sim.set_points[self._columns], sim.positions[self._columns]]))
+        self._bodies.add(sim)

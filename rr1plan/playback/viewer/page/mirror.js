@@ -1,0 +1,100 @@
+// What a mirror measures: statements of a panel: viewer, root, data.
+
+const part = (name) => root.querySelector(name);
+const verdict = part(".verdict"), facts = part(".facts"), canvas = part(".use"), event = part(".event");
+const pen = canvas.getContext("2d"), LASTS = 20, uses = [];
+const inSeconds = (t) => `${t.toFixed(2)} s`;
+// Without the sign of zero.
+const degrees = (v) => `${((180 / Math.PI) * v).toFixed(2).replace(/^-(0\.00)$/, "$1")}°`;
+const oneArm = new Set(data.joints.map((name) => name.split("/")[0])).size === 1;
+
+const rows = data.joints.map((name) => {
+  const row = document.createElement("div");
+  row.className = "deviation";
+  const label = document.createElement("span"), groove = document.createElement("i"), bar = document.createElement("b");
+  const now = document.createElement("span"), most = document.createElement("span");
+  label.textContent = oneArm ? name.slice(name.indexOf("/") + 1) : name;
+  label.title = name;
+  groove.className = "groove";
+  groove.append(bar);
+  row.append(label, groove, now, most);
+  return { row, bar, now, most };
+});
+if (rows.length) {
+  const head = document.createElement("div");
+  head.className = "deviation head";
+  for (const text of ["Off the plan", "", "now", "most"]) {
+    const cell = document.createElement("span");
+    cell.textContent = text;
+    head.append(cell);
+  }
+  part(".deviations").append(head, ...rows.map(({ row }) => row));
+} else for (const node of [canvas, part("h3")]) node.hidden = true;
+
+function drawUses() {
+  const width = canvas.clientWidth, height = canvas.clientHeight;
+  if (!width) return;
+  const scale = window.devicePixelRatio || 1, left = 42, top = 6, bottom = height - 16;
+  canvas.width = Math.round(width * scale);
+  canvas.height = Math.round(height * scale);
+  pen.setTransform(scale, 0, 0, scale, 0, 0);
+  pen.font = "11px Inter, 'Segoe UI', 'DejaVu Sans', sans-serif";
+  const last = uses.length ? uses[uses.length - 1].time : LASTS, begin = Math.max(last - LASTS, uses.length ? uses[0].time : 0);
+  const high = Math.max(1.25, Math.min(3, 1.1 * Math.max(0, ...uses.map(({ use }) => use))));
+  const x = (time) => left + ((time - begin) / Math.max(last - begin, 1)) * (width - left - 4);
+  const y = (use) => bottom - (Math.min(use, high) / high) * (bottom - top);
+  pen.fillStyle = "#fde0ea";
+  pen.fillRect(left, top, width - left - 4, y(1) - top);
+  pen.fillStyle = "#667080";
+  pen.textAlign = "right";
+  for (const use of [0, 1, 2, 3].filter((value) => value <= high)) pen.fillText(`${100 * use}%`, left - 5, y(use) + 4);
+  pen.textAlign = "left";
+  pen.fillText(inSeconds(begin), left, height - 3);
+  pen.textAlign = "right";
+  pen.fillText(inSeconds(last), width - 4, height - 3);
+  pen.strokeStyle = "#c2255c";
+  pen.setLineDash([4, 3]);
+  pen.beginPath();
+  pen.moveTo(left, y(1));
+  pen.lineTo(width - 4, y(1));
+  pen.stroke();
+  pen.setLineDash([]);
+  pen.strokeStyle = "#1b2430";
+  pen.lineWidth = 1.5;
+  pen.beginPath();
+  uses.forEach(({ time, use }, i) => pen[i ? "lineTo" : "moveTo"](x(time), y(use)));
+  pen.stroke();
+}
+
+function show() {
+  const { state } = data;
+  if (!state) return;
+  const touching = state.contacts.length > 0, outside = state.use !== null && state.use >= 1;
+  verdict.className = `verdict ${touching || outside ? "bad" : state.use === null ? "open" : "good"}`;
+  verdict.textContent = touching ? `${state.contacts[0].join(" and ")} touch`
+    : outside ? `Outside the certified corridor: ${state.pair.join(" and ")} might touch`
+    : state.use === null ? "No plan to compare with" : "Inside the certified corridor: proven free of collision";
+  facts.textContent = `${inSeconds(state.time)} · ${state.rate.toFixed(0)} messages/s · delay ${(1000 * state.delay).toFixed(1)} ms`;
+  event.textContent = state.event || "";
+  if (state.deviation) {
+    const scale = Math.max(1e-3, ...state.most);
+    rows.forEach(({ bar, now, most }, i) => {
+      const off = state.deviation[i] / scale;
+      bar.style.left = `${50 + 50 * Math.min(off, 0)}%`;
+      bar.style.width = `${50 * Math.abs(off)}%`;
+      now.textContent = degrees(state.deviation[i]);
+      most.textContent = degrees(state.most[i]);
+    });
+  }
+  if (state.use !== null && (!uses.length || state.time !== uses[uses.length - 1].time)) {
+    if (uses.length && state.time < uses[uses.length - 1].time) uses.length = 0;
+    uses.push({ time: state.time, use: state.use });
+    while (uses[0].time < state.time - LASTS) uses.shift();
+  }
+  drawUses();
+}
+
+viewer.on("data", show);
+window.addEventListener("resize", drawUses);
+drawUses();
+show();

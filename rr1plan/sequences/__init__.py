@@ -1,0 +1,1 @@
+"""Sequences: free motions, straight lines, grasps and pauses, planned together as one motion on one clock."""

@@ -1,0 +1,248 @@
+"""The gripper of a robot: its joints and links, and how far its fingers close around something.
+
+While an arm moves, its gripper is locked. Where the gripper itself moves, its joints become planning joints of another
+value of the robot (`with_gripper_joints`), so that checker, referee, simulator and pages treat them as any others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from rr1plan.checks import Array, known_name
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError
+from rr1plan.robot import Joint, Robot
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.robot_builder import urdf_limits
+from rr1plan.scene import Arm, Obstacle, Pair, Scene, pair
+from rr1plan.shapes import Box
+from rr1plan.transforms import inverse, pose
+
+# A plate between the fingers, to measure their opening: how wide and how long it is [m].
+_PLATE_WIDTH, _PLATE_LENGTH = 0.002, 0.5
+# A contact this far from the side of a plate is one with its front [m].
+_SIDE = 1e-4
+# A change of the opening small enough to be linear [rad or m].
+_STEP = 1e-3
+
+
+@lru_cache(maxsize=64)
+def gripper_joints(robot: Robot) -> tuple[str, ...]:
+    """The independent joints of a robot's gripper: locked ones that the planning joints carry."""
+    carried = _carried_by(robot, robot.joint_names)
+    return tuple(name for name in robot.locked_joints if robot.joint(name).parent in carried)
+
+
+@lru_cache(maxsize=64)
+def gripper_links(robot: Robot) -> tuple[str, ...]:
+    """The links that the gripper's joints move, or where there are none the links fixed to the tool."""
+    joints = set(gripper_joints(robot))
+    movers = [j.name for j in robot.joints if j.name in joints or _leader(robot, j) in joints]
+    moved = _carried_by(robot, movers)
+    if not moved:
+        moved = next(
+            {link.name for link in body} for body in robot.bodies if robot.tool in {part.name for part in body}
+        )
+    return tuple(link.name for link in robot.links if link.name in moved)
+
+
+def _carried_by(robot: Robot, joints: Iterable[str]) -> set[str]:
+    """The links that some joints move."""
+    carried = {robot.joint(name).child for name in joints}
+    for joint in robot.joints:  # each after the joint that moves its parent
+        if joint.parent in carried:
+            carried.add(joint.child)
+    return carried
+
+
+def _leader(robot: Robot, joint: Joint) -> str:
+    """The joint that a joint follows through a chain of mimics; its own name if it follows none."""
+    while joint.mimic is not None and joint.name not in robot.joint_names and joint.name not in robot.locked_joints:
+        joint = robot.joint(joint.mimic.joint)
+    return joint.name
+
+
+@lru_cache(maxsize=256)
+def with_gripper_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
+    """The same robot with some locked joints as its last planning joints, at their present values."""
+    rows = [robot.joint(name) for name in joints]
+    values = [robot.locked_joints[name] for name in joints]
+    return replace(
+        robot,
+        joint_names=(*robot.joint_names, *joints),
+        limits=Limits.stack([robot.limits, urdf_limits(rows)]),
+        configurations={name: np.append(q, values) for name, q in robot.configurations.items()},
+        locked_joints={name: value for name, value in robot.locked_joints.items() if name not in joints},
+        presets={},
+        locked_joint_states={},
+    )
+
+
+def with_grippers(scene: Scene, joints: Mapping[str, tuple[str, ...]]) -> Scene:
+    """A scene in which the gripper joints of some arms are planning joints, at their present values.
+
+    Args:
+        scene: The scene.
+        joints: The gripper joints by arm.
+    """
+    for name, own in joints.items():
+        if own:
+            arm = scene.arms[name]
+            q = np.append(arm.q, [arm.robot.locked_joints[joint] for joint in own])
+            robot = with_gripper_joints(arm.robot, own)
+            scene = replace(scene, arms={**scene.arms, name: Arm(robot, arm.base, q)})
+    return scene
+
+
+def only_gripper_joint(robot: Robot) -> str:
+    """The joint that opens and closes the gripper.
+
+    Raises:
+        InputError: there is none, or more than one.
+    """
+    joints = gripper_joints(robot)
+    if len(joints) != 1:
+        found = f"{len(joints)} ({', '.join(joints)})" if joints else "none"
+        raise InputError(
+            f"robot {robot.name!r} has {found} locked joints in its hand, expected one that moves its fingers"
+        )
+    return joints[0]
+
+
+def finger_contacts(robot: Robot, arm: str, thing: str) -> frozenset[Pair]:
+    """The pairs of the fingers of an arm with an object."""
+    return frozenset(pair(f"{arm}/{name}", thing) for name in gripper_links(robot) if robot.link(name).collisions)
+
+
+def gripper_values(robot: Robot, position: str | float) -> dict[str, float]:
+    """The gripper's joint values of a named state, or of a value of its only joint.
+
+    Raises:
+        UnknownNameError: no such state.
+        InputError: a number, and the gripper has not exactly one joint; or it is out of limits.
+    """
+    if isinstance(position, str):
+        states = robot.locked_joint_states
+        values = states[known_name("gripper state", position, states)]
+        return {name: value for name, value in values.items() if name in gripper_joints(robot)}
+    return {only_gripper_joint(robot): position}
+
+
+def closing_value(arm: Arm, thing: Obstacle, squeeze: float) -> float:
+    """The joint value at which the fingers, closing, touch an object, and are then commanded closer by `squeeze` [m].
+
+    Args:
+        arm: The arm, where it is.
+        thing: The object.
+        squeeze: How much closer the fingers are commanded [m].
+
+    Raises:
+        InputError: the fingers touch the object before they close, or do not reach it.
+    """
+    robot, q = arm.robot, arm.q
+    joint = robot.joint(only_gripper_joint(robot))
+    scene = Scene().with_arm("arm", with_gripper_joints(robot, (joint.name,)), arm.base)
+    scene = replace(scene, obstacles={"thing": thing})
+    fingers = {f"arm/{name}" for name in gripper_links(robot)}
+    rest = [name for name in scene.element_names if name.startswith("arm/") and name not in fingers]
+    scene = replace(scene, allowed=frozenset(frozenset((name, "thing")) for name in rest))
+    checker = CollisionChecker(scene)
+    opened, closed = _open_and_closed(robot, joint)
+    touch = checker.first_contact(np.append(q, opened), np.append(q, closed), precision=1e-5)
+    if touch is None:
+        raise InputError("the fingers close without touching it")
+    if touch.fraction == 0.0:
+        raise InputError("the open fingers already touch it")
+    value = opened + touch.fraction * (closed - opened)
+    toward_open = _STEP * np.sign(opened - closed)
+    between = [i for i, both in enumerate(checker.pairs) if "thing" in both and fingers & set(both)]
+    gaps = [checker.distances(np.append(q, at))[between].clip(0.0) for at in (value, value + toward_open)]
+    # Distances are of both fingers: the opening changes by their sum.
+    rate = float((gaps[1] - gaps[0]).sum()) / _STEP
+    command = value - np.sign(toward_open) * squeeze / max(rate, 1e-3)
+    return float(np.clip(command, joint.lower, joint.upper))
+
+
+def opening_value(robot: Robot, width: float) -> float:
+    """The joint value at which a plate of a thickness [m] just fits between the fingers, beyond the tool frame.
+
+    The tool's z axis points out of the hand, its x axis along the travel of the fingers.
+
+    Raises:
+        InputError: a gripper that does not open so wide.
+    """
+    return _plate_contact(robot, width).value
+
+
+def grip_depth(robot: Robot, width: float) -> float:
+    """How far beyond the tool frame fingers touch a plate of a thickness [m], along the tool's z axis [m].
+
+    Raises:
+        InputError: a gripper that does not open so wide.
+    """
+    return float(_plate_contact(robot, width).point[2])
+
+
+class _PlateContact(NamedTuple):
+    """Joint value at which fingers touch a plate, and where in the tool frame [m], shape (3,)."""
+
+    value: float
+    point: Array
+
+
+@lru_cache(maxsize=256)
+def _plate_contact(robot: Robot, width: float) -> _PlateContact:
+    """Where fingers that close touch a plate of a thickness [m] that begins at the tool frame.
+
+    Raises:
+        InputError: a gripper that does not open so wide.
+    """
+    joint, plate = robot.joint(only_gripper_joint(robot)), _plate(robot, width)
+    value = closing_value(Arm(robot), plate, 0.0)
+    scene = Scene(obstacles={"thing": plate}).with_arm("arm", with_gripper_joints(robot, (joint.name,)))
+    fingers = finger_contacts(robot, "arm", "thing")
+    others = (pair(a, b) for a in scene.element_names for b in scene.element_names if a < b)
+    checker = CollisionChecker(replace(scene, allowed=frozenset(others) - fingers))
+    T = inverse(robot.link_poses(robot.home)[robot.tool])
+    point = (T @ np.append(checker.nearest(np.append(robot.home, value)).point_a, 1.0))[:3]
+    if abs(point[0]) < width / 2 - _SIDE:
+        raise InputError(f"the fingers do not open for {1e3 * width:.3g} mm")
+    return _PlateContact(value, point)
+
+
+def open_value(robot: Robot) -> float:
+    """The value of the gripper's joint at which its fingers are farthest apart.
+
+    Raises:
+        InputError: a gripper without exactly one joint.
+    """
+    return _open_and_closed(robot, robot.joint(only_gripper_joint(robot)))[0]
+
+
+def _plate(robot: Robot, width: float) -> Obstacle:
+    """A plate of a thickness [m] in front of the tool frame, while the robot is at home."""
+    T = robot.link_poses(robot.home)[robot.tool]
+    box = Box((width, _PLATE_WIDTH, _PLATE_LENGTH))
+    (geometry,) = Scene().with_obstacle("plate", box).obstacles["plate"].geometries
+    return Obstacle((geometry,), T @ pose([0.0, 0.0, _PLATE_LENGTH / 2]))
+
+
+def _open_and_closed(robot: Robot, joint: Joint) -> tuple[float, float]:
+    """The limits of a gripper's joint, the open one first: where the fingers are farther from each other."""
+    ends = []
+    for value in (joint.lower, joint.upper):
+        poses = robot.with_locked_joints({joint.name: value}).link_poses(robot.home)
+        centers = [
+            (poses[name] @ geometry.pose)[:3, 3]
+            for name in gripper_links(robot)
+            for geometry in robot.link(name).collisions
+        ]
+        spread = max((float(np.linalg.norm(a - b)) for a in centers for b in centers), default=0.0)
+        ends.append((spread, value))
+    (_, closed), (_, opened) = sorted(ends)
+    return opened, closed

@@ -1,0 +1,28 @@
+// The stages of a sequence, the present one marked. Statements of a panel: viewer, root, data.
+
+const list = root.querySelector("ol");
+const buttons = data.map(({ label, begin }) => {
+  const row = document.createElement("li"), button = document.createElement("button");
+  for (const [name, text] of [["label", label], ["time", `${begin.toFixed(2)} s`]]) {
+    const part = document.createElement("span");
+    part.className = name;
+    part.textContent = text;
+    button.append(part);
+  }
+  button.addEventListener("click", () => { viewer.pause(); viewer.seek(begin); });
+  row.append(button);
+  list.append(row);
+  return button;
+});
+
+let marked = -1;
+function mark(time) {
+  // Of stages that begin at once the last one, except at the end of all.
+  const now = data.reduce((found, { begin, end }, i) => (begin <= time && (end > time || end > begin || found < 0) ? i : found), -1);
+  if (now === marked) return;
+  buttons.forEach((button, i) => button.classList.toggle("now", i === now));
+  marked = now;
+}
+
+viewer.on("change", (q, time) => mark(time));
+mark(viewer.time);

@@ -1,0 +1,124 @@
+"""Planning of sequences: search, one trajectory on one clock, and the referee's verdict on every stage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Rows
+from dataclasses import replace
+
+import numpy as np
+
+from rr1plan.checks import Array, Seed, check_callback, known_name, of_kind
+from rr1plan.planners import chosen_planner
+from rr1plan.planning import Budget, Planner, PlanStatus, ProgressCallback
+from rr1plan.retiming import retiming_names
+from rr1plan.scene import Pair, Scene
+from rr1plan.sequences.grippers import finger_contacts, with_grippers
+from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, StraightLine
+from rr1plan.sequences.sequence import Sequence
+from rr1plan.sequences.sequence_plan import SequencePlan
+from rr1plan.sequences.sequence_search import SequenceSearch, Step
+from rr1plan.sequences.stage_validation import validate_stages
+from rr1plan.sequences.stages import SequenceStage
+from rr1plan.trajectory import Trajectory
+
+
+def plan_sequence(
+    sequence: Sequence,
+    *,
+    planner: str | Planner = "rrt_connect",
+    retiming: str = "blend",
+    budget: Budget | None = None,
+    rng: Seed = None,
+    progress: ProgressCallback | None = None,
+) -> SequencePlan:
+    """Plan all segments of a sequence, so that each ends where the next ones can go on.
+
+    Where a segment has a choice (several goals, several configurations that reach one) and a later segment fails, the
+    next candidate is tried. The motion is from rest to rest in each segment; the referee judges each in its scene.
+
+    Args:
+        sequence: The sequence.
+        planner: Of free motions: a name of `planner_names()`, or an instance of `Planner`.
+        retiming: A name of `retiming_names()`.
+        budget: When to stop (default: 10 s); iterations are those of the planner, of all attempts together.
+        rng: Seed; the same seed and a budget of iterations give the same motion.
+        progress: Called about ten times a second and before each attempt; False cancels.
+
+    Returns:
+        A `SequencePlan`; `found` says whether there is a motion, `reason` which segment failed and why.
+
+    Raises:
+        UnknownNameError: an unknown planner or retiming.
+        PlannerError: a planner of your own raised something, or returned a path that is no answer.
+        InputError: no sequence, or a scene that cannot be checked.
+        RetimingError: a motion cannot be timed under the limits.
+    """
+    of_kind("sequence", sequence, Sequence)
+    of_kind("budget", budget, Budget, optional=True)
+    check_callback("progress", progress)
+    known_name("retiming", retiming, retiming_names())
+    chosen_planner(planner)
+    found = SequenceSearch(sequence, planner, retiming, budget or Budget(), rng, progress).run()
+    grippers = sequence.moving_grippers
+    scene = with_grippers(sequence.scene, grippers)
+    plan = SequencePlan(scene, found.status, found.reason, found.failed, sequence, gripper_joints=grippers)
+    if found.status is not PlanStatus.FOUND:
+        return plan
+    trajectory, stages = _on_one_clock(sequence.scene, scene, found.steps)
+    report = validate_stages(trajectory, scene, stages, jerk_limits=retiming.startswith("ruckig"), progress=progress)
+    return replace(plan, stages=stages, _trajectory=trajectory, _report=report)
+
+
+def _on_one_clock(before: Scene, scene: Scene, steps: Rows[Step]) -> tuple[Trajectory, tuple[SequenceStage, ...]]:
+    """One trajectory of all that moves, and the stages of it.
+
+    Args:
+        before: The scene at the beginning.
+        scene: The same, in which all that moves is a planning joint.
+        steps: The planned segments.
+    """
+    moving = {
+        name.split("/", 1)[0] for step in steps if step.trajectory is not None for name in step.trajectory.joint_names
+    }
+    names = scene.joint_names([arm for arm in scene.arms if arm in moving]) if moving else ()
+    q: Array = scene.configuration([arm for arm in scene.arms if arm in moving]) if moving else np.zeros(0)
+    breaks, pieces, stages, clock = [0.0], [], [], 0.0
+    for step in steps:
+        parts, begin = [], clock
+        if step.trajectory is not None and step.trajectory.duration > 0.0:
+            own = step.trajectory
+            columns = [names.index(name) for name in own.joint_names]
+            for start, end, coefficients in zip(own.breaks[:-1], own.breaks[1:], own.coefficients, strict=True):
+                piece = np.zeros((len(coefficients), len(names)))
+                piece[0] = q
+                piece[:, columns] = coefficients
+                parts.append((float(end - start), piece))
+            q = q.copy()
+            q[columns] = own(own.end_time)
+        elif step.seconds > 0.0:
+            parts.append((step.seconds, q[None]))
+        for seconds, piece in parts:
+            clock += seconds
+            breaks.append(clock)
+            pieces.append(piece)
+        segment = step.segment
+        change = segment if isinstance(segment, Attach | Detach) else None
+        stages.append(SequenceStage(segment.label, begin, clock, _allowed(before, step), change))
+    degree = max((len(piece) for piece in pieces), default=1)
+    rows = np.zeros((max(1, len(pieces)), degree, len(names)))
+    rows[:, 0] = q
+    for k, piece in enumerate(pieces):
+        rows[k] = 0.0
+        rows[k, : len(piece)] = piece
+    return Trajectory(names, breaks, rows), tuple(stages)
+
+
+def _allowed(scene: Scene, step: Step) -> frozenset[Pair]:
+    """The pairs that may touch during a planned segment."""
+    segment = step.segment
+    if not isinstance(segment, FreeMotion | StraightLine | MoveGripper):
+        return frozenset()
+    if not isinstance(segment, MoveGripper) or segment.around is None:
+        return segment.allow
+    arm = scene.only_arm(segment.arm)
+    return segment.allow | finger_contacts(scene.arms[arm].robot, arm, segment.around)

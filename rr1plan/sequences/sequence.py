@@ -1,0 +1,159 @@
+"""A sequence: a scene, and what arms are to do in it, segment after segment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from rr1plan.checks import Value, counted, items_of, known_name, of_kind, shown
+from rr1plan.errors import InputError
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import PoseGoal, Problem
+from rr1plan.sequences.grippers import gripper_joints, gripper_values, only_gripper_joint
+from rr1plan.sequences.segments import (
+    Attach,
+    Detach,
+    FreeMotion,
+    MoveGripper,
+    Pause,
+    Segment,
+    StraightLine,
+    alternatives,
+)
+from rr1plan.transforms import inverse, pose
+
+_MOST_SEGMENTS = 1000
+_KINDS = (FreeMotion, StraightLine, MoveGripper, Attach, Detach, Pause)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sequence(Value):
+    """What arms are to do in a scene, segment after segment; `plan_sequence` plans it.
+
+    Arms, grippers and held objects begin as they are in the scene.
+
+    Args:
+        scene: The scene.
+        segments: `FreeMotion`, `StraightLine`, `MoveGripper`, `Attach`, `Detach` and `Pause`, in order.
+
+    Raises:
+        UnknownNameError: a segment names an arm, link, object or gripper state that there is not at that point.
+        InputError: no segments, or one that does not fit the scene; the message says which.
+    """
+
+    scene: Scene
+    segments: tuple[Segment, ...]
+
+    if TYPE_CHECKING:  # what it takes; above is what it holds
+
+        def __init__(self, scene: Scene, segments: Iterable[Segment]) -> None: ...
+
+    def __post_init__(self) -> None:
+        of_kind("scene", self.scene, Scene)
+        segments = items_of("segments", self.segments, "segments")
+        if not 0 < len(segments) <= _MOST_SEGMENTS:
+            raise InputError(f"a sequence of {counted(len(segments), 'segment')}, expected 1 to {_MOST_SEGMENTS}")
+        object.__setattr__(self, "segments", segments)
+        holders = {name: held.arm for name, held in self.scene.attachments.items()}
+        for k, segment in enumerate(segments):
+            if not isinstance(segment, _KINDS):
+                raise InputError(
+                    f"segment {k + 1} is {shown(segment)}, expected one of {', '.join(c.__name__ for c in _KINDS)}"
+                )
+            try:
+                self._check(segment, holders)
+            except InputError as error:
+                error.args = (f"segment {k + 1} ({segment.label}): {error}",)
+                raise
+
+    def __repr__(self) -> str:
+        return f"Sequence({self.scene.name!r}, {counted(len(self.segments), 'segment')})"
+
+    @property
+    def moving_grippers(self) -> Mapping[str, tuple[str, ...]]:
+        """The gripper joints of each arm of which a segment opens or closes the gripper."""
+        arms = dict.fromkeys(self.scene.only_arm(s.arm) for s in self.segments if isinstance(s, MoveGripper))
+        return {name: gripper_joints(arm.robot) for name, arm in self.scene.arms.items() if name in arms}
+
+    def _check(self, segment: Segment, holders: dict[str, str]) -> None:
+        """Check a segment against the scene, and note which arm holds what after it."""
+        scene = self.scene
+        if isinstance(segment, FreeMotion | StraightLine | MoveGripper):
+            for name in frozenset[str]().union(*segment.allow):
+                known_name("element", name, (*scene.element_names, *scene.arms))
+        if isinstance(segment, FreeMotion):
+            for arm, goals in goals_by_arm(segment, scene).items():
+                _check_goals(scene, arm, goals, holders)
+        elif isinstance(segment, StraightLine):
+            arm = scene.only_arm(segment.arm)
+            if segment.goal:
+                _check_goals(scene, arm, segment.goal, holders)
+        elif isinstance(segment, MoveGripper):
+            _check_gripper(scene, segment)
+        elif isinstance(segment, Attach):
+            _check_attach(scene, segment, holders)
+        elif isinstance(segment, Detach):
+            holders.pop(known_name("held object", segment.name, holders))
+
+
+def _check_gripper(scene: Scene, segment: MoveGripper) -> None:
+    """Refuse what the gripper cannot do, or something to close around that there is not."""
+    robot = scene.arms[scene.only_arm(segment.arm)].robot
+    if segment.around is not None:
+        known_name("object", segment.around, (*scene.obstacles, *scene.attachments))
+    if segment.position is None:
+        only_gripper_joint(robot)
+    else:
+        robot.with_locked_joints(gripper_values(robot, segment.position))
+
+
+def _check_attach(scene: Scene, segment: Attach, holders: dict[str, str]) -> None:
+    """Refuse what is held already, or links that there are not, and note who holds it from here on."""
+    known_name("obstacle", segment.obstacle, {*scene.obstacles, *scene.attachments} - set(holders))
+    arm = scene.only_arm(segment.arm)
+    for link in (segment.link, *(segment.touch or ())):
+        if link is not None:
+            scene.arms[arm].robot.link(link)
+    holders[segment.obstacle] = arm
+
+
+def goals_by_arm(segment: FreeMotion, scene: Scene) -> dict[str, tuple[Any, ...]]:
+    """The alternatives of each arm that a free motion moves.
+
+    Raises:
+        UnknownNameError: an unknown arm.
+        InputError: no goals, or no arm where there are several.
+    """
+    if isinstance(segment.goal, Mapping):
+        if not segment.goal:
+            raise InputError("no goals are given, expected one for each arm that moves")
+        return {name: alternatives(segment.goal[name]) for name in scene.arm_names(list(segment.goal))}
+    return {scene.only_arm(segment.arm): alternatives(segment.goal)}
+
+
+def _check_goals(scene: Scene, arm: str, goals: tuple[Any, ...], holders: Mapping[str, str]) -> None:
+    """Refuse goals that are none in this scene; what a goal of a held object means is not known yet."""
+    plain = []
+    for goal in goals:
+        if isinstance(goal, PoseGoal) and holders.get(goal.frame) == arm:
+            if goal.quaternion is None:
+                raise InputError(f"the goal of the held object {goal.frame!r} has no quaternion, expected a full pose")
+        else:
+            plain.append(goal)
+    if plain or not goals:
+        Problem(scene, None, {arm: plain}, arms=[arm])
+
+
+def goals_of_links(scene: Scene, arm: str, goals: Iterable[Any]) -> list[Any]:
+    """Goals of an arm as those of its links; goals of an object become those of the link that holds it."""
+    found = []
+    for goal in goals:
+        held = scene.attachments.get(goal.frame) if isinstance(goal, PoseGoal) else None
+        if held is None or held.arm != arm:
+            found.append(goal)
+            continue
+        T = pose(goal.position, quaternion=goal.quaternion) @ inverse(held.pose)
+        tolerances = {name: getattr(goal, name) for name in ("position_tolerance", "orientation_tolerance")}
+        found.append(PoseGoal(held.link, T, **tolerances))
+    return found

@@ -1,0 +1,125 @@
+"""Planned sequences in files: scene, trajectory and stages, judged again when they are read."""
+
+from __future__ import annotations
+
+import pathlib
+from collections.abc import Mapping
+from dataclasses import replace
+
+from rr1plan.checks import check_callback, file_path, of_kind
+from rr1plan.errors import FormatError, InputError
+from rr1plan.export.motion_files import fit_trajectory
+from rr1plan.export.motion_schema import SequenceStage as StageEntry
+from rr1plan.export.plan_files import read_plan_file, save_sequence_document
+from rr1plan.progress import ProgressCallback
+from rr1plan.scene import Scene, pair, scene_differences
+from rr1plan.sequences.grippers import with_grippers
+from rr1plan.sequences.segments import Attach, Detach
+from rr1plan.sequences.sequence_plan import SequencePlan
+from rr1plan.sequences.stage_validation import validate_stages
+from rr1plan.sequences.stages import SequenceStage, check_stages
+
+# The kind of a file stands in its first bytes.
+_HEAD = 200
+
+
+def save_sequence(file: str | pathlib.Path, plan: SequencePlan, *, embed: bool = False) -> pathlib.Path:
+    """Write a planned sequence to a JSON file and return the file's path; see `SequencePlan.save`."""
+    entries = {
+        "stages": [_entry(stage) for stage in plan.stages],
+        "gripper_joints": {arm: list(joints) for arm, joints in plan.gripper_joints.items()},
+    }
+    return save_sequence_document(file, plan.scene, plan.trajectory, entries, report=plan.report, embed=embed)
+
+
+def holds_sequence(file: str | pathlib.Path) -> bool:
+    """Whether a file names itself that of a sequence; `load_sequence` says what is wrong with one."""
+    path = file_path(file)
+    if path.suffix != ".json" or not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        return b'"kind": "sequence"' in stream.read(_HEAD)
+
+
+def load_sequence(
+    file: str | pathlib.Path,
+    scene: Scene | None = None,
+    *,
+    torque_limits: bool = False,
+    jerk_limits: bool = False,
+    progress: ProgressCallback | None = None,
+) -> SequencePlan:
+    """Read a planned sequence from a file and validate all its stages, in its scene or in another.
+
+    A report in the file is ignored.
+
+    Args:
+        file: A file that `SequencePlan.save` wrote.
+        scene: The scene at the beginning (default: that in the file), with grippers locked or not; `changes` of the
+            result lists the differences from the scene in which the sequence was planned.
+        torque_limits: Check torques too.
+        jerk_limits: Check jerk limits too.
+        progress: Called during the collision certificate.
+
+    Raises:
+        FormatError: a truncated, modified or unsupported file, one that holds no sequence, or one that does not fit
+            the scene.
+    """
+    of_kind("scene", scene, Scene, optional=True)
+    check_callback("progress", progress)
+    saved = read_plan_file(file, scene)
+    if saved.sequence is None or saved.trajectory is None or saved.scene is None:
+        raise FormatError("holds no sequence; read it with load_motion", file)
+    try:
+        grippers = {arm: tuple(joints) for arm, joints in saved.sequence.gripper_joints.items()}
+        where = saved.scene if scene is None else _with_planned_grippers(scene, grippers)
+        trajectory = fit_trajectory(saved.trajectory, where)
+        stages = tuple(_stage(entry) for entry in saved.sequence.stages)
+        check_stages(trajectory, stages)
+        report = validate_stages(
+            trajectory, where, stages, torque_limits=torque_limits, jerk_limits=jerk_limits, progress=progress
+        )
+    except InputError as error:
+        raise FormatError(f"cannot be a sequence of its scene: {error}", file) from error
+    changes = () if scene is None else scene_differences(saved.scene, where)
+    plan = SequencePlan(where, stages=stages, gripper_joints=grippers, changes=changes)
+    return replace(plan, _trajectory=trajectory, _report=report)
+
+
+def _with_planned_grippers(scene: Scene, grippers: Mapping[str, tuple[str, ...]]) -> Scene:
+    """The scene with some gripper joints as planning joints, as far as they are locked in it."""
+    locked = {
+        arm: tuple(name for name in joints if name in scene.arm(arm).robot.locked_joints)
+        for arm, joints in grippers.items()
+    }
+    return with_grippers(scene, locked)
+
+
+def _entry(stage: SequenceStage) -> dict[str, object]:
+    """A stage as JSON data, by the schema."""
+    change, attach = stage.change, None
+    if isinstance(change, Attach):
+        attach = {name: getattr(change, name) for name in ("obstacle", "arm", "link")} | {
+            "touch": list(change.touch or ())
+        }
+    return {
+        "label": stage.label,
+        "begin": stage.begin,
+        "end": stage.end,
+        "allowed": sorted(sorted(names) for names in stage.allowed),
+        "attach": attach,
+        "detach": change.name if isinstance(change, Detach) else None,
+    }
+
+
+def _stage(entry: StageEntry) -> SequenceStage:
+    change: Attach | Detach | None = None
+    if entry.attach is not None and entry.detach is not None:
+        raise InputError(f"stage {entry.label!r} attaches and detaches, expected one of them")
+    if entry.attach is not None:
+        held = entry.attach
+        change = Attach(held.obstacle, arm=held.arm, link=held.link, touch=held.touch)
+    elif entry.detach is not None:
+        change = Detach(entry.detach)
+    allowed = frozenset(pair(a, b) for a, b in entry.allowed)
+    return SequenceStage(entry.label, entry.begin, entry.end, allowed, change)

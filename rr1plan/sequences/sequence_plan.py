@@ -1,0 +1,212 @@
+"""What `plan_sequence` returns: one trajectory with its stages and the referee's report; to show, save and simulate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import Array, counted, finite_array, known_name, true_or_false
+from rr1plan.errors import NoPlanError
+from rr1plan.planning import PlanStatus
+from rr1plan.report import Report
+from rr1plan.scene import Scene
+from rr1plan.sequences.segments import Attach
+from rr1plan.sequences.sequence import Sequence
+from rr1plan.sequences.stages import SequenceStage, check_stages, stage_scenes
+from rr1plan.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from rr1plan.playback.viewer import Viewer, ViewOptions
+    from rr1plan.sequences.sequence_replay import SequenceReplay
+
+
+@dataclass(frozen=True, eq=False)
+class SequencePlan:
+    """Result of `plan_sequence`, or a sequence from a file.
+
+    Asking a plan that failed for its trajectory or report raises `NoPlanError` with the reason; look at `found` first.
+
+    Args:
+        scene: The scene at the beginning. Gripper joints that move are planning joints in it.
+        status: How planning ended.
+        reason: Which segment was not found and why; empty if all were.
+        failed: Index of that segment in `sequence.segments`.
+        sequence: The sequence; None for one from a file.
+        stages: When each segment happens; empty without a plan.
+        gripper_joints: The planning joints of `scene` that belong to grippers, by arm.
+        changes: For a sequence from a file: differences between the scene it was planned in and `scene`.
+    """
+
+    scene: Scene
+    status: PlanStatus = PlanStatus.FOUND
+    reason: str = ""
+    failed: int | None = None
+    sequence: Sequence | None = None
+    stages: tuple[SequenceStage, ...] = ()
+    gripper_joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    changes: tuple[str, ...] = ()
+    _trajectory: Trajectory | None = field(default=None)
+    _report: Report | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gripper_joints", MappingProxyType(dict(self.gripper_joints)))
+        if self._trajectory is not None:
+            check_stages(self._trajectory, self.stages)
+
+    @property
+    def found(self) -> bool:
+        """All segments were found; whether the motion is `valid` is another matter."""
+        return self._trajectory is not None
+
+    @property
+    def valid(self) -> bool:
+        """The referee found no violation in any stage."""
+        return self._report is not None and self._report.valid
+
+    def __bool__(self) -> bool:
+        """Whether the referee's report is valid and certified."""
+        return self._report is not None and self._report.certified
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion of all segments, on one clock."""
+        if self._trajectory is None:
+            raise NoPlanError(self.reason)
+        return self._trajectory
+
+    @property
+    def report(self) -> Report:
+        """The referee's verdict on all stages."""
+        if self._report is None:
+            raise NoPlanError(self.reason)
+        return self._report
+
+    @property
+    def events(self) -> tuple[SequenceStage, ...]:
+        """The stages in which something is attached or detached."""
+        return tuple(stage for stage in self.stages if stage.change is not None)
+
+    def scenes(self) -> list[Scene]:
+        """The scene of each stage: arms where it begins, objects held or put down, with the pairs allowed in it.
+
+        Raises:
+            NoPlanError: there is no motion.
+        """
+        return stage_scenes(self.scene, self.trajectory, self.stages)
+
+    @property
+    def carried_names(self) -> tuple[str, ...]:
+        """The objects that are attached or detached, in the order in which that happens first."""
+        changes = (stage.change for stage in self.events)
+        return tuple(dict.fromkeys(c.obstacle if isinstance(c, Attach) else c.name for c in changes if c is not None))
+
+    def object_poses(self, name: str, times: ArrayLike) -> Array:
+        """Where an object is while it is held, and where it was put down.
+
+        Args:
+            name: An object of the scene, held or not.
+            times: Instants [s], shape (n,).
+
+        Returns:
+            T_world_object, shape (n, 4, 4).
+
+        Raises:
+            UnknownNameError: no such object.
+            NoPlanError: there is no motion.
+        """
+        known_name("object", name, (*self.scene.obstacles, *self.scene.attachments))
+        instants = finite_array("times", times, (None,))
+        scenes = self.scenes()
+        begins = np.array([stage.begin for stage in self.stages])
+        numbers = np.clip(np.searchsorted(begins, instants, side="right") - 1, 0, len(scenes) - 1)
+        poses = np.empty((len(instants), 4, 4))
+        columns = {arm: [n.split("/", 1)[0] == arm for n in self.trajectory.joint_names] for arm in self.scene.arms}
+        for row, (k, q) in enumerate(zip(numbers.tolist(), self.trajectory(instants), strict=True)):
+            held = scenes[k].attachments.get(name)
+            if held is None:
+                poses[row] = scenes[k].obstacles[name].pose
+            else:
+                arm = scenes[k].arms[held.arm]
+                own = q[columns[held.arm]] if any(columns[held.arm]) else arm.q
+                poses[row] = arm.base @ arm.robot.link_poses(own)[held.link] @ held.pose
+        return poses
+
+    def __repr__(self) -> str:
+        if self._report is None:
+            return f"SequencePlan({self.status.value}: {self.reason})"
+        return f"SequencePlan({counted(len(self.stages), 'stage')}, {self._report!r})"
+
+    def __str__(self) -> str:
+        if self._report is None:
+            return f"no plan ({self.status.value}): {self.reason}"
+        width = max(len(stage.label) for stage in self.stages)
+        lines = [self.size()]
+        for k, stage in enumerate(self.stages):
+            seconds = f"{stage.begin:7.3f} s" + ("" if stage.change else f" to {stage.end:7.3f} s")
+            lines.append(f"  {k + 1:3d}  {stage.label:<{width}}  {seconds}")
+        lines += [f"  changed      {change}" for change in self.changes]
+        return "\n".join([*lines, str(self._report)])
+
+    def size(self) -> str:
+        """Number of stages and duration: "11 stages, 4.461 s".
+
+        Raises:
+            NoPlanError: there is no motion.
+        """
+        return f"{counted(len(self.stages), 'stage')}, {self.trajectory.duration:.3f} s"
+
+    # ---- pages and files -------------------------------------------------------------------------
+
+    def show(
+        self,
+        *,
+        replay: SequenceReplay | None = None,
+        options: ViewOptions | None = None,
+        port: int | None = None,
+        open_browser: bool = True,
+        quiet: bool = False,
+    ) -> Viewer:
+        """Open the motion in a live page, where held objects move with the hand; arguments as in `rr1plan.show`.
+
+        With a replay, objects are where the simulation had them, and a shadow shows what the arms did.
+
+        Raises:
+            NoPlanError: there is no motion.
+        """
+        from rr1plan.playback.viewer.live_viewer import open_viewer
+        from rr1plan.sequences.sequence_page import SequenceViewer
+
+        open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
+        return open_viewer(SequenceViewer(self, replay, options, port), open_browser, quiet)
+
+    def save_html(
+        self, file: str | FilePath, *, replay: SequenceReplay | None = None, options: ViewOptions | None = None
+    ) -> FilePath:
+        """Write one self-contained page that plays the motion offline; arguments as in `show`.
+
+        Raises:
+            NoPlanError: there is no motion.
+        """
+        from rr1plan.sequences.sequence_page import save_sequence_html
+
+        return save_sequence_html(file, self, replay, options)
+
+    def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:
+        """Write scene, trajectory, stages and report to one JSON file; read it with `rr1plan.load_sequence`.
+
+        Args:
+            file: The file.
+            embed: Put large meshes into the file, not into the folder "geometry" beside it; see `save_motion`.
+
+        Raises:
+            NoPlanError: there is no motion.
+        """
+        from rr1plan.sequences.sequence_files import save_sequence
+
+        return save_sequence(file, self, embed=embed)

@@ -1,0 +1,253 @@
+"""Replay of a planned sequence in MuJoCo: objects are loose bodies that fingers hold by contact and friction alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import Array, Value, check_callback, counted, finite_number, of_kind, positive_number, read_only
+from rr1plan.errors import InputError
+from rr1plan.playback.simulation.recorder import Recorder
+from rr1plan.playback.simulation.replay import Replay, ReplayContact
+from rr1plan.playback.simulation.simulation import Simulation
+from rr1plan.playback.simulation.trajectory_controller import JointTrajectoryController
+from rr1plan.progress import ProgressCallback, fraction_callback
+from rr1plan.robot.link_masses import DENSITY, solid_inertial
+from rr1plan.scene import Scene, pair
+from rr1plan.sequences.segments import Attach
+from rr1plan.sequences.sequence_plan import SequencePlan
+from rr1plan.transforms import rotation_angle, rotation_from_quaternion
+
+# An object is where the plan has it while it is no farther away than this [m].
+_NEAR = 0.01
+# A joint that is tracked stays this near its set-point [rad or m].
+_TRACKED = 0.01
+# MuJoCo's number of dimensions of a contact with friction across it and around its normal.
+_WITH_TORSION = 4
+# Iterations of the solver that keeps what friction holds from creeping, as MuJoCo's soft contacts do by themselves.
+_NO_SLIP = 5
+_MOST_STEPS = 5_000_000
+# Steps between two reports of progress.
+_REPORT_EVERY = 50
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CarriedObject(Value):
+    """What became of an object in a replay.
+
+    Args:
+        name: The object.
+        poses: T_world_object at the times of the record, shape (n, 4, 4).
+        offsets: Its distance from where the plan has it at those times [m], shape (n,).
+        angle: By how much it is turned in the end, against the plan [rad].
+    """
+
+    name: str
+    poses: Array
+    offsets: Array
+    angle: float
+
+    @property
+    def max_offset(self) -> float:
+        """Largest distance from where the plan has it [m]."""
+        return float(self.offsets.max(initial=0.0))
+
+    @property
+    def final_offset(self) -> float:
+        """Its distance from where the plan leaves it [m]."""
+        return float(self.offsets[-1])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SequenceReplay(Value):
+    """The outcome of `simulate_sequence`.
+
+    Args:
+        replay: What joints and loose bodies did. Objects keep fingers from their set-points, so that tracking errors of
+            gripper joints are no fault.
+        objects: What became of the objects that are attached or detached.
+        max_error: Largest tracking error of any joint of an arm [rad or m].
+        remarks: What had to be assumed.
+    """
+
+    replay: Replay
+    objects: Mapping[str, CarriedObject]
+    max_error: float
+    remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "objects", MappingProxyType(dict(self.objects)))
+
+    @property
+    def contacts(self) -> tuple[ReplayContact, ...]:
+        """Contacts of arms that no stage allows, in order of time."""
+        return self.replay.contacts
+
+    @property
+    def carried(self) -> bool:
+        """All objects stayed within 1 cm of where the plan has them."""
+        return all(one.max_offset <= _NEAR for one in self.objects.values())
+
+    @property
+    def tracked(self) -> bool:
+        """No joint of an arm was farther than 0.01 rad (or m) from its set-point."""
+        return self.max_error <= _TRACKED
+
+    def __bool__(self) -> bool:
+        """Arms followed their motion without contact, and objects did, too."""
+        return self.carried and self.tracked and not self.contacts
+
+    def __repr__(self) -> str:
+        worst = max((one.max_offset for one in self.objects.values()), default=0.0)
+        return f"SequenceReplay({self.replay!r}, objects {1e3 * worst:.2f} mm off at most)"
+
+    def __str__(self) -> str:
+        replay = self.replay
+        lines = [
+            f"replay: {counted(replay.steps, 'step')} of {replay.timestep * 1e3:g} ms, "
+            f"{replay.real_time_factor:.1f} times real time",
+            f"  tracking error: {self.max_error:.2e} rad at most",
+        ]
+        lines += [
+            f"  {one.name}: at most {1e3 * one.max_offset:.2f} mm from where the plan has it, "
+            f"{1e3 * one.final_offset:.2f} mm and {np.degrees(one.angle):.2f} degrees in the end"
+            for one in self.objects.values()
+        ]
+        lines += [f"  {remark}" for remark in self.remarks]
+        lines += [
+            f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"
+            for c in self.contacts
+        ]
+        return "\n".join(lines if self.contacts else [*lines, "  contacts: none that no stage allows"])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The summary as plain values, for JSON (without the recorded positions)."""
+        objects = {
+            name: {"max_offset": one.max_offset, "final_offset": one.final_offset, "angle": one.angle}
+            for name, one in self.objects.items()
+        }
+        own = {"max_error": self.max_error, "carried": self.carried, "tracked": self.tracked, "objects": objects}
+        return {**self.replay.to_dict(), **own, "remarks": list(self.remarks)}
+
+
+def simulate_sequence(
+    plan: SequencePlan,
+    *,
+    dt: float = 0.002,
+    record_dt: float = 0.02,
+    stiffness: float = 200.0,
+    hold: float = 0.5,
+    progress: ProgressCallback | None = None,
+) -> SequenceReplay:
+    """Replay a planned sequence in MuJoCo, where fingers hold objects by contact and friction alone.
+
+    Objects that are attached or detached are loose bodies all the time. One without a mass gets that of its shapes at
+    1000 kg/m³, as a remark says. Their contacts have friction around the normals, too.
+
+    Args:
+        plan: The sequence, found.
+        dt: Time of a step [s].
+        record_dt: Time between recorded positions [s].
+        stiffness: Natural frequency of the joint servos [rad/s]; those of the fingers press with it.
+        hold: How long to go on after the end [s].
+        progress: Called about ten times a second; False cancels.
+
+    Raises:
+        NoPlanError: there is no motion.
+        InputError: numbers out of range, or an object that cannot be loose.
+        BackendError: MuJoCo does not take the scene, or its simulation became unstable.
+        CancelledError: `progress` returned False.
+    """
+    of_kind("plan", plan, SequencePlan)
+    check_callback("progress", progress)
+    dt, record_dt = positive_number("dt", dt), positive_number("record_dt", record_dt)
+    hold = finite_number("hold", hold)
+    if hold < 0.0:
+        raise InputError(f"hold is {hold}, expected a time >= 0")
+    trajectory = plan.trajectory
+    if trajectory.duration + hold > _MOST_STEPS * dt:
+        raise InputError(f"{trajectory.duration + hold:g} s in steps of {dt:g} s are too many; take longer steps")
+    scene, names, remarks = _physical(plan)
+    sim = Simulation(scene, dt, stiffness=stiffness)
+    _hold_by_friction(sim, names)
+    steps = max(1, int(np.ceil((trajectory.duration + hold) / dt - 1e-9)))
+    report = fraction_callback("simulate", progress)
+    columns = np.array([sim.joint_names.index(name) for name in trajectory.joint_names], dtype=np.int64)
+    of_arms = np.array([_is_arm_joint(plan, name) for name in trajectory.joint_names], dtype=np.bool_)
+    worst = 0.0
+
+    def note(sim: Simulation) -> None:
+        nonlocal worst
+        error = np.abs(sim.positions[columns] - trajectory(sim.time))
+        worst = max(worst, float(error[of_arms].max(initial=0.0)))
+        if report is not None and sim.steps % _REPORT_EVERY == 0:
+            report(sim.steps / steps)
+
+    sim.on_step(note)
+    if trajectory.joint_names:
+        controller = JointTrajectoryController(trajectory.joint_names, goal_tolerance=np.inf)
+        sim.activate(controller)
+        controller.send(trajectory)
+    with Recorder(sim, record_dt) as recorder:
+        sim.step(steps)
+    replay = recorder.replay()
+    bodies = replay.record.bodies
+    rows = {} if bodies is None else dict(zip(bodies.bodies, bodies.poses.swapaxes(0, 1), strict=True))
+    objects = {name: _carried(plan, name, replay.record.times, rows[name]) for name in names}
+    return SequenceReplay(replay, objects, worst, (*remarks, *(f"MuJoCo: {text}" for text in sim.warnings)))
+
+
+def _physical(plan: SequencePlan) -> tuple[Scene, tuple[str, ...], tuple[str, ...]]:
+    """The scene with loose objects and all contacts that a stage allows; the objects; what was assumed."""
+    scene, remarks = plan.scene, []
+    names = plan.carried_names
+    for name in names:
+        if name in scene.attachments:
+            scene = scene.detach(name)
+    things = dict(scene.obstacles)
+    for name in names:
+        if things[name].mass is None:
+            inertial = solid_inertial(things[name].geometries)
+            if inertial is None:
+                raise InputError(f"{name!r} has neither a mass nor a volume, so it cannot be simulated as a loose body")
+            things[name] = replace(things[name], mass=inertial.mass)
+            remarks.append(f"mass of {name!r} taken as {inertial.mass:.3g} kg, its volume at {DENSITY:g} kg/m³")
+    touched = {
+        pair(f"{stage.change.arm}/{link}", stage.change.obstacle)
+        for stage in plan.events
+        if isinstance(stage.change, Attach)
+        for link in stage.change.touch or ()
+    }
+    allowed = scene.allowed.union(touched, *(stage.allowed for stage in plan.stages))
+    return replace(scene, obstacles=things, allowed=allowed), names, tuple(remarks)
+
+
+def _hold_by_friction(sim: Simulation, names: tuple[str, ...]) -> None:
+    """Let friction hold bodies as dry friction does: they neither creep nor turn freely between two fingers."""
+    for tile in sim.tiles:
+        tile.model.opt.noslip_iterations = _NO_SLIP
+        held = [k for k, element in enumerate(tile.world.geom_elements) if element in names]
+        tile.model.geom_condim[held] = _WITH_TORSION
+        # The solver needs matrices that are made with the contacts; without them MuJoCo crashes.
+        tile.refresh()
+
+
+def _is_arm_joint(plan: SequencePlan, name: str) -> bool:
+    """Whether a column belongs to an arm rather than to its gripper."""
+    arm, joint = name.split("/", 1)
+    return joint not in plan.gripper_joints.get(arm, ())
+
+
+def _carried(plan: SequencePlan, name: str, times: Array, coordinates: Array) -> CarriedObject:
+    """What became of an object, from its positions and quaternions (n, 7)."""
+    poses = np.tile(np.eye(4), (len(times), 1, 1))
+    poses[:, :3, 3] = coordinates[:, :3]
+    poses[:, :3, :3] = [rotation_from_quaternion(row) for row in coordinates[:, 3:]]
+    planned = plan.object_poses(name, times)
+    offsets = np.linalg.norm(poses[:, :3, 3] - planned[:, :3, 3], axis=1)
+    angle = rotation_angle(planned[-1, :3, :3].T @ poses[-1, :3, :3])
+    return CarriedObject(name, read_only(poses), read_only(offsets), float(angle))

@@ -1,0 +1,111 @@
+"""The referee's verdict on a sequence: every stage in its own scene, with or without what is held.
+
+Nothing of the search is used: the scenes follow from the first one, the trajectory and the stages, so that an object
+stays where it was put down and moves with the link that took it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from rr1plan.checks import Array
+from rr1plan.progress import ProgressCallback
+from rr1plan.report import Margin, Report, Violation, ViolationKind
+from rr1plan.scene import Scene
+from rr1plan.sequences.stages import SequenceStage, check_stages, stage_scenes
+from rr1plan.trajectory import Trajectory
+from rr1plan.validation import validate
+
+# Positions count as equal within this [rad or m].
+_EQUAL = 1e-9
+
+
+def validate_stages(
+    trajectory: Trajectory,
+    scene: Scene,
+    stages: Sequence[SequenceStage],
+    *,
+    torque_limits: bool = False,
+    jerk_limits: bool = False,
+    progress: ProgressCallback | None = None,
+) -> Report:
+    """Check every stage of a sequence in its scene, and that each begins where the one before ended.
+
+    Args:
+        trajectory: The whole motion, with the gripper joints that move.
+        scene: The scene at the beginning; the gripper joints that move are planning joints.
+        stages: The stages.
+        torque_limits: Check torques too.
+        jerk_limits: Check jerk limits too.
+        progress: Called while collisions are checked; False leaves them unchecked.
+
+    Raises:
+        UnknownNameError: a joint or an object that the scene does not have.
+        InputError: stages of another trajectory, or an arm with only some of its joints.
+    """
+    check_stages(trajectory, stages)
+    first = trajectory(trajectory.start_time)
+    expected = scene.configuration(trajectory.arms) if trajectory.arms else first
+    violations = _jumps("start", trajectory.joint_names, trajectory.start_time, expected, first)
+    reports: list[Report] = []
+    last = first
+    for k, (stage, own) in enumerate(zip(stages, stage_scenes(scene, trajectory, stages), strict=True)):
+        if stage.end == stage.begin:
+            continue
+        part = trajectory.cut(stage.begin, stage.end)
+        violations += _jumps("continuity", trajectory.joint_names, stage.begin, last, part(stage.begin))
+        last = part(stage.end)
+        report = validate(
+            part,
+            own,
+            torque_limits=torque_limits,
+            jerk_limits=jerk_limits,
+            progress=_in_stage(progress, k, len(stages)),
+        )
+        named = [replace(v, message=f"stage {k + 1} ({stage.label}): {v.message}") for v in report.violations]
+        reports.append(replace(report, violations=tuple(named)))
+    violations += [violation for report in reports for violation in report.violations]
+    return _merged(reports, violations, trajectory.duration)
+
+
+def _jumps(kind: ViolationKind, names: tuple[str, ...], time: float, expected: Array, found: Array) -> list[Violation]:
+    """Joints that are elsewhere than where they should be at a time."""
+    where = "starts" if kind == "start" else "goes on"
+    return [
+        Violation(kind, (name,), time, got, want, f"{name} {where} at {got:.9g}, expected {want:.9g}")
+        for name, got, want in zip(names, found.tolist(), expected.tolist(), strict=True)
+        if not abs(got - want) <= _EQUAL
+    ]
+
+
+def _merged(reports: Sequence[Report], violations: Sequence[Violation], duration: float) -> Report:
+    """One report of those of all stages that take time."""
+    margins: dict[str, Margin] = {}
+    for report in reports:
+        for name, margin in report.margins.items():
+            if name.endswith(("_start", "_end")):
+                continue
+            # Of clearances the smallest counts, of shares of limits the largest.
+            kept = margins.setdefault(name, margin)
+            if (margin.value < kept.value) if margin.unit == "m" else (margin.value > kept.value):
+                margins[name] = margin
+    for name in ("clearance", "self_clearance"):
+        if any(name in report.margins and f"{name}_proven" not in report.margins for report in reports):
+            margins.pop(f"{name}_proven", None)
+    not_checked = {rule: why for report in reports for rule, why in report.not_checked.items()}
+    not_checked |= {"goal": "a sequence has no single goal"}
+    not_checked.pop("start", None)
+    checked = dict.fromkeys(rule for report in reports for rule in report.checked if rule not in not_checked)
+    statistics: dict[str, float] = {}
+    for report in reports:
+        for name, value in report.statistics.items():
+            statistics[name] = statistics.get(name, 0.0) + value
+    return Report(tuple(violations), margins, (*checked, "start"), not_checked, duration, statistics)
+
+
+def _in_stage(progress: ProgressCallback | None, k: int, count: int) -> ProgressCallback | None:
+    """Progress of one stage as that of all."""
+    if progress is None:
+        return None
+    return lambda part: progress(replace(part, fraction=(k + part.fraction) / count))

@@ -1,0 +1,113 @@
+"""The stages of a planned sequence: when each segment happens, and the scene in which it does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rr1plan.checks import Array, Value, check_text, finite_number
+from rr1plan.errors import InputError
+from rr1plan.scene import Arm, Pair, Scene
+from rr1plan.sequences.grippers import gripper_links
+from rr1plan.sequences.segments import Attach, Detach
+from rr1plan.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SequenceStage(Value):
+    """When a segment of a sequence happens, and what it changes.
+
+    Args:
+        label: What happens, in a few words.
+        begin: When it begins [s].
+        end: When it ends [s]; the same where something is attached or detached.
+        allowed: Pairs of elements that may touch meanwhile, beyond those of the scene.
+        change: What is attached or detached.
+
+    Raises:
+        InputError: an end before the beginning, or a change that takes time.
+    """
+
+    label: str
+    begin: float
+    end: float
+    allowed: frozenset[Pair] = frozenset()
+    change: Attach | Detach | None = None
+
+    def __post_init__(self) -> None:
+        check_text("label", self.label)
+        for name in ("begin", "end"):
+            object.__setattr__(self, name, finite_number(name, getattr(self, name)))
+        if self.end < self.begin:
+            raise InputError(f"stage {self.label!r} ends at {self.end:g} s, before it begins at {self.begin:g} s")
+        if self.change is not None and self.end > self.begin:
+            raise InputError(f"stage {self.label!r} takes {self.end - self.begin:g} s, expected a change at an instant")
+
+
+def check_stages(trajectory: Trajectory, stages: Sequence[SequenceStage]) -> None:
+    """Require that stages follow each other without a gap, from the beginning of the trajectory to its end.
+
+    Raises:
+        InputError: no stages, or others; or a trajectory that does not begin at zero.
+    """
+    if trajectory.start_time != 0.0:
+        raise InputError(f"the trajectory of a sequence begins at {trajectory.start_time:g} s, expected 0 s")
+    if not stages:
+        raise InputError("a sequence has at least one stage, got none")
+    times = [trajectory.start_time, *(stage.end for stage in stages)]
+    for k, (stage, before) in enumerate(zip(stages, times, strict=False)):
+        if stage.begin != before:
+            raise InputError(f"stage {k + 1} ({stage.label}) begins at {stage.begin:g} s, expected {before:g} s")
+    if times[-1] != trajectory.end_time:
+        raise InputError(f"the stages end at {times[-1]:g} s, the trajectory at {trajectory.end_time:g} s")
+
+
+def stage_scenes(scene: Scene, trajectory: Trajectory, stages: Sequence[SequenceStage]) -> list[Scene]:
+    """The scene of each stage: arms where it begins, objects held or where they were put down, its pairs allowed.
+
+    Args:
+        scene: The scene at the beginning; the columns of the trajectory are its joints.
+        trajectory: The motion.
+        stages: The stages.
+
+    Raises:
+        UnknownNameError: what is attached or detached is not there, or is held already.
+        InputError: an object that cannot be held.
+    """
+    scenes = []
+    for stage in stages:
+        scene = scene_at(scene, trajectory, stage.begin)
+        scene = changed_scene(scene, stage.change)
+        scenes.append(replace(scene, allowed=scene.allowed | stage.allowed) if stage.allowed else scene)
+    return scenes
+
+
+def scene_at(scene: Scene, trajectory: Trajectory, time: float) -> Scene:
+    """The scene with its arms where a trajectory has them at a time."""
+    q: Array = trajectory(time)
+    values = dict(zip(trajectory.joint_names, q.tolist(), strict=True))
+    moved = {
+        name: Arm(arm.robot, arm.base, np.array([values[f"{name}/{joint}"] for joint in arm.robot.joint_names]))
+        for name, arm in scene.arms.items()
+        if name in trajectory.arms
+    }
+    return replace(scene, arms={**scene.arms, **moved})
+
+
+def explicit(change: Attach | Detach, scene: Scene) -> Attach | Detach:
+    """What is attached or detached, with arm, link and touching links named; in a scene with locked grippers."""
+    if isinstance(change, Detach):
+        return change
+    arm = scene.only_arm(change.arm)
+    robot = scene.arms[arm].robot
+    touch = gripper_links(robot) if change.touch is None else change.touch
+    return Attach(change.obstacle, arm=arm, link=change.link or robot.tool, touch=touch)
+
+
+def changed_scene(scene: Scene, change: Attach | Detach | None) -> Scene:
+    """The scene after something was attached or detached, with the arms where they are."""
+    if isinstance(change, Attach):
+        return scene.attach(change.obstacle, change.arm, change.link, touch=change.touch or ())
+    return scene if change is None else scene.detach(change.name)

@@ -1,0 +1,165 @@
+"""Assertions about motions for a user's tests: valid by the referee, and followed by simulated arms.
+
+def test_pick():
+    motion = rp.load_motion("pick.json")
+    rp.assert_valid(motion)
+    rp.assert_replays(motion, variations=rp.ReplayVariations(payload=0.5))
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rr1plan.checks import counted, of_kind, positive_number
+from rr1plan.errors import InputError, NoPlanError
+from rr1plan.motion_plan import MotionPlan
+from rr1plan.playback.simulation.arm_variation import ArmVariation
+from rr1plan.playback.simulation.replay import Replay
+from rr1plan.playback.simulation.replay_trajectory import simulate
+from rr1plan.report import Report
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
+from rr1plan.testing.replay_variations import ReplayVariations, VariedReplays
+from rr1plan.trajectory import Trajectory
+from rr1plan.validation import certify_path, validate
+
+# How long the arms may take to settle after the end of a motion [s].
+_SETTLE = 0.3
+# Violations that a message names before it says how many more there are.
+_MOST_NAMED = 3
+
+
+def assert_valid(
+    motion: MotionPlan | Trajectory,
+    scene: Scene | None = None,
+    *,
+    problem: Problem | None = None,
+    torque_limits: bool = False,
+    jerk_limits: bool = False,
+) -> Report:
+    """Assert that the referee certifies a motion, now: a report that the motion carries is ignored.
+
+    Args:
+        motion: The motion; of a motion without times the path.
+        scene: The scene (default: that of the `MotionPlan`).
+        problem: The problem whose start and goal it has to have (default: that of the `MotionPlan`, unless another
+            scene is given).
+        torque_limits: Check torques too.
+        jerk_limits: Check jerk limits too.
+
+    Returns:
+        The report.
+
+    Raises:
+        AssertionError: the motion violates a rule; names rule, joint or elements, and time.
+        InputError: a trajectory without a scene, or with joints that the scene does not have.
+    """
+    of_kind("problem", problem, Problem, optional=True)
+    where, trajectory = _motion_in(motion, scene)
+    if isinstance(motion, MotionPlan) and problem is None and scene is None:
+        problem = motion.problem
+    if trajectory is not None:
+        report = validate(trajectory, where, problem, torque_limits=torque_limits, jerk_limits=jerk_limits)
+    else:
+        assert isinstance(motion, MotionPlan), "a trajectory has times"
+        report = certify_path(motion.path, where)
+    if not report.certified:
+        found = [f"{v.kind}: {v.message}" for v in report.violations[:_MOST_NAMED]]
+        more = len(report.violations) - len(found)
+        found += [f"and {counted(more, 'violation')} more"] * (more > 0)
+        found += ["collisions were not checked"] * ("collision" not in report.checked)
+        raise AssertionError(f"the motion is not valid: {'; '.join(found)}\n{report}")
+    return report
+
+
+def assert_replays(
+    motion: MotionPlan | Trajectory,
+    scene: Scene | None = None,
+    *,
+    tolerance: float = 0.01,
+    goal_tolerance: float = 0.005,
+    variations: ReplayVariations | None = None,
+    dt: float = 0.002,
+) -> VariedReplays:
+    """Assert that simulated arms follow a motion: without contact, within a tolerance, and to its end.
+
+    Args:
+        motion: The motion.
+        scene: The scene (default: that of the `MotionPlan`).
+        tolerance: Largest tracking error of any joint on the way [rad or m].
+        goal_tolerance: Largest distance of any joint from the end of the motion, 0.3 s after it [rad or m].
+        variations: Replay with arms that differ from their description, too: payload, masses and friction that the
+            servos do not know of.
+        dt: Time of a step of the simulation [s].
+
+    Returns:
+        The replays: that of the arms as described, then those of varied arms.
+
+    Raises:
+        AssertionError: a replay failed; names the worst one, its payload, masses and friction, and the joint or the
+            elements and the time.
+        InputError: a trajectory without a scene, a motion without times, numbers that are not above zero.
+        BackendError: MuJoCo does not take the scene, or its simulation became unstable.
+    """
+    tolerance = positive_number("tolerance", tolerance)
+    goal_tolerance = positive_number("goal_tolerance", goal_tolerance)
+    of_kind("variations", variations, ReplayVariations, optional=True)
+    where, trajectory = _motion_in(motion, scene)
+    if trajectory is None:
+        raise InputError("the motion has no times, and cannot be replayed; time its path with rr1plan.retime")
+    cases: list[ArmVariation | None] = [None, *(() if variations is None else variations.cases())]
+    replays = tuple(simulate(trajectory, where, dt=dt, hold=_SETTLE, variation=case) for case in cases)
+    found = VariedReplays(replays, tuple(cases), tolerance, goal_tolerance)
+    if not found:
+        raise AssertionError(f"the replay failed: {_failure(found)}\n{found}")
+    return found
+
+
+def _motion_in(motion: MotionPlan | Trajectory, scene: Scene | None) -> tuple[Scene, Trajectory | None]:
+    """The scene of a motion, and its trajectory; None for a path without times.
+
+    Raises:
+        AssertionError: there is no motion, because planning failed.
+        InputError: neither a motion nor a trajectory, or no scene.
+    """
+    of_kind("scene", scene, Scene, optional=True)
+    if isinstance(motion, Trajectory):
+        if scene is None:
+            raise InputError("a trajectory does not hold its scene; give the scene too (option scene)")
+        return scene, motion
+    if not isinstance(motion, MotionPlan):
+        raise InputError(f"motion is of type {type(motion).__name__}, expected MotionPlan or Trajectory")
+    if not motion.found:
+        raise AssertionError(f"there is no motion: {motion}")
+    where = motion.scene if scene is None else scene
+    try:
+        return where, motion.trajectory
+    except NoPlanError:
+        return where, None
+
+
+def _failure(found: VariedReplays) -> str:
+    """The worst replay in a sentence."""
+    number = found.worst_case
+    case, replay = found.cases[number], found.replays[number]
+    who = "arms as described" if case is None else f"varied arms {number} of {len(found.cases) - 1} ({case})"
+    failed = sum(not ok for ok in found.passed)
+    several = f"; {failed} of {len(found.replays)} replays failed" if len(found.replays) > 1 else ""
+    return f"{_what(found, replay)}, {who}{several}"
+
+
+def _what(found: VariedReplays, replay: Replay) -> str:
+    if replay.contacts:
+        contact = replay.contacts[0]
+        names, depth = " and ".join(contact.pair), 1e3 * contact.depth
+        return f"{names} touch from {contact.first:.3f} s to {contact.last:.3f} s, {depth:.2f} mm deep"
+    if replay.worst_error > found.tolerance:
+        joint = int(np.argmax(replay.max_error))
+        late = np.abs(replay.record.actual - replay.record.desired)[:, joint]
+        time = float(replay.record.times[int(np.argmax(late))])
+        off = f"{replay.joint_names[joint]} is {replay.max_error[joint]:.3g} rad or m from its set-point"
+        return f"{off} at {time:.3f} s, tolerance {found.tolerance:g}"
+    rest = np.abs(replay.record.actual[-1] - replay.record.desired[-1])
+    joint = int(np.argmax(rest))
+    off = f"{replay.joint_names[joint]} ends {rest[joint]:.3g} rad or m from the end of the motion"
+    return f"{off}, tolerance {found.goal_tolerance:g}"

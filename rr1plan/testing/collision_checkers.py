@@ -1,0 +1,301 @@
+"""Contacts of bodies by python-fcl, by Coal and by MuJoCo, each from the shapes of the description alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.errors import MissingPackageError
+from rr1plan.playback.simulation.joint_map import JointTargets
+from rr1plan.playback.simulation.mujoco_model import build_mujoco
+from rr1plan.scene import Scene
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
+from rr1plan.shapes.convex_hulls import convex_hull
+from rr1plan.testing.closed_meshes import is_inside
+from rr1plan.testing.scene_bodies import SceneBodies, SceneBody, is_surface
+from rr1plan.trajectory import Trajectory
+
+Pair = tuple[str, str]
+
+
+# ---- python-fcl ----------------------------------------------------------------------------------
+
+
+class FclChecker:
+    """python-fcl, which separated from Coal's ancestor long ago and shares no narrow phase with it.
+
+    Args:
+        bodies: The bodies.
+
+    Raises:
+        MissingPackageError: python-fcl is not installed.
+    """
+
+    def __init__(self, bodies: Sequence[SceneBody]) -> None:
+        self._fcl = _fcl()
+        self._objects = [self._fcl.CollisionObject(fcl_geometry(body.shape)) for body in bodies]
+
+    def touches(self, a: int, T_a: Array, b: int, T_b: Array) -> bool:
+        """Whether two bodies touch at these poses, each (4, 4)."""
+        fcl = self._fcl
+        one, two = self._placed(a, T_a, b, T_b)
+        return bool(fcl.collide(one, two, fcl.CollisionRequest(), fcl.CollisionResult()) > 0)
+
+    def distance(self, a: int, T_a: Array, b: int, T_b: Array) -> float:
+        """Distance of two bodies at these poses [m]; not above zero if they touch."""
+        fcl = self._fcl
+        one, two = self._placed(a, T_a, b, T_b)
+        # One order of the two may give a distance too large by a quarter of a millimeter.
+        orders = ((one, two), (two, one))
+        return float(min(fcl.distance(*order, fcl.DistanceRequest(), fcl.DistanceResult()) for order in orders))
+
+    def _placed(self, a: int, T_a: Array, b: int, T_b: Array) -> list[Any]:
+        things = [self._objects[a], self._objects[b]]
+        for thing, T in zip(things, (T_a, T_b), strict=True):
+            thing.setTransform(self._fcl.Transform(np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])))
+        return things
+
+
+def fcl_geometry(shape: Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh) -> Any:
+    """A shape in python-fcl.
+
+    Raises:
+        MissingPackageError: python-fcl is not installed.
+    """
+    fcl = _fcl()
+    if not isinstance(shape, Mesh):
+        return _primitive(fcl, shape)
+    if is_surface(shape):
+        surface = fcl.BVHModel()
+        surface.beginModel(len(shape.vertices), len(shape.faces))
+        surface.addSubModel(np.array(shape.vertices), np.array(shape.faces))
+        surface.endModel()
+        return surface
+    hull = convex_hull(shape.vertices)
+    corners = np.concatenate([np.full((len(hull.faces), 1), 3), hull.faces], axis=1).astype(np.int32)
+    return fcl.Convex(np.array(hull.vertices), len(hull.faces), corners.ravel())
+
+
+def _primitive(library: Any, shape: Box | Sphere | Cylinder | Capsule | HalfSpace) -> Any:
+    """A shape in FCL or Coal, which name them alike."""
+    match shape:
+        case Box(size):
+            return library.Box(*size)
+        case Sphere(radius):
+            return library.Sphere(radius)
+        case HalfSpace(normal, offset):
+            return library.Halfspace(np.array(normal), offset)
+    return getattr(library, type(shape).__name__)(shape.radius, shape.length)
+
+
+def _fcl() -> Any:
+    try:
+        import fcl
+    except ImportError as error:
+        raise MissingPackageError("python-fcl", "the opinion of python-fcl") from error
+    return fcl
+
+
+# ---- Coal ----------------------------------------------------------------------------------------
+
+
+class CoalChecker:
+    """Coal alone, without a broad phase and without the guesses that it keeps between queries.
+
+    Args:
+        bodies: The bodies.
+    """
+
+    def __init__(self, bodies: Sequence[SceneBody]) -> None:
+        import coal
+
+        self._coal = coal
+        self._geometries = [coal_geometry(body.shape) for body in bodies]
+        # Without contacts it misses some shapes whose core lies in the other's surface.
+        self._request = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1)
+        self._surfaces = [body.is_surface for body in bodies]
+
+    def touches(self, a: int, T_a: Array, b: int, T_b: Array) -> bool:
+        """Whether two bodies touch at these poses, each (4, 4)."""
+        if self._surfaces[a] or self._surfaces[b]:
+            # Its collision test of a surface misses a ball that penetrates by a tenth of a millimeter.
+            return self.distance(a, T_a, b, T_b) <= 0.0
+        result = self._coal.CollisionResult()
+        return bool(self._coal.collide(*self._placed(a, T_a, b, T_b), self._request, result) > 0)
+
+    def distance(self, a: int, T_a: Array, b: int, T_b: Array) -> float:
+        """Signed distance of two bodies at these poses [m]; that of surfaces is not below about zero."""
+        coal = self._coal
+        placed = self._placed(a, T_a, b, T_b)
+        return float(coal.distance(*placed, coal.DistanceRequest(), coal.DistanceResult()))
+
+    def _placed(self, a: int, T_a: Array, b: int, T_b: Array) -> list[Any]:
+        one, two = (self._coal.Transform3s(T[:3, :3], T[:3, 3]) for T in (T_a, T_b))
+        return [self._geometries[a], one, self._geometries[b], two]
+
+
+def coal_geometry(shape: Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh) -> Any:
+    """A shape in Coal."""
+    import coal
+
+    if not isinstance(shape, Mesh):
+        return _primitive(coal, shape)
+    points = coal.StdVec_Vec3s()
+    points.extend(list(np.array(shape.vertices)))
+    if not is_surface(shape):
+        return coal.Convex.convexHull(points, True, "Qt")
+    corners = shape.vertices[shape.faces]
+    # A triangle without area touches every ball.
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    triangles = coal.StdVec_Triangle()
+    triangles.extend([coal.Triangle(*face) for face in shape.faces[areas > 0.0].tolist()])
+    surface = coal.BVHModelOBBRSS()
+    surface.beginModel(len(triangles), len(points))
+    surface.addSubModel(points, triangles)
+    surface.endModel()
+    return surface
+
+
+# ---- MuJoCo --------------------------------------------------------------------------------------
+
+
+class MujocoChecker:
+    """MuJoCo's contacts at poses from MuJoCo's own kinematics.
+
+    Args:
+        scene: The scene.
+        motion: A motion of some of its arms, which names the columns of configurations.
+    """
+
+    def __init__(self, scene: Scene, motion: Trajectory) -> None:
+        import mujoco
+
+        self._mujoco = mujoco
+        self._world = build_mujoco(scene)
+        self._data = mujoco.MjData(self._world.model)
+        self._targets = JointTargets(motion, scene)
+
+    def contacts(self, time: float) -> dict[Pair, float]:
+        """The elements that touch at a time of the motion, and how deep [m]."""
+        data, model = self._data, self._world.model
+        data.qpos[:] = self._targets(np.array([time]))[0]
+        self._mujoco.mj_kinematics(model, data)
+        self._mujoco.mj_collision(model, data)
+        found: dict[Pair, float] = {}
+        for (first, second), distance in zip(data.contact.geom, data.contact.dist, strict=True):
+            if distance <= 0.0:
+                a, b = sorted((self._world.geom_elements[first], self._world.geom_elements[second]))
+                found[a, b] = max(found.get((a, b), 0.0), -float(distance))
+        return found
+
+
+# ---- what the libraries leave out ----------------------------------------------------------------
+
+
+def encloses(body: SceneBody, T: Array, other: SceneBody, T_other: Array) -> bool:
+    """Whether a closed surface encloses another body that does not touch it, which no test of surfaces notices.
+
+    Args:
+        body: A body; other shapes than surfaces enclose nothing here.
+        T: Its pose, shape (4, 4).
+        other: The other body.
+        T_other: Its pose, shape (4, 4).
+    """
+    if not isinstance(body.shape, Mesh) or not body.is_surface or isinstance(other.shape, HalfSpace):
+        return False
+    point = other.shape.vertices[0] if isinstance(other.shape, Mesh) else np.zeros(3)
+    in_world = T_other[:3, :3] @ point + T_other[:3, 3]
+    return is_inside(body.shape, T[:3, :3].T @ (in_world - T[:3, 3]))
+
+
+def height_above(plane: SceneBody, T: Array, other: SceneBody, T_other: Array) -> float | None:
+    """Signed distance of a surface from a half-space [m], which no library has; None for other shapes.
+
+    Args:
+        plane: A body, either of the two.
+        T: Its pose, shape (4, 4).
+        other: The other body.
+        T_other: Its pose, shape (4, 4).
+    """
+    if isinstance(other.shape, HalfSpace):
+        plane, T, other, T_other = other, T_other, plane, T
+    half_space, mesh = plane.shape, other.shape
+    if not isinstance(half_space, HalfSpace) or not isinstance(mesh, Mesh) or not other.is_surface:
+        return None
+    normal = T[:3, :3] @ np.array(half_space.normal)
+    points = mesh.vertices[np.unique(mesh.faces)] @ T_other[:3, :3].T + T_other[:3, 3]
+    return float((points @ normal).min() - normal @ T[:3, 3] - half_space.offset)
+
+
+# ---- elements ------------------------------------------------------------------------------------
+
+
+class ElementChecker:
+    """The elements of a scene that touch at configurations, by python-fcl and Coal.
+
+    Args:
+        scene: The scene.
+        joint_names: Columns of the configurations, "arm/joint"; arms without columns rest.
+        libraries: "FCL", "Coal" or both.
+
+    Attributes:
+        bodies: The bodies of the elements.
+        queries: Number of pairs of bodies that each library has checked.
+
+    Raises:
+        UnknownNameError: a column that is no joint of the scene.
+        InputError: only some joints of an arm have columns.
+        MissingPackageError: python-fcl is not installed.
+    """
+
+    def __init__(self, scene: Scene, joint_names: Sequence[str], libraries: Sequence[str] = ("FCL", "Coal")) -> None:
+        self.bodies = SceneBodies(scene, joint_names)
+        self.queries = 0
+        parts = self.bodies.bodies
+        self._coal = CoalChecker(parts)
+        self._libraries: dict[str, FclChecker | CoalChecker] = {
+            name: FclChecker(parts) if name == "FCL" else self._coal for name in libraries
+        }
+
+    def contacts(self, q: Array, pairs: NDArray[np.int64] | None = None) -> list[dict[Pair, set[str]]]:
+        """The pairs of elements that touch at each of some configurations, and the libraries that find so.
+
+        Args:
+            q: Configurations, shape (n, nq).
+            pairs: Indices of the bodies to check, shape (m, 2) (default: all that must not touch).
+        """
+        pairs = self.bodies.pairs if pairs is None else pairs
+        frames = self.bodies.frames(q)
+        found: list[dict[Pair, set[str]]] = [{} for _ in q]
+        for n, k in zip(*self.bodies.nearby_pairs(frames, pairs), strict=True):
+            a, b = pairs[k].tolist()
+            self.queries += 1
+            names = {name for name in self._libraries if self._touch(name, a, frames[n, a], b, frames[n, b])}
+            if names:
+                elements = self.bodies.bodies[a].element, self.bodies.bodies[b].element
+                found[n].setdefault(elements, set()).update(names)
+        return found
+
+    def distance(self, q: Array, pair: Pair) -> float:
+        """Signed distance of two elements at a configuration (nq,) by Coal [m]."""
+        frames = self.bodies.frames(q[None])[0]
+        bodies = self.bodies.bodies
+        own = [(a, b) for a, b in self.bodies.pairs.tolist() if (bodies[a].element, bodies[b].element) == pair]
+        return min(self._distance(a, frames[a], b, frames[b]) for a, b in own)
+
+    def _distance(self, a: int, T_a: Array, b: int, T_b: Array) -> float:
+        height = height_above(self.bodies.bodies[a], T_a, self.bodies.bodies[b], T_b)
+        return self._coal.distance(a, T_a, b, T_b) if height is None else height
+
+    def _touch(self, library: str, a: int, T_a: Array, b: int, T_b: Array) -> bool:
+        one, two = self.bodies.bodies[a], self.bodies.bodies[b]
+        height = height_above(one, T_a, two, T_b)
+        if height is not None:
+            return height <= 0.0
+        if self._libraries[library].touches(a, T_a, b, T_b):
+            return True
+        return encloses(one, T_a, two, T_b) or encloses(two, T_b, one, T_a)

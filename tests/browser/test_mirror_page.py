@@ -1,0 +1,60 @@
+"""The page of a mirror, and sliders of a page that move simulated joints."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.playback.viewer.page_capture import wait_until
+
+pytestmark = pytest.mark.browser
+
+
+def test_the_panel_shows_deviations_and_turns_red_outside_the_corridor(tab: Any) -> None:
+    scene = rp.load_scene("rr1_table")
+    names = scene.joint_names()
+    still = rp.Trajectory.from_samples(names, [0.0, 1.0], [scene.configuration()] * 2)
+    page = tab.page
+    with rp.Mirror(scene, still) as mirror:
+        viewer = mirror.show(open_browser=False, quiet=True, port=0)
+        page.goto(viewer.url)
+        wait_until(page, "window.RR1 && RR1.ready && RR1.live.socket && RR1.live.socket.readyState === 1")
+        for k, off in enumerate((0.0, 0.001, 0.5)):
+            q = scene.configuration() + off * np.eye(6)[0]
+            mirror.receive(rp.StateMessage(float(k), names, q, received=float(k)))
+            wait_until(page, f"document.querySelector('#panel-mirror .facts').textContent.startsWith('{k}.00 s')")
+            verdict = tab.ask("document.querySelector('#panel-mirror .verdict').className")
+            assert verdict == ("verdict bad" if off == 0.5 else "verdict good")
+        wait_until(page, f"Math.abs(RR1.q[0] - {q[0]}) < 1e-9")
+        shown = tab.ask("[...document.querySelectorAll('#panel-mirror .deviation')].map((row) => row.innerText)")
+        assert shown[1].split() == ["shoulder_joint", "28.65°", "28.65°"]
+        assert shown[2].split() == ["upper_arm_joint", "0.00°", "0.00°"]
+        assert tab.ask("document.getElementById('clock').textContent") == "live"
+        assert "left the certified corridor" in tab.ask("document.querySelector('#panel-mirror .event').textContent")
+    assert tab.complaints == []
+
+
+def test_a_slider_moves_a_simulated_joint(tab: Any) -> None:
+    scene = rp.load_scene("rr1_table")
+    sim, page = rp.Simulation(scene), tab.page
+    manual = rp.ManualController(scene.joint_names(), speed=1.0)
+    sim.activate(manual)
+    with rp.show(scene, open_browser=False, quiet=True, port=0) as viewer:
+        viewer.on_slider(manual.move)
+        sim.on_step(lambda now: viewer.update(now.configuration()))
+        page.goto(viewer.url)
+        wait_until(page, "window.RR1 && RR1.ready && RR1.live.socket && RR1.live.socket.readyState === 1")
+        slider = page.locator("#joint-0")
+        slider.focus()
+        before = sim.configuration()[0]
+        for _ in range(3):
+            slider.press("ArrowRight")
+            page.wait_for_timeout(50)
+            sim.run(duration=0.5)
+        moved = sim.configuration()[0] - before
+        assert moved > 0.01
+        wait_until(page, f"Math.abs(RR1.q[0] - {sim.configuration()[0]}) < 1e-9")
+    assert tab.complaints == []

@@ -1,0 +1,181 @@
+"""Calibration: signs, zeros and scales come back from noisy measurements, and what cannot be known is named."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.calibration.joint_calibration import CalibrationFit
+from rr1plan.calibration.measured_points import MeasuredPoints, Parameters
+
+POINT = np.array([0.1, 0.0, 0.0])
+SIGNS = np.array([1.0, -1.0, -1.0, -1.0, 1.0, -1.0])
+
+
+@dataclass
+class Bench:
+    """A robot with known signs, zeros and scales, and measurements of it."""
+
+    robot: rp.Robot
+    zeros: np.ndarray
+    scales: np.ndarray
+    q: np.ndarray
+
+    def readings(self) -> np.ndarray:
+        return np.round((self.q - self.zeros) * SIGNS * self.scales)
+
+    def positions(self, point: np.ndarray = POINT, noise: float = 1e-3, seed: int = 5) -> np.ndarray:
+        """By plain numpy kinematics, which share nothing with the estimation."""
+        poses = np.array([self.robot.link_poses(q)[self.robot.tool] for q in self.q])
+        exact = poses[:, :3, :3] @ point + poses[:, :3, 3]
+        return exact + noise * np.random.default_rng(seed).standard_normal(exact.shape)
+
+    def start(self) -> rp.Calibration:
+        return rp.Calibration.assumed(self.robot, 2000.0, unit="steps")
+
+
+def bench(robot: rp.Robot, seed: int = 0, poses: int = 20) -> Bench:
+    rng = np.random.default_rng(seed)
+    zeros, scales = np.radians(rng.uniform(-30, 30, robot.nq)), 2000.0 * rng.uniform(0.8, 1.2, robot.nq)
+    return Bench(robot, zeros, scales, rng.uniform(robot.limits.lower, robot.limits.upper, (poses, robot.nq)))
+
+
+def fit(calibration: rp.Calibration) -> CalibrationFit:
+    assert calibration.fit is not None
+    return calibration.fit
+
+
+def columns(calibration: rp.Calibration, *names: str) -> tuple[np.ndarray, ...]:
+    return tuple(np.array([getattr(joint, name) for joint in calibration.joints.values()]) for name in names)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_signs_zeros_and_scales_come_back_within_their_uncertainty(rr1: rp.Robot, seed: int) -> None:
+    arm = bench(rr1, seed)
+    found = rp.calibrate(rr1, arm.readings(), arm.positions(), start=arm.start(), point=POINT)
+    signs, zeros, scales = columns(found, "sign", "zero", "scale")
+    zero_stds, scale_stds = columns(found, "zero_std", "scale_std")
+    np.testing.assert_array_equal(signs, SIGNS)
+    assert (np.abs(zeros - arm.zeros) < 4.0 * zero_stds).all()
+    assert (np.abs(scales - arm.scales) < 4.0 * scale_stds).all()
+    assert zero_stds.max() < math.radians(0.3)
+    assert fit(found).noise == pytest.approx(1e-3, rel=0.3)
+    assert not fit(found).outliers
+    assert not fit(found).undetermined
+    # Positions of joints between the measured ones are right too.
+    np.testing.assert_allclose(found.positions(arm.readings()), arm.q, atol=math.radians(0.6))
+
+
+def test_exact_measurements_give_exact_values(planar2r: rp.Robot) -> None:
+    q = np.random.default_rng(1).uniform(-1.5, 1.5, (8, 2))
+    poses = np.array([planar2r.link_poses(each)[planar2r.tool] for each in q])
+    found = rp.calibrate(planar2r, -(q - 0.1), poses[:, :3, 3])
+    signs, zeros, scales = columns(found, "sign", "zero", "scale")
+    np.testing.assert_array_equal(signs, -1)
+    np.testing.assert_allclose(zeros, 0.1, atol=1e-9)
+    np.testing.assert_allclose(scales, 1.0, atol=1e-9)
+
+
+def test_the_jacobian_is_that_of_the_residuals(rr1: rp.Robot) -> None:
+    arm = bench(rr1, 3, 4)
+    data = MeasuredPoints(rr1, arm.start(), arm.readings(), arm.positions(), np.broadcast_to(POINT, (4, 3)))
+    rng = np.random.default_rng(0)
+    values = np.concatenate([arm.zeros, rng.uniform(0.8, 1.2, 6), rng.uniform(-0.7, 0.7, 6)])
+    at = Parameters(SIGNS, values, rp.transforms.pose((0.1, 0.2, 0.3), rpy=(0.3, 0.2, 0.1)))
+    jacobian = data.with_jacobian(at)[1]
+    for k in range(len(values)):
+        step = 1e-6 * (np.arange(len(values)) == k)
+        ahead, behind = (data.residuals(replace(at, values=values + s)) for s in (step, -step))
+        np.testing.assert_allclose(jacobian[:, :, k], (ahead - behind) / 2e-6, atol=1e-7)
+
+
+def test_wrong_measurements_are_left_out_and_named(rr1: rp.Robot) -> None:
+    arm = bench(rr1, 4)
+    positions = arm.positions()
+    positions[[3, 11]] += [[0.05, 0.0, 0.02], [0.0, -0.3, 0.0]]
+    found = rp.calibrate(rr1, arm.readings(), positions, start=arm.start(), point=POINT)
+    assert fit(found).outliers == (3, 11)
+    assert np.abs(columns(found, "zero")[0] - arm.zeros).max() < math.radians(0.8)
+    assert "left out: row 11" in str(found)
+
+
+def test_the_joint_whose_zero_moved_is_named(rr1: rp.Robot) -> None:
+    arm = bench(rr1, 6)
+    before = rp.calibrate(rr1, arm.readings(), arm.positions(), start=arm.start(), point=POINT)
+    arm.zeros[3] += math.radians(2.0)
+    after = rp.calibrate(rr1, arm.readings(), arm.positions(seed=8), start=before, point=POINT)
+    shifts = after.zero_shifts(before)
+    assert shifts[0].joint == "forearm_joint"
+    assert math.degrees(shifts[0].shift) == pytest.approx(2.0, abs=0.6)
+    assert shifts[0].significance > 6.0
+    assert max(shift.significance for shift in shifts[1:]) < 4.0
+    assert str(shifts[0]).startswith("forearm_joint: +")
+
+
+def test_what_poses_do_not_determine_is_named(rr1: rp.Robot) -> None:
+    arm = bench(rr1, 7)
+    # The tool is on the axis of the last joint.
+    on_axis = rp.calibrate(rr1, arm.readings(), arm.positions(np.zeros(3)), start=arm.start())
+    assert fit(on_axis).undetermined == {"hand_joint": ("zero", "scale", "sign")}
+    assert math.isinf(on_axis.joints["hand_joint"].zero_std)
+    assert on_axis.joints["wrist_joint"].zero_std < 0.02
+    # A joint that does not move.
+    arm.q[:, 2] = 0.4
+    still = rp.calibrate(rr1, arm.readings(), arm.positions(), start=arm.start(), point=POINT)
+    assert set(fit(still).undetermined) == {"elbow_joint"}
+    assert "not determined by these poses" in str(still)
+
+
+def test_a_free_base_hides_the_zero_of_the_first_joint_only(rr1: rp.Robot) -> None:
+    arm = bench(rr1, 8)
+    table = rp.transforms.pose((1.0, 2.0, 0.5), rpy=(0.1, 0.2, 2.0))
+    positions = arm.positions() @ table[:3, :3].T + table[:3, 3]
+    found = rp.calibrate(rr1, arm.readings(), positions, start=arm.start(), point=POINT, free_base=True)
+    assert fit(found).undetermined == {"shoulder_joint": ("zero",)}
+    zeros, scales = columns(found, "zero", "scale")
+    np.testing.assert_allclose(zeros[1:], arm.zeros[1:], atol=math.radians(0.8))
+    np.testing.assert_allclose(scales, arm.scales, rtol=0.02)
+    # The base is where it is but for the turn that stands in for that zero.
+    turned = rp.transforms.rotation_about([0, 0, 1], zeros[0] - arm.zeros[0])
+    np.testing.assert_allclose(fit(found).T_measured_base[:3, :3] @ turned, table[:3, :3], atol=0.02)
+
+
+def test_readings_that_cannot_be_explained_are_refused(rr1: rp.Robot) -> None:
+    arm = bench(rr1, 9)
+    readings, positions, start = arm.readings(), arm.positions(), arm.start()
+    shuffled = np.random.default_rng(0).permutation(positions)
+    refusals = {
+        "near the start explain": (readings, shuffled, start),
+        "12 coordinates for 12 unknowns": (readings[:4], positions[:4], start),
+        r"readings\[2, 1\] is nan": (np.where(np.arange(120).reshape(20, 6) == 13, np.nan, readings), positions, start),
+        "positions has shape": (readings, positions[:-1], start),
+        "start has no joint 'elbow_joint'": (
+            readings,
+            positions,
+            replace(start, joints={n: j for n, j in start.joints.items() if n != "elbow_joint"}),
+        ),
+    }
+    for words, (some, measured, begin) in refusals.items():
+        with pytest.raises(rp.InputError, match=words):
+            rp.calibrate(rr1, some, measured, start=begin, point=POINT)
+
+
+def test_proposed_poses_are_free_and_tell_more_than_random_ones(rr1_table: rp.Scene) -> None:
+    poses = rp.propose_calibration_poses(rr1_table, 20, point=POINT, rng=0)
+    np.testing.assert_array_equal(poses, rp.propose_calibration_poses(rr1_table, 20, point=POINT, rng=0))
+    checker = rp.CollisionChecker(rr1_table)
+    assert all(checker.is_free(q) for q in poses)
+    robot = rr1_table.arms["rr1"].robot
+    stds = {}
+    for name, q in {"proposed": poses, "random": bench(robot, 0).q}.items():
+        arm = replace(bench(robot, 0), q=q)
+        found = rp.calibrate(robot, arm.readings(), arm.positions(), start=arm.start(), point=POINT)
+        stds[name] = columns(found, "zero_std")[0].mean() / fit(found).noise
+    assert stds["proposed"] < 0.85 * stds["random"]
+    blocked = rr1_table.with_obstacle("block", rp.Box((3, 3, 3)), [0, 0, 1.6])
+    with pytest.raises(rp.InputError, match="fewer than 20; clear the scene"):
+        rp.propose_calibration_poses(blocked, 20)

@@ -1,0 +1,77 @@
+"""Calibrations as values and as files: exact round trips, named errors."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+
+
+@pytest.fixture
+def calibration(rr1: rp.Robot) -> rp.Calibration:
+    steps = rp.Calibration.assumed(rr1, {name: 800.0 + i for i, name in enumerate(rr1.joint_names)}, unit="steps")
+    joints = dict(steps.joints) | {"elbow_joint": rp.JointCalibration(-1, 0.1, 1547.0 / 3.0, 1e-3, 0.7)}
+    return rp.Calibration("rr1", joints, "steps", "2026-11-23", 'by "hand"')
+
+
+def test_a_file_reads_back_exactly(calibration: rp.Calibration, tmp_path: Path) -> None:
+    again = rp.load_calibration(calibration.save(tmp_path / "c.toml"))
+    assert again.joints == calibration.joints
+    assert (again.robot, again.unit, again.date, again.source) == ("rr1", "steps", "2026-11-23", 'by "hand"')
+    assert (tmp_path / "c.toml").read_text().startswith("# position = zero + sign * reading / scale\n")
+    assert pickle.loads(pickle.dumps(again)).joints == calibration.joints
+
+
+def test_readings_and_positions_are_inverse(calibration: rp.Calibration) -> None:
+    positions = np.random.default_rng(0).uniform(-1, 1, (5, 6))
+    readings = calibration.readings(positions)
+    np.testing.assert_allclose(calibration.positions(readings), positions, atol=1e-12)
+    np.testing.assert_allclose(readings[:, 2], -(positions[:, 2] - 0.1) * 1547.0 / 3.0)
+    one = calibration.readings([0.2], ["elbow_joint"])
+    np.testing.assert_allclose(one, -0.1 * 1547.0 / 3.0)
+    with pytest.raises(rp.UnknownNameError, match="calibrated joint 'finger_joint'"):
+        calibration.positions([0.0], ["finger_joint"])
+
+
+def test_negative_scales_are_negative_signs(planar2r: rp.Robot) -> None:
+    names = planar2r.joint_names
+    found = rp.Calibration.assumed(planar2r, dict(zip(names, (-4.0, 5.0), strict=True)))
+    assert [(joint.sign, joint.scale) for joint in found.joints.values()] == [(-1, 4.0), (1, 5.0)]
+    assert all(math.isinf(joint.zero_std) for joint in found.joints.values())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    {
+        "another file": ('"rr1plan calibration"', '"rr1plan motion"', "expected 'rr1plan calibration'"),
+        "newer": ("version = 1", "version = 2", "is version 2, expected 1"),
+        "degrees": ('position = "rad"', 'position = "deg"', "units.position: is 'deg', expected 'rad'"),
+        "unit": ('reading = "steps"', 'reading = "stepps"', "unknown unit 'stepps'"),
+        "sign": ("sign = -1", "sign = 0", "joints.elbow_joint: sign is 0, expected 1 or -1"),
+        "half a sign": ("sign = -1", "sign = 0.5", "joints.elbow_joint: sign is 0, expected 1 or -1"),
+        "scale": ("scale = 800.0", "scale = -800.0", "shoulder_joint: scale is -800.0, expected a number above zero"),
+        "std": ("zero_std = 0.001", 'zero_std = "small"', "zero_std is not an array of numbers: 'small'"),
+        "nan": ("zero = 0.1", "zero = nan", "elbow_joint.zero: expected a finite number, got nan"),
+        "key": ("zero = 0.1", "zeroo = 0.1", "has no 'zero', which is required"),
+    }.values(),
+)
+def test_bad_files_are_refused_by_the_name_of_the_entry(
+    calibration: rp.Calibration, tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    file = calibration.save(tmp_path / "c.toml")
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new, 1))
+    with pytest.raises(rp.FormatError, match=words.replace(".", r"\.")):
+        rp.load_calibration(file)
+
+
+def test_other_arms_have_no_shifts(calibration: rp.Calibration, planar2r: rp.Robot) -> None:
+    assert [shift.significance for shift in calibration.zero_shifts(calibration)] == [0.0] * 6
+    with pytest.raises(rp.InputError, match="the earlier calibration is of 'planar2r'"):
+        calibration.zero_shifts(rp.Calibration.assumed(planar2r))

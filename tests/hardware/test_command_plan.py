@@ -1,0 +1,128 @@
+"""Plans of commands: what the emulated arm does, close to the motion, certified step by step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+
+
+def test_commands_follow_the_motion_and_are_certified(motion: rp.MotionPlan, plan: rp.CommandPlan) -> None:
+    assert plan
+    assert plan.report.certified
+    assert plan.path_report.certified
+    assert "goal" not in plan.report.checked
+    ends = motion.trajectory([motion.trajectory.start_time, motion.trajectory.end_time])
+    # To a step or two of the coarsest joint, of 1/14 degree.
+    np.testing.assert_allclose(plan.path.waypoints[[0, -1]], ends, atol=2.5e-3)
+    samples = motion.trajectory(np.linspace(0.0, motion.trajectory.end_time, 50))
+    path = plan.trajectory(np.linspace(0.0, plan.trajectory.end_time, 4000))
+    nearest = np.abs(samples[:, None] - path).max(axis=2).min(axis=1)
+    assert nearest.max() < 0.03
+
+
+def test_the_path_is_that_of_an_emulator_that_gets_the_commands(
+    plan: rp.CommandPlan, box: rp.ControlBox, calibration: rp.Calibration
+) -> None:
+    emulator, steps = rp.BoxEmulator(box), []
+    for command in plan.commands:
+        stepped = emulator.run(command)
+        signs = dict(zip(("S1", "S2", "E1", "E2", "W1", "W2", "G"), np.sign(command.steps), strict=True))
+        for tick in sorted({tick for ticks in stepped.values() for tick in ticks}):
+            steps += [[signs[n] if tick in set(stepped.get(n, ())) else 0 for n in list(signs)[:6]]]
+    counters = np.array(plan.start[:6]) + np.vstack([np.zeros(6), np.cumsum(steps, axis=0)])
+    names = [name.split("/")[1] for name in plan.path.joint_names]
+    np.testing.assert_allclose(plan.path.waypoints, calibration.positions(counters, names), atol=1e-12)
+
+
+def test_the_trajectory_rests_between_commands_and_leaves_the_steps_by_little(plan: rp.CommandPlan) -> None:
+    ends = np.cumsum(plan.ticks) * plan.box.tick
+    assert plan.trajectory.end_time == pytest.approx(ends[-1])
+    for derivative in (1, 2):
+        np.testing.assert_allclose(plan.trajectory(ends - 1e-9, derivative), 0.0, atol=1e-6)
+    # Two to three steps of the coarsest joint.
+    assert plan.deviation.max() < 3.0 * np.radians(1.0 / 14.0)
+    speeds = np.abs(np.gradient(plan.trajectory(times := np.linspace(0, ends[-1], 20001)), times[1], axis=0))
+    np.testing.assert_allclose(speeds, np.abs(plan.trajectory(times, 1)), atol=2e-3)
+
+
+def test_a_single_step_is_never_sent(plan: rp.CommandPlan) -> None:
+    assert all(abs(steps) != 1 for command in plan.commands for steps in command.steps)
+
+
+def test_high_safety_splits_long_commands(calibration: rp.Calibration, box: rp.ControlBox) -> None:
+    scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
+    q = np.array([[0.0, 0.0, 0.3, 0.0, 0.5, 0.0], [0.3, 0.0, 0.3, 0.0, 1.5, 0.0]])
+    swing = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 60.0], q, np.zeros((2, 6)))
+    low = rp.plan_commands(swing, calibration, box, scene=scene, safety="low")
+    high = rp.plan_commands(swing, calibration, box, scene=scene)
+    assert len(low.commands) == 1
+    assert len(high.commands) == 5
+    assert max(abs(steps) for command in high.commands for steps in command.steps) <= 1024
+    total = [sum(column) for column in zip(*(command.steps for command in high.commands), strict=True)]
+    assert total == list(low.commands[0].steps)
+
+
+def test_what_the_arm_would_hit_is_named_and_not_certified(
+    motion: rp.MotionPlan, plan: rp.CommandPlan, calibration: rp.Calibration, box: rp.ControlBox
+) -> None:
+    middle = plan.trajectory(0.5 * plan.trajectory.end_time)
+    at = motion.scene.link_poses({"rr1": middle})["rr1/tool"][:3, 3]
+    blocked = rp.plan_commands(motion, calibration, box, scene=motion.scene.with_obstacle("ball", rp.Sphere(0.03), at))
+    assert not blocked
+    assert any(problem.startswith("collision") and "ball" in problem for problem in blocked.problems)
+    assert "NOT CERTIFIED" in str(blocked)
+
+
+def test_a_coarse_tolerance_gives_fewer_commands(
+    motion: rp.MotionPlan, calibration: rp.Calibration, box: rp.ControlBox
+) -> None:
+    counts = [len(rp.plan_commands(motion, calibration, box, tolerance=t).commands) for t in (0.002, 0.02, 1.0)]
+    assert counts[0] > counts[1] >= counts[2] > 0
+
+
+def test_an_arm_that_stays_has_no_commands(calibration: rp.Calibration, box: rp.ControlBox) -> None:
+    scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
+    plan = rp.plan_commands(
+        rp.Trajectory.rest(scene.joint_names(), scene.configuration()), calibration, box, scene=scene
+    )
+    assert plan.commands == ()
+    assert plan.certified
+    assert "0 commands for rr1" in str(plan)
+
+
+def test_without_a_measured_calibration_nothing_is_planned(
+    motion: rp.MotionPlan, calibration: rp.Calibration, box: rp.ControlBox
+) -> None:
+    def refusal(**changes: object) -> str:
+        with pytest.raises(rp.InputError) as caught:
+            rp.plan_commands(motion, replace(calibration, **changes), box)
+        return str(caught.value)
+
+    joints = dict(calibration.joints)
+    elbow = joints.pop("elbow_joint")
+    assert "'elbow_joint' is not calibrated; nothing is guessed" in refusal(joints=joints)
+    guessed = joints | {"elbow_joint": replace(elbow, scale_std=np.inf)}
+    assert "scale of joint 'elbow_joint' is assumed" in refusal(joints=guessed)
+    assert "readings in counts, expected steps" in refusal(unit="counts")
+    assert "that of robot 'other'" in refusal(robot="other")
+    with pytest.raises(rp.InputError, match="calibration is of type NoneType"):
+        rp.plan_commands(motion, None, box)
+
+
+def test_wrong_questions_are_refused(motion: rp.MotionPlan, calibration: rp.Calibration, box: rp.ControlBox) -> None:
+    few = rp.ControlBox({"S1": box.channels["S1"]}, box.tick)
+    with pytest.raises(rp.InputError, match="no channel of the control box drives joint 'upper_arm_joint'"):
+        rp.plan_commands(motion, calibration, few)
+    with pytest.raises(rp.InputError, match="give the scene too"):
+        rp.plan_commands(motion.trajectory, calibration, box)
+    with pytest.raises(rp.UnknownNameError, match="unknown safety level 'none'"):
+        rp.plan_commands(motion, calibration, box, safety="none")
+    two = rp.Scene().with_arm("a", rp.load_robot("rr1")).with_arm("b", rp.load_robot("rr1"), [0.0, 2.0, 0.0])
+    q = np.stack([two.configuration(), two.configuration() + 0.1])
+    both = rp.Trajectory.from_samples(two.joint_names(), [0.0, 1.0], q)
+    with pytest.raises(rp.InputError, match="a and b move; a control box drives one arm"):
+        rp.plan_commands(both, calibration, box, scene=two)

@@ -1,0 +1,212 @@
+"""Mirrors: streams of joint states from everywhere, compared with a plan; what is wrong with them is named."""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+
+ARM = tuple(f"rr1/{name}" for name in rp.load_robot("rr1").joint_names)
+
+
+@pytest.fixture(scope="module")
+def scene() -> rp.Scene:
+    return rp.load_scene("rr1_table")
+
+
+@pytest.fixture(scope="module")
+def plan(scene: rp.Scene) -> rp.Trajectory:
+    motion = rp.plan_motion(rp.Problem(scene, "home", rp.PoseGoal("tool", [-0.30, 0.25, 0.20])), rng=0)
+    assert motion.trajectory is not None
+    return motion.trajectory.stretched(4.0)
+
+
+def messages(plan: rp.Trajectory, rate: float = 50.0, start: float = 0.0) -> list[rp.StateMessage]:
+    times = np.arange(0.0, plan.duration, 1.0 / rate)
+    return [rp.StateMessage(start + t, plan.joint_names, plan(t), received=t + 7.0 + 0.002 * (t > 1.0)) for t in times]
+
+
+def kinds(mirror: rp.Mirror) -> list[str]:
+    return [event.kind for event in mirror.events]
+
+
+def test_a_good_stream_stays_inside(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    with rp.Mirror(scene, plan) as mirror:
+        report = mirror.run(messages(plan, start=1000.0))
+    assert report
+    assert report.messages == len(messages(plan))
+    assert report.rate == pytest.approx(50.0, rel=0.01)
+    assert report.delays[1] == pytest.approx(0.002)
+    assert max(report.max_deviation.values()) < 1e-9
+    assert mirror.state is not None
+    assert mirror.state.proven_free
+    assert mirror.events == []
+    assert "always inside the certified corridor" in str(report)
+    # MuJoCo is in the newest state, fingers included.
+    names = [mirror.model.joint(i).name for i in range(mirror.model.njnt)]
+    at = dict(zip(names, mirror.data.qpos.tolist(), strict=True))
+    np.testing.assert_allclose([at[name] for name in ARM], mirror.state.q)
+
+
+def test_leaving_the_corridor_is_an_alarm_and_coming_back_is_told(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    stream, told = messages(plan), []
+    for i in range(20):
+        k = len(stream) // 2 + i
+        off = stream[k].positions + np.eye(6)[0] * 0.08 * math.sin(math.pi * i / 20)
+        stream[k] = rp.StateMessage(stream[k].time, plan.joint_names, off, received=stream[k].received)
+    with rp.Mirror(scene, plan, on_event=told.append) as mirror:
+        report = mirror.run(stream)
+    assert told == mirror.events
+    assert [kind for kind in kinds(mirror) if kind != "contact"] == ["outside", "inside"]
+    ((begin, end),) = report.outside
+    assert begin == mirror.events[0].time
+    assert stream[len(stream) // 2].time <= begin <= end <= stream[len(stream) // 2 + 19].time
+    assert report.max_deviation["rr1/shoulder_joint"] == pytest.approx(0.08, abs=1e-6)
+    assert not report
+    assert "outside the certified corridor from" in str(report)
+
+
+def test_contacts_are_those_of_mujoco(scene: rp.Scene) -> None:
+    with rp.Mirror(scene) as mirror:
+        checker, rng = rp.CollisionChecker(scene), np.random.default_rng(1)
+        limits = checker.limits
+        for k in range(60):
+            q = rng.uniform(limits.lower, limits.upper)
+            state = mirror.receive(rp.StateMessage(float(k), ARM, q))
+            assert state is not None
+            deep = {tuple(sorted((c.a, c.b))) for c in checker.contacts(q) if c.depth > 1e-4}
+            assert deep <= {tuple(sorted(pair)) for pair in state.contacts}
+            assert not state.contacts or not checker.is_free(q)
+        assert state.deviation is None
+        assert state.corridor is None
+
+
+def test_faults_are_named_and_the_stream_goes_on(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    stream = messages(plan)
+    q = stream[3].positions
+    bad = {
+        "order": rp.StateMessage(stream[0].time, plan.joint_names, q),
+        "finite": rp.StateMessage(9.0, plan.joint_names, np.where(np.arange(6) == 2, np.nan, q)),
+        "joints": rp.StateMessage(9.0, ("panda/joint1",), [0.0]),
+        "silence": rp.StreamError("silence", "no message for 1 s"),
+    }
+    with rp.Mirror(scene, plan) as mirror:
+        for good, item in zip(stream[:4], bad.values(), strict=True):
+            assert mirror.receive(good) is not None
+            assert mirror.receive(item) is None
+        lacking = rp.StateMessage(stream[5].time, plan.joint_names[:5], q[:5])
+        assert mirror.receive(lacking) is None
+        jump = rp.StateMessage(stream[6].time, plan.joint_names, q + 1.5)
+        assert mirror.receive(jump) is not None
+        report = mirror.report()
+    assert report.faults == {"order": 1, "finite": 1, "joints": 2, "silence": 1, "jump": 1}
+    said = [event.message for event in mirror.events if event.kind not in ("outside", "contact")]
+    assert said[0] == "the message of 0.000 s came after that of 0.000 s"
+    assert "'rr1/elbow_joint' is not finite" in said[1]
+    assert "unknown joint 'panda/joint1'" in said[2]
+    assert "no joint 'rr1/hand_joint'" in said[4]
+    assert "moved by 1.5" in said[5]
+
+
+def test_a_recording_reads_back_as_the_same_stream(scene: rp.Scene, plan: rp.Trajectory, tmp_path: Path) -> None:
+    stream = messages(plan)
+    with rp.Mirror(scene, plan, record=tmp_path / "run.jsonl") as mirror:
+        first = mirror.run(stream)
+    again = list(rp.read_states(tmp_path / "run.jsonl"))
+    assert all(isinstance(item, rp.StateMessage) for item in again)
+    for before, after in zip(stream, again, strict=True):
+        assert isinstance(after, rp.StateMessage)
+        assert (after.time, after.joint_names, after.received) == (before.time, before.joint_names, before.received)
+        np.testing.assert_array_equal(after.positions, before.positions)
+    with rp.Mirror(scene, plan) as other:
+        assert str(other.run(again)) == str(first)
+
+
+def test_a_broadcaster_is_mirrored_over_a_socket(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    stream = rp.read_states(f"udp://127.0.0.1:{port}", silence=0.2)
+    sim = rp.Simulation(scene)
+    follow = rp.JointTrajectoryController(plan.joint_names)
+    sim.activate(follow)
+    follow.send(plan)
+
+    def send() -> None:
+        with rp.JointStateBroadcaster(plan.joint_names, ("127.0.0.1", port), rate=100.0) as broadcaster:
+            broadcaster.attach(sim)
+            sim.run(duration=0.5)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(b'{"time": 1.0, "name"', ("127.0.0.1", port))
+
+    thread = threading.Thread(target=send)
+    with rp.Mirror(scene, plan, start=0.0) as mirror:
+        thread.start()
+        for item in stream:
+            mirror.receive(item)
+            if isinstance(item, rp.StreamError) and item.fault == "silence":
+                break
+        report = mirror.report()
+    thread.join()
+    assert report.messages == 50
+    assert report.faults == {"format": 1, "silence": 1}
+    assert max(report.max_deviation.values()) < 1e-3
+    assert not report.outside
+
+
+def test_a_bag_is_a_stream(plan: rp.Trajectory, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    bag = rp.save_rosbag(tmp_path / "bag", plan)
+    stream = list(rp.read_states(bag))
+    assert len(stream) > 20
+    assert all(isinstance(item, rp.StateMessage) for item in stream)
+    # Names without the arm, as ROS has them.
+    with rp.Mirror(rp.load_scene("rr1_table"), plan) as mirror:
+        assert mirror.run(stream)
+    with pytest.raises(rp.UnknownNameError, match="unknown topic '/other'"):
+        list(rp.read_states(bag, topic="/other"))
+
+
+def test_damaged_lines_are_named_and_others_are_read(tmp_path: Path) -> None:
+    good = json.dumps({"time": 1.0, "name": ["a", "b"], "position": [0.0, 1.0]})
+    lines = [good, good[:20], "[1, 2]", '{"time": 1}', good.replace("1.0]", "1.0, 2.0]"), good.replace('"b"', '"a"')]
+    (tmp_path / "s.jsonl").write_text("\n".join([*lines, "", good.replace("0.0", "NaN")]))
+    found = list(rp.read_states(tmp_path / "s.jsonl"))
+    assert [isinstance(item, rp.StateMessage) for item in found] == [True, False, False, False, False, False, True]
+    errors = [item.message for item in found if isinstance(item, rp.StreamError)]
+    assert all("is no joint state" in message and len(message) < 400 for message in errors)
+    assert "no 'name'" in errors[2]
+    assert "expected (2,)" in errors[3]
+
+
+def test_sources_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
+    for source, words in {
+        "tcp://127.0.0.1:9000": "expected udp://HOST:PORT",
+        "udp://127.0.0.1:no": "expected udp://HOST:PORT",
+        "udp://192.0.2.1:9000": "cannot listen to",
+        str(tmp_path / "none.jsonl"): "there is no such file",
+    }.items():
+        with pytest.raises(rp.InputError, match=words):
+            rp.read_states(source)
+    with pytest.raises(rp.InputError, match="no arm to mirror"):
+        rp.Mirror(rp.Scene())
+
+
+def test_the_page_gets_states_and_the_panel(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    with rp.Mirror(scene, plan) as mirror:
+        viewer = mirror.show(open_browser=False, quiet=True, port=0)
+        report = mirror.run(messages(plan)[:20])
+        assert report.messages == 20
+        assert not viewer.closed
+        with pytest.raises(rp.UnknownNameError, match="unknown panel 'other'"):
+            viewer.update_panel("other", {})
+        with pytest.raises(rp.InputError, match="cannot hold this data"):
+            viewer.update_panel("mirror", {"state": math.nan})
+    assert viewer.closed

@@ -1,0 +1,113 @@
+"""Groups whose arms move one at a time by way of retreats, and the shortcuts that let them move at the same time."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.checks import Array
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.arm_groups import arms_in_reach
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.time_shortcuts import shorten_in_time
+from rr1plan.multi.search.sequential_moves import SequentialMoves
+from rr1plan.multi.stopwatch import Stopwatch
+
+
+def _ring(planar2r: rp.Robot, count: int) -> rp.Problem:
+    """Arms in a ring, all tilted one way; each goal, tilted the other way, crosses the next one's start."""
+    scene = rp.Scene()
+    start, goal = {}, {}
+    for k in range(count):
+        angle = 2.0 * np.pi * k / count
+        name = f"arm{k}"
+        scene = scene.with_arm(name, planar2r, (1.7 * np.cos(angle), 1.7 * np.sin(angle), 0.0))
+        start[name], goal[name] = [angle + np.pi + 0.35, 0.0], [angle + np.pi - 0.35, 0.0]
+    return rp.Problem(scene, start, goal)
+
+
+def _goal(problem: rp.Problem) -> Array:
+    goals = [goal.q for arm in problem.arms for goal in problem.goal[arm] if isinstance(goal, rp.JointGoal)]
+    return np.concatenate(goals)
+
+
+def _moves(problem: rp.Problem, seed: int, seconds: float = 60.0) -> SequentialMoves:
+    near = arms_in_reach(problem.scene, problem.arms, 0.0)
+    single = {arm: Agent(problem, [arm]) for arm in problem.arms}
+    rng, watch = np.random.default_rng(seed), Stopwatch(seconds)
+    return SequentialMoves(Agent(problem, problem.arms), _goal(problem), single, near, 0.0, rng, watch)
+
+
+def _check_path(problem: rp.Problem, points: Array) -> None:
+    """From the start to the goal, up to whole turns, and free between by the certificate on Coal's distances."""
+    np.testing.assert_array_equal(points[0], problem.start)
+    turns = (points[-1] - _goal(problem)) / (2.0 * np.pi)
+    np.testing.assert_allclose(turns, turns.round(), atol=1e-12)
+    checker = CollisionChecker(problem.scene, problem.arms)
+    assert all(checker.edge_is_free_slowly(a, b) for a, b in pairwise(points))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("count", [3, 5])
+def test_arms_that_block_each_other_in_a_cycle_move_in_turn(planar2r: rp.Robot, count: int, seed: int) -> None:
+    problem = _ring(planar2r, count)
+    points = _moves(problem, seed).find()
+    assert points is not None
+    _check_path(problem, points)
+    moving = (np.abs(np.diff(points, axis=0)).reshape(len(points) - 1, count, 2) > 0.0).any(axis=2).sum(axis=1)
+    assert moving.max() <= 3
+    assert np.median(moving) == 1
+
+
+def test_the_same_seed_gives_the_same_moves(planar2r: rp.Robot) -> None:
+    one, two = (_moves(_ring(planar2r, 4), 7).find() for _ in range(2))
+    assert one is not None
+    assert two is not None
+    np.testing.assert_array_equal(one, two)
+
+
+def test_a_goal_in_contact_is_not_reached(planar2r: rp.Robot) -> None:
+    problem = _ring(planar2r, 3)
+    crossed = dict(zip(problem.arms, np.split(_goal(problem), 3), strict=True))
+    crossed["arm0"] = problem.scene.split(problem.start, problem.arms)["arm0"]
+    scene = problem.scene.with_obstacle("ball", rp.Sphere(0.1), (0.7, 0.25, 0.0))
+    starts = problem.scene.split(problem.start, problem.arms)
+    blocked = rp.Problem(scene, starts, crossed)
+    assert not CollisionChecker(scene, blocked.arms).is_free(_goal(blocked))
+    assert _moves(blocked, 0).find() is None
+
+
+def test_a_deadline_ends_the_search(planar2r: rp.Robot) -> None:
+    assert _moves(_ring(planar2r, 5), 0, seconds=0.0).find() is None
+
+
+def test_arms_that_moved_in_turn_move_at_the_same_time(planar2r: rp.Robot) -> None:
+    scene = rp.Scene()
+    for k in range(3):
+        scene = scene.with_arm(f"arm{k}", planar2r, (5.0 * k, 0.0, 0.0))
+    arms = ("arm0", "arm1", "arm2")
+    problem = rp.Problem(scene, {arm: [0.0, 0.0] for arm in arms}, {arm: [1.0, 0.5] for arm in arms})
+    points = np.repeat(problem.start[None], 4, axis=0)
+    for k in range(3):
+        points[k + 1 :, 2 * k : 2 * k + 2] = 1.0, 0.5
+    checker = CollisionChecker(scene, arms)
+    made = shorten_in_time(points, Agent(problem, arms), checker, np.random.default_rng(0), Stopwatch(60.0), 2000)
+    np.testing.assert_array_equal(made[[0, -1]], points[[0, -1]])
+    # A third of the way, up to what random instants leave at both ends.
+    assert np.abs(np.diff(made, axis=0)).max(axis=1).sum() < 0.4 * np.abs(np.diff(points, axis=0)).max(axis=1).sum()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_shortcuts_in_time_are_certified_and_faster(planar2r: rp.Robot, seed: int) -> None:
+    problem = _ring(planar2r, 4)
+    points = _moves(problem, seed).find()
+    assert points is not None
+    checker = CollisionChecker(problem.scene, problem.arms)
+    agent, rng = Agent(problem, problem.arms), np.random.default_rng(seed)
+    made = shorten_in_time(points, agent, checker, rng, Stopwatch(60.0), 600)
+    _check_path(problem, made)
+    before, after = (np.abs(np.diff(p, axis=0)).max(axis=1).sum() for p in (points, made))
+    assert after < 0.8 * before

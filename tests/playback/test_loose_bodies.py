@@ -1,0 +1,322 @@
+"""Loose bodies: free fall, friction, stacks, momentum; MuJoCo's own model as a reference; changes in a run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+import rr1plan as rp
+from rr1plan.playback.viewer import view_document
+from rr1plan.transforms import pose
+
+G = 9.81
+FLOOR = rp.Scene().with_obstacle("floor", rp.HalfSpace())
+
+
+def box(edge: float = 0.1) -> rp.Obstacle:
+    return rp.Obstacle([rp.Geometry("box", rp.Box((edge, edge, edge)), np.eye(4))], mass=1.0)
+
+
+# ---- physics ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "shape", [rp.Box((0.1, 0.2, 0.3)), rp.Sphere(0.1), rp.Cylinder(0.1, 0.2), rp.Capsule(0.1, 0.2)], ids=repr
+)
+def test_bodies_fall_freely_and_keep_their_momentum(shape: rp.Shape) -> None:
+    scene = rp.Scene().with_obstacle("body", shape, [0.1, 0.2, 5.0], mass=2.0)
+    sim = rp.Simulation(scene, 0.001)
+    # About a principal axis of largest or smallest inertia, where the rotation is steady.
+    sim.place_body("body", [0.1, 0.2, 5.0], [0.3, -0.2, 1.0, 0.0, 0.0, 2.0])
+    sim.run(duration=0.8)
+    t, T = sim.time, sim.body_pose("body")
+    # The integrator is exact up to half a step of speed.
+    np.testing.assert_allclose(T[:3, 3], [0.1 + 0.3 * t, 0.2 - 0.2 * t, 5.0 + t - G / 2 * t * (t + sim.dt)], atol=1e-9)
+    np.testing.assert_allclose(T[:3, :3], pose(rpy=(0, 0, 2.0 * t))[:3, :3], atol=1e-9)
+    np.testing.assert_allclose(sim.body_velocity("body"), [0.3, -0.2, 1.0 - G * t, 0, 0, 2.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.5, 0.9])
+@pytest.mark.parametrize("turn", [0.0, 0.6])
+def test_a_box_on_a_slope_slides_beyond_its_friction_angle_only(friction: float, turn: float) -> None:
+    for angle in (np.arctan(friction) - 0.03, np.arctan(friction) + 0.03):
+        tilt = pose(rpy=(0.0, angle, 0.0))
+        slope = rp.Scene().with_obstacle("slope", rp.Box((9.0, 2.0, 0.1)), tilt @ pose([0, 0, -0.05]))
+        at = tilt @ pose([0, 0, 0.01], rpy=(0, 0, turn))
+        sim = rp.Simulation(slope.with_obstacle("box", rp.Box((0.1, 0.1, 0.02)), at, mass=0.3, friction=friction))
+        sim.run(duration=0.2)
+        begin, speed = sim.body_pose("box")[:3, 3], np.linalg.norm(sim.body_velocity("box")[:3])
+        sim.run(duration=0.5)
+        way = np.linalg.norm(sim.body_pose("box")[:3, 3] - begin)
+        if angle < np.arctan(friction):
+            assert way < 1e-4
+        else:
+            expected = G * (np.sin(angle) - friction * np.cos(angle))
+            assert way == pytest.approx(0.5 * speed + 0.5 * expected * 0.25, rel=0.12)  # its edges bite a little
+
+
+def test_a_stack_of_boxes_stays_and_presses_with_its_weight() -> None:
+    scene = FLOOR.with_obstacles(rp.stack_bodies(box(), 6, gap=0.0))
+    sim = rp.Simulation(scene)
+    sim.run(duration=2.0)
+    for k, name in enumerate(sim.body_names):
+        np.testing.assert_allclose(sim.body_pose(name)[:3, 3], [0, 0, 0.05 + 0.1 * k], atol=2e-3)
+        assert np.abs(sim.body_velocity(name)).max() < 1e-3
+    force, pressing = np.zeros(6), 0.0
+    for k, geoms in enumerate(sim.data.contact.geom):
+        if "floor" in {sim.tiles[0].world.geom_elements[g] for g in geoms}:
+            mujoco.mj_contactForce(sim.model, sim.data, k, force)
+            pressing += force[0]
+    assert pressing == pytest.approx(6 * G, rel=1e-3)
+    assert sim.contacts == ()
+    assert 0.0 < sim.max_penetration < 2e-3
+
+
+def test_colliding_bodies_keep_their_momentum() -> None:
+    ball = rp.Obstacle([rp.Geometry("ball", rp.Sphere(0.1), np.eye(4))], mass=1.0)
+    heavy = replace(ball, mass=3.0, pose=pose([0.5, 0.02, 0.0]))
+    sim = rp.Simulation(rp.Scene().with_obstacles({"a": ball, "b": heavy}))
+    sim.model.opt.gravity[:] = 0.0
+    sim.place_body("a", [0, 0, 0], [2.0, 0, 0, 0, 0, 0])
+    sim.run(duration=0.5)
+    a, b = sim.body_velocity("a"), sim.body_velocity("b")
+    np.testing.assert_allclose(a[:3] + 3.0 * b[:3], [2.0, 0.0, 0.0], atol=1e-6)
+    assert b[0] > 0.3
+    assert sim.max_penetration > 0.0
+
+
+def test_the_model_has_the_inertia_that_mujoco_gives_the_same_bodies() -> None:
+    """A body of MuJoCo's own, with mass and geoms in MJCF, as a second opinion; a mesh as its vertices."""
+    hull = rp.Mesh([[0, 0, 0], [0.2, 0, 0], [0, 0.1, 0], [0, 0, 0.3]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    parts = {
+        rp.Box((0.1, 0.2, 0.3)): 'type="box" size="0.05 0.1 0.15"',
+        rp.Sphere(0.1): 'type="sphere" size="0.1"',
+        rp.Cylinder(0.1, 0.2): 'type="cylinder" size="0.1 0.1"',
+        rp.Capsule(0.1, 0.2): 'type="capsule" size="0.1 0.1"',
+        hull: 'type="mesh" mesh="hull"',
+    }
+    place = pose([0.3, 0.1, -0.2], rpy=(0.3, -0.2, 0.5))
+    quaternion = " ".join(map(str, rp.transforms.quaternion_from_rotation(place[:3, :3])))
+    vertices = " ".join(str(v) for v in hull.vertices.ravel())
+    for shape, attributes in parts.items():
+        geoms = f'<geom {attributes}/><geom type="sphere" size="0.1" pos="0.3 0.1 -0.2" quat="{quaternion}"/>'
+        text = (
+            f'<mujoco><asset><mesh name="hull" vertex="{vertices}"/></asset><worldbody>'
+            f'<body name="body"><freejoint/>{geoms}</body></worldbody></mujoco>'
+        )
+        reference = mujoco.MjModel.from_xml_string(text)
+        mass = float(reference.body_mass[1])
+        geometries = (rp.Geometry("a", shape, np.eye(4)), rp.Geometry("b", rp.Sphere(0.1), place))
+        sim = rp.Simulation(rp.Scene().with_obstacles({"body": rp.Obstacle(geometries, mass=mass)}))
+        found = sim.model
+        np.testing.assert_allclose(found.body_ipos[1], reference.body_ipos[1], atol=1e-9)
+        np.testing.assert_allclose(np.sort(found.body_inertia[1]), np.sort(reference.body_inertia[1]), rtol=1e-6)
+
+
+# ---- arms and bodies ------------------------------------------------------------------------------
+
+
+def test_an_arm_pushes_a_block_and_only_forbidden_contacts_are_listed() -> None:
+    block = rp.Obstacle([rp.Geometry("block", rp.Box((0.07, 0.07, 0.4)), np.eye(4))], pose([-0.36, 0.0, 0.201]), 0.5)
+    scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1")).with_obstacle("floor", rp.HalfSpace())
+    scene = scene.with_obstacles({"block": block})
+    names, ends = scene.joint_names(), np.outer([-1.0, 0.6], np.eye(6)[0])
+    swing = rp.Trajectory.from_samples(names, [0.0, 1.0], ends, np.zeros((2, 6)), np.zeros((2, 6)))
+    for expected in (False, True):
+        replay = rp.simulate(swing, scene.allow("rr1", "block") if expected else scene)
+        assert np.linalg.norm(replay.record.bodies.poses[-1, 0, :2] - [-0.36, 0.0]) > 0.1  # it was hit, allowed or not
+        assert replay.free is expected
+        if not expected:
+            assert {"block"} == {name for contact in replay.contacts for name in contact.pair if "/" not in name}
+    assert not rp.CollisionChecker(scene).edge_is_free(*ends)  # for a planner it stands there
+
+
+def test_a_held_object_weighs_on_its_arm() -> None:
+    scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
+    held = scene.with_obstacle("weight", rp.Box((0.05, 0.05, 0.05)), [-0.4, 0.06, 0.4], mass=1.0)
+    held = held.attach("weight", touch=[link.name for link in scene.arms["rr1"].robot.links])
+    assert held.attachments["weight"].mass == 1.0
+    assert held.detach("weight").obstacles["weight"].mass == 1.0
+    bare, loaded = (rp.Simulation(s) for s in (scene, held))
+    assert loaded.model.body_mass.sum() == pytest.approx(bare.model.body_mass.sum() + 1.0)
+    for sim in (bare, loaded):
+        sim.run(duration=0.5)
+    np.testing.assert_allclose(loaded.positions, bare.positions, atol=1e-4)  # feed-forward carries it
+    assert np.abs(loaded.efforts - bare.efforts).max() > 2.0
+
+
+# ---- runs ------------------------------------------------------------------------------------------
+
+
+def falling(solver: str = "newton", threads: int = 1) -> rp.Simulation:
+    rng = np.random.default_rng(3)
+    tower = rp.stack_bodies(box(), 60, columns=(2, 2), gap=0.03, pose=[0, 0, 0.02])
+    tower = {name: replace(body, pose=body.pose @ pose(rpy=rng.uniform(-0.1, 0.1, 3))) for name, body in tower.items()}
+    return rp.Simulation(FLOOR.with_obstacles(tower), 0.004, solver=solver, threads=threads)
+
+
+@pytest.mark.parametrize("solver", ["newton", "cg"])
+def test_a_falling_tower_repeats_to_the_bit_and_nothing_falls_through(solver: str) -> None:
+    ends = []
+    for threads in (1, 2):
+        sim = falling(solver, threads)
+        for _ in range(2):
+            sim.run(duration=0.8)
+            ends.append(sim.data.qpos.tobytes())
+            assert min(sim.body_pose(name)[2, 3] for name in sim.body_names) > 0.0
+            assert sim.max_penetration < (0.03 if solver == "newton" else 0.09)  # of an edge of 0.1
+            sim.reset()
+        assert sim.time == 0.0
+        assert sim.max_penetration == 0.0
+        np.testing.assert_allclose(sim.body_pose("body60"), sim.scene.obstacles["body60"].pose, atol=1e-12)
+    assert len(set(ends)) == 1
+
+
+def test_things_come_move_and_go_in_a_run() -> None:
+    scene = FLOOR.with_arm("arm", rp.load_robot("rr1"), [2.0, 0.0, 0.0]).with_obstacles({"a": box()})
+    sim = rp.Simulation(scene)
+    sim.place_body("a", [0, 0, 1.0])
+    sim.run(duration=0.2)
+    height, speed = sim.body_pose("a")[2, 3], sim.body_velocity("a")[2]
+    sim.update_scene(sim.scene.with_obstacles({"b": replace(box(0.2), pose=pose([0, 1.0, 0.5]))}))
+    assert sim.body_names == ("a", "b")
+    assert sim.time == pytest.approx(0.2)
+    assert (sim.body_pose("a")[2, 3], sim.body_velocity("a")[2]) == (height, speed)
+    assert sim.body_pose("b")[2, 3] == 0.5
+    assert sim.current_scene.obstacles["a"].pose[2, 3] == height
+    assert scene.obstacles["a"].pose[2, 3] == 0.0
+    sim.run(duration=0.5)
+    sim.update_scene(sim.scene.with_obstacle_at("b", [0, 1.0, 2.0]).without_obstacle("a"))
+    assert sim.body_names == ("b",)
+    assert sim.body_pose("b")[2, 3] == 2.0
+    sim.run(duration=0.1)
+    sim.reset()
+    assert sim.scene is scene
+    assert sim.body_names == ("a",)
+    with pytest.raises(rp.UnknownNameError, match=r"unknown loose body 'b'. Known: a"):
+        sim.body_pose("b")
+    with pytest.raises(rp.InputError, match="arm 'arm' is another robot or elsewhere"):
+        sim.update_scene(scene.with_arm("arm", rp.load_robot("rr1"), [1.0, 0.0, 0.0]))
+    with pytest.raises(rp.InputError, match="different arms"):
+        sim.update_scene(FLOOR)
+
+
+def test_a_record_has_what_bodies_did_and_a_page_shows_it() -> None:
+    scene = FLOOR.with_obstacles({"a": replace(box(), pose=pose([0, 0, 0.5]))})
+    sim = rp.Simulation(scene)
+    with rp.Recorder(sim, 0.01) as recorder:
+        sim.run(duration=0.1)
+        sim.update_scene(scene.with_obstacles({"b": replace(box(), pose=pose([1.0, 0, 0.5]))}))
+        sim.run(duration=0.1)
+    sim.run(duration=0.1)
+    replay = recorder.replay()
+    assert list(replay.record.bodies.bodies) == ["a", "b"]
+    assert replay.record.bodies.poses.shape == (21, 2, 7)
+    assert np.isnan(replay.record.bodies.poses[:11, 1]).all()
+    assert np.isfinite(replay.record.bodies.poses[11:]).all()
+    fallen = 0.5 - G / 2 * replay.record.times * (replay.record.times + sim.dt)
+    np.testing.assert_allclose(replay.record.bodies.poses[:, 0, 2], fallen, atol=1e-9)
+    document = view_document(scene, replay=replay)
+    assert [row["name"] for row in document["obstacles"]] == ["floor"]
+    assert [row["name"] for row in document["bodies"]["objects"]] == ["a", "b"]
+    assert document["bodies"]["poses"]["shape"] == [21, 2, 7]
+    assert document["track"] is not None
+
+
+# ---- files and helpers --------------------------------------------------------------------------
+
+
+def test_mass_and_friction_are_in_scene_files_motion_files_and_mjcf(tmp_path: Path) -> None:
+    scene = rp.load_scene("rr1_table").with_obstacle("cube", rp.Box((0.1, 0.1, 0.1)), mass=0.25, friction=0.4)
+    scene = scene.with_obstacle("tool", rp.Box((0.02, 0.02, 0.02)), mass=0.1).attach("tool")
+    rp.save_scene(tmp_path / "s.toml", scene)
+    rest = rp.Trajectory.rest(scene.joint_names(), scene.configuration())
+    rp.save_motion(tmp_path / "m.json", scene, trajectory=rest)
+    for again in (rp.load_scene(tmp_path / "s.toml"), rp.load_motion(tmp_path / "m.json").scene):
+        assert (again.obstacles["cube"].mass, again.obstacles["cube"].friction) == (0.25, 0.4)
+        assert again.obstacles["bottle"].mass is None
+        assert again.attachments["tool"].mass == 0.1
+    model = mujoco.MjModel.from_xml_path(str(rp.save_mjcf(tmp_path / "s.xml", scene)))
+    cube = model.body("cube")
+    assert model.body_mass[cube.id] == 0.25
+    assert model.jnt_type[model.body_jntadr[cube.id]] == mujoco.mjtJoint.mjJNT_FREE
+    assert model.geom_friction[model.body_geomadr[cube.id]][0] == 0.4
+    (tmp_path / "bad.toml").write_text("[obstacles.a]\nbox = [1, 1, 1]\nmass = -1\n")
+    with pytest.raises(rp.FormatError, match=r"(?s)obstacles.a.*mass"):
+        rp.load_scene(tmp_path / "bad.toml")
+
+
+def test_a_mesh_file_becomes_a_body_of_its_volume(tmp_path: Path) -> None:
+    trimesh.creation.box((100, 200, 300)).export(tmp_path / "brick.stl")
+    body = rp.load_body(tmp_path / "brick.stl", scale=0.001, density=2000.0, pose=[0, 0, 1])
+    assert body.mass == pytest.approx(12.0)
+    assert body.pose[2, 3] == 1.0
+    assert body.geometries[0].shape.convex
+    assert rp.load_body(tmp_path / "brick.stl", scale=0.001, mass=1.0).mass == 1.0
+    both = [trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1), pose([1.1, 0.0, 1.0]))]
+    trimesh.util.concatenate(both).export(tmp_path / "two.obj")
+    pieces = rp.load_body(tmp_path / "two.obj", scale=0.1, convex="pieces")
+    assert len(pieces.geometries) == 2
+    assert pieces.mass == pytest.approx(2.0)
+
+
+def test_a_mesh_that_is_open_or_flat_is_named(tmp_path: Path) -> None:
+    cube = trimesh.creation.box((1, 1, 1))
+    trimesh.Trimesh(cube.vertices, cube.faces[:-1]).export(tmp_path / "open.stl")
+    with pytest.raises(rp.InputError, match=r"open\.stl: the mesh is not closed.*give its mass"):
+        rp.load_body(tmp_path / "open.stl")
+    assert rp.load_body(tmp_path / "open.stl", mass=2.0).mass == 2.0
+    corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    two_sided = [[0, 1, 2], [0, 2, 1], [0, 2, 3], [0, 3, 2]]
+    trimesh.Trimesh(corners, two_sided, process=False).export(tmp_path / "flat.stl")
+    for options in ({}, {"mass": 1.0}):
+        with pytest.raises(rp.InputError, match=r"flat\.stl: the mesh .*(volume|flat)"):
+            rp.load_body(tmp_path / "flat.stl", **options)
+
+
+@pytest.mark.parametrize(
+    ("geometry", "options", "said"),
+    [
+        (rp.Box((1, 1, 1)), {"mass": 0.0}, "mass"),
+        (rp.Box((1, 1, 1)), {"mass": float("nan")}, "mass"),
+        (rp.Box((1, 1, 1)), {"mass": 1.0, "friction": -0.1}, "friction is -0.1"),
+        (rp.HalfSpace(), {"mass": 1.0}, "'it' is a HalfSpace, which cannot have a mass"),
+        (rp.PointCloud([[0, 0, 0]]), {"mass": 1.0}, "'it' is a PointCloud, which cannot have a mass"),
+        (
+            rp.Mesh(np.eye(4, 3), [[0, 1, 2], [0, 1, 3]]),
+            {"mass": 1.0},
+            "mesh 'it' of an object with a mass is not convex",
+        ),
+    ],
+)
+def test_what_cannot_be_a_body_is_refused(geometry: rp.Shape, options: dict[str, float], said: str) -> None:
+    with pytest.raises(rp.InputError, match=said):
+        FLOOR.with_obstacle("it", geometry, **options)
+
+
+def test_bodies_are_stacked_without_overlap() -> None:
+    turned = replace(box(), pose=pose([5, 5, 5], rpy=(0, 0, np.pi / 4)))
+    stack = rp.stack_bodies(turned, 7, columns=(2, 3), gap=(0.01, 0.02, 0.03), pose=[1, 2, 3], prefix="c")
+    assert list(stack) == [f"c0{k}" for k in range(1, 8)]
+    places = np.array([body.pose[:3, 3] for body in stack.values()])
+    wide = 0.1 * np.sqrt(2)
+    np.testing.assert_allclose(places[:6].mean(axis=0), [1, 2, 3.05], atol=1e-9)
+    np.testing.assert_allclose(np.ptp(places, axis=0), [wide + 0.01, 2 * (wide + 0.02), 0.13], atol=1e-9)
+    assert all(body.mass == 1.0 for body in stack.values())
+    np.testing.assert_allclose(stack["c01"].pose[:3, :3], turned.pose[:3, :3])
+
+
+def test_more_bodies_than_the_memory_holds_are_refused_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 4_000_000}.__getitem__)
+    scene = FLOOR.with_obstacles(rp.stack_bodies(box(), 10_000, columns=(100, 100)))
+    with pytest.raises(rp.InputError, match=r"10000 loose bodies takes about 150 GB .* has 16.4 GB"):
+        rp.Simulation(scene)
+    monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 1, "SC_PHYS_PAGES": 10**5}.__getitem__)
+    arm = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
+    with pytest.raises(rp.InputError, match=r"1 arm and 0 loose bodies takes about 0.000803 GB .* has 0.0001 GB"):
+        rp.Simulation(arm)

@@ -1,0 +1,85 @@
+"""Grasps from above and the segments of a pick-and-place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.sequences.grippers import closing_value, opening_value
+
+
+def standing(table: rp.Scene, shape: rp.Shape, height: float, yaw: float = 0.0) -> rp.Scene:
+    return table.with_obstacle("block", shape, rp.transforms.pose([-0.3, 0.1, height / 2], rpy=[0, 0, yaw]), mass=0.1)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4, 2.0])
+def test_a_box_is_grasped_at_its_faces(table: rp.Scene, yaw: float) -> None:
+    scene = standing(table, rp.Box((0.03, 0.045, 0.06)), 0.06, yaw)
+    goals = rp.top_grasps(scene, "block")
+    assert {goal.frame for goal in goals} == {"tool"}
+    travels = np.array([goal.rotation[:, 0] for goal in goals])
+    np.testing.assert_allclose(travels[:, 2], 0.0, atol=1e-12)
+    angles = np.mod(np.arctan2(travels[:, 1], travels[:, 0]) - yaw, np.pi / 2)
+    np.testing.assert_allclose(np.minimum(angles, np.pi / 2 - angles), 0.0, atol=1e-9)
+    assert len({round(float(a), 6) for a in np.mod(np.arctan2(travels[:, 1], travels[:, 0]), 2 * np.pi)}) == 4
+    np.testing.assert_allclose([goal.rotation[:, 2] for goal in goals], [[0, 0, -1]] * len(goals), atol=1e-12)
+    np.testing.assert_allclose([goal.position[:2] for goal in goals], [[-0.3, 0.1]] * len(goals), atol=1e-9)
+
+
+def test_a_cylinder_is_grasped_at_any_angle(table: rp.Scene) -> None:
+    goals = rp.top_grasps(standing(table, rp.Cylinder(0.018, 0.05), 0.05), "block", yaws=6)
+    angles = {round(float(np.arctan2(g.rotation[1, 0], g.rotation[0, 0])), 6) for g in goals}
+    assert len(angles) == 6
+
+
+def test_at_a_grasp_the_sides_touch_first(table: rp.Scene) -> None:
+    """Fingers that close from a grasp stop at the width of the object, as they do at a plate of that width."""
+    for shape, height in ((rp.Box((0.04, 0.04, 0.08)), 0.08), (rp.Cylinder(0.02, 0.065), 0.065)):
+        scene = standing(table, shape, height)
+        robot = scene.arms["arm"].robot
+        tool = robot.link_poses(robot.home)[robot.tool]
+        goals = rp.top_grasps(scene, "block", yaws=2)
+        assert goals
+        for goal in goals:
+            T = rp.transforms.pose(goal.position, quaternion=goal.quaternion)
+            thing = scene.obstacles["block"]
+            in_hand = scene.with_obstacle_at("block", tool @ np.linalg.inv(T) @ thing.pose).obstacles["block"]
+            closed = closing_value(rp.Arm(robot), in_hand, 0.0)
+            assert closed == pytest.approx(opening_value(robot, 0.04), abs=0.01)
+
+
+def test_what_is_too_wide_is_refused_by_name(table: rp.Scene) -> None:
+    with pytest.raises(rp.InputError, match="cannot grasp 'block' from above, which is 200 mm wide"):
+        rp.top_grasps(standing(table, rp.Box((0.2, 0.3, 0.05)), 0.05), "block")
+    narrow = rp.top_grasps(standing(table, rp.Box((0.2, 0.03, 0.05)), 0.05), "block")
+    assert all(abs(goal.rotation[1, 0]) > 0.9 for goal in narrow)
+
+
+def test_the_support_may_be_touched_while_the_object_is_lifted_and_lowered(table: rp.Scene) -> None:
+    shelf = table.with_obstacle("shelf", rp.Box((0.1, 0.1, 0.02)), [-0.28, -0.12, 0.05])
+    segments = rp.pick_and_place(shelf, "block", [-0.28, -0.12, 0.09])
+    lines = [s for s in segments if isinstance(s, rp.StraightLine) and s.axes == "world"]
+    both = {frozenset(("block", "table")), frozenset(("block", "shelf"))}
+    assert [s.allow for s in lines] == [both, both]
+    own = rp.pick_and_place(table, "block", [-0.28, -0.12, 0.03], supports=[])
+    assert all(not s.allow for s in own if isinstance(s, rp.StraightLine))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"obstacle": "cup"}, "'cup'"),
+        ({"place": rp.PoseGoal("tool", [0, 0, 0.1], [1, 0, 0, 0])}, "expected a pose of 'block'"),
+        ({"place": rp.PoseGoal("block", [0, 0, 0.1])}, "with a quaternion"),
+        ({"place": []}, "place"),
+        ({"height": 0.0}, "height"),
+        ({"supports": ["floor"]}, "'floor'"),
+        ({"grasps": ["home"]}, "grasps"),
+        ({"grasps": []}, "grasps"),
+        ({"grasps": [rp.PoseGoal("tool", [0, 0, 0.1])]}, "grasps has no quaternion"),
+    ],
+)
+def test_bad_arguments(table: rp.Scene, arguments: dict, message: str) -> None:
+    with pytest.raises(rp.InputError, match=message):
+        rp.pick_and_place(**({"scene": table, "obstacle": "block", "place": [-0.28, -0.12, 0.03]} | arguments))

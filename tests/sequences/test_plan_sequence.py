@@ -1,0 +1,241 @@
+"""Planning of sequences: every kind of segment, the choice among candidates, failures, repetition."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sequences.conftest import tool_down
+
+import rr1plan as rp
+
+
+def plan_of(scene: rp.Scene, *segments: object, **options: object) -> rp.SequencePlan:
+    return rp.plan_sequence(rp.Sequence(scene, segments), **{"rng": 0, **options})
+
+
+# ---- segments ------------------------------------------------------------------------------------
+
+
+def test_all_segments_are_on_one_clock_and_certified(moved: rp.SequencePlan) -> None:
+    assert moved, moved
+    assert moved.report.certified
+    assert len(moved.stages) == len(moved.sequence.segments)
+    assert moved.stages[0].begin == 0.0
+    assert moved.stages[-1].end == moved.trajectory.end_time
+    assert all(a.end == b.begin for a, b in zip(moved.stages, moved.stages[1:], strict=False))
+    assert [event.label for event in moved.events] == ["attach 'block'", "detach 'block'"]
+    assert all(event.begin == event.end for event in moved.events)
+    assert moved.trajectory.joint_names == moved.scene.joint_names()
+    assert moved.trajectory.joint_names[-1] == "arm/finger_joint"
+
+
+def test_the_block_is_taken_carried_level_and_left_where_it_should_be(moved: rp.SequencePlan, table: rp.Scene) -> None:
+    taken, left = (event.begin for event in moved.events)
+    times = [0.0, taken, 0.5 * (taken + left), left, moved.trajectory.end_time]
+    poses = moved.object_poses("block", times)
+    np.testing.assert_allclose(poses[1], table.obstacles["block"].pose, atol=1e-9)
+    assert np.linalg.norm(poses[2][:3, 3] - poses[0][:3, 3]) > 0.05
+    np.testing.assert_allclose(poses[3:, :3, 3], [[-0.28, -0.12, 0.03]] * 2, atol=1e-3)
+    np.testing.assert_array_equal(poses[3], poses[4])
+    # It moves with the hand.
+    hands = [moved.scene.with_configuration("arm", moved.trajectory(t)).link_poses()["arm/tool"] for t in times[1:4]]
+    grips = [np.linalg.inv(hand) @ pose for hand, pose in zip(hands, poses[1:4], strict=True)]
+    np.testing.assert_allclose(grips, [grips[0]] * 3, atol=1e-9)
+
+
+def test_a_line_by_an_offset_is_straight_and_keeps_the_orientation(table: rp.Scene) -> None:
+    start = rp.FreeMotion(tool_down(-0.3, 0.0, 0.15))
+    plan = plan_of(
+        table, start, rp.StraightLine(offset=[-0.03, 0.04, 0.0]), rp.StraightLine(offset=[0, 0, -0.02], axes="tool")
+    )
+    assert plan, plan
+    kinematics = rp.Kinematics(plan.scene)
+    poses = [
+        kinematics.pose(plan.trajectory(t), "tool") for t in np.linspace(plan.stages[1].begin, plan.stages[1].end, 20)
+    ]
+    np.testing.assert_allclose(poses[-1][:3, 3] - poses[0][:3, 3], [-0.03, 0.04, 0.0], atol=1e-4)
+    away = np.array([p[:3, 3] - poses[0][:3, 3] for p in poses])
+    direction = np.array([-0.03, 0.04, 0.0]) / 0.05
+    assert np.linalg.norm(away - np.outer(away @ direction, direction), axis=1).max() < 1.1e-3
+    np.testing.assert_allclose([p[:3, :3] for p in poses], [poses[0][:3, :3]] * 20, atol=2e-2)
+    # Along the tool's own axis, which points down, and backwards.
+    end = kinematics.pose(plan.trajectory(plan.trajectory.end_time), "tool")
+    np.testing.assert_allclose(end[:3, 3] - poses[-1][:3, 3], [0, 0, 0.02], atol=1e-3)
+
+
+def test_a_gripper_moves_while_its_arm_stands_still(table: rp.Scene) -> None:
+    plan = plan_of(
+        table, rp.MoveGripper("open", seconds=0.7), rp.MoveGripper(0.2), rp.MoveGripper(0.2), rp.MoveGripper(width=0.04)
+    )
+    assert plan, plan
+    ends = [plan.trajectory(stage.end) for stage in plan.stages]
+    np.testing.assert_allclose([q[-1] for q in ends[:3]], [0.9, 0.2, 0.2])
+    assert plan.stages[0].end == pytest.approx(0.7)
+    assert plan.stages[2].begin == plan.stages[2].end
+    arms = plan.trajectory(np.linspace(0, plan.trajectory.end_time, 50))[:, :-1]
+    np.testing.assert_array_equal(arms, [plan.scene.arms["arm"].q[:-1]] * 50)
+
+
+def test_a_width_is_that_of_a_block_between_the_fingers(table: rp.Scene, moved: rp.SequencePlan) -> None:
+    """Closing around a block 40 mm wide goes by the squeeze beyond what a width of 40 mm is."""
+    closed = moved.trajectory(moved.events[0].begin)[-1]
+    width = plan_of(table, rp.MoveGripper(width=0.04)).trajectory
+    at_width = width(width.end_time)[-1]
+    assert 0.0 < at_width - closed < 0.05
+    other = [
+        replace(s, squeeze=0.0) if isinstance(s, rp.MoveGripper) and s.around else s for s in moved.sequence.segments
+    ]
+    gentle = plan_of(table, *other)
+    assert gentle.trajectory(gentle.events[0].begin)[-1] == pytest.approx(at_width, abs=2e-3)
+
+
+def test_a_pause_is_a_rest(table: rp.Scene) -> None:
+    plan = plan_of(table, rp.Pause(0.25), rp.FreeMotion("raised"), rp.Pause(0.5))
+    assert plan
+    assert plan.stages[0].end == 0.25
+    last = plan.stages[-1]
+    assert last.end - last.begin == pytest.approx(0.5)
+    np.testing.assert_array_equal(plan.trajectory(last.begin), plan.trajectory(last.end))
+    np.testing.assert_allclose(plan.trajectory(last.end), table.arms["arm"].robot.configurations["raised"])
+
+
+def test_two_arms_move_at_once(rr1: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("left", rr1).with_arm("right", rr1, [0.0, 1.5, 0.0])
+    plan = plan_of(scene, rp.FreeMotion({"left": "raised", "right": "zero"}), rp.FreeMotion("home", arm="right"))
+    assert plan, plan
+    both = plan.trajectory(plan.stages[0].end)
+    np.testing.assert_allclose(both, [*rr1.configurations["raised"], *rr1.configurations["zero"]])
+    np.testing.assert_allclose(plan.trajectory(plan.trajectory.end_time)[6:], rr1.home)
+
+
+def test_an_object_goes_from_one_hand_to_the_other(rr1: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("left", rr1).with_arm("right", rr1, [0.0, 1.5, 0.0])
+    tool = scene.link_poses()["left/tool"]
+    scene = scene.with_obstacle("ring", rp.Sphere(0.007), tool)
+    segments = [rp.Attach("ring", arm="left"), rp.FreeMotion("raised", arm="left"), rp.Detach("ring")]
+    plan = plan_of(scene, *segments, rp.Attach("ring", arm="right"), rp.FreeMotion("raised", arm="right"))
+    assert plan, plan
+    holders = [held.arm for s in plan.scenes() for held in s.attachments.values()]
+    assert holders == ["left", "left", "right", "right"]
+    taken, given = plan.object_poses("ring", [plan.stages[1].end, plan.stages[3].begin])
+    np.testing.assert_allclose(taken, given, atol=1e-9)
+
+
+# ---- candidates ----------------------------------------------------------------------------------
+
+
+def test_where_the_line_after_the_nearest_goal_is_blocked_the_next_goal_is_taken(table: rp.Scene) -> None:
+    """A post stands under the goal that is nearer, so that only from the other one the tool gets down."""
+    near, far = tool_down(-0.3, 0.0, 0.2), tool_down(-0.3, -0.15, 0.2)
+    down = rp.StraightLine(offset=[0.0, 0.0, -0.1])
+    free = plan_of(table, rp.FreeMotion([near, far]), down)
+    assert free, free
+    kinematics = rp.Kinematics(free.scene)
+    np.testing.assert_allclose(
+        kinematics.pose(free.trajectory(free.stages[0].end), "tool")[:3, 3], near.position, atol=1e-3
+    )
+    blocked = table.with_obstacle("post", rp.Box((0.05, 0.05, 0.1)), [-0.3, 0.0, 0.05])
+    assert not plan_of(blocked, rp.FreeMotion(near), down).found
+    plan = plan_of(blocked, rp.FreeMotion([near, far]), down)
+    assert plan, plan
+    np.testing.assert_allclose(
+        kinematics.pose(plan.trajectory(plan.stages[0].end), "tool")[:3, 3], far.position, atol=1e-3
+    )
+
+
+def test_a_grasp_is_chosen_for_what_comes_after_it(table: rp.Scene) -> None:
+    """At its new place the block stands between two walls, where fingers fit along x only."""
+    place = rp.transforms.pose([-0.3, -0.1, 0.03])
+    slot = table
+    for side in (-1, 1):
+        slot = slot.with_obstacle(f"wall{side}", rp.Box((0.1, 0.02, 0.06)), [-0.3, -0.1 + side * 0.036, 0.03])
+    grasps = rp.top_grasps(slot, "block")
+    along_y = [goal for goal in grasps if abs(goal.rotation[1, 0]) > 0.9]
+    along_x = [goal for goal in grasps if abs(goal.rotation[0, 0]) > 0.9]
+    assert len(along_x) + len(along_y) == len(grasps)
+    hopeless = plan_of(slot, *rp.pick_and_place(slot, "block", place, grasps=along_y))
+    assert not hopeless.found
+    assert hopeless.failed in (7, 9)
+    plan = plan_of(slot, *rp.pick_and_place(slot, "block", place, grasps=[*along_y, *along_x]))
+    assert plan, plan
+
+
+# ---- failures ------------------------------------------------------------------------------------
+
+
+def test_a_failure_names_the_segment_and_the_reason(table: rp.Scene) -> None:
+    plan = plan_of(
+        table, rp.FreeMotion(tool_down(-0.3, 0.0, 0.2)), rp.Pause(0.1), rp.StraightLine(offset=[0.0, 0.0, -0.3])
+    )
+    assert not plan.found
+    assert not plan.valid
+    assert not plan
+    assert plan.failed == 2
+    assert plan.status is rp.PlanStatus.INFEASIBLE
+    assert plan.reason.startswith("segment 3 (straight line 300 mm down) not found: ")
+    assert "'table'" in plan.reason
+    assert str(plan) == f"no plan (infeasible): {plan.reason}"
+    for ask in (lambda: plan.trajectory, lambda: plan.report, plan.scenes, plan.size):
+        with pytest.raises(rp.NoPlanError, match="segment 3"):
+            ask()
+
+
+@pytest.mark.parametrize(
+    ("segments", "failed", "said"),
+    [
+        ([rp.FreeMotion(tool_down(-2.0, 0.0, 0.2))], 0, "out of reach"),
+        ([rp.FreeMotion([tool_down(-2.0, 0.0, 0.2), tool_down(-3.0, 0.0, 0.2)])], 0, "of 2 goals, the first"),
+        ([rp.Pause(0.1), rp.MoveGripper(around="block")], 1, "fingers close without touching"),
+        ([rp.MoveGripper(width=0.5)], 0, "do not open for 500 mm"),
+        ([rp.Attach("table"), rp.FreeMotion("raised")], 1, "start is in collision"),
+    ],
+)
+def test_reasons(table: rp.Scene, segments: list, failed: int, said: str) -> None:
+    plan = plan_of(table, *segments)
+    assert plan.failed == failed
+    assert said in plan.reason
+    assert plan.reason.startswith(f"segment {failed + 1} (")
+
+
+def test_fingers_that_open_against_a_neighbor_are_refused(table: rp.Scene) -> None:
+    T = table.link_poses()["arm/tool"]
+    beside = table.with_obstacle("wall", rp.Box((0.01, 0.05, 0.05)), T @ rp.transforms.pose([0.035, 0.0, 0.02]))
+    plan = plan_of(beside, rp.MoveGripper("open"))
+    assert plan.reason.startswith("segment 1 (gripper to 'open') not found: collision: ")
+    assert "'wall'" in plan.reason
+    assert plan_of(beside, rp.MoveGripper("open", allow=[("arm", "wall")]))
+
+
+def test_a_budget_ends_the_search(table: rp.Scene) -> None:
+    segments = rp.pick_and_place(table, "block", [-0.28, -0.12, 0.03])
+    plan = plan_of(table, *segments, budget=rp.Budget(np.inf, iterations=1))
+    assert plan.status is rp.PlanStatus.TIMEOUT
+    assert "out of budget" in plan.reason
+
+
+def test_progress_names_segments_and_cancels(table: rp.Scene) -> None:
+    stages: list[str] = []
+
+    def watch(progress: rp.Progress) -> bool:
+        stages.append(progress.stage)
+        return "segment 2" not in progress.stage
+
+    plan = plan_of(table, rp.FreeMotion("raised"), rp.FreeMotion("home"), progress=watch)
+    assert plan.status is rp.PlanStatus.CANCELLED
+    assert stages[0] == "segment 1 (free motion to 'raised')"
+    assert not plan.found
+
+
+def test_the_same_seed_gives_the_same_motion(table: rp.Scene, moved: rp.SequencePlan) -> None:
+    again = rp.plan_sequence(moved.sequence, rng=0, budget=rp.Budget(np.inf, iterations=1_000_000))
+    np.testing.assert_array_equal(again.trajectory.breaks, moved.trajectory.breaks)
+    np.testing.assert_array_equal(again.trajectory.coefficients, moved.trajectory.coefficients)
+    assert [s.label for s in again.stages] == [s.label for s in moved.stages]
+
+
+def test_jerk_limits_are_kept_where_the_retiming_does(table: rp.Scene) -> None:
+    plan = plan_of(table, rp.FreeMotion("raised"), rp.MoveGripper("open"), retiming="ruckig")
+    assert plan, plan
+    assert "jerk" in plan.report.checked

@@ -1,0 +1,94 @@
+"""Segments and sequences: what they hold, what they say, and what they refuse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+
+POSE = rp.PoseGoal("tool", [0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("segment", "label"),
+    [
+        (rp.FreeMotion("home"), "free motion to 'home'"),
+        (rp.FreeMotion([0.1, 0.2]), "free motion to a configuration"),
+        (rp.FreeMotion(np.zeros(2)), "free motion to a configuration"),
+        (rp.FreeMotion(POSE), "free motion to 'tool' at [0.1, 0.2, 0.3] m"),
+        (rp.FreeMotion([POSE, "home", [0.1, 0.2]]), "free motion to one of 3 goals"),
+        (rp.FreeMotion({"a": "home", "b": "home"}), "free motion of a and b"),
+        (rp.StraightLine(POSE), "straight line to 'tool' at [0.1, 0.2, 0.3] m"),
+        (rp.StraightLine([POSE, POSE]), "straight line to one of 2 goals"),
+        (rp.StraightLine(offset=[0, 0, -0.08]), "straight line 80 mm down"),
+        (rp.StraightLine(offset=[0, 0, 0.05], axes="tool"), "straight line 50 mm ahead"),
+        (rp.StraightLine(offset=[0.1, 0, 0]), "straight line by [0.1, 0, 0] m"),
+        (rp.MoveGripper("open"), "gripper to 'open'"),
+        (rp.MoveGripper(0.25), "gripper to 0.25"),
+        (rp.MoveGripper(width=0.03), "gripper to 30 mm"),
+        (rp.MoveGripper(around="cup"), "gripper around 'cup'"),
+        (rp.Attach("cup"), "attach 'cup'"),
+        (rp.Detach("cup"), "detach 'cup'"),
+        (rp.Pause(0.5), "pause of 0.5 s"),
+    ],
+)
+def test_a_segment_says_what_it_is(segment: rp.FreeMotion, label: str) -> None:
+    assert segment.label == label
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: rp.StraightLine(), "either a goal or an offset"),
+        (lambda: rp.StraightLine(POSE, offset=[0, 0, 1]), "either a goal or an offset"),
+        (lambda: rp.StraightLine("home"), "expected a PoseGoal"),
+        (lambda: rp.StraightLine(offset=[0, 0]), "offset"),
+        (lambda: rp.StraightLine(offset=[0, 0, 1], axes="hand"), "'hand'"),
+        (lambda: rp.MoveGripper(), "one of a position, a width"),
+        (lambda: rp.MoveGripper("open", width=0.1), "one of a position, a width"),
+        (lambda: rp.MoveGripper(width=-0.01), "width"),
+        (lambda: rp.MoveGripper("open", seconds=-1.0), "seconds"),
+        (lambda: rp.Pause(0.0), "seconds"),
+        (lambda: rp.Pause(1e9), "at most"),
+        (lambda: rp.FreeMotion({"a": "home"}, arm="a"), "one of them"),
+        (lambda: rp.FreeMotion("home", allow=[("a", "a")]), "two names"),
+        (lambda: rp.Attach("cup", touch=3), "touch"),
+    ],
+)
+def test_a_segment_that_makes_no_sense_is_refused(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(rp.InputError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("segments", "message"),
+    [
+        ([], "0 segments, expected 1"),
+        ([rp.Pause(1.0), "home"], "segment 2 is 'home'"),
+        ([rp.FreeMotion("nowhere")], r"segment 1 \(free motion to 'nowhere'\).*nowhere"),
+        ([rp.FreeMotion([])], "segment 1.*empty list"),
+        ([rp.FreeMotion("home", arm="other")], "segment 1.*'other'"),
+        ([rp.FreeMotion("home", allow=[("arm", "bloc")])], "segment 1.*'bloc'"),
+        ([rp.FreeMotion(rp.PoseGoal("block", [0, 0, 1], [1, 0, 0, 0]))], "segment 1.*'block'"),
+        ([rp.Attach("block"), rp.StraightLine(rp.PoseGoal("block", [0, 0, 1]))], "segment 2.*no quaternion"),
+        ([rp.MoveGripper("half")], "segment 1.*'half'"),
+        ([rp.MoveGripper(5.0)], "segment 1.*outside"),
+        ([rp.MoveGripper(around="cup")], "segment 1.*'cup'"),
+        ([rp.Attach("cup")], "segment 1.*'cup'"),
+        ([rp.Attach("block"), rp.Attach("block")], "segment 2.*'block'"),
+        ([rp.Attach("block", link="finger")], "segment 1.*'finger'"),
+        ([rp.Detach("block")], "segment 1.*'block'"),
+        ([rp.Attach("block"), rp.Detach("block"), rp.Detach("block")], "segment 3.*'block'"),
+    ],
+)
+def test_a_sequence_names_the_segment_that_does_not_fit(table: rp.Scene, segments: list, message: str) -> None:
+    with pytest.raises(rp.InputError, match=message):
+        rp.Sequence(table, segments)
+
+
+def test_a_gripper_without_fingers_is_refused(planar2r: rp.Robot) -> None:
+    with pytest.raises(rp.InputError, match="expected one that moves its fingers"):
+        rp.Sequence(rp.Scene().with_arm("arm", planar2r), [rp.MoveGripper(width=0.01)])

@@ -1,0 +1,47 @@
+"""Files of sequences on the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import rr1plan as rp
+from rr1plan.cli import OK, run
+
+
+@pytest.fixture(scope="module")
+def saved(moved: rp.SequencePlan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return moved.save(tmp_path_factory.mktemp("sequence") / "moved.json")
+
+
+def test_a_sequence_is_played(saved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["play", str(saved), "--json"]) == OK
+    said = json.loads(capsys.readouterr().out)
+    assert said["carried"] is True
+    assert said["objects"]["block"]["final_offset"] < 5e-3
+
+
+def test_a_sequence_is_not_played_without_physics(saved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["play", str(saved), "--mode", "kinematic"]) != OK
+    assert "a sequence is replayed with --mode dynamic only" in capsys.readouterr().err
+
+
+def test_a_sequence_is_validated_stage_by_stage(
+    saved: Path, moved: rp.SequencePlan, table: rp.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["validate", str(saved)]) == OK
+    assert "13 stages" in capsys.readouterr().out
+    at = moved.object_poses("block", [moved.stages[6].end])[0][:3, 3]
+    rp.save_scene(tmp_path / "other.toml", table.with_obstacle("ball", rp.Sphere(0.004), at - [0, 0, 0.032]))
+    assert run(["validate", str(saved), "--scene", str(tmp_path / "other.toml")]) == 4
+    said = capsys.readouterr().out
+    assert "obstacle 'ball' is new" in said
+    assert "ball and block overlap" in said
+
+
+def test_a_sequence_is_shown(saved: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    assert run(["view", str(saved), "--html", str(page)]) == OK
+    assert "panel-stages" in page.read_text()

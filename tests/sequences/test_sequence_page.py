@@ -1,0 +1,67 @@
+"""Pages of sequences: held objects move with the hand."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.sequences.sequence_page import _page_parts
+
+
+def unpacked(packed: dict) -> np.ndarray:
+    values = np.frombuffer(base64.b64decode(packed["data"]), dtype="<" + packed["dtype"])
+    return values.reshape(packed["shape"])
+
+
+def test_the_page_moves_the_block_with_the_hand(moved: rp.SequencePlan) -> None:
+    document, options = _page_parts(moved, None, None)
+    assert [thing["name"] for thing in document["obstacles"]] == ["table"]
+    assert document["attachments"] == []
+    (block,) = document["bodies"]["objects"]
+    assert block["name"] == "block"
+    times, poses = unpacked(document["bodies"]["times"]), unpacked(document["bodies"]["poses"])
+    assert poses.shape == (len(times), 1, 7)
+    assert np.diff(times).max() < 0.02
+    planned = moved.object_poses("block", times)
+    np.testing.assert_allclose(poses[:, 0, :3], planned[:, :3, 3], atol=1e-6)
+    assert np.ptp(poses[:, 0, :3], axis=0).max() > 0.1
+    assert options.panels[0].name == "stages"
+    assert [row["label"] for row in options.panels[0].data] == [stage.label for stage in moved.stages]
+
+
+def test_with_a_replay_the_block_is_where_the_simulation_had_it(moved: rp.SequencePlan, tmp_path: Path) -> None:
+    replay = rp.simulate_sequence(moved, hold=0.0)
+    document, _ = _page_parts(moved, replay, None)
+    assert document["replay"] is not None
+    poses = unpacked(document["bodies"]["poses"])
+    np.testing.assert_allclose(poses[:, 0, :3], replay.objects["block"].poses[:, :3, 3], atol=1e-6)
+    page = moved.save_html(tmp_path / "page.html", replay=replay, options=rp.ViewOptions(title="A block"))
+    assert "A block" in page.read_text()
+
+
+def test_a_sequence_without_objects_has_a_page_too(table: rp.Scene, tmp_path: Path) -> None:
+    plan = rp.plan_sequence(rp.Sequence(table, [rp.FreeMotion("raised")]), rng=0)
+    document, _ = _page_parts(plan, None, None)
+    assert {thing["name"] for thing in document["obstacles"]} == {"table", "block"}
+    assert plan.save_html(tmp_path / "page.html").stat().st_size > 100_000
+
+
+def test_an_object_that_is_held_at_first_is_drawn_once(table: rp.Scene) -> None:
+    held = table.with_obstacle_at("block", table.link_poses()["arm/tool"]).attach(
+        "block", touch=("finger_link", "opposite_finger_link", "hand_link")
+    )
+    plan = rp.plan_sequence(rp.Sequence(held, [rp.Pause(0.1), rp.Detach("block"), rp.Pause(0.1)]), rng=0)
+    document, _ = _page_parts(plan, None, None)
+    assert [body["name"] for body in document["bodies"]["objects"]] == ["block"]
+    assert "block" not in {thing["name"] for kind in ("obstacles", "attachments") for thing in document[kind]}
+
+
+def test_a_live_page_is_served(moved: rp.SequencePlan) -> None:
+    with moved.show(open_browser=False, quiet=True) as viewer:
+        assert viewer.url.startswith("http://")
+    with pytest.raises(rp.InputError, match="replay"):
+        moved.show(replay="none", open_browser=False, quiet=True)

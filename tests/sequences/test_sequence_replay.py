@@ -1,0 +1,91 @@
+"""Replays of sequences in MuJoCo: what fingers hold, they hold by friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+
+
+@pytest.fixture(scope="module")
+def replay(moved: rp.SequencePlan) -> rp.SequenceReplay:
+    return rp.simulate_sequence(moved)
+
+
+def with_block(plan: rp.SequencePlan, **changes: object) -> rp.SequencePlan:
+    """The same motion with another block."""
+    block = replace(plan.scene.obstacles["block"], **changes)
+    return replace(plan, scene=plan.scene.with_obstacles({"block": block}))
+
+
+def test_friction_carries_the_block(replay: rp.SequenceReplay, moved: rp.SequencePlan) -> None:
+    assert replay, replay
+    assert replay.contacts == ()
+    block = replay.objects["block"]
+    assert block.max_offset < 5e-3
+    assert block.final_offset < 3e-3
+    assert block.angle < np.radians(2.0)
+    assert replay.max_error < 2e-3
+    # Lifted and carried, by some centimeters each.
+    heights = block.poses[:, 2, 3]
+    assert heights.max() > heights[0] + 0.07
+    assert np.linalg.norm(block.poses[-1, :2, 3] - block.poses[0, :2, 3]) > 0.15
+
+
+def test_a_heavier_block_is_carried_as_well(moved: rp.SequencePlan) -> None:
+    assert rp.simulate_sequence(with_block(moved, mass=0.6)).carried
+
+
+def test_without_friction_the_block_stays_behind(moved: rp.SequencePlan) -> None:
+    """Nothing but friction holds it: it is not welded to the hand."""
+    slippery = rp.simulate_sequence(with_block(moved, friction=0.01))
+    assert not slippery
+    assert not slippery.carried
+    block = slippery.objects["block"]
+    assert block.poses[:, 2, 3].max() < 0.06
+    assert block.final_offset > 0.1
+    assert slippery.tracked
+
+
+def test_a_mass_that_is_missing_is_estimated(moved: rp.SequencePlan) -> None:
+    estimated = rp.simulate_sequence(with_block(moved, mass=None), hold=0.0)
+    assert estimated.remarks == ("mass of 'block' taken as 0.096 kg, its volume at 1000 kg/m³",)
+    assert "0.096 kg" in str(estimated)
+
+
+def test_contacts_that_no_stage_allows_are_named(moved: rp.SequencePlan) -> None:
+    """A post in the way of the hand is found by MuJoCo, too."""
+    hand = moved.scene.with_configuration("arm", moved.trajectory(moved.stages[1].end)).link_poses()["arm/hand_link"]
+    post = moved.scene.with_obstacle("post", rp.Sphere(0.02), hand[:3, 3])
+    hit = rp.simulate_sequence(replace(moved, scene=post), hold=0.0)
+    assert not hit
+    assert any("post" in contact.pair for contact in hit.contacts)
+
+
+def test_the_same_replay_gives_the_same_numbers(moved: rp.SequencePlan, replay: rp.SequenceReplay) -> None:
+    again = rp.simulate_sequence(moved)
+    np.testing.assert_array_equal(again.objects["block"].poses, replay.objects["block"].poses)
+    np.testing.assert_array_equal(again.replay.record.actual, replay.replay.record.actual)
+
+
+def test_a_summary_is_plain(replay: rp.SequenceReplay) -> None:
+    said = replay.to_dict()
+    assert said["carried"] is True
+    assert said["objects"]["block"]["max_offset"] == replay.objects["block"].max_offset
+    assert "contacts: none that no stage allows" in str(replay)
+
+
+def test_a_plan_that_failed_has_no_replay(table: rp.Scene) -> None:
+    plan = rp.plan_sequence(rp.Sequence(table, [rp.FreeMotion(rp.PoseGoal("tool", [5, 0, 0]))]), rng=0)
+    with pytest.raises(rp.NoPlanError, match="segment 1"):
+        rp.simulate_sequence(plan)
+
+
+def test_a_body_that_touches_something_at_once_is_simulated(table: rp.Scene) -> None:
+    """MuJoCo crashes where its no-slip solver is switched on after contacts were found without it."""
+    sunk = table.with_obstacle_at("block", [-0.3, 0.1, 0.0295])
+    plan = rp.plan_sequence(rp.Sequence(sunk, [rp.Attach("block"), rp.Detach("block"), rp.Pause(0.05)]), rng=0)
+    assert rp.simulate_sequence(plan, hold=0.1).objects["block"].max_offset < 1e-3
