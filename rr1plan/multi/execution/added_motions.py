@@ -51,7 +51,8 @@ _SAMPLES = 20  # random configurations that are tried for one that is free
 # A motion that takes no more than this times as long as the fastest one alone is good enough.
 _GOOD_ENOUGH = 1.5
 _FREEZE, _SHORTEST = 0.3, 0.1  # defaults [s]
-# Share of the budget that is kept for the referee and for what cannot be interrupted, and most of it [s].
+_LATEST = 1e7  # later times are rounded to more than a nanosecond [s]
+# Share of the budget that is kept for the referee and for kernel calls, and most of it [s].
 _RESERVE, _MOST_RESERVE = 0.2, 0.1
 # Share of the budget for a motion that changes no other arm.
 _SHARE = 0.5
@@ -134,6 +135,8 @@ def add_motion(
     of_kind("budget", budget, Budget, optional=True)
     known_name("arm", arm, plan.arms)
     at, freeze = finite_number("at", at), finite_number("freeze", freeze)
+    if at + freeze > _LATEST:
+        raise InputError(f"at is {at} and freeze is {freeze}, expected times up to {_LATEST:g} s")
     if at < plan.trajectory.start_time or freeze < 0.0:
         raise InputError(f"at is {at} and freeze is {freeze}, expected a time of the plan and a time >= 0")
     seconds = max(freeze, _SHORTEST) if budget is None else budget.seconds

@@ -96,7 +96,7 @@ class SeparatedSchedules:
 
 
 def separate(schedules: Sequence[Schedule]) -> SeparatedSchedules:
-    """Give each arm of a plan a schedule of its own, if it then keeps an order with all others; no motion changes.
+    """Give each arm of a plan its own schedule where an order of the arms is certified, without changing any motion.
 
     Args:
         schedules: The schedules of a plan, one for each agent.

@@ -254,7 +254,8 @@ def plan_graph(plan: ManyArmsResult | RunningPlan) -> PlanGraph:
     found: list[Precedence] = []
     for (i, j), order in orders.items():
         if order is None:
-            raise InputError(f"the plan is not proven to keep {' and '.join((*routes[i].arms, *routes[j].arms))} apart")
+            names = " and ".join((*routes[i].arms, *routes[j].arms))
+            raise InputError(f"no order in which {names} pass each other is certified")
         found += order
     kept = (Dependency(_node(routes, *node), _node(routes, *after)) for node, after in _reduced(routes, found))
     return PlanGraph(routes, tuple(kept))

@@ -34,7 +34,7 @@ class Step(NamedTuple):
 
 
 class Precedence(NamedTuple):
-    """A step that an agent enters only after another agent has entered one of its own.
+    """A step of one agent that comes after a step of another.
 
     Args:
         node: What has to wait.
@@ -176,7 +176,7 @@ def passage(steps: Mapping[int, int], precedences: Iterable[Precedence]) -> Pass
 
     Args:
         steps: How many steps each agent has.
-        precedences: What has to wait for what.
+        precedences: Which step comes after which.
     """
     waiting: dict[Step, list[Step]] = {}
     for node, after in precedences:
