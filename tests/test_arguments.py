@@ -401,7 +401,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"problem": problem, "margin": 0.001, "budget": budget, "rng": 0, "progress": None}
             | {"improvement": budget, "method": "portfolio", "retiming": "blend", "torque_limits": False},
         ),
-        "plan_graph": (rp.plan_graph, {"result": many}),
+        "plan_graph": (rp.plan_graph, {"plan": many}),
         "FreeMotion": (rp.FreeMotion, {"goal": q, "arm": None, "allow": []}),
         "StraightLine": (
             rp.StraightLine,
@@ -820,6 +820,8 @@ _NOT_CALLED = {
         "GroupResult",
         "Leg",
         "Schedule",
+        "Schedule.instants",
+        "Schedule.leg_duration",
         "CoordinationDiagram",
         "Timeline",
         "Wait",
