@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 from rr1plan import save_html, screenshot
-from rr1plan.load_motion import load_motion
+from rr1plan.saved_motion import load_motion
 from rr1plan.scene.model_library import load_scene
 from rr1plan.sequences.sequence_files import holds_sequence, load_sequence
 

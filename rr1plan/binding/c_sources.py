@@ -2,8 +2,8 @@
 
 The sources are the only declarations. Headers use a subset of C that is parsed here: structs of
 numbers, arrays of numbers, pointers and earlier structs, and enums. The build compiles the C compiler's offsets of
-all fields into the library, and `compiled_library.py` rejects a library in which they differ. A WebAssembly
-module, whose pointers have four bytes, contains all declarations as JSON, for a binding in JavaScript.
+all fields and a checksum of the sources into the library, and `compiled_library.py` rejects a library in which they
+differ. A WebAssembly module, whose pointers have four bytes, contains all declarations as JSON, for a binding in JavaScript.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import ctypes
 import hashlib
 import json
 import re
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -116,6 +117,10 @@ class KernelSources:
                 numbers += [getattr(made, name).offset, getattr(made, name).size]
         return numbers
 
+    def checksum(self) -> int:
+        """Checksum of the text of all sources."""
+        return zlib.crc32(self._text(".h", ".c").encode())
+
     @cached_property
     def declarations(self) -> str:
         """All declarations as JSON, structs in the layout of WebAssembly.
@@ -134,7 +139,7 @@ class KernelSources:
         return json.dumps({"digest": digest, **declared}, separators=(",", ":"))
 
     def layout_source(self) -> str:
-        """C code that exports the compiler's values of `layout`; for WebAssembly all declarations too."""
+        """C code that exports `checksum` and the compiler's values of `layout`; for WebAssembly all declarations too."""
         entries = []
         for name, fields in self.structs.items():
             entries.append(f"    sizeof({name}),")
@@ -142,7 +147,8 @@ class KernelSources:
         lines = ["EXPORT const int64_t rr1_layout[] = {", *entries, "    -1,", "};"]
         # A JSON string is a C string literal.
         declared = f"EXPORT const char rr1_declarations[] = {json.dumps(self.declarations)};"
-        return "\n".join([*lines, "#if defined(__wasm__)", declared, "#endif", ""])
+        checksum = f"EXPORT const int64_t rr1_checksum = {self.checksum()};"
+        return "\n".join([checksum, *lines, "#if defined(__wasm__)", declared, "#endif", ""])
 
     def _text(self, *suffixes: str) -> str:
         return "".join(file.read_text(encoding="utf-8") for file in self.files if file.suffix in suffixes)

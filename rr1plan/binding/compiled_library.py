@@ -62,10 +62,13 @@ class KernelLibrary:
             file: The library's file.
 
         Raises:
-            InstallationError: it cannot be loaded, or was built from other headers.
+            InstallationError: it cannot be loaded, or was built from other sources.
         """
         try:
             library = ctypes.CDLL(str(file))
+            checksum = ctypes.c_int64.in_dll(library, "rr1_checksum").value
+            if checksum != self.sources.checksum():
+                raise InstallationError(f"the compiled kernels {file} were built from other sources; {HOW_TO_BUILD}")
             for name, prototype in self.sources.prototypes.items():
                 setattr(library, name, bound(self.sources, getattr(library, name), prototype))
             expected = self.sources.layout()
@@ -73,7 +76,7 @@ class KernelLibrary:
         except (OSError, AttributeError, ValueError) as error:
             raise _unloadable(file, error) from error
         if list(takewhile(lambda number: number >= 0, compiled)) != expected:
-            raise InstallationError(f"the compiled kernels {file} were built from other headers; {HOW_TO_BUILD}")
+            raise InstallationError(f"the compiled kernels {file} have another layout of structs; {HOW_TO_BUILD}")
         return library
 
     @cached_property

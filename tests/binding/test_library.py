@@ -165,26 +165,16 @@ def test_a_motion_is_not_judged_without_the_kernels_of_the_referee(
         rp.validate(rest, scene)
 
 
-def test_a_library_of_other_headers_is_refused(copied: KernelLibrary) -> None:
-    texts = {file: file.read_text(encoding="utf-8") for file in copied.sources.files if file.suffix == ".h"}
-    header = next(file for file, text in texts.items() if "typedef struct {\n" in text)
-    changed = texts[header].replace("typedef struct {\n", "typedef struct {\n    int64_t added;\n", 1)
-    header.write_text(changed, encoding="utf-8")
-    with pytest.raises(InstallationError, match=f"were built from other headers; {BUILD}"):
-        _ = copied.fastest
-
-
-def test_a_library_that_lacks_a_function_is_refused(copied: KernelLibrary) -> None:
-    with copied.sources.unit.open("a", encoding="utf-8") as file:
-        file.write("EXPORT void rr1_added(void) {\n}\n")
-    with pytest.raises(InstallationError, match=f"cannot be loaded: .*rr1_added.*; {BUILD}"):
-        _ = copied.fastest
-
-
-@pytest.mark.parametrize("which", [0, -1])
-def test_a_file_that_is_no_library_is_refused(copied: KernelLibrary, which: int) -> None:
-    """The fastest variant, and the base variant, from which the level of the processor is read."""
-    variant = LIBRARIES["referee"].variants[which]
-    copied.variant_file(variant).write_bytes(b"no library")
-    with pytest.raises(InstallationError, match=f"{variant}.* cannot be loaded: .*; {BUILD}"):
+@pytest.mark.parametrize(
+    ("suffix", "before", "after"),
+    [
+        (".h", "typedef struct {\n", "typedef struct {\n    int64_t added;\n"),
+        (".c", "return", "return  "),
+    ],
+)
+def test_a_library_of_other_sources_is_refused(copied: KernelLibrary, suffix: str, before: str, after: str) -> None:
+    texts = {file: file.read_text(encoding="utf-8") for file in copied.sources.files if file.suffix == suffix}
+    changed = next(file for file, text in texts.items() if before in text)
+    changed.write_text(texts[changed].replace(before, after, 1), encoding="utf-8")
+    with pytest.raises(InstallationError, match=f"were built from other sources; {BUILD}"):
         _ = copied.fastest
