@@ -59,7 +59,7 @@ def _execute(count: int, size: float, kind: str, seed: int, executions: int) -> 
         )
     except rp.InputError:
         return {}
-    result = rp.plan_many_arms(problem, method="separate_paths", rng=seed, budget=rp.Budget(seconds=60.0))
+    result = rp.plan_many_arms(problem, rng=seed, budget=rp.Budget(seconds=60.0))
     if not result:
         return {}
     graph = rp.plan_graph(result)

@@ -5,7 +5,7 @@ import numpy as np
 import rr1plan as rp
 
 problem = rp.ring_swap(rp.load_robot("rr1"), 4, radius=0.5, rng=1)
-result = rp.plan_many_arms(problem, method="separate_paths", rng=0)  # each arm waits by itself
+result = rp.plan_many_arms(problem, rng=0)
 graph = rp.plan_graph(result)
 print(graph)
 for dependency in graph.dependencies[:3]:

@@ -3,16 +3,21 @@
 import rr1plan as rp
 
 problem = rp.load_problems("rr1_ring")["swap"]
-motion = rp.plan_motion(problem, planner="many_arms_separate", rng=0, budget=rp.Budget(seconds=30))
+motion = rp.plan_motion(problem, planner="many_arms", rng=0, budget=rp.Budget(seconds=30))
 print(motion)
-line = motion.timeline()
+print(motion.timeline())
+print(motion.save_html("21_ten_in_a_ring.html"), motion.save("21_ten_in_a_ring.json"))
+
+# In the plan all slow down for each other. If each goes as fast as it can in the same order, it waits where it has to.
+executed = rp.execute_plan(rp.plan_graph(motion.many_arms), problem.scene)
+print(f"planned {motion.many_arms.makespan:.2f} s, in this order {executed.makespan:.2f} s")
+line = rp.timeline(executed.trajectory, problem.scene, waits=executed.waits)
 print(line)
 print(line.save("21_time_line.png"), line.save("21_time_line.svg", dark=True))
-waits = [wait for wait in line.waits if wait.others]
+waits = [wait for wait in executed.waits if wait.others]
 if waits:
     longest = max(waits, key=lambda wait: wait.end - wait.begin)
     print(motion.coordination_diagram(longest.arm, longest.others[0]).save("21_diagram.png"))
-print(motion.save_html("21_ten_in_a_ring.html"), motion.save("21_ten_in_a_ring.json"))
 
 # All at once: each arm on its path, but planned as if it were alone. The referee finds every contact.
 parts = []

@@ -57,7 +57,7 @@ with rp.Mirror(scene, plan, corridor=corridor, start=0.0) as again:
     report = again.run(rp.read_states("32_run.jsonl"))
 print(f"again from the file: {report.messages} messages, off by {max(report.max_deviation.values()):.3f} rad at most")
 
-# A configuration by itself: how much of what is certified does it use, and where is room least?
+# One configuration: the share of the corridor that it uses, and the pair with the least room.
 q = plan(0.5 * plan.duration) + np.array([0.005, 0.0, 0.0, 0.0, 0.0, 0.0])
 place = corridor.position(q)
 print(f"5 mrad off: {100 * place.use:.0f} % of the corridor, {' and '.join(place.pair)} are next")

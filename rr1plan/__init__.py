@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from rr1plan.hardware.control_box import load_control_box as load_control_box
     from rr1plan.hardware.control_box_frames import BoxCommand as BoxCommand
     from rr1plan.hardware.control_box_frames import Telemetry as Telemetry
+    from rr1plan.hardware.telemetry_states import read_telemetry as read_telemetry
     from rr1plan.load_motion import load_motion as load_motion
     from rr1plan.mirror.corridor import Corridor as Corridor
     from rr1plan.mirror.corridor import CorridorPosition as CorridorPosition
@@ -329,6 +330,7 @@ _EXPORTS = {
     "rr1plan.hardware.command_sender": ("SerialPort", "open_serial_port", "send_commands"),
     "rr1plan.hardware.control_box": ("BoxChannel", "ControlBox", "load_control_box"),
     "rr1plan.hardware.control_box_frames": ("BoxCommand", "Telemetry"),
+    "rr1plan.hardware.telemetry_states": ("read_telemetry",),
     "rr1plan.load_motion": ("load_motion",),
     "rr1plan.motion_plan": ("MotionPlan",),
     "rr1plan.multi.execution.added_motions": (

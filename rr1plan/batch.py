@@ -41,7 +41,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import BackendError, InputError
 from rr1plan.motion_plan import MotionPlan
-from rr1plan.pipeline import MANY_ARMS_METHODS, check_many_arms_retiming
+from rr1plan.pipeline import MANY_ARMS_PLANNERS, check_many_arms_retiming
 from rr1plan.planners import chosen_planner, is_own
 from rr1plan.planning import Budget, Planner, PlanResult, Progress, ProgressCallback
 from rr1plan.retiming import retiming_names
@@ -136,7 +136,7 @@ def plan_many(
         KeyboardInterrupt: Ctrl-C, after the processes have ended.
     """
     known_name("retiming", retiming, retiming_names())
-    if isinstance(planner, str) and planner in MANY_ARMS_METHODS:
+    if isinstance(planner, str) and planner in MANY_ARMS_PLANNERS:
         check_many_arms_retiming(planner, retiming)
         if true_or_false("full", full) is False:
             raise InputError(f"planner {planner!r} makes trajectories, not paths; leave full=True")
@@ -174,7 +174,7 @@ def _sent_planner(planner: str | Planner, executor: Executor | None) -> str | Pl
     Raises:
         InputError: a planner that cannot be sent.
     """
-    if isinstance(planner, str) and (planner in MANY_ARMS_METHODS or is_own(planner)):
+    if isinstance(planner, str) and (planner in MANY_ARMS_PLANNERS or is_own(planner)):
         return planner
     chosen = chosen_planner(planner)
     if executor is None:

@@ -97,7 +97,7 @@ class PlannerError(Rr1PlanError):
 
 
 class ControllerError(Rr1PlanError):
-    """A controller of a simulation raised something, or returned what is no set-point."""
+    """A controller of a simulation raised something, or returned what is not a set-point."""
 
 
 class HardwareError(Rr1PlanError):

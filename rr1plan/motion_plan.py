@@ -173,7 +173,7 @@ class MotionPlan:
             return timeline(self.trajectory, self.scene, report=self._report)
         from rr1plan.multi.timing.waits import undelayed, waits_of
 
-        schedules = self.many_arms.schedules
+        schedules = self.many_arms.separated.schedules
         return timeline(
             self.trajectory,
             self.scene,
@@ -191,7 +191,7 @@ class MotionPlan:
 
         Raises:
             UnknownNameError: no such arm moves.
-            InputError: the same arm twice, arms that move as one, or a motion that has no schedules.
+            InputError: the same arm twice, arms that only move as one, or a motion that has no schedules.
             NoPlanError: there is no timed motion.
         """
         from rr1plan.multi.timing.waits import pair_timing
@@ -203,12 +203,12 @@ class MotionPlan:
         _present(self._trajectory, self.result)
         if self.many_arms is None:
             raise InputError("this motion has no schedules of arms; plan it with planner='many_arms'")
-        owner = {arm: schedule for schedule in self.many_arms.schedules for arm in schedule.arms}
+        owner = {arm: schedule for schedule in self.many_arms.separated.schedules for arm in schedule.arms}
         first, second = (owner[known_name("moving arm", name, owner)] for name in names)
         if one == two:
             raise InputError(f"{one!r} is named twice, expected two arms")
         if first is second:
-            raise InputError(f"{one!r} and {two!r} move as one in their joint space, so they have no diagram")
+            raise InputError(f"{one!r} and {two!r} only move as one in their joint space, so they have no diagram")
         numbers = {arm: k for k, arm in enumerate(self.scene.arms)}
         return CoordinationDiagram(names, (numbers[one], numbers[two]), **vars(pair_timing(first, second)))
 

@@ -30,8 +30,8 @@ from rr1plan.validation import validate
 _NO_IMPORTS = 0.01
 _MARGIN = 0.002  # [m]
 _MANY_ARMS, _ANYTIME = "many_arms", "many_arms_anytime"
-MANY_ARMS_METHODS = {_MANY_ARMS: "portfolio", "many_arms_separate": "separate_paths", _ANYTIME: "portfolio"}
-"""Planners that schedule a path for each arm: their names, and the method of `plan_many_arms` of each."""
+MANY_ARMS_PLANNERS = (_MANY_ARMS, _ANYTIME)
+"""Planners that plan a path for each arm and schedule them; they make trajectories, not paths."""
 _LEAVES_PATHS = "ruckig_direct"
 # Up to this many arms are planned in their joint space unless a planner is named.
 _PLANNED_AS_ONE = 2
@@ -59,8 +59,8 @@ def plan_motion(
     Args:
         problem: The problem.
         planner: A name of `planner_names()`, an instance of `Planner`, or (by `plan_many_arms`) "many_arms"
-            plans a path for each arm and schedules them, "many_arms_separate" keeps the paths of arms separate where it
-            can, "many_arms_anytime" improves the motion until the budget ends. Default: "rrt_connect" for one or two
+            plans a path for each arm and schedules them, "many_arms_anytime" improves the motion until the budget
+            ends. Default: "rrt_connect" for one or two
             arms and for retiming "ruckig_direct", else "many_arms".
         retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
             waypoint; with the others the report names jerk as not checked.
@@ -90,7 +90,7 @@ def plan_motion(
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
     planner = default_planner(problem, retiming) if planner is None else planner
-    if isinstance(planner, str) and planner in MANY_ARMS_METHODS:
+    if isinstance(planner, str) and planner in MANY_ARMS_PLANNERS:
         check_many_arms_retiming(planner, retiming)
         return _plan_many_arms(problem, planner, retiming, torque_limits, seconds, margin, budget, generator, progress)
     chosen = chosen_planner(planner)
@@ -178,7 +178,6 @@ def _plan_many_arms(
                 margin=margin,
                 budget=budget,
                 improvement=improvement,
-                method=MANY_ARMS_METHODS[planner],
                 retiming=retiming,
                 torque_limits=torque_limits,
                 rng=rng,

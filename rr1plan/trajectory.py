@@ -191,7 +191,13 @@ class Trajectory(Value):
 
     def shifted(self, seconds: float) -> Trajectory:
         """The same motion, `seconds` later."""
-        return Trajectory(self.joint_names, self.breaks + finite_number("seconds", seconds), self.coefficients)
+        breaks = self.breaks + finite_number("seconds", seconds)
+        # Pieces of merged trajectories may be so short that their breaks are equal after rounding.
+        lasts = np.diff(breaks) > 0.0
+        if lasts.all():
+            return Trajectory(self.joint_names, breaks, self.coefficients)
+        kept = self.coefficients[lasts] if lasts.any() else self.coefficients[:1]
+        return Trajectory(self.joint_names, np.append(breaks[:1], breaks[1:][lasts]), kept)
 
     def cut(self, begin: float, end: float) -> Trajectory:
         """The motion between two times; where it has not begun or has ended, it rests.

@@ -401,7 +401,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"problem": problem, "margin": 0.001, "budget": budget, "rng": 0, "progress": None}
             | {"improvement": budget, "method": "portfolio", "retiming": "blend", "torque_limits": False},
         ),
-        "plan_graph": (rp.plan_graph, {"result": many}),
+        "plan_graph": (rp.plan_graph, {"plan": many}),
         "FreeMotion": (rp.FreeMotion, {"goal": q, "arm": None, "allow": []}),
         "StraightLine": (
             rp.StraightLine,
@@ -555,6 +555,10 @@ def calls(folder: Path) -> dict[str, Call]:
         "EmulatedSerialLine": (rp.EmulatedSerialLine, {"box": box, "position": None}),
         "EmulatedSerialLine.read": (rp.EmulatedSerialLine(box).read, {"size": 5}),
         "EmulatedSerialLine.write": (rp.EmulatedSerialLine(box).write, {"data": b""}),
+        "read_telemetry": (
+            lambda **options: next(rp.read_telemetry(**options)),
+            {"port": rp.EmulatedSerialLine(box), "calibration": calibration, "box": box, "silence": 0.1},
+        ),
         "plan_commands": (
             rp.plan_commands,
             {"motion": trajectory, "calibration": calibration, "box": box, "scene": scene, "tolerance": 0.01}
@@ -816,6 +820,8 @@ _NOT_CALLED = {
         "GroupResult",
         "Leg",
         "Schedule",
+        "Schedule.instants",
+        "Schedule.leg_duration",
         "CoordinationDiagram",
         "Timeline",
         "Wait",

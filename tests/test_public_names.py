@@ -82,7 +82,7 @@ _INTERNAL = {
         for name in ("context", "exact_kernel", "fixed", "geometry", "model", "solids", "tables")
     ),
     *("Scene.contact_rules", "Scene.kept", "Scene.kept_for_any_padding", "GroupResult"),
-    *("Schedule", "Schedule.occupancy", "Part", "Part.occupancy", "Route"),
+    *("ManyArmsResult.separated", "Schedule", "Schedule.occupancy", "Part", "Part.occupancy", "Route"),
 }
 # Those of data classes are their fields.
 _MOST_PARAMETERS = 10

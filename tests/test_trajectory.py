@@ -266,3 +266,13 @@ def test_a_cut_is_the_same_motion_between_two_times(begin: float, end: float) ->
     np.testing.assert_allclose(part(at[1:-1], 1), whole(at[1:-1], 1), atol=1e-13)
     with pytest.raises(InputError, match="before"):
         whole.cut(begin, begin - 0.1)
+
+
+def test_a_shift_drops_pieces_that_rounding_leaves_no_time() -> None:
+    begin = 0.1
+    breaks = [begin, np.nextafter(begin, 1.0), 1.0]
+    motion = Trajectory(("arm/a",), breaks, np.array([[[0.0], [1.0]], [[0.0], [1.0]]]))
+    later = motion.shifted(1.0)
+    np.testing.assert_allclose(later.breaks, [1.1, 2.0])
+    np.testing.assert_allclose(later(1.6), motion(0.6), atol=1e-12)
+    assert Trajectory(("arm/a",), breaks[:2], motion.coefficients[:1]).shifted(1.0).duration == 0.0

@@ -25,9 +25,7 @@ _DTYPES: dict[str, np.dtype[Any]] = {
     "int8_t": np.dtype(np.int8),
     "uint8_t": np.dtype(np.uint8),
 }
-# The address of an array's first item follows the head of the object, in every version of NumPy's C interface.
-_HEAD = object.__basicsize__
-_word_at: Callable[[int], ctypes.c_size_t] = ctypes.c_size_t.from_address
+_start_of: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 
 class CStruct:
@@ -129,7 +127,7 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
             raise TypeError(f"a {given.name} is no {kind}")
         return given.address
     if not isinstance(given, np.ndarray):
-        raise TypeError(f"a {type(given).__name__} is no array of {kind}")
+        raise TypeError(f"a {type(given).__name__} is not an array of {kind}")
     expected = _DTYPES.get(kind)
     if not given.flags.c_contiguous:
         raise TypeError(f"an array for {kind} is not C-contiguous")
@@ -139,13 +137,16 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
         if row != size:
             raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
     elif given.dtype is not expected and given.dtype != expected:
-        raise TypeError(f"an array of {given.dtype} is no array of {kind}")
+        raise TypeError(f"an array of {given.dtype} is not an array of {kind}")
     return _data_of(given)
 
 
 def _data_of(array: NDArray[Any]) -> int:
-    """Address of an array's first item; `array.ctypes` and `__array_interface__` take five times as long."""
-    return _word_at(id(array) + _HEAD).value
+    """Address of an array's first item."""
+    if array.flags.writeable and array.size:
+        return ctypes.addressof(_start_of(array))  # a quarter of the time of the general case below
+    address: int = array.__array_interface__["data"][0]
+    return address
 
 
 def bound(sources: KernelSources, function: Any, prototype: Prototype) -> Callable[..., Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Iterable
 
 import rr1plan as rp
 from rr1plan.cli.console import Console
@@ -10,11 +11,13 @@ from rr1plan.cli.saved_motions import saved_motion, say_changes
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.scene.model_library import load_scene
 
+_SERIAL = "serial:"
+
 
 def mirror(options: Namespace, console: Console) -> int:
     """Show a stream of joint states live, and compare it with a plan."""
     scene, plan = _scene_and_plan(options, console)
-    stream = rp.read_states(options.source, silence=options.silence, topic=options.topic)
+    stream = _stream(options)
     with console.progress("certifying the corridor"):
         follower = rp.Mirror(
             scene,
@@ -40,6 +43,17 @@ def mirror(options: Namespace, console: Console) -> int:
         }
     )
     return 0 if report else 4
+
+
+def _stream(options: Namespace) -> Iterable[rp.StateMessage | rp.StreamError]:
+    """The joint states of the source."""
+    if not options.source.startswith(_SERIAL):
+        return rp.read_states(options.source, silence=options.silence, topic=options.topic)
+    if options.calibration is None:
+        raise InputError("telemetry of a control box needs a calibration: use option calibration")
+    calibration, box = rp.load_calibration(options.calibration), rp.load_control_box(options.calibration)
+    port = rp.open_serial_port(options.source.removeprefix(_SERIAL))
+    return rp.read_telemetry(port, calibration, box, silence=options.silence)
 
 
 def _scene_and_plan(options: Namespace, console: Console) -> tuple[rp.Scene, rp.Trajectory | None]:

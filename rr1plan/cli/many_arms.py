@@ -11,7 +11,7 @@ from rr1plan.checks import counted, known_name
 from rr1plan.cli.console import Console, milliseconds
 from rr1plan.errors import InputError
 from rr1plan.motion_plan import MotionPlan
-from rr1plan.pipeline import MANY_ARMS_METHODS, default_planner
+from rr1plan.pipeline import MANY_ARMS_PLANNERS, default_planner
 from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def check_figures(options: Namespace, problem: Problem) -> None:
     if options.diagram is None:
         return
     planner = options.planner or default_planner(problem, options.retiming)
-    if planner not in MANY_ARMS_METHODS:
+    if planner not in MANY_ARMS_PLANNERS:
         raise InputError("option diagram needs the schedules of option planner many_arms")
     if len(problem.arms) < 2:
         raise InputError(f"option diagram needs two arms that move, got {problem.arms[0]!r} alone")
@@ -61,14 +61,14 @@ def _most_delayed(motion: MotionPlan) -> tuple[str, str]:
         longest = max(waits, key=lambda wait: wait.end - wait.begin)
         return longest.arm, longest.others[0]
     assert motion.many_arms is not None, "checked before planning"
-    agents = [schedule.arms for schedule in motion.many_arms.schedules]
+    agents = [schedule.arms for schedule in motion.many_arms.separated.schedules]
     return (agents[0][0], agents[1][0]) if len(agents) > 1 else (agents[0][0], agents[0][-1])
 
 
 def _agent_of(motion: MotionPlan, arm: str) -> Schedule:
     """The schedule that moves an arm."""
     assert motion.many_arms is not None, "checked before planning"
-    return next(schedule for schedule in motion.many_arms.schedules if arm in schedule.arms)
+    return next(schedule for schedule in motion.many_arms.separated.schedules if arm in schedule.arms)
 
 
 def say_many(motion: MotionPlan, console: Console) -> None:

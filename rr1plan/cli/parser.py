@@ -174,7 +174,10 @@ def _send(parser: Parser) -> None:
     parser.add_argument("--scene", help="the scene to certify it in (default: the one that the file holds)")
     _topic(parser)
     parser.add_argument(
-        "--tolerance", type=_positive, default=0.01, help="how far segments may leave the motion [rad] (%(default)s)"
+        "--tolerance",
+        type=_positive,
+        default=0.01,
+        help="how far segments may leave the motion [rad], halved where the arm would collide (%(default)s)",
     )
     parser.add_argument(
         "--safety", choices=("high", "low"), default="high", help="high: at most 1024 steps a command (%(default)s)"
@@ -183,8 +186,12 @@ def _send(parser: Parser) -> None:
 
 def _mirror(parser: Parser) -> None:
     parser.add_argument(
-        "source", metavar="SOURCE", help="joint states: udp://HOST:PORT, a file (.jsonl), or a ROS bag with JointState"
+        "source",
+        metavar="SOURCE",
+        help="joint states: udp://HOST:PORT, serial:PORT of a control box, a file (.jsonl), or a ROS bag",
     )
+    parser.add_argument("--calibration", metavar="FILE", help="with serial: calibration of the arm and its channels")
+
     parser.add_argument("--plan", metavar="MOTION", help=f"what the arms are to do: {_MOTION}")
     parser.add_argument("--scene", help="the scene (default: the one that the motion's file holds)")
     parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds such messages)")

@@ -116,7 +116,7 @@ def page_options(options: Namespace) -> rp.ViewOptions | None:
 
     Raises:
         UnknownNameError: no such view.
-        InputError: numbers that are no angles or no direction.
+        InputError: numbers that are neither angles nor a direction.
     """
     spheres = getattr(options, "spheres", False)
     if options.view is None and not spheres:
@@ -129,7 +129,7 @@ def words(values: list[str], name: str = "a configuration's name") -> Any:
     """The values of an option: a name, or numbers.
 
     Raises:
-        InputError: several words that are no numbers.
+        InputError: several words that are not numbers.
     """
     try:
         return [float(value) for value in values]

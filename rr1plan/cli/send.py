@@ -14,12 +14,15 @@ from rr1plan.hardware.command_plan import plan_commands
 from rr1plan.hardware.command_sender import SerialPort, open_serial_port, send_commands
 from rr1plan.hardware.control_box import load_control_box
 from rr1plan.hardware.control_box_frames import CHANNELS
+from rr1plan.motion_plan import MotionPlan
 
 
 def send(options: Namespace, console: Console) -> int:
     """Turn a saved motion into commands, certify what the arm will do, and send them if a port is named."""
     calibration, box = load_calibration(options.calibration), load_control_box(options.calibration)
     motion = saved_motion(options.motion, options, console)
+    if not isinstance(motion, MotionPlan):
+        raise InputError(f"{options.motion} holds a sequence, whose scene changes on the way; send single motions")
     try:
         trajectory = motion.trajectory
     except NoPlanError as error:

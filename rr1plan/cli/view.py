@@ -101,12 +101,12 @@ def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | 
     """A scene, and a motion in it when the name is a motion file's."""
     is_scene = options.what in scene_names() or not is_motion_file(options.what)
     if is_scene and options.topic is not None:
-        raise InputError(f"{options.what} is no motion file; --topic names the topic of a bag")
+        raise InputError(f"{options.what} is not a motion file; --topic names the topic of a bag")
     if is_scene and options.scene is None:
         with console.progress(f"loading {options.what}"):
             return load_scene(options.what), None
     if is_scene:
-        raise InputError(f"{options.what} is no motion file; --scene names the scene of a motion")
+        raise InputError(f"{options.what} is not a motion file; --scene names the scene of a motion")
     motion = saved_motion(options.what, options, console)
     say_changes(motion, console)
     return motion.scene, motion

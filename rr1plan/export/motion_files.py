@@ -40,7 +40,7 @@ def read_motion(file: _File, scene: Scene | None = None, topic: str | None = Non
 
     Raises:
         FormatError: another kind of file, or one that cannot be read as what it claims to be.
-        InputError: a topic, and the file is no bag.
+        InputError: a topic, and the file is not a bag.
         UnknownNameError: the bag has no such topic.
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
     """

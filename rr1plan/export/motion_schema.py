@@ -272,16 +272,9 @@ class Dependency(Entry):
     after_step: Index
 
 
-class OwnDependency(Entry):
-    agent: Index
-    step: Index
-    after_step: Index
-
-
 class PlanGraph(Entry):
     routes: list[Route]
     dependencies: list[Dependency]
-    together: list[OwnDependency]
 
 
 # ---- sequences -----------------------------------------------------------------------------

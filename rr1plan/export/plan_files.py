@@ -354,7 +354,7 @@ def _saved(document: schema.Document, geometry: _Geometry) -> SavedMotion:
     """The values of a document.
 
     Raises:
-        InputError: values that make no sense, alone or together.
+        InputError: values that are invalid, alone or together.
     """
     scene = _scene(document, geometry)
     motion = document if isinstance(document, schema.MotionDocument) else None

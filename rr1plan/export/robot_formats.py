@@ -53,7 +53,7 @@ def save_rosbag(
 
     Raises:
         MissingPackageError: `rosbags` is not installed (extra `ros`).
-        UnknownNameError: a name to rename that is no column, or another storage.
+        UnknownNameError: a name to rename that is not a column, or another storage.
         InputError: the folder exists or cannot be made, a time that makes no sense, a motion that does not end at rest.
     """
     target = file_path(folder)

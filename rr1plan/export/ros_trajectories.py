@@ -198,13 +198,13 @@ def _ros_names(trajectory: Trajectory, rename: Mapping[str, str] | None) -> list
 
 
 def refuse_topic(file: _File, topic: str | None) -> None:
-    """Refuse the name of a topic for a file that is no bag.
+    """Refuse the name of a topic for a file that is not a bag.
 
     Raises:
         InputError: there is one.
     """
     if topic is not None:
-        raise InputError(f"topic is {shown(topic)}, but {file} is no bag and has no topics (option topic)")
+        raise InputError(f"topic is {shown(topic)}, but {file} is not a bag and has no topics (option topic)")
 
 
 def holds_joint_trajectory(file: _File) -> bool:

@@ -20,7 +20,7 @@ Arrays = dict[str, NDArray[Any]]
 
 # Besides ValueError, which numpy raises for most: no zip archive or a damaged one (BadZipFile), damaged compression
 # (zlib.error), an archive that was cut off (EOFError), encrypted or compressed in an unknown way (RuntimeError, with
-# its kind NotImplementedError), a header that is no Python literal (TokenError, SyntaxError), a header with other
+# its kind NotImplementedError), a header that is not a Python literal (TokenError, SyntaxError), a header with other
 # entries (LookupError, TypeError), a shape larger than the memory (MemoryError, OverflowError).
 _DAMAGED = (
     zipfile.BadZipFile, zlib.error, EOFError, RuntimeError,

@@ -28,6 +28,8 @@ _SAMPLES = 4000
 _RAMP_PIECES = 12
 # Knots closer than this are one [ticks].
 _LEAST_PIECE = 1e-3
+# How often the tolerance is halved where the arm would collide.
+_MOST_HALVINGS = 4
 # More commands than this take hours.
 _MOST_COMMANDS = 10_000
 
@@ -119,7 +121,8 @@ def plan_commands(
         calibration: The arm's calibration in steps.
         box: The arm's control box.
         scene: The scene (default: that of the `MotionPlan`).
-        tolerance: The segments stay this close to the motion [rad]; larger ones give fewer commands.
+        tolerance: The segments stay this close to the motion [rad]; larger ones give fewer commands. It is halved, up
+            to four times, where the arm would collide.
         safety: "high": segments are split into commands of at most 1024 steps for each joint, more of which the box
             ignores at this level; "low": they are not.
 
@@ -142,14 +145,27 @@ def plan_commands(
         scene = motion.scene
     if scene is None:
         raise InputError("a trajectory does not hold its scene; give the scene too (option scene)")
-    arm, moved = _only_moving_arm(motion if isinstance(motion, Trajectory) else motion.trajectory, scene)
+    arm, scene, moved = _only_moving_arm(motion if isinstance(motion, Trajectory) else motion.trajectory, scene)
     scale = StepScale(scene.arms[arm].robot, calibration, box)
     q = moved(np.linspace(moved.start_time, moved.end_time, _SAMPLES))
-    corners = scale.counters(q[_segment_corners(q, tolerance)])
-    commands = tuple(_commands(corners, scale.joints, safety))
-    if len(commands) > _MOST_COMMANDS:
-        raise InputError(f"the motion takes {len(commands)} commands, more than {_MOST_COMMANDS}; raise the tolerance")
-    start, names = corners[0], scene.joint_names([arm])
+    for halvings in range(_MOST_HALVINGS + 1):
+        corners = scale.counters(q[_segment_corners(q, tolerance * 0.5**halvings)])
+        commands = tuple(_commands(corners, scale.joints, safety))
+        if len(commands) > _MOST_COMMANDS:
+            raise InputError(
+                f"the motion takes {len(commands)} commands, more than {_MOST_COMMANDS}; raise the tolerance"
+            )
+        plan = _command_plan(commands, corners[0], arm, scene, scale, box)
+        if not any(v.kind in ("collision", "undecided") for v in plan.report.violations + plan.path_report.violations):
+            break
+    return plan
+
+
+def _command_plan(
+    commands: tuple[BoxCommand, ...], start: Array, arm: str, scene: Scene, scale: StepScale, box: ControlBox
+) -> CommandPlan:
+    """What the arm does with the commands, from step counters (nq,) on, and the referee's verdict."""
+    names = scene.joint_names([arm])
     motions = _emulate(commands, start, scale, box)
     trajectory = _law_trajectory(motions, start, names, scale, box.tick)
     path = Path(names, scale.positions(np.concatenate([start[None], *(m.counters for m in motions)])))
@@ -171,20 +187,25 @@ def plan_commands(
     )
 
 
-def _only_moving_arm(trajectory: Trajectory, scene: Scene) -> tuple[str, Trajectory]:
-    """The arm that moves, and its motion."""
-    for arm in trajectory.arms:
-        scene.arm(arm)
-    bends = np.abs(trajectory.coefficients[:, 1:]).max(axis=(0, 1), initial=0.0)
-    moving = list(dict.fromkeys(n.split("/", 1)[0] for n, b in zip(trajectory.joint_names, bends, strict=True) if b))
+def _only_moving_arm(trajectory: Trajectory, scene: Scene) -> tuple[str, Scene, Trajectory]:
+    """The arm that moves, the scene with the others where the trajectory has them, and the motion of the one."""
+    by_arm = {arm: _joints_in_order(trajectory, scene, arm) for arm in trajectory.arms}
+    moving = [arm for arm, own in by_arm.items() if np.abs(own.coefficients[:, 1:]).max(initial=0.0) > 0.0]
     if len(moving) > 1:
         raise InputError(f"{' and '.join(moving)} move; a control box drives one arm, export them one by one")
     arm = moving[0] if moving else trajectory.arms[0]
-    names, selected = scene.joint_names([arm]), trajectory.select(arm)
-    if set(names) != set(selected.joint_names):
+    for name, own in by_arm.items():
+        scene = scene.with_configuration(name, own(own.start_time))
+    return arm, scene, by_arm[arm]
+
+
+def _joints_in_order(trajectory: Trajectory, scene: Scene, arm: str) -> Trajectory:
+    scene.arm(arm)
+    names, own = scene.joint_names([arm]), trajectory.select(arm)
+    if set(names) != set(own.joint_names):
         raise InputError(f"the trajectory does not have all joints of {arm!r}: {', '.join(names)}")
-    order = [selected.joint_names.index(name) for name in names]
-    return arm, Trajectory(names, selected.breaks, selected.coefficients[:, :, order])
+    order = [own.joint_names.index(name) for name in names]
+    return Trajectory(names, own.breaks, own.coefficients[:, :, order])
 
 
 def _segment_corners(q: Array, tolerance: float) -> list[int]:

@@ -91,7 +91,7 @@ class Core {
     }
     const [Numbers, each] = NUMBERS[kind] ?? [];
     if (!Numbers || (ArrayBuffer.isView(values) && values.constructor !== Numbers)) {
-      throw new TypeError(`${values.constructor.name} is no array of ${kind}`);
+      throw new TypeError(`${values.constructor.name} is not an array of ${kind}`);
     }
     const made = this.array(kind, values.length / each);
     const convert = Numbers === BigInt64Array || Numbers === BigUint64Array ? BigInt : Number;

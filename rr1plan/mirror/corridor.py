@@ -27,7 +27,8 @@ from rr1plan.trajectory import Trajectory
 _OVERLAP = 0.5
 # ... and that they are between these times apart [s].
 _LONGEST, _SHORTEST = 0.05, 0.001
-_MOST_SAMPLES = 20_000
+# Distances of a corridor, 160 MB.
+_MOST_DISTANCES = 20_000_000
 # Error of a distance [m].
 _ACCURACY = 1e-5
 # Samples that are compared in full, the nearest ones.
@@ -80,8 +81,8 @@ class Corridor(Value):
     def free_change(self) -> Array:
         """How far each joint alone may be off anywhere on the motion [rad or m], shape (nq,)."""
         with np.errstate(divide="ignore"):
-            each = self.distances[:, :, None] / self.levers[None]
-        return np.asarray(each.min(axis=(0, 1), initial=np.inf))
+            each = self.distances.min(axis=0)[:, None] / self.levers
+        return np.asarray(each.min(axis=0, initial=np.inf))
 
     def deviation(self, q: ArrayLike, planned: ArrayLike) -> Array:
         """Configurations less planned ones, without whole turns of joints.
@@ -129,8 +130,8 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
         trajectory: A motion without collision, of all joints of some of its arms.
 
     Raises:
-        InputError: the trajectory is not of all joints of some arms, it is in collision or nearly so, or the scene
-            cannot be checked.
+        InputError: the trajectory is not of all joints of some arms, it is in collision or nearly so, it is too long
+            for so many bodies, or the scene cannot be checked.
         UnknownNameError: an arm that the scene does not have.
     """
     of_kind("scene", scene, Scene)
@@ -148,7 +149,12 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
     times: list[float] = []
     configurations: list[Array] = []
     distances: list[Array] = []
-    while len(times) < _MOST_SAMPLES:
+    while True:
+        if (len(times) + 1) * len(pairs) > _MOST_DISTANCES:
+            raise InputError(
+                f"a corridor with {len(pairs)} pairs of bodies takes too much memory after {now:.3f} s; take a part of "
+                "the motion (Trajectory.cut), or fewer arms"
+            )
         q = trajectory(now)[columns]
         apart = checker.solid_distances(q) - _ACCURACY
         if (apart <= 0.0).any():

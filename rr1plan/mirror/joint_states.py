@@ -1,7 +1,7 @@
 """Streams of joint states: JSON lines in a file or over UDP, messages in a ROS bag, or your own.
 
-A stream is an iterable of `StateMessage`, with a `StreamError` in place of what could not be read and of silence, so
-that it does not end at a damaged message.
+A stream is an iterable of `StateMessage`. A `StreamError` stands for a damaged message or for silence, so that neither
+ends the stream.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def parse_state(text: str | bytes) -> StateMessage | StreamError:
         return StateMessage(data["time"], data["name"], data["position"], data.get("received"))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:  # an InputError is a ValueError
         what = f"no {error}" if isinstance(error, KeyError) else str(error)
-        return StreamError("format", f"{shown(text[:60])} is no joint state: {what[:200]}")
+        return StreamError("format", f"{shown(text[:60])} is not a joint state: {what[:200]}")
 
 
 def _address(source: str) -> tuple[str, int]:

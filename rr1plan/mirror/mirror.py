@@ -136,7 +136,7 @@ class Mirror:
         except KeyboardInterrupt:
             pass
         except TypeError as error:
-            raise InputError(f"the stream gave something that is no message: {error}") from error
+            raise InputError(f"the stream gave something that is not a message: {error}") from error
         return self.report()
 
     def receive(self, item: StateMessage | StreamError) -> MirrorState | None:
@@ -205,10 +205,12 @@ class Mirror:
 
     def _contacts(self, q: Array) -> tuple[tuple[str, str], ...]:
         """Pairs that touch in MuJoCo, which is put into the state."""
-        self.data.qpos[:] = self._reader.joints.expand(q)
+        positions = self._reader.joints.expand(q)
+        self.data.qpos[: len(positions)] = positions  # loose bodies stay where they stand
         mujoco.mj_forward(self.model, self.data)
         elements = self._world.geom_elements
-        touching = self.data.contact.geom[self.data.contact.dist <= 0.0].tolist()
+        geoms, distances = self.data.contact.geom, self.data.contact.dist
+        touching = geoms[self._world.forbidden(geoms) & (distances <= 0.0)].tolist()
         return tuple(sorted({(elements[first], elements[second]) for first, second in touching}))
 
     def _note_changes(self, state: MirrorState, was_inside: bool) -> None:

@@ -109,7 +109,7 @@ def solve_ik(
 
     Raises:
         UnknownNameError: no such frame.
-        InputError: several arms, a goal of another kind, or numbers that make no sense.
+        InputError: several arms, a goal of another kind, or numbers out of range.
     """
     of_kind("kinematics", kinematics, Kinematics)
     own = kinematics.for_arm()

@@ -16,6 +16,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import combinations
 from types import MappingProxyType
 
@@ -24,6 +25,7 @@ import numpy as np
 from rr1plan.checks import Seed, Value, as_generator, finite_number, known_name
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
 from rr1plan.errors import InputError
+from rr1plan.multi.execution.separated_schedules import SeparatedSchedules, separate
 from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_pool import PathPool
@@ -42,8 +44,7 @@ from rr1plan.trajectory import Trajectory
 
 _IMPROVEMENTS = 6  # rounds for each group
 _SEARCH = "conflict_based_search"
-_SEPARATELY = "separate_paths"
-_METHODS = ("portfolio", _SEPARATELY, _SEARCH)
+_METHODS = ("portfolio", _SEARCH)
 _CANCELLED = "the progress callback returned False"
 _POLL = 0.05  # time between two looks at what threads do [s]
 
@@ -118,6 +119,16 @@ class ManyArmsResult(Value):
         """The same as `found`."""
         return self.found
 
+    @cached_property
+    def separated(self) -> SeparatedSchedules:
+        """The same motion with a schedule for each arm, as far as an order of all arms is certified."""
+        return separate(self.schedules)
+
+    @property
+    def inseparable(self) -> tuple[tuple[str, ...], ...]:
+        """Groups of arms that only move as one, because no order in which they pass each other is certified."""
+        return tuple(schedule.arms for schedule in self.separated.schedules if len(schedule.arms) > 1)
+
     @property
     def makespan(self) -> float:
         """When the last arm arrives [s]."""
@@ -157,10 +168,8 @@ def plan_many_arms(
         budget: When to stop (default: 10 s); of iterations only the seconds count.
         improvement: How long to improve the first plan, within `budget`: seconds, and moves as iterations (default: not
             at all). Makespan first, then the sum of all arrivals; see `improvement.py`.
-        method: "portfolio"; "separate_paths" couples arms in a joint space only where separate paths fail, so that each
-            arm waits for others by itself and a delay of one does not hold up all (`plan_graph`); or
-            "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their arrivals
-            (`GroupResult.suboptimality`) that holds before `improvement`.
+        method: "portfolio", or "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their
+            arrivals (`GroupResult.suboptimality`) that holds before `improvement`.
         retiming: "blend" rounds corners where certified, "stop" stops at each, "ruckig" too and limits jerk.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         rng: Seed; where time does not run out, the same seed and number of moves give the same motion.
@@ -201,7 +210,7 @@ def plan_many_arms(
             arm: PathPool(agent, found.margins[arm], np.random.default_rng(seeds[arm]), watch)
             for arm, agent in found.agents.items()
         }
-        search = _GroupSearch(problem.arms, pools, near, diagrams, seeds, watch, separately=method == _SEPARATELY)
+        search = _GroupSearch(problem.arms, pools, near, diagrams, seeds, watch)
         groups = search.run()
         schedules = [schedule for planner in search.planners for schedule in planner.schedules.values()]
         alone = {arm: bound for planner in search.planners for arm, bound in planner.fastest_alone().items()}
@@ -258,7 +267,6 @@ class _GroupSearch:
         diagrams: Coordination diagrams, which all groups share.
         seeds: Seed of each arm.
         watch: Says when to give up.
-        separately: Whether to couple arms only where separate paths fail.
 
     Attributes:
         planners: One for each group.
@@ -272,10 +280,7 @@ class _GroupSearch:
         diagrams: DiagramCache,
         seeds: Mapping[str, int],
         watch: Stopwatch,
-        *,
-        separately: bool,
     ) -> None:
-        self._separately = separately
         self._arms, self._pools, self._near, self._diagrams = tuple(arms), pools, near, diagrams
         self._seeds, self._watch = seeds, watch
         self.planners: list[PrioritizedPlanner] = []
@@ -310,7 +315,7 @@ class _GroupSearch:
         groups = []
         for group in meeting_groups(paths, self._near, self._diagrams):
             own = {arm: paths[arm] for arm in group}
-            if len(group) <= COUPLED_FIRST and not self._separately:
+            if len(group) <= COUPLED_FIRST:
                 groups.append(group)
                 continue
             pairs = [(own[a], own[b]) for a, b in combinations(own, 2) if b in self._near[a]]
@@ -321,7 +326,7 @@ class _GroupSearch:
     def _planner(self, group: tuple[str, ...]) -> PrioritizedPlanner:
         rng = np.random.default_rng([self._seeds[arm] for arm in group])
         pools = [self._pools[arm] for arm in group]
-        return PrioritizedPlanner(pools, self._near, self._diagrams, rng, self._watch, separately=self._separately)
+        return PrioritizedPlanner(pools, self._near, self._diagrams, rng, self._watch)
 
     def _solve_all(self, planners: list[PrioritizedPlanner]) -> list[GroupResult]:
         """Plan some groups, those of several arms on threads."""

@@ -65,7 +65,7 @@ class MeshLookup:
         for place in places:
             tried.append(place)
             if not is_regular(place):
-                why = "is no regular file" if os.path.lexists(place) else why
+                why = "is not a regular file" if os.path.lexists(place) else why
                 continue
             if self._is_allowed(place):
                 return place

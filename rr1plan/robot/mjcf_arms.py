@@ -73,7 +73,7 @@ class ArmFinder:
         return min(found)[-1] if found else None
 
     def hand(self, root: str) -> str:
-        """The last body of the arm: where fingers branch off, or the last one with a joint that is no gripper's."""
+        """The last body of the arm: where fingers branch off, or the last one with a joint that is not a gripper's."""
         link, passed = root, sum(joint.kind != "fixed" for joint in self.chain(root))
         while True:
             branches = [j for j in self.below.get(link, ()) if self.reach.get(j.child, 0) + (j.kind != "fixed") > 0]

@@ -1,6 +1,6 @@
 """SRDF: groups of joints, named states, end effectors and pairs of links that need no check.
 
-A strict reader: a value that is no number or a group that contains itself is an error with file and line. A link or
+A strict reader: a value that is not a number or a group that contains itself is an error with file and line. A link or
 joint that the robot does not have and an undefined group are ignored with a warning, and so is a robot
 name that differs: many files serve several variants of a robot.
 """
@@ -65,7 +65,7 @@ def read_srdf(source: str | bytes | Path, tree: Tree, *, file: str | Path | None
         file: Where a document given as text came from, for messages.
 
     Raises:
-        FormatError: a group that is there twice or contains itself, a value that is no number, or bad XML.
+        FormatError: a group that is there twice or contains itself, a value that is not a number, or bad XML.
     """
     if isinstance(source, bytes) or (isinstance(source, str) and source.lstrip().startswith("<")):
         root = parse_xml(source.encode() if isinstance(source, str) else source, "robot", file)

@@ -30,7 +30,7 @@ from rr1plan.shapes.mesh_files import load_mesh
 from rr1plan.transforms import as_pose, identity
 
 _MOST_BODIES = 10_000
-# A smaller share of the bounding box is no volume.
+# A smaller share of the bounding box is not a volume.
 _FLAT = 1e-9
 
 
@@ -59,7 +59,7 @@ def load_body(
 
     Raises:
         FormatError: as `load_mesh`.
-        InputError: a mesh that is not closed or has no volume; a scale, mass or density that is no positive number.
+        InputError: a mesh that is not closed or has no volume; a scale, mass or density that is not a positive number.
         UnknownNameError: an unknown `convex`.
     """
     known_name("convex", convex, CONVEXITIES)

@@ -230,7 +230,7 @@ def _robot_reference(entry: Table, folder: Path) -> _Reference:
 
 
 def _chain(entry: Table, value: Any) -> tuple[str, ...]:
-    """An entry of groups that is no name."""
+    """An entry of groups that is not a name."""
     if not isinstance(value, list) or not all(isinstance(link, str) for link in value):
         raise entry.error(f"expected names of groups or [base link, tip link], got {shown(value)}", "groups")
     return tuple(value)

@@ -27,6 +27,8 @@ from rr1plan.transforms import inverse, pose
 _PLATE_WIDTH, _PLATE_LENGTH = 0.002, 0.5
 # A contact this far from the side of a plate is one with its front [m].
 _SIDE = 1e-4
+# Fingers that travel this near to the x axis travel along it [rad].
+_STRAIGHT = 1e-3
 # A change of the opening small enough to be linear [rad or m].
 _STEP = 1e-3
 
@@ -171,7 +173,7 @@ def closing_value(arm: Arm, thing: Obstacle, squeeze: float) -> float:
 def opening_value(robot: Robot, width: float) -> float:
     """The joint value at which a plate of a thickness [m] just fits between the fingers, beyond the tool frame.
 
-    The tool's z axis points out of the hand, its x axis along the travel of the fingers.
+    The tool's z axis points out of the hand.
 
     Raises:
         InputError: a gripper that does not open so wide.
@@ -189,7 +191,7 @@ def grip_depth(robot: Robot, width: float) -> float:
 
 
 class _PlateContact(NamedTuple):
-    """Joint value at which fingers touch a plate, and where in the tool frame [m], shape (3,)."""
+    """Joint value at which fingers touch a plate, and where in the grip frame [m], shape (3,)."""
 
     value: float
     point: Array
@@ -208,7 +210,7 @@ def _plate_contact(robot: Robot, width: float) -> _PlateContact:
     fingers = finger_contacts(robot, "arm", "thing")
     others = (pair(a, b) for a in scene.element_names for b in scene.element_names if a < b)
     checker = CollisionChecker(replace(scene, allowed=frozenset(others) - fingers))
-    T = inverse(robot.link_poses(robot.home)[robot.tool])
+    T = inverse(robot.link_poses(robot.home)[robot.tool] @ grip_frame(robot))
     point = (T @ np.append(checker.nearest(np.append(robot.home, value)).point_a, 1.0))[:3]
     if abs(point[0]) < width / 2 - _SIDE:
         raise InputError(f"the fingers do not open for {1e3 * width:.3g} mm")
@@ -224,9 +226,29 @@ def open_value(robot: Robot) -> float:
     return _open_and_closed(robot, robot.joint(only_gripper_joint(robot)))[0]
 
 
+@lru_cache(maxsize=64)
+def grip_frame(robot: Robot) -> Array:
+    """T_tool_grip: the tool frame turned around its z axis until x is along the travel of the fingers.
+
+    Raises:
+        InputError: a gripper without exactly one joint.
+    """
+    joint = robot.joint(only_gripper_joint(robot))
+    name = gripper_links(robot)[0]
+    centers = []
+    for value in _open_and_closed(robot, joint):
+        poses = robot.with_locked_joints({joint.name: value}).link_poses(robot.home)
+        center = np.mean([geometry.pose[:3, 3] for geometry in robot.link(name).collisions], axis=0)
+        centers.append((inverse(poses[robot.tool]) @ poses[name] @ np.append(center, 1.0))[:2])
+    x, y = centers[0] - centers[1]
+    # Both fingers travel, so that the direction along the line does not matter.
+    angle = (float(np.arctan2(y, x)) + np.pi / 2 - _STRAIGHT) % np.pi - np.pi / 2 + _STRAIGHT
+    return pose(rpy=[0.0, 0.0, 0.0 if abs(angle) < _STRAIGHT else angle])
+
+
 def _plate(robot: Robot, width: float) -> Obstacle:
     """A plate of a thickness [m] in front of the tool frame, while the robot is at home."""
-    T = robot.link_poses(robot.home)[robot.tool]
+    T = robot.link_poses(robot.home)[robot.tool] @ grip_frame(robot)
     box = Box((width, _PLATE_WIDTH, _PLATE_LENGTH))
     (geometry,) = Scene().with_obstacle("plate", box).obstacles["plate"].geometries
     return Obstacle((geometry,), T @ pose([0.0, 0.0, _PLATE_LENGTH / 2]))

@@ -14,7 +14,14 @@ from rr1plan.robot import Robot
 from rr1plan.scene import Obstacle, Scene
 from rr1plan.scene.loose_bodies import bounding_box
 from rr1plan.scene.problem import PoseGoal
-from rr1plan.sequences.grippers import grip_depth, gripper_links, only_gripper_joint, open_value, opening_value
+from rr1plan.sequences.grippers import (
+    grip_depth,
+    grip_frame,
+    gripper_links,
+    only_gripper_joint,
+    open_value,
+    opening_value,
+)
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, Segment, StraightLine
 from rr1plan.shapes import Box
 from rr1plan.transforms import as_pose, inverse, pose, quaternion_from_rotation, rotation_about
@@ -35,14 +42,14 @@ def top_grasps(scene: Scene, obstacle: str, *, arm: str | None = None, yaws: int
     """Poses of the tool from which a gripper with two fingers can grasp an object from above.
 
     A box that stands on a face is grasped at two opposite faces, anything else at some angles around the vertical, each
-    at its middle or higher up. Sides that the gripper does not open for are left out. The tool's z axis points out of
-    the hand, its x axis along the travel of the fingers.
+    at its middle or higher up. Sides that the gripper does not open for are left out. The tool's z axis has to point
+    out of the hand.
 
     Args:
         scene: The scene; the object is where it has it.
         obstacle: The object.
         arm: The arm (default: the only one).
-        yaws: Angles around the vertical, of what is not a box.
+        yaws: Angles around the vertical for objects other than boxes.
 
     Raises:
         UnknownNameError: no such object or arm.
@@ -147,9 +154,9 @@ def _grasps(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple[f
             continue
         for share in _HEIGHTS:
             at = np.array([*(0.5 * (low + high))[:2], low[2] + share * (high[2] - low[2])])
-            # The tool's z axis points down, its x axis along the width.
+            # The z axis of the grip frame points down, its x axis along the width.
             R = turn @ np.diag([1.0, -1.0, -1.0])
-            T = _posed(R, turn @ at - depth * R[:, 2])
+            T = _posed(R, turn @ at - depth * R[:, 2]) @ inverse(grip_frame(robot))
             if fits(T):
                 found.append((width, PoseGoal(robot.tool, T)))
     if not found:

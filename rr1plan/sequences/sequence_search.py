@@ -37,7 +37,7 @@ from rr1plan.sequences.grippers import (
 )
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, Pause, Segment, StraightLine
 from rr1plan.sequences.sequence import Sequence, goals_by_arm, goals_of_links
-from rr1plan.sequences.stages import changed_scene, explicit
+from rr1plan.sequences.stages import changed_scene, resolved_change
 from rr1plan.trajectory import Trajectory
 
 # Configurations of one goal, and of all goals of a free motion.
@@ -52,7 +52,7 @@ class Step:
 
     Args:
         segment: The segment.
-        trajectory: The motion of what it moves, from time zero; None where nothing moves.
+        trajectory: The motion of its joints, from time zero; None if nothing moves.
         seconds: How long it takes [s].
     """
 
@@ -135,33 +135,36 @@ class SequenceSearch:
         self._rng = as_generator(rng)
         self._budget, self._began = budget, time.monotonic()
         self._iterations_left = math.inf if budget.iterations is None else budget.iterations
+        # Of this round and of the one before, by segment.
         self._failures: dict[int, _Failures] = {}
+        self._earlier: dict[int, _Failures] = {}
         self._effort = _FIRST_EFFORT
 
     def run(self) -> SearchResult:
         """Search until there is a motion for each segment, no candidate is left, or the budget ends."""
         try:
             while True:
-                self._failures.clear()
                 steps = self._extend(0, self._sequence.scene, None)
                 if steps is not None:
                     return SearchResult(PlanStatus.FOUND, steps)
                 if not any(found.status is PlanStatus.TIMEOUT for found in self._failures.values()):
                     return self._failed(None)
+                self._earlier, self._failures = self._failures, {}
                 self._effort *= _MORE_EFFORT
         except _Stopped as stopped:
             return self._failed(stopped)
 
     def _failed(self, stopped: _Stopped | None) -> SearchResult:
         """The outcome without a motion: the last segment that any candidate got to is named."""
-        if stopped is not None and (stopped.status is PlanStatus.CANCELLED or not self._failures):
+        failures = self._earlier | self._failures
+        if stopped is not None and (stopped.status is PlanStatus.CANCELLED or not failures):
             return SearchResult(stopped.status, reason=stopped.reason)
-        last = max(self._failures)
-        found, label = self._failures[last], self._sequence.segments[last].label
+        last = max(failures)
+        found, label = failures[last], self._sequence.segments[last].label
         reason = f"segment {last + 1} ({label}) not found: {found.first}"
         others = [
             f"segment {k + 1} in {counted(other.count, 'candidate')}"
-            for k, other in sorted(self._failures.items())
+            for k, other in sorted(failures.items())
             if k != last
         ]
         if found.count > 1 or others:
@@ -248,7 +251,7 @@ class SequenceSearch:
             yield Step(segment, seconds=segment.seconds), scene
         else:
             try:
-                change = explicit(segment, scene)
+                change = resolved_change(segment, scene)
                 yield Step(change), changed_scene(scene, change)
             except InputError as error:
                 self._fail(k, PlanStatus.INFEASIBLE, str(error))

@@ -96,7 +96,7 @@ def scene_at(scene: Scene, trajectory: Trajectory, time: float) -> Scene:
     return replace(scene, arms={**scene.arms, **moved})
 
 
-def explicit(change: Attach | Detach, scene: Scene) -> Attach | Detach:
+def resolved_change(change: Attach | Detach, scene: Scene) -> Attach | Detach:
     """What is attached or detached, with arm, link and touching links named; in a scene with locked grippers."""
     if isinstance(change, Detach):
         return change

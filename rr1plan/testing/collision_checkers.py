@@ -178,18 +178,21 @@ class MujocoChecker:
         self._world = build_mujoco(scene)
         self._data = mujoco.MjData(self._world.model)
         self._targets = JointTargets(motion, scene)
+        self._checked = {frozenset(pair): pair for pair in scene.checked_pairs}
 
     def contacts(self, time: float) -> dict[Pair, float]:
-        """The elements that touch at a time of the motion, and how deep [m]."""
+        """The elements that must not touch and do at a time of the motion, in the scene's order, and how deep [m]."""
         data, model = self._data, self._world.model
-        data.qpos[:] = self._targets(np.array([time]))[0]
+        q = self._targets(np.array([time]))[0]
+        data.qpos[: len(q)] = q  # loose bodies stay where they stand
         self._mujoco.mj_kinematics(model, data)
         self._mujoco.mj_collision(model, data)
         found: dict[Pair, float] = {}
         for (first, second), distance in zip(data.contact.geom, data.contact.dist, strict=True):
-            if distance <= 0.0:
-                a, b = sorted((self._world.geom_elements[first], self._world.geom_elements[second]))
-                found[a, b] = max(found.get((a, b), 0.0), -float(distance))
+            elements = self._world.geom_elements[first], self._world.geom_elements[second]
+            pair = self._checked.get(frozenset(elements))
+            if distance <= 0.0 and pair is not None:
+                found[pair] = max(found.get(pair, 0.0), -float(distance))
         return found
 
 
@@ -240,7 +243,7 @@ class ElementChecker:
     Args:
         scene: The scene.
         joint_names: Columns of the configurations, "arm/joint"; arms without columns rest.
-        libraries: "FCL", "Coal" or both.
+        checkers: Names of checkers, of which FCL and Coal are made here; bodies inside closed meshes count for all.
 
     Attributes:
         bodies: The bodies of the elements.
@@ -252,17 +255,20 @@ class ElementChecker:
         MissingPackageError: python-fcl is not installed.
     """
 
-    def __init__(self, scene: Scene, joint_names: Sequence[str], libraries: Sequence[str] = ("FCL", "Coal")) -> None:
+    def __init__(self, scene: Scene, joint_names: Sequence[str], checkers: Sequence[str] = ("FCL", "Coal")) -> None:
         self.bodies = SceneBodies(scene, joint_names)
         self.queries = 0
         parts = self.bodies.bodies
         self._coal = CoalChecker(parts)
-        self._libraries: dict[str, FclChecker | CoalChecker] = {
-            name: FclChecker(parts) if name == "FCL" else self._coal for name in libraries
-        }
+        self._names = frozenset(checkers)
+        self._libraries: dict[str, FclChecker | CoalChecker] = {}
+        if "FCL" in self._names:
+            self._libraries["FCL"] = FclChecker(parts)
+        if "Coal" in self._names:
+            self._libraries["Coal"] = self._coal
 
     def contacts(self, q: Array, pairs: NDArray[np.int64] | None = None) -> list[dict[Pair, set[str]]]:
-        """The pairs of elements that touch at each of some configurations, and the libraries that find so.
+        """The pairs of elements that touch at each of some configurations, and the checkers that find so.
 
         Args:
             q: Configurations, shape (n, nq).
@@ -274,7 +280,7 @@ class ElementChecker:
         for n, k in zip(*self.bodies.nearby_pairs(frames, pairs), strict=True):
             a, b = pairs[k].tolist()
             self.queries += 1
-            names = {name for name in self._libraries if self._touch(name, a, frames[n, a], b, frames[n, b])}
+            names = self._touching(a, frames[n, a], b, frames[n, b])
             if names:
                 elements = self.bodies.bodies[a].element, self.bodies.bodies[b].element
                 found[n].setdefault(elements, set()).update(names)
@@ -291,11 +297,13 @@ class ElementChecker:
         height = height_above(self.bodies.bodies[a], T_a, self.bodies.bodies[b], T_b)
         return self._coal.distance(a, T_a, b, T_b) if height is None else height
 
-    def _touch(self, library: str, a: int, T_a: Array, b: int, T_b: Array) -> bool:
+    def _touching(self, a: int, T_a: Array, b: int, T_b: Array) -> frozenset[str]:
+        """Checkers for which two bodies touch."""
         one, two = self.bodies.bodies[a], self.bodies.bodies[b]
         height = height_above(one, T_a, two, T_b)
         if height is not None:
-            return height <= 0.0
-        if self._libraries[library].touches(a, T_a, b, T_b):
-            return True
-        return encloses(one, T_a, two, T_b) or encloses(two, T_b, one, T_a)
+            return frozenset(self._libraries) if height <= 0.0 else frozenset()
+        found = frozenset(name for name, library in self._libraries.items() if library.touches(a, T_a, b, T_b))
+        if found and len(found) == len(self._libraries):
+            return found
+        return self._names if encloses(one, T_a, two, T_b) or encloses(two, T_b, one, T_a) else found

@@ -211,9 +211,8 @@ class _Comparison:
 
     def __init__(self, scene: Scene, motion: Trajectory, names: tuple[CheckerName, ...], tolerance: float) -> None:
         self._motion, self._names, self._tolerance = motion, names, tolerance
-        self._libraries = ElementChecker(scene, motion.joint_names, [name for name in names if name != "MuJoCo"])
+        self._libraries = ElementChecker(scene, motion.joint_names, names)
         self._mujoco = MujocoChecker(scene, motion) if "MuJoCo" in names else None
-        self._pairs = {frozenset(pair): pair for pair in scene.checked_pairs}
         self._contacts: dict[tuple[str, Pair], _Seen] = {}
         self._differences: dict[tuple[Pair, tuple[str, ...]], _Seen] = {}
         self._grazing = 0
@@ -223,9 +222,7 @@ class _Comparison:
         """Check some samples of the motion for contacts of some pairs of bodies."""
         q = self._motion(times)
         for n, touching in enumerate(self._libraries.contacts(q, pairs)):
-            deepest: dict[Pair, float] = {}
-            if self._mujoco is not None:
-                deepest = {self._pairs[frozenset(p)]: d for p, d in self._mujoco.contacts(float(times[n])).items()}
+            deepest = {} if self._mujoco is None else self._mujoco.contacts(float(times[n]))
             for pair in deepest:
                 touching.setdefault(pair, set()).add("MuJoCo")
             for pair, names in touching.items():

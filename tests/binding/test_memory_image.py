@@ -145,5 +145,5 @@ def test_memory_that_cannot_be_copied_is_named(sources: KernelSources) -> None:
     numbers = np.zeros(10)
     with pytest.raises(TypeError, match="an array of double and one of double overlap"):
         memory_image(sources, a=("double", numbers[:6]), b=("double", numbers[4:]))
-    with pytest.raises(TypeError, match="float32 is no array of double"):
+    with pytest.raises(TypeError, match="float32 is not an array of double"):
         memory_image(sources, a=("double", np.zeros(3, np.float32)))

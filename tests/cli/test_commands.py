@@ -181,7 +181,7 @@ def test_motions_of_every_kind_are_validated_viewed_and_replayed(
     assert run(["validate", "t.json", "--scene", "more.toml"]) == OK
     assert "obstacle 'late' is new" in capsys.readouterr().out
     assert run(["view", "rr1_table", "--scene", "rr1_table", "--html", "page.html"]) == BAD_INPUT
-    assert "rr1_table is no motion" in capsys.readouterr().err
+    assert "rr1_table is not a motion file" in capsys.readouterr().err
 
 
 def test_a_minus_writes_a_motion_that_is_whole_to_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
@@ -430,3 +430,32 @@ def test_plan_reads_a_scene_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(loaded) == 1
     assert run(["scenes", "rr1_table", "--quiet"]) == OK
     assert len(loaded) == 2
+
+
+def test_a_stream_is_mirrored_beside_its_plan(motion: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    saved = rp.load_motion(motion)
+    plan = saved.trajectory
+    times = plan.sample_times(0.02)
+    with rp.Mirror(saved.scene, plan, record=tmp_path / "good.jsonl") as mirror:
+        mirror.run(rp.StateMessage(t, plan.joint_names, plan(t), t) for t in times)
+    with rp.Mirror(saved.scene, record=tmp_path / "off.jsonl") as mirror:
+        mirror.run(rp.StateMessage(t, plan.joint_names, plan(t) + 0.3, t) for t in times)
+    good, off = (str(tmp_path / name) for name in ("good.jsonl", "off.jsonl"))
+    assert run(["mirror", good, "--plan", str(motion), "--no-page"]) == OK
+    assert "always inside the certified corridor" in capsys.readouterr().out
+    assert run(["mirror", off, "--plan", str(motion), "--no-page", "--json"]) == INVALID_PLAN
+    said = json.loads(capsys.readouterr().out)
+    assert said["messages"] == len(times)
+    assert said["outside"]
+    again = tmp_path / "again.jsonl"
+    assert run(["mirror", off, "--scene", "rr1_table", "--no-page", "--record", str(again), "--quiet"]) == OK
+    assert len(again.read_text().splitlines()) == len(times)
+    capsys.readouterr()
+    for arguments, words in {
+        (good,): "use --plan or --scene",
+        ("serial:/dev/null", "--scene", "rr1_table"): "use --calibration",
+        (str(tmp_path / "none.jsonl"), "--scene", "rr1_table"): "there is no such file",
+        (good, "--scene", "rr1_table", "--no-page", "--port", "7000"): "--port",
+    }.items():
+        assert run(["mirror", *arguments]) == BAD_INPUT
+        assert words in capsys.readouterr().err

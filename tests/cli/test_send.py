@@ -92,6 +92,14 @@ def test_what_would_collide_is_not_sent(motion: str, arm: str, capsys: pytest.Ca
     assert "ball" in said
 
 
+def test_a_sequence_is_refused(
+    motion: str, arm: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(send_command, "saved_motion", lambda *_: object())
+    assert run(["send", motion, "--calibration", arm]) == BAD_INPUT
+    assert "holds a sequence, whose scene changes on the way" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

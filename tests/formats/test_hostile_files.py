@@ -152,7 +152,7 @@ def test_a_mesh_that_is_no_file_is_refused_with_its_line(tmp_path: Path, name: s
     (tmp_path / "loop.stl").symlink_to("loop.stl")
     file = tmp_path / "a.urdf"
     file.write_text(URDF_MESH.format(role="collision", name=name))
-    why = "is no regular file" if name in ("pipe.stl", "loop.stl") else "longer than 255 bytes"
+    why = "is not a regular file" if name in ("pipe.stl", "loop.stl") else "longer than 255 bytes"
     with pytest.raises(rp.FormatError, match=rf"a\.urdf:2: .*{why}"):
         rp.load_robot(file)
 

@@ -605,9 +605,9 @@ def test_a_file_is_included_once_and_from_inside(folder: Path) -> None:
     os.mkfifo(folder / "pipe.xml")
     for name, why in {
         "/etc/passwd": "is outside the robot's folders",
-        "pipe.xml": "is no regular file",
+        "pipe.xml": "is not a regular file",
         "none.xml": "is not there",
-        "/dev/zero": "is no regular file",
+        "/dev/zero": "is not a regular file",
         "y" * 300: "longer than 255 bytes",
     }.items():
         with pytest.raises(rp.FormatError, match=f"robot.xml:1: .*{why}"):
@@ -717,7 +717,7 @@ def test_a_mesh_that_is_no_file_is_refused(folder: Path) -> None:
     (folder / "link.stl").symlink_to("/etc/passwd")
     text = arm('<geom type="mesh" mesh="m"/>', '<asset><mesh name="m" file="{}"/></asset>')
     for name, why in {
-        "pipe.stl": "no regular file",
+        "pipe.stl": "not a regular file",
         "link.stl": "outside",
         "x" * 300 + ".stl": "longer than 255",
     }.items():

@@ -175,7 +175,7 @@ def test_one_of_several_topics_is_chosen(ros1_bag: Callable[..., Path], capsys: 
         assert capsys.readouterr().err == ""
         assert run([command, "rr1_table", "--topic", "/two"]) == BAD_INPUT
         capsys.readouterr()
-    with pytest.raises(InputError, match=r"a\.csv is no bag and has no topics"):
+    with pytest.raises(InputError, match=r"a\.csv is not a bag and has no topics"):
         rp.load_motion("a.csv", topic="/one")
 
 
@@ -196,5 +196,5 @@ def test_wrong_bags_and_topics_are_refused_by_name(bag: tuple[rp.Trajectory, Pat
     for name in ("pipe.bag", "empty", "loop.bag"):
         with pytest.raises(FormatError, match=f"{name}: (holds .*regular files|cannot be read|there is no such)"):
             load_joint_trajectory(tmp_path / name)
-    with pytest.raises(InputError, match="no bag and has no topics"):
+    with pytest.raises(InputError, match="not a bag and has no topics"):
         load_joint_trajectory(written(tmp_path, message()), topic="/a")

@@ -77,6 +77,34 @@ def test_what_the_arm_would_hit_is_named_and_not_certified(
     assert "NOT CERTIFIED" in str(blocked)
 
 
+def test_segments_follow_the_motion_more_closely_where_the_arm_would_collide(
+    motion: rp.MotionPlan, calibration: rp.Calibration, box: rp.ControlBox
+) -> None:
+    empty = rp.Scene().with_arm("rr1", motion.scene.arms["rr1"].robot)
+    alone = rp.plan_commands(motion, calibration, box, scene=empty, tolerance=0.16)
+    around = rp.plan_commands(motion, calibration, box, tolerance=0.16)
+    assert alone.certified
+    assert around.certified
+    assert len(around.commands) > len(alone.commands)
+
+
+def test_other_arms_stand_where_the_trajectory_has_them(
+    motion: rp.MotionPlan, calibration: rp.Calibration, box: rp.ControlBox
+) -> None:
+    """Not where the scene has them: here at a pole."""
+    scene = motion.scene.with_arm("other", rp.load_robot("rr1"), [3.0, 0.0, 0.0])
+    reaching = np.array([0.5, 0.3, 0.6, 0.0, 1.2, 0.0])
+    at = scene.link_poses({"other": reaching})["other/tool"][:3, 3]
+    scene = scene.with_obstacle("pole", rp.Sphere(0.03), at)
+    names = scene.joint_names(["other"])
+    for q, certified in ((scene.arms["other"].q, True), (reaching, False)):
+        both = rp.Trajectory.merge(motion.trajectory, rp.Trajectory.rest(names, q))
+        plan = rp.plan_commands(both, calibration, box, scene=scene)
+        assert plan.arm == "rr1"
+        assert plan.certified == certified
+        assert certified or any("pole" in problem for problem in plan.problems)
+
+
 def test_a_coarse_tolerance_gives_fewer_commands(
     motion: rp.MotionPlan, calibration: rp.Calibration, box: rp.ControlBox
 ) -> None:

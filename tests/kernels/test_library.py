@@ -13,13 +13,13 @@ VARIANTS = LIBRARY.variants
 def test_an_array_that_is_not_what_the_headers_say_is_refused():
     with pytest.raises(TypeError, match="rows of 16 bytes are no Joint, which takes 24"):
         CStruct("ArmGeometry", joints=np.zeros((4, 2), np.int64))
-    with pytest.raises(TypeError, match="float32 is no array of double"):
+    with pytest.raises(TypeError, match="float32 is not an array of double"):
         CStruct("PairTables", padding=np.zeros(3, np.float32))
     with pytest.raises(TypeError, match="not C-contiguous"):
         CStruct("PairTables", padding=np.zeros((3, 2))[:, 0])
     with pytest.raises(TypeError, match="a PairTables is no ArmGeometry"):
         CStruct("SceneTables", arm=CStruct("PairTables"))
-    with pytest.raises(TypeError, match="float32 is no array of double"):
+    with pytest.raises(TypeError, match="float32 is not an array of double"):
         load_library().rr1_sine_cosine(np.zeros(3, np.float32), 3, np.zeros(3), np.zeros(3))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.mirror.corridor import _levers
+from rr1plan.mirror import corridor
 
 
 def two_arms() -> rp.Scene:
@@ -19,7 +19,7 @@ def two_arms() -> rp.Scene:
 @pytest.mark.parametrize("name", ["rr1_table", "planar2r_path", "two arms"])
 def test_no_pair_comes_nearer_than_its_levers_say(name: str) -> None:
     checker = rp.CollisionChecker(two_arms() if name == "two arms" else rp.load_scene(name))
-    levers, rng = _levers(checker), np.random.default_rng(0)
+    levers, rng = corridor._levers(checker), np.random.default_rng(0)
     for _ in range(100):
         q = rng.uniform(-2.0, 2.0, checker.nq)
         change = rng.uniform(-1.0, 1.0, len(q)) * 10.0 ** rng.uniform(-3, 0)
@@ -37,13 +37,13 @@ def motion_in(scene: rp.Scene, goal: object) -> rp.Trajectory:
 def test_configurations_inside_are_free() -> None:
     scene = rp.load_scene("rr1_table")
     motion = motion_in(scene, rp.PoseGoal("tool", [-0.30, 0.25, 0.20]))
-    corridor, checker, rng = rp.certified_corridor(scene, motion), rp.CollisionChecker(scene), np.random.default_rng(0)
+    tube, checker, rng = rp.certified_corridor(scene, motion), rp.CollisionChecker(scene), np.random.default_rng(0)
     inside = touching = 0
     for _ in range(1500):
         q = motion(rng.uniform(0.0, motion.duration)) + rng.uniform(-0.15, 0.15, 6) * rng.uniform()
         free = checker.is_free_slowly(q)
         touching += not free
-        if corridor.position(q).use < 1.0:
+        if tube.position(q).use < 1.0:
             inside += 1
             assert free
     assert inside > 300
@@ -54,31 +54,34 @@ def test_the_motion_itself_is_inside_and_names_come_with_a_place() -> None:
     scene = two_arms()
     goal = {"left": rp.JointGoal(np.full(6, 0.3)), "right": rp.JointGoal([-0.4, 0.1, 0.2, 0.0, 1.0, 0.0])}
     motion = motion_in(scene, goal)
-    corridor = rp.certified_corridor(scene, motion)
-    assert set(corridor.joint_names) == set(motion.joint_names)
-    columns = [motion.joint_names.index(name) for name in corridor.joint_names]
+    tube = rp.certified_corridor(scene, motion)
+    assert set(tube.joint_names) == set(motion.joint_names)
+    columns = [motion.joint_names.index(name) for name in tube.joint_names]
     for time in np.linspace(0.0, motion.duration, 37):
-        place = corridor.position(motion(time)[columns])
+        place = tube.position(motion(time)[columns])
         assert place.use < 1.0
         assert place.time == pytest.approx(time, abs=0.06)
     assert all("/" in name or name in scene.obstacles for name in place.pair)
-    assert (corridor.free_change() > 0.0).all()
+    assert (tube.free_change() > 0.0).all()
 
 
 def test_a_whole_turn_is_no_deviation(planar2r: rp.Robot) -> None:
     scene = rp.Scene().with_arm("arm", planar2r).with_obstacle("box", rp.Box((0.1, 0.1, 0.1)), [0.4, -0.4, 0.0])
     motion = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1.0], [[0.0, 0.5], [1.0, 0.5]])
-    corridor = rp.certified_corridor(scene, motion)
+    tube = rp.certified_corridor(scene, motion)
     turned = motion(0.4) + 2.0 * np.pi * np.array([1.0, -2.0])
-    assert corridor.position(turned).use == pytest.approx(corridor.position(motion(0.4)).use, abs=1e-6)
-    np.testing.assert_allclose(corridor.deviation(turned, motion(0.4)), 0.0, atol=1e-12)
+    assert tube.position(turned).use == pytest.approx(tube.position(motion(0.4)).use, abs=1e-6)
+    np.testing.assert_allclose(tube.deviation(turned, motion(0.4)), 0.0, atol=1e-12)
 
 
-def test_a_motion_in_collision_has_no_corridor() -> None:
+def test_a_motion_in_collision_or_of_too_many_bodies_has_no_corridor(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = rp.load_scene("rr1_table")
     motion = motion_in(scene, rp.PoseGoal("tool", [-0.30, 0.25, 0.20]))
     inside = scene.with_obstacle("block", rp.Box((0.1, 0.1, 0.1)), [-0.30, 0.25, 0.20])
     with pytest.raises(rp.InputError, match=r"no corridor: at \d.* 'block' touch|no corridor: at .*'block'"):
         rp.certified_corridor(inside, motion)
+    monkeypatch.setattr(corridor, "_MOST_DISTANCES", 10_000)
+    with pytest.raises(rp.InputError, match=r"too much memory after \d.* s; take a part"):
+        rp.certified_corridor(scene, motion)
     with pytest.raises(rp.UnknownNameError, match="unknown arm 'rr1'"):
         rp.certified_corridor(rp.Scene().with_arm("other", rp.load_robot("rr1")), motion)

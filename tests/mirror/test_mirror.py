@@ -181,7 +181,7 @@ def test_damaged_lines_are_named_and_others_are_read(tmp_path: Path) -> None:
     found = list(rp.read_states(tmp_path / "s.jsonl"))
     assert [isinstance(item, rp.StateMessage) for item in found] == [True, False, False, False, False, False, True]
     errors = [item.message for item in found if isinstance(item, rp.StreamError)]
-    assert all("is no joint state" in message and len(message) < 400 for message in errors)
+    assert all("is not a joint state" in message and len(message) < 400 for message in errors)
     assert "no 'name'" in errors[2]
     assert "expected (2,)" in errors[3]
 

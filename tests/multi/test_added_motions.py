@@ -33,7 +33,7 @@ def _free_goal(plan: rp.RunningPlan, arm: str, rng: np.random.Generator) -> np.n
 @pytest.mark.parametrize(("count", "spacing"), [(4, 0.6), (8, 0.65)])
 def test_goals_keep_coming(count: int, spacing: float, rr1: rp.Robot) -> None:
     problem = rp.random_grid(rr1, count, spacing, 1)
-    plan = rp.RunningPlan.of(rp.plan_many_arms(problem, method="separate_paths", rng=0, budget=_BUDGET))
+    plan = rp.RunningPlan.of(rp.plan_many_arms(problem, rng=0, budget=_BUDGET))
     rng = np.random.default_rng(1)
     time, moving, found = 0.0, 0, 0
     for k in range(16):
@@ -64,6 +64,30 @@ def test_goals_keep_coming(count: int, spacing: float, rr1: rp.Robot) -> None:
     report = rp.validate(plan.trajectory, plan.scene)
     assert report.certified, report
     assert not rp.simulate(plan.trajectory, plan.scene, mode="kinematic").contacts
+    _assert_late_executions_are_safe(plan, rng)
+
+
+def _assert_late_executions_are_safe(plan: rp.RunningPlan, rng: np.random.Generator) -> None:
+    """All goals are reached in the order of the plan, however late arms are."""
+    graph = rp.plan_graph(plan)
+    assert graph.arms == plan.arms
+    assert graph.dependencies
+    for route in graph.routes:
+        arm, times = plan.trajectory.select(route.arms[0]), route.steps.times[1:]
+        np.testing.assert_allclose(arm(times), route.gridpoints[route.steps.begins[1:]], atol=1e-6)
+    for _ in range(2):
+        delays = {arm: rp.ArmDelay(rng.uniform(0.0, 0.5), rng.uniform(0.0, 0.5)) for arm in plan.arms}
+        late = rp.execute_plan(graph, plan.scene, delays)
+        assert rp.validate(late.trajectory, plan.scene).certified
+        assert not rp.simulate(late.trajectory, plan.scene, mode="kinematic").contacts
+        for arm in plan.arms:
+            np.testing.assert_allclose(late.trajectory.select(arm)(late.makespan), plan.goal(arm), atol=1e-9)
+    blind = rp.PlanGraph(graph.routes, ())
+    collides = (
+        not rp.validate(rp.execute_plan(blind, plan.scene, {arm: rp.ArmDelay(0.5)}).trajectory, plan.scene).valid
+        for arm in plan.arms
+    )
+    assert any(collides)
 
 
 def test_arms_that_were_planned_as_one_get_goals_of_their_own(rr1: rp.Robot) -> None:
@@ -85,7 +109,7 @@ def test_arms_that_were_planned_as_one_get_goals_of_their_own(rr1: rp.Robot) -> 
 
 def test_the_same_seed_gives_the_same_motion(rr1: rp.Robot) -> None:
     problem = rp.random_grid(rr1, 4, 0.6, 1)
-    plan = rp.RunningPlan.of(rp.plan_many_arms(problem, method="separate_paths", rng=0, budget=_BUDGET))
+    plan = rp.RunningPlan.of(rp.plan_many_arms(problem, rng=0, budget=_BUDGET))
     goal = _free_goal(plan, "arm02", np.random.default_rng(3))
     one, two = (rp.add_motion(plan, "arm02", goal, at=0.2, budget=_BUDGET, rng=5) for _ in range(2))
     assert one.plan.trajectory.coefficients.tobytes() == two.plan.trajectory.coefficients.tobytes()

@@ -172,6 +172,38 @@ def test_a_bound_is_kept_and_saves_nodes(name: str, planar2r: rp.Robot) -> None:
         assert found.suboptimality <= bound + 1e-9
 
 
+@pytest.mark.parametrize("name", ["goals", "pass", "yield"])
+def test_a_known_plan_is_enough_as_soon_as_it_is_within_the_bound(name: str, planar2r: rp.Robot) -> None:
+    problem, tiny = _case(name, planar2r)
+    best, roadmaps = _search(problem, tiny)
+    near = {arm: frozenset(problem.arms) - {arm} for arm in problem.arms}
+    search = ConflictBasedSearch(roadmaps, near, RelativeConflicts(0.0), Stopwatch(math.inf), 1.1)
+    known = search.run(known_cost=1.09 * best.cost)
+    assert known.lower_bound <= best.cost + 1e-6
+    assert known.moves is not None or 1.09 * best.cost <= 1.1 * known.lower_bound + 1e-6
+    poor = search.run(known_cost=3.0 * best.cost)
+    assert poor.moves is not None
+    assert poor.cost <= 1.1 * best.cost + 1e-6
+
+
+def test_a_search_that_gives_up_states_the_bound_of_the_plan_that_it_began_with(
+    rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = ring_swap(rr1, 4, 0.5, rng=1)
+    searched = plan_many_arms(problem, method="conflict_based_search", rng=0, budget=_BUDGET)
+    monkeypatch.setattr("rr1plan.multi.search.small_teams._ROUNDS", ((50, 1), (50, 5)))
+    given_up = plan_many_arms(problem, method="conflict_based_search", rng=0, budget=_BUDGET)
+    assert given_up.trajectory is not None
+    assert rp.validate(given_up.trajectory, problem.scene, problem).certified
+    arrivals = [sum(s.arrival * len(s.arms) for s in result.schedules) for result in (searched, given_up)]
+    (one,), (two,) = searched.groups, given_up.groups
+    assert one.suboptimality is not None
+    assert two.suboptimality is not None
+    assert 1.0 <= one.suboptimality <= 1.1
+    # The least on the same roadmaps is at least what the first search has proven, and at most what it has found.
+    assert two.suboptimality * arrivals[0] >= arrivals[1] - 1e-9
+
+
 def test_what_has_no_answer_on_the_roadmaps_is_found_out_or_given_up(planar2r: rp.Robot) -> None:
     problem, tiny = _case("goals", planar2r)
     only = {arm: (vertices[:2], [(0, 1)]) for arm, (vertices, _) in tiny.items()}

@@ -12,9 +12,9 @@ from rr1plan.multi.timing.waits import pair_timing, undelayed, waits_of
 
 @pytest.fixture(scope="module")
 def motion() -> rp.MotionPlan:
-    """Eight arms in a ring, of which some wait."""
-    problem = rp.ring_swap(rp.load_robot("rr1"), 8, 0.6, rng=0)
-    found = rp.plan_motion(problem, planner="many_arms_separate", rng=0, budget=rp.Budget(60))
+    """Eight arms on a grid, of which one waits and two were planned in their joint space."""
+    problem = rp.random_grid(rp.load_robot("rr1"), 8, 0.6, 2)
+    found = rp.plan_motion(problem, planner="many_arms", rng=0, budget=rp.Budget(60))
     assert found.valid
     return found
 
@@ -37,7 +37,7 @@ def in_contact(schedules: list[Schedule], problem: rp.Problem, step: float = 0.0
 def test_an_arm_that_does_not_wait_touches_one_that_it_waits_for(motion: rp.MotionPlan) -> None:
     """The slow way: without its wait, an arm gets too near to one of the others that the wait names."""
     assert motion.many_arms is not None
-    schedules = motion.many_arms.schedules
+    schedules = motion.many_arms.separated.schedules
     for wait in waits_of(schedules):
         own = next(s for s in schedules if wait.arm in s.arms)
         others = [s for s in schedules if set(wait.others) & set(s.arms)]
@@ -50,7 +50,7 @@ def test_an_arm_that_does_not_wait_touches_one_that_it_waits_for(motion: rp.Moti
 
 def test_waits_are_the_rests_of_schedules(motion: rp.MotionPlan) -> None:
     assert motion.many_arms is not None
-    schedules = motion.many_arms.schedules
+    schedules = motion.many_arms.separated.schedules
     waits = waits_of(schedules)
     assert waits
     for schedule in schedules:
@@ -62,7 +62,7 @@ def test_waits_are_the_rests_of_schedules(motion: rp.MotionPlan) -> None:
 
 def test_the_curve_of_a_plan_stays_out_of_blocked_cells(motion: rp.MotionPlan) -> None:
     assert motion.many_arms is not None
-    schedules = motion.many_arms.schedules
+    schedules = motion.many_arms.separated.schedules
     crowded = 0
     for i, one in enumerate(schedules):
         for two in schedules[i + 1 :]:
@@ -82,7 +82,7 @@ def test_the_curve_of_a_plan_stays_out_of_blocked_cells(motion: rp.MotionPlan) -
 
 def test_places_are_where_the_trajectory_is(motion: rp.MotionPlan) -> None:
     assert motion.many_arms is not None
-    one, two = motion.many_arms.schedules[:2]
+    one, two = motion.many_arms.separated.schedules[:2]
     timing = pair_timing(one, two)
     for side, schedule in enumerate((one, two)):
         trajectory = schedule.trajectory()

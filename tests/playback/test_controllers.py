@@ -181,6 +181,13 @@ def test_seven_poses_are_tracked_also_with_an_unknown_load(rr1: rp.Robot, payloa
     assert max(errors) <= most
 
 
+def test_a_force_on_a_frame_without_mass_acts_at_its_origin(rr1: rp.Robot) -> None:
+    sim = rp.Simulation(rp.Scene().with_arm("rr1", rr1))
+    tool = sim.model.body("rr1/tool").id
+    np.testing.assert_array_equal(sim.model.body_ipos[tool], 0.0)
+    np.testing.assert_allclose(sim.data.xipos[tool], sim.data.xpos[tool])
+
+
 def test_simulate_is_the_same_motion(scene: rp.Scene) -> None:
     trajectory = motion(scene, ARM)
     replay = rp.simulate(trajectory, scene, record_dt=0.002)

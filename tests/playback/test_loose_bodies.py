@@ -320,3 +320,20 @@ def test_more_bodies_than_the_memory_holds_are_refused_before_it_is_taken(monkey
     arm = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
     with pytest.raises(rp.InputError, match=r"1 arm and 0 loose bodies takes about 0.000803 GB .* has 0.0001 GB"):
         rp.Simulation(arm)
+
+
+def test_other_users_of_the_model_take_loose_bodies_as_fixed_and_say_what_is_forbidden() -> None:
+    """Neither a body on the floor nor an allowed one that an arm touches is a fault, one that is not allowed is."""
+    scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1")).with_obstacle("floor", rp.HalfSpace())
+    tool = scene.link_poses()["rr1/hand_link"][:3, 3]
+    loose = scene.with_obstacle("held", rp.Box((0.1, 0.1, 0.1)), tool, mass=1.0)
+    loose = loose.with_obstacle("stands", rp.Box((0.1, 0.1, 0.1)), [1.0, 0.0, 0.05], mass=1.0)
+    still = rp.Trajectory.rest(scene.joint_names(), scene.configuration(), duration=0.02)
+    for one, expected in ((loose, False), (loose.allow("rr1", "held"), True)):
+        opinion = rp.second_opinion(still, one, step=0.01)
+        assert opinion.free is expected, opinion
+        assert not opinion.disagreements
+        with rp.Mirror(one) as mirror:
+            state = mirror.receive(rp.StateMessage(0.0, scene.joint_names(), scene.configuration()))
+        assert state is not None
+        assert (state.contacts == ()) is expected

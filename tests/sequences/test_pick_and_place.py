@@ -83,3 +83,16 @@ def test_the_support_may_be_touched_while_the_object_is_lifted_and_lowered(table
 def test_bad_arguments(table: rp.Scene, arguments: dict, message: str) -> None:
     with pytest.raises(rp.InputError, match=message):
         rp.pick_and_place(**({"scene": table, "obstacle": "block", "place": [-0.28, -0.12, 0.03]} | arguments))
+
+
+@pytest.mark.usefixtures("foreign_robots")
+def test_a_hand_whose_fingers_travel_along_y_grasps_as_well() -> None:
+    """The Panda's fingers slide along the y axis of its tool frame."""
+    scene = rp.Scene().with_arm("arm", rp.load_robot("panda"))
+    scene = scene.with_obstacle("table", rp.Box((0.6, 1.0, 0.04)), [0.6, 0.0, -0.02])
+    scene = scene.with_obstacle("block", rp.Box((0.04, 0.1, 0.06)), [0.5, 0.0, 0.03], mass=0.1)
+    goals = rp.top_grasps(scene, "block")
+    np.testing.assert_allclose([abs(goal.rotation[0, 1]) for goal in goals], 1.0, atol=1e-9)
+    plan = rp.plan_sequence(rp.Sequence(scene, rp.pick_and_place(scene, "block", [0.5, 0.2, 0.03])), rng=0)
+    assert plan, plan
+    assert rp.simulate_sequence(plan, hold=0.0).carried

@@ -239,3 +239,17 @@ def test_jerk_limits_are_kept_where_the_retiming_does(table: rp.Scene) -> None:
     plan = plan_of(table, rp.FreeMotion("raised"), rp.MoveGripper("open"), retiming="ruckig")
     assert plan, plan
     assert "jerk" in plan.report.checked
+
+
+def test_a_free_motion_that_is_not_found_is_named_when_the_budget_ends() -> None:
+    """The goal of the lesson without a path is free, so only the budget ends the rounds."""
+    scene = rp.load_scene("planar2r_no_path")
+    problem = next(iter(rp.load_problems("planar2r_no_path").values()))
+    arm = problem.arms[0]
+    start = scene.with_configuration(arm, problem.start)
+    budget = rp.Budget(np.inf, iterations=20_000)
+    plan = plan_of(start, rp.Pause(0.1), rp.FreeMotion(list(problem.goal[arm])), budget=budget)
+    assert plan.status is rp.PlanStatus.TIMEOUT
+    assert plan.failed == 1
+    assert plan.reason.startswith("segment 2 (free motion to a configuration) not found: ")
+    assert "out of budget" in plan.reason

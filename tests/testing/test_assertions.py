@@ -164,6 +164,30 @@ def _gravity(scene: rp.Scene, sim: rp.Simulation) -> np.ndarray:
     return rp.Kinematics(scene).gravity(sim.configuration())
 
 
+# Poses of RR1, one after the other in 4 s each.
+_POSES = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [-2.25, -0.39, 1.30, 0.05, 3.10, 1.25],
+        [-0.35, -0.25, 1.15, -2.15, 1.80, -1.20],
+        [1.40, 0.39, 0.95, 2.30, 2.65, -0.60],
+        [-2.35, 0.32, -1.10, -1.50, 1.40, 0.50],
+        [-0.80, -0.28, 0.70, 0.0, 2.10, -0.15],
+        [-0.17, 0.37, -1.13, -1.14, 0.95, 1.09],
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    ]
+)
+
+
+@pytest.mark.parametrize(("payload", "tolerance"), [(0.0, 1e-3), (1.0, 5e-3)])
+def test_seven_poses_are_followed_also_with_an_unknown_kilogram(payload: float, tolerance: float) -> None:
+    scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
+    still = np.zeros_like(_POSES)
+    move = rp.Trajectory.from_samples(scene.joint_names(), 4.0 * np.arange(len(_POSES)), _POSES, still, still)
+    replay = rp.simulate(move, scene, variation=rp.ArmVariation(payload=payload))
+    assert replay.worst_error <= tolerance
+
+
 def test_masses_and_friction_change_the_model_that_is_stepped_only() -> None:
     scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
     plain = rp.Simulation(scene)

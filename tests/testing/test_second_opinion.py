@@ -102,6 +102,25 @@ def test_a_body_inside_a_closed_mesh_touches_no_triangle_and_is_in_contact_with_
     (hole, wall, outside) = ElementChecker(scene, ["arm/x"]).contacts(np.array([[0.0], [0.5], [0.9]]))
     assert hole == outside == {}
     assert wall == {("arm/ball", "ring"): {"FCL", "Coal"}}
+    # MuJoCo has plates for triangles only; what is inside counts for it, too.
+    motion = rp.Path(["arm/x"], [[0.49], [0.51]])
+    seen = rp.second_opinion(motion, scene)
+    assert not seen.free
+    assert seen.agree, seen
+
+
+def test_loose_bodies_stand_still_and_may_touch_what_they_stand_on(swing: tuple[rp.Scene, rp.Trajectory]) -> None:
+    scene, motion = swing
+    crates = scene.without_obstacle("post").with_obstacle("floor", rp.Box((3.0, 3.0, 0.1)), [0.0, 0.0, -0.06])
+    crates = crates.allow("rr1", "floor")
+    for k in range(2):
+        at = [0.5, 0.0, 0.04 + 0.1 * k - 1e-4 * k]
+        crates = crates.with_obstacle(f"crate{k}", rp.Box((0.1, 0.1, 0.1)), at, mass=1.0)
+    assert rp.second_opinion(motion, crates, step=0.01)
+    at = scene.link_poses({"rr1": motion(1.0)})["rr1/tool"][:3, 3]
+    hit = rp.second_opinion(motion, crates.with_obstacle("late", rp.Sphere(0.03), at, mass=0.1), step=0.005)
+    assert hit.agree, hit
+    assert {contact.checker for contact in hit.contacts} == set(_ALL)
 
 
 def test_a_checker_that_misses_a_contact_is_named(
@@ -126,7 +145,7 @@ def test_a_checker_that_invents_a_contact_is_named(
     found = MujocoChecker.contacts
 
     def invents(self: MujocoChecker, time: float) -> dict[tuple[str, str], float]:
-        return {("post", "rr1/shoulder_link"): 0.02} if time == 0.0 else found(self, time)
+        return {("rr1/shoulder_link", "post"): 0.02} if time == 0.0 else found(self, time)
 
     monkeypatch.setattr(MujocoChecker, "contacts", invents)
     (only,) = rp.second_opinion(motion, scene, step=0.01).disagreements

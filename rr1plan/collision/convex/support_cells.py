@@ -55,7 +55,7 @@ def _words(points: Array) -> NDArray[np.int64]:
     slack = _EQUAL * float(np.abs(points - middle).max())
     words = np.empty(ends.shape[:2], np.int64)
     for row, (directions, beyond) in enumerate(zip(ends, counts, strict=True)):
-        # Ends that are no directions of the cell tell nothing: there all corners are the same.
+        # Ends that are not directions of the cell tell nothing: there all corners are the same.
         heights = np.where(beyond, 0.0, directions @ (points - middle).T)
         kept = np.ones((heights.shape[0], heights.shape[2]), np.bool_)
         for rival in (*heights.argmin(axis=2).T, heights.sum(axis=1).argmin(axis=1)):

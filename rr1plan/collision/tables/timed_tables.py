@@ -25,7 +25,7 @@ class TimedPairs(NamedTuple):
         rows: Own body, other arm, first and last pair of bodies of each pair, shape (p, 4).
         owner: Of each pair of bodies the pair of solids that it is.
         arm_of_body: Of each body, -1 where it belongs to none.
-        first_box: How many bodies are no boxes.
+        first_box: How many bodies are not boxes.
     """
 
     tables: ExactTables

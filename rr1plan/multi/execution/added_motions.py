@@ -25,16 +25,17 @@ from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.execution.running_plan import Part, RunningPlan, Stop, part_of, stops_of
-from rr1plan.multi.execution.temporal_plan_graph import closed_diagram
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.portfolio import ManyArmsResult
 from rr1plan.multi.preflight import MARGINS, affordable_margin
 from rr1plan.multi.stopwatch import Stopwatch
-from rr1plan.multi.timing.coordination import Blocked, are_apart
+from rr1plan.multi.timing.coordination import Blocked, are_apart, may_touch
+from rr1plan.multi.timing.passing_order import closed_diagram
 from rr1plan.multi.timing.safe_intervals import BlockedTimes, blocked_times, earliest_schedule
 from rr1plan.multi.timing.schedule import Leg, Schedule
+from rr1plan.object_cache import kept_in
 from rr1plan.path import Path
 from rr1plan.planners.goal_configurations import GoalSearch, check_start
 from rr1plan.planning import Budget
@@ -50,6 +51,9 @@ _SAMPLES = 20  # random configurations that are tried for one that is free
 # A motion that takes no more than this times as long as the fastest one alone is good enough.
 _GOOD_ENOUGH = 1.5
 _FREEZE, _SHORTEST = 0.3, 0.1  # defaults [s]
+_LATEST = 1e7  # later times are rounded to more than a nanosecond [s]
+# Share of the budget that is kept for the referee and for kernel calls, and most of it [s].
+_RESERVE, _MOST_RESERVE = 0.2, 0.1
 # Share of the budget for a motion that changes no other arm.
 _SHARE = 0.5
 _GoalLike = Goal | Array | str | Sequence[Goal | Array]
@@ -114,8 +118,8 @@ def add_motion(
             alternatives.
         at: The time of the plan at which the goal is given [s].
         freeze: How long after that nothing changes any more [s].
-        budget: When to stop (default: after `freeze`, so that the answer is there in time, but at least 0.1 s); of
-            iterations only the seconds count.
+        budget: When the answer has to be there (default: after `freeze`, but at least 0.1 s): a part of it is kept for
+            the referee. Of iterations only the seconds count.
         rng: Seed; where time does not run out the same seed gives the same motion.
 
     Returns:
@@ -131,9 +135,12 @@ def add_motion(
     of_kind("budget", budget, Budget, optional=True)
     known_name("arm", arm, plan.arms)
     at, freeze = finite_number("at", at), finite_number("freeze", freeze)
+    if at + freeze > _LATEST:
+        raise InputError(f"at is {at} and freeze is {freeze}, expected times up to {_LATEST:g} s")
     if at < plan.trajectory.start_time or freeze < 0.0:
         raise InputError(f"at is {at} and freeze is {freeze}, expected a time of the plan and a time >= 0")
-    watch = Stopwatch(max(freeze, _SHORTEST) if budget is None else budget.seconds)
+    seconds = max(freeze, _SHORTEST) if budget is None else budget.seconds
+    watch = Stopwatch(seconds - min(_RESERVE * seconds, _MOST_RESERVE))
     return _Change(plan, at + freeze, as_generator(rng), watch).run(arm, goal)
 
 
@@ -180,6 +187,8 @@ class _Change:
             name: tuple(part for part in parts if part.end > now) for name, parts in plan.parts.items()
         }
         self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
+        self._placements: dict[tuple[tuple[str, ...], bytes], CStruct] = {}
+        self._pools: dict[tuple[str, bytes, bytes], PathPool] = {}
         self._reason = ""
         self._blockers: set[str] = set()
 
@@ -227,27 +236,44 @@ class _Change:
 
     def _time_paths(self, arm: str, stop: Stop, goals: list[Array], attempt: _Attempt, until: float) -> None:
         """Time the straight path from a stop to a goal, and detours around others."""
-        agent = self._agent(arm, stop.q, goals)
-        pool = PathPool(agent, affordable_margin(agent, goals[0], MARGINS[0]), self._rng, self._watch)
-        for number in range(1 + _DETOURS):
+        pool = self._pool(arm, stop, goals)
+        known = len(pool.paths)
+        for number in range(known + 1 + _DETOURS):
             if not self._has_time(until):
                 return
-            others = self._standing(agent, goals, number, stop.time)
-            detour = number > 0 and not others
-            path, reason = pool.add(others, detour=detour, patient=number == 0)
-            if path is None:
-                self._reason = self._reason if number else f"{arm}: {reason}"
-                if number == 0:
-                    return
+            if number < known:
+                path = pool.paths[number]
+            elif (found := self._new_path(arm, pool, goals, number - known, stop.time)) is not None:
+                path = found
+            elif pool.paths:
                 continue
+            else:
+                return
             attempt.paths.append((stop, path))
             if path.segments:
                 attempt.alone = min(attempt.alone, path.fastest)
             new = self._timed(arm, stop, path, self._others(arm))
             if new is not None and (attempt.best is None or new.arrival < attempt.best.arrival):
-                attempt.best = replace(new, stage="detour" if number else "wait")
+                attempt.best = replace(new, stage="wait" if path is pool.paths[0] else "detour")
             if attempt.best is not None and attempt.best.arrival - stop.time <= _GOOD_ENOUGH * attempt.alone:
                 return
+
+    def _pool(self, arm: str, stop: Stop, goals: list[Array]) -> PathPool:
+        """The paths that are known from a stop to some goals; they stay good when others move otherwise."""
+
+        def empty() -> PathPool:
+            agent = self._agent(arm, stop.q, goals)
+            return PathPool(agent, affordable_margin(agent, goals[0], MARGINS[0]), self._rng, self._watch)
+
+        return kept_in(self._pools, (arm, stop.q.tobytes(), np.array(goals).tobytes()), empty)
+
+    def _new_path(self, arm: str, pool: PathPool, goals: list[Array], number: int, time: float) -> AgentPath | None:
+        """One more path: the straight way if there is none yet, around others, or a random detour."""
+        others = self._standing(pool.agent, goals, number, time) if pool.paths else {}
+        path, reason = pool.add(others, detour=bool(pool.paths) and not others, patient=not pool.paths)
+        if not pool.paths:
+            self._reason = f"{arm}: {reason}"
+        return path
 
     def _timed(self, arm: str, stop: Stop, path: AgentPath, others: Iterable[str]) -> _NewMotion | None:
         """The earliest motion from a stop along a path among what some others do."""
@@ -297,7 +323,7 @@ class _Change:
             return []
         free, in_the_way = [], set()
         for q in sorted(found.configurations, key=lambda q: float(np.abs(q - agent.start).max())):
-            placed = placed_configuration(agent.bodies, q)
+            placed = self._placed(agent, q)
             touching = {other for other in self._others(arm) if not self._is_apart(agent, placed, other)}
             in_the_way |= touching
             if not touching:
@@ -309,7 +335,11 @@ class _Change:
 
     def _is_apart(self, agent: Agent, placed: CStruct, other: str) -> bool:
         theirs = self._parts[other][-1].path
-        return are_apart(agent, placed, theirs.agent, placed_configuration(theirs.agent.bodies, theirs.goal))
+        return are_apart(agent, placed, theirs.agent, self._placed(theirs.agent, theirs.goal))
+
+    def _placed(self, agent: Agent, q: Array) -> CStruct:
+        """The bodies of an arm in a configuration, placed once."""
+        return kept_in(self._placements, (agent.arms, q.tobytes()), lambda: placed_configuration(agent.bodies, q))
 
     def _standing(self, agent: Agent, goals: list[Array], number: int, time: float) -> dict[str, Array | None]:
         """Configurations of others that a path should avoid: by `number` none, their goals, present ones, or none."""
@@ -319,8 +349,8 @@ class _Change:
         for other in self._others(agent.arms[0]):
             theirs = self._parts[other][-1].path
             where = theirs.goal if number == 1 else self.plan.configuration(other, time)
-            there = placed_configuration(theirs.agent.bodies, where)
-            ends = (placed_configuration(agent.bodies, end) for end in (agent.start, *goals))
+            there = self._placed(theirs.agent, where)
+            ends = (self._placed(agent, end) for end in (agent.start, *goals))
             if all(are_apart(agent, end, theirs.agent, there, MARGINS[0]) for end in ends):
                 standing[other] = where
         return standing
@@ -345,11 +375,13 @@ class _Change:
     def _diagram(self, path: AgentPath, part: Part, time: float) -> Blocked | None:
         """The diagram with the largest margin that the arm and the other one have where they rest."""
         key = (path, part.path)
+        if key not in self._diagrams and not may_touch(path, part.path, MARGINS[0]):
+            self._diagrams[key] = None
         if key not in self._diagrams:
             one, two = path.agent, part.path.agent
             now = self.plan.configuration(two.arms[0], time)
             pairs = [(path.start, now), (path.goal, part.path.goal)] if math.isinf(part.end) else [(path.start, now)]
-            placed = [(placed_configuration(one.bodies, a), placed_configuration(two.bodies, b)) for a, b in pairs]
+            placed = [(self._placed(one, a), self._placed(two, b)) for a, b in pairs]
             margin = next((m for m in MARGINS if all(are_apart(one, a, two, b, m) for a, b in placed)), 0.0)
             self._diagrams[key] = closed_diagram(path, part.path, margin)
         return self._diagrams[key]

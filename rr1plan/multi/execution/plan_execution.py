@@ -17,6 +17,7 @@ from rr1plan.checks import Value, finite_number, items_of, known_name, of_kind, 
 from rr1plan.errors import InputError
 from rr1plan.multi.execution.route_motion import RouteMotion, slower
 from rr1plan.multi.execution.temporal_plan_graph import PlanGraph
+from rr1plan.planning import Wait
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -64,12 +65,14 @@ class PlanExecution(Value):
     Args:
         trajectory: All arms of the plan on one clock.
         graph: The plan graph with the times of this execution, whose `skew_tolerance` is that of this trajectory.
-        waiting: How long each arm rested before its goal because of others, its delays not counted [s].
+        waiting: How much later each arm arrives because of others, its delays not counted [s].
+        waits: Its rests before it arrives, and which arms it let pass there; for `rr1plan.timeline`.
     """
 
     trajectory: Trajectory
     graph: PlanGraph
     waiting: Mapping[str, float]
+    waits: tuple[Wait, ...] = ()
 
     @property
     def makespan(self) -> float:
@@ -157,7 +160,7 @@ class _Run:
             sorted((d.after.step, k) for k, d in enumerate(dependencies) if d.after.agent == i)
             for i in range(len(graph.routes))
         ]
-        self.released = [False] * len(dependencies)
+        self.released = [math.inf] * len(dependencies)
         self.paused_until = [0.0] * len(graph.routes)
         self.numbers = count()
         self.events: list[_Event] = []
@@ -198,7 +201,7 @@ class _Run:
     def _limit(self, agent: int) -> int:
         """The gridpoint up to which an agent may go."""
         waits = self.waits[agent]
-        while waits and self.released[waits[0][1]]:
+        while waits and math.isfinite(self.released[waits[0][1]]):
             waits.pop(0)
         route = self.graph.routes[agent]
         return int(route.steps.begins[waits[0][0]]) if waits else route.segments
@@ -206,7 +209,7 @@ class _Run:
     def _handle(self, event: _Event) -> None:
         motion = self.motions[event.agent]
         if event.dependency >= 0:
-            self.released[event.dependency] = True
+            self.released[event.dependency] = event.time
         if event.pause > event.time:
             self.paused_until[event.agent] = max(self.paused_until[event.agent], event.pause)
             motion.pause(event.time, self.paused_until[event.agent])
@@ -229,4 +232,19 @@ class _Run:
         names = self.scene.joint_names(self.graph.arms)
         columns = [merged.joint_names.index(name) for name in names]
         trajectory = Trajectory(names, merged.breaks, merged.coefficients[:, :, columns])
-        return PlanExecution(trajectory, self.graph.with_times(times), waiting)
+        waits = tuple(wait for agent in range(len(parts)) for wait in self._waits(agent))
+        return PlanExecution(trajectory, self.graph.with_times(times), waiting, waits)
+
+    def _waits(self, agent: int) -> list[Wait]:
+        """The rests of an agent's arms, with those whose dependencies were released meanwhile."""
+        steps, found = self.graph.routes[agent].steps, []
+        released = [
+            (time, int(steps.begins[d.node.step]), d.after.arms)
+            for d, time in zip(self.graph.dependencies, self.released, strict=True)
+            if d.node.agent == agent
+        ]
+        for gridpoint, begin, end in self.motions[agent].rests():
+            late = sorted((time, arms) for time, at, arms in released if at == gridpoint and time > begin)
+            others = tuple(dict.fromkeys(arm for _, arms in late for arm in arms))
+            found += [Wait(arm, begin, end, others) for arm in self.graph.routes[agent].arms]
+        return found

@@ -147,7 +147,7 @@ class Route(Value):
 def _indices(name: str, values: ArrayLike, size: int) -> NDArray[np.int64]:
     found = np.asarray(values)
     if found.shape != (size,) or (size and found.dtype.kind not in "iu"):
-        raise InputError(f"{name} is no list of {size} whole numbers")
+        raise InputError(f"{name} is not a list of {size} whole numbers")
     return found.astype(np.int64)
 
 

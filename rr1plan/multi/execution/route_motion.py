@@ -285,6 +285,12 @@ class RouteMotion:
         breaks = self._began + np.concatenate([[0.0], np.cumsum(whole.durations[kept])])
         return Trajectory(route.joint_names, breaks, whole.coefficients[kept])
 
+    def rests(self) -> list[tuple[int, float, float]]:
+        """Gridpoints at which it rested before the end of its route, since when, and until when [s]."""
+        self._advance(self.stop_time)
+        at = np.flatnonzero(np.isfinite(self._left) & (self._left - self._passed > SHORTEST))
+        return [(int(k), float(self._passed[k]), float(self._left[k])) for k in at]
+
     def steps_entered(self) -> Array:
         """When it entered each step of its route [s], shape (n,); the first is -inf."""
         self._advance(self.stop_time)

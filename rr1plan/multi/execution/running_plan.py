@@ -16,8 +16,8 @@ from rr1plan.checks import Array, Value, finite_number, known_name, of_kind
 from rr1plan.errors import InputError
 from rr1plan.multi.execution.route import Route, RouteSteps, passed_gridpoints, route_of
 from rr1plan.multi.execution.route_motion import RouteMotion
+from rr1plan.multi.execution.separated_schedules import schedules_of_arms
 from rr1plan.multi.paths.agent_path import AgentPath
-from rr1plan.multi.paths.projected_path import path_of_arm
 from rr1plan.multi.portfolio import ManyArmsResult
 from rr1plan.multi.timing.schedule import Occupancy, Schedule, rest_row
 from rr1plan.scene import Scene
@@ -62,6 +62,12 @@ class Part(Value):
             leave = np.maximum(leave, enter)
         return Occupancy(self.rows[kept], enter[kept], leave[kept])
 
+    @property
+    def passed_steps(self) -> int:
+        """How many steps of its route it passes; the last one is rest."""
+        steps = self.route.steps
+        return int(np.flatnonzero(steps.is_rest & (steps.times <= self.end))[-1]) + 1
+
     def until(self, time: float) -> Part:
         """The same part, left for another path at a time [s]."""
         return replace(self, end=min(self.end, time))
@@ -69,21 +75,7 @@ class Part(Value):
 
 def part_of(schedule: Schedule, begin: float) -> Part:
     """An arm that moves by a schedule from some time on, for good."""
-    return _part(schedule, schedule.path, route_of(schedule), begin)
-
-
-def _part(schedule: Schedule, path: AgentPath, route: Route, begin: float) -> Part:
-    return Part(path, route, schedule.occupancy.rows, passed_gridpoints(schedule), begin, np.inf)
-
-
-def _part_of_arm(schedule: Schedule, arm: str) -> Part:
-    """The part of one arm of an agent."""
-    path, route = path_of_arm(schedule.path, arm), route_of(schedule)
-    if path is not schedule.path:
-        columns = [route.joint_names.index(name) for name in path.agent.joint_names]
-        curve = replace(route.curve, coefficients=route.curve.coefficients[:, :, columns])
-        route = replace(route, joint_names=path.agent.joint_names, start=route.start[columns], curve=curve)
-    return _part(schedule, path, route, -np.inf)
+    return Part(schedule.path, route_of(schedule), schedule.occupancy.rows, passed_gridpoints(schedule), begin, np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +85,7 @@ class RunningPlan(Value):
     Args:
         scene: The scene.
         trajectory: All arms of the plan on one clock.
-        parts: What each of them does, one path after the other; what is long over is not kept.
+        parts: What each of them does, one path after the other.
     """
 
     scene: Scene
@@ -117,7 +109,8 @@ class RunningPlan(Value):
         if result.trajectory is None:
             raise InputError(f"there is no plan that could run: {result.reason}")
         scene = result.schedules[0].path.agent.problem.scene
-        parts = {arm: (_part_of_arm(s, arm),) for s in result.schedules for arm in s.path.agent.arms}
+        schedules = result.separated.schedules
+        parts = {arm: (part_of(own, -np.inf),) for s in schedules for arm, own in schedules_of_arms(s).items()}
         return RunningPlan(scene, result.trajectory, {arm: parts[arm] for arm in result.trajectory.arms})
 
     @property
@@ -171,11 +164,12 @@ class RunningPlan(Value):
         Args:
             changed: What they do, from before `now` on.
             trajectory: The motion of all arms.
-            now: What is over by then is not kept [s].
+            now: Paths that are over by then are kept without their placed bodies [s].
         """
         parts = {**self.parts, **changed}
-        kept = {arm: tuple(part for part in parts[arm] if part.end > now) for arm in self.parts}
-        return RunningPlan(self.scene, trajectory, kept)
+        for part in (part for several in parts.values() for part in several if part.end <= now):
+            part.path.release()
+        return RunningPlan(self.scene, trajectory, parts)
 
 
 @dataclass(frozen=True)

@@ -133,10 +133,7 @@ class AgentPath:
             for length, c in zip(self.curve.lengths, self.curve.coefficients, strict=True)
         ]
         borders = np.concatenate([[0.0], np.cumsum(self.curve.lengths * speed)])
-        far = np.linspace(0.0, borders[-1], 400)
-        spacing = np.clip(_SHORTEST + _GROWTH * np.minimum(far, borders[-1] - far), _SHORTEST, _LONGEST)
-        number = np.concatenate([[0.0], np.cumsum(np.diff(far) / (0.5 * (spacing[1:] + spacing[:-1])))])
-        wanted = np.diff(np.interp(borders, far, number))
+        wanted = np.diff(segments_up_to(borders))
         return np.asarray(np.maximum(np.ceil(wanted), _FEWEST), np.int64)
 
     # ---- motion ------------------------------------------------------------------------
@@ -322,6 +319,18 @@ class AgentPath:
         reach = targets["travel"].reshape(-1, bodies)[used] + self.agent.bodies.tables.body_values[:, 15]
         low, high = centers - reach[..., None], centers + reach[..., None]
         return np.concatenate([low.min(axis=0), high.max(axis=0)], axis=1)
+
+
+def segments_up_to(moved: Array) -> Array:
+    """How many segments a path should have up to some points on it, fractions included, shape (n,).
+
+    Args:
+        moved: How far the bodies get up to each point [m], ascending from 0 to the end of the path, shape (n,).
+    """
+    far = np.linspace(0.0, moved[-1], 400)
+    spacing = np.clip(_SHORTEST + _GROWTH * np.minimum(far, moved[-1] - far), _SHORTEST, _LONGEST)
+    number = np.concatenate([[0.0], np.cumsum(np.diff(far) / (0.5 * (spacing[1:] + spacing[:-1])))])
+    return np.asarray(np.interp(moved, far, number))
 
 
 def _even_grid(lengths: Array, counts: NDArray[np.int64]) -> Grid:

@@ -7,9 +7,13 @@ as certified coordination diagrams say, at no resolution in time. Each pair of c
 actions that conflict, so no solution is lost; in particular, constraints on waiting are chosen such that every time
 they exclude conflicts with every departure that the other one excludes.
 
-Of all nodes whose cost is at most `suboptimality` times the least cost in the queue, that with the fewest conflicts is
-expanded (Barer et al., Suboptimal variants of the conflict-based search algorithm, 2014, with a bound on the high
-level). The least cost in the queue is a lower bound of the sum of arrivals on these roadmaps.
+Of all nodes whose cost is at most `suboptimality` times the lower bound, that with the fewest conflicts is expanded
+(Barer et al., Suboptimal variants of the conflict-based search algorithm, 2014, with a bound on the high level). Its
+moves are first replaced by those of a child, without the child's constraint, for as long as that removes conflicts
+within the bound (a bypass: Boyarski et al., Don't split, try to work it out, 2015); then it is split at the conflict
+that raises the bound of both children most, a cardinal one if there is one (Boyarski et al., ICBS, 2015). Of each arm
+the least arrival under the constraints is kept beside its moves; the least sum of them in the queue is a lower bound of
+the sum of arrivals on these roadmaps.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from itertools import combinations
+from typing import TypeVar
 
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.search.arm_roadmap import ArmRoadmap
@@ -31,6 +36,8 @@ _INSTANT = 1e-6  # [s]
 # A departure is put off until the conflict with rest that ends is this short, then by half of it [s].
 _SHORT_REST = 1e-3
 _MOST_NODES = 20_000
+# Conflicts of a node among which one is chosen.
+_MOST_CONFLICTS = 4
 
 
 @dataclass
@@ -55,22 +62,51 @@ class SearchResult:
         return max(1.0, self.cost / self.lower_bound) if self.lower_bound > 0.0 else 1.0
 
 
+_Conflicts = dict[tuple[str, str], list[tuple[Action, Action, Conflict]]]
+
+
 @dataclass
 class _Node:
+    """Constraints, and moves that keep them.
+
+    Args:
+        constraints: Of each arm.
+        best: The earliest moves of each arm under its constraints.
+        moves: Moves of each arm that keep the constraints, perhaps later ones with fewer conflicts.
+        conflicts: Conflicts of `moves`, by pairs of arms.
+    """
+
     constraints: dict[str, tuple[Constraint, ...]]
+    best: dict[str, list[Move]]
     moves: dict[str, list[Move]]
-    cost: float
-    conflicts: dict[tuple[str, str], list[tuple[Action, Action, Conflict]]] = field(default_factory=dict)
+    conflicts: _Conflicts = field(default_factory=dict)
+
+    @property
+    def bound(self) -> float:
+        """No moves that keep the constraints have a lower cost [s]."""
+        return math.fsum(map(_arrival, self.best.values()))
+
+    @property
+    def cost(self) -> float:
+        """Sum of the arrivals [s]."""
+        return math.fsum(map(_arrival, self.moves.values()))
 
     @property
     def count(self) -> int:
+        """Number of conflicts."""
         return sum(len(found) for found in self.conflicts.values())
 
-    def first_conflict(self) -> tuple[str, str, Action, Action, Conflict]:
-        """The earliest one; those with an arm that rests for a while come last, because they exclude the least time."""
-        found = [(pair, *each) for pair, several in self.conflicts.items() for each in several]
-        (one, two), a, b, conflict = min(found, key=lambda item: (_rests(item[1]) or _rests(item[2]), item[3].begin))
-        return one, two, a, b, conflict
+    def first_conflicts(self, most: int) -> list[tuple[str, str, Action, Action, Conflict]]:
+        """The earliest ones; those with an arm that rests for a while come last, because they exclude the least time.
+
+        Args:
+            most: How many.
+        """
+        found = [(*pair, *each) for pair, several in self.conflicts.items() for each in several]
+        return sorted(found, key=lambda item: (_rests(item[2]) or _rests(item[3]), item[4].begin))[:most]
+
+
+_Entry = TypeVar("_Entry", tuple[float, int], tuple[int, float, int])
 
 
 class _Queue:
@@ -84,7 +120,7 @@ class _Queue:
         self.least = 0.0
         self._suboptimality = suboptimality
         self._nodes: dict[int, _Node] = {}
-        self._by_cost: list[tuple[float, int]] = []
+        self._by_bound: list[tuple[float, int]] = []
         self._within: list[tuple[int, float, int]] = []
         self._beyond: list[tuple[float, int]] = []
         self._count = 0
@@ -92,20 +128,31 @@ class _Queue:
     def push(self, node: _Node) -> None:
         self._count += 1
         self._nodes[self._count] = node
-        heappush(self._by_cost, (node.cost, self._count))
+        heappush(self._by_bound, (node.bound, self._count))
         heappush(self._beyond, (node.cost, self._count))
 
     def pop(self) -> _Node | None:
-        """The node with the fewest conflicts within the bound; None if there are no nodes."""
-        while self._by_cost and self._by_cost[0][1] not in self._nodes:
-            heappop(self._by_cost)
-        if not self._by_cost:
+        """The node with the fewest conflicts within the bound, or that with the least bound; None if there are none."""
+        self._forget_popped(self._by_bound)
+        if not self._by_bound:
             return None
-        self.least = max(self.least, self._by_cost[0][0])
-        while self._beyond and self._beyond[0][0] <= self._suboptimality * self.least:
+        self.least = max(self.least, self._by_bound[0][0])
+        while self._beyond and self._beyond[0][0] <= self.most:
             cost, number = heappop(self._beyond)
-            heappush(self._within, (self._nodes[number].count, cost, number))
-        return self._nodes.pop(heappop(self._within)[2])
+            if number in self._nodes:
+                heappush(self._within, (self._nodes[number].count, cost, number))
+        self._forget_popped(self._within)
+        number = self._within[0][2] if self._within else self._by_bound[0][1]
+        return self._nodes.pop(number)
+
+    @property
+    def most(self) -> float:
+        """What a solution may cost [s]."""
+        return self._suboptimality * self.least
+
+    def _forget_popped(self, heap: list[_Entry]) -> None:
+        while heap and heap[0][-1] not in self._nodes:
+            heappop(heap)
 
 
 class ConflictBasedSearch:
@@ -131,11 +178,12 @@ class ConflictBasedSearch:
         self._pairs = [(a, b) for a, b in combinations(roadmaps, 2) if b in near[a]]
         self._suboptimality = suboptimality
 
-    def run(self, most_nodes: int = _MOST_NODES) -> SearchResult:
-        """Search until the arms do not conflict, or time or nodes run out.
+    def run(self, most_nodes: int = _MOST_NODES, known_cost: float = math.inf) -> SearchResult:
+        """Search until the arms do not conflict, a known plan is within the bound, or time or nodes run out.
 
         Args:
             most_nodes: Nodes to expand, at most.
+            known_cost: Sum of the arrivals of a plan that is known [s].
         """
         root = self._root()
         if root is None:
@@ -146,13 +194,17 @@ class ConflictBasedSearch:
             node = queue.pop()
             if node is None:
                 return SearchResult(None, math.inf, math.inf, expanded)
+            if known_cost <= queue.most:
+                break
+            if node.cost > queue.most:
+                # Later moves of its ancestors: back to the earliest, which are within the bound.
+                self._use(node, node.best)
+            children = self._children(node, queue.most) if node.count else []
             if node.count == 0:
                 return SearchResult(node.moves, node.cost, queue.least, expanded)
             expanded += 1
-            for arm, constraint in self._branches(node):
-                child = self._child(node, arm, constraint)
-                if child is not None:
-                    queue.push(child)
+            for child in children:
+                queue.push(child)
         return SearchResult(None, math.inf, queue.least, expanded)
 
     def _root(self) -> _Node | None:
@@ -162,20 +214,62 @@ class ConflictBasedSearch:
             if found is None:
                 return None
             moves[arm] = found
-        root = _Node(dict.fromkeys(self._roadmaps, ()), moves, sum(map(_arrival, moves.values())))
-        root.conflicts = {pair: self._conflicts_of(root.moves, *pair) for pair in self._pairs}
+        root = _Node(dict.fromkeys(self._roadmaps, ()), moves, {})
+        self._use(root, moves)
         return root
 
-    def _child(self, node: _Node, arm: str, constraint: Constraint) -> _Node | None:
+    def _use(self, node: _Node, moves: Mapping[str, list[Move]]) -> None:
+        """Give a node other moves that keep its constraints."""
+        changed = {arm for arm, own in moves.items() if node.moves.get(arm) is not own}
+        node.moves = dict(moves)
+        node.conflicts = {
+            pair: self._conflicts_of(moves, *pair) if changed.intersection(pair) else node.conflicts[pair]
+            for pair in self._pairs
+        }
+
+    def _children(self, node: _Node, most: float) -> list[_Node]:
+        """The node's children at the conflict that raises their bounds most; bypasses conflicts before.
+
+        Args:
+            node: The node; it may have no conflict any more afterwards.
+            most: What moves may cost [s].
+        """
+        replanned: dict[tuple[str, Constraint], list[Move] | None] = {}
+        while node.count and self._watch.goes_on():
+            best: tuple[float, list[_Node]] = (-1.0, [])
+            for conflict in node.first_conflicts(_MOST_CONFLICTS):
+                children = [self._child(node, *branch, replanned) for branch in self._branches(*conflict)]
+                found = [child for child in children if child is not None]
+                bypass = min(found, key=lambda child: child.count, default=node)
+                if bypass.count < node.count and bypass.cost <= most:
+                    node.moves, node.conflicts = bypass.moves, bypass.conflicts
+                    break
+                gain = min((child.bound for child in found), default=math.inf) if len(found) == 2 else math.inf
+                if gain > best[0]:
+                    best = gain, found
+            else:
+                return best[1]
+        return []
+
+    def _child(
+        self, node: _Node, arm: str, constraint: Constraint, replanned: dict[tuple[str, Constraint], list[Move] | None]
+    ) -> _Node | None:
+        """The node with one more constraint; None if an arm has no moves then.
+
+        Args:
+            node: The node.
+            arm: The arm that the constraint is for.
+            constraint: The constraint.
+            replanned: Moves of arms under one more constraint than those of the node.
+        """
         constraints = (*node.constraints[arm], constraint)
-        found = earliest_moves(self._roadmaps[arm], constraints)
+        if (arm, constraint) not in replanned:
+            replanned[arm, constraint] = earliest_moves(self._roadmaps[arm], constraints)
+        found = replanned[arm, constraint]
         if found is None:
             return None
-        moves = {**node.moves, arm: found}
-        child = _Node({**node.constraints, arm: constraints}, moves, sum(map(_arrival, moves.values())))
-        child.conflicts = {
-            pair: self._conflicts_of(moves, *pair) if arm in pair else known for pair, known in node.conflicts.items()
-        }
+        child = _Node({**node.constraints, arm: constraints}, {**node.best, arm: found}, node.moves, node.conflicts)
+        self._use(child, {**node.moves, arm: found})
         return child
 
     def _conflicts_of(
@@ -190,9 +284,8 @@ class ConflictBasedSearch:
                     found.append((a, b, conflict))
         return found
 
-    def _branches(self, node: _Node) -> list[tuple[str, Constraint]]:
+    def _branches(self, one: str, two: str, a: Action, b: Action, conflict: Conflict) -> list[tuple[str, Constraint]]:
         """Two constraints of which every solution keeps one."""
-        one, two, a, b, conflict = node.first_conflict()
         low, high = conflict.low, conflict.high
         if a.moves and b.moves:
             return [

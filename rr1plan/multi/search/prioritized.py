@@ -107,7 +107,6 @@ class PrioritizedPlanner:
         rng: Where random numbers come from.
         watch: Says when to give up.
         threads: How many to use.
-        separately: Whether to couple arms only where separate paths fail.
 
     Attributes:
         schedules: Of the agents that have one.
@@ -124,10 +123,7 @@ class PrioritizedPlanner:
         rng: np.random.Generator,
         watch: Stopwatch,
         threads: int = 1,
-        *,
-        separately: bool = False,
     ) -> None:
-        self._separately = separately
         self._near, self._diagrams, self._rng, self._watch = near, diagrams, rng, watch
         self.pools = {pool.agent: pool for pool in pools}
         self.agents = list(self.pools)
@@ -173,7 +169,7 @@ class PrioritizedPlanner:
 
     def run(self) -> bool:
         """Schedule all agents; whether that was possible in time."""
-        at_first = not self.schedules and not self._separately
+        at_first = not self.schedules
         if at_first and 1 < len(self.agents) <= PLANNED_AS_ONE and self._plan_few():
             return True
         coupled_first = at_first and 1 < len(self.agents) <= COUPLED_FIRST

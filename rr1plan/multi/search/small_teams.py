@@ -1,8 +1,14 @@
-"""Conflict-based search for a group of a few arms: roadmaps that grow until there is a plan on them."""
+"""Conflict-based search for a group of a few arms: roadmaps that grow until there is a plan on them.
+
+Where the first search finds none, the arms are scheduled on their paths as in the portfolio. That plan is the answer if
+the lower bound of a second search comes near enough to it, or if that finds no better one; its suboptimality is then
+what that search has proven, which may be more than what was asked for.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -11,14 +17,17 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.search.arm_roadmap import ArmRoadmap, build_roadmap
 from rr1plan.multi.search.conflict_based_search import ConflictBasedSearch, schedule_of
+from rr1plan.multi.search.prioritized import PrioritizedPlanner
 from rr1plan.multi.search.relative_conflicts import RelativeConflicts
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import are_apart
+from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.retiming.path_blends import clean
 
@@ -65,7 +74,8 @@ def plan_small_team(
         margins: Distance that each arm keeps from what stands still, beyond the padding [m].
         rng: Where random numbers come from.
         watch: Says when to give up.
-        suboptimality: The sum of arrivals may be this multiple of the least on the roadmaps, at least 1.
+        suboptimality: The sum of arrivals may be this multiple of the least on the roadmaps, at least 1; more where
+            that takes too long to prove.
 
     Raises:
         InputError: too many arms.
@@ -76,29 +86,69 @@ def plan_small_team(
             f"conflict-based search is for groups of up to {MOST_ARMS} arms that can meet, here are {len(arms)}; "
             "use method 'portfolio'"
         )
-    paths: dict[str, Array] = {}
-    alone: dict[str, float] = {}
-    for agent, arm in zip(agents, arms, strict=True):
-        path, reason = PathPool(agent, margins[arm], rng, watch).add({}, patient=True)
+    pools = {agent.arms[0]: PathPool(agent, margins[agent.arms[0]], rng, watch) for agent in agents}
+    for arm, pool in pools.items():
+        path, reason = pool.add({}, patient=True)
         if path is None:
             return TeamPlan(reason=f"{arm}: {reason}")
-        paths[arm], alone[arm] = clean(path.path.waypoints), path.fastest
-    goals = {arm: points[-1] for arm, points in paths.items()}
-    conflicts = RelativeConflicts(_margin_between(agents, goals, near))
-    reason = "no time was left"
+    first = {arm: pool.paths[0] for arm, pool in pools.items()}
+    alone = {arm: path.fastest for arm, path in first.items()}
+    conflicts = RelativeConflicts(_margin_between(agents, {arm: path.goal for arm, path in first.items()}, near))
+    known: tuple[Schedule, ...] = ()
+    cost, bound, reason = math.inf, 0.0, "no time was left"
     for samples, nodes in _ROUNDS:
-        roadmaps: dict[str, ArmRoadmap] = {}
-        for agent, arm in zip(agents, arms, strict=True):
-            made = build_roadmap(agent, goals[arm], margins[arm], samples, [paths[arm]], watch.goes_on)
-            if made is None:
-                return TeamPlan(reason=f"{', '.join(arms)}: {reason}")
-            roadmaps[arm] = made
-        found = ConflictBasedSearch(roadmaps, near, conflicts, watch, suboptimality).run(nodes)
-        if found.moves is not None:
+        roadmaps = _roadmaps(first, margins, samples, watch)
+        if roadmaps is None:
+            break
+        found = ConflictBasedSearch(roadmaps, near, conflicts, watch, suboptimality).run(nodes, cost)
+        if found.moves is not None and found.cost <= cost:
             schedules = tuple(schedule_of(roadmaps[arm], found.moves[arm]) for arm in arms)
             return TeamPlan(schedules, alone, found.suboptimality)
         reason = f"no plan after {found.nodes} nodes of a search on roadmaps of {samples} samples"
+        bound = found.lower_bound if math.isfinite(found.lower_bound) else bound
+        if known:
+            break
+        known = _scheduled(pools.values(), near, rng, watch)
+        cost = math.fsum(s.arrival * len(s.arms) for s in known) if known else math.inf
+    if known and bound > 0.0:
+        return TeamPlan(known, alone, max(1.0, cost / bound))
     return TeamPlan(reason=f"{', '.join(arms)}: {reason}")
+
+
+def _roadmaps(
+    first: Mapping[str, AgentPath], margins: Mapping[str, float], samples: int, watch: Stopwatch
+) -> dict[str, ArmRoadmap] | None:
+    """A roadmap for each arm, which joins the first path of the arm; None if there is no time.
+
+    Args:
+        first: Of each arm.
+        margins: Distance that each arm keeps from what stands still, beyond the padding [m].
+        samples: Samples of each roadmap.
+        watch: Says when to give up.
+    """
+    roadmaps: dict[str, ArmRoadmap] = {}
+    for arm, path in first.items():
+        known = [clean(path.path.waypoints)]
+        made = build_roadmap(path.agent, path.goal, margins[arm], samples, known, watch.goes_on)
+        if made is None:
+            return None
+        roadmaps[arm] = made
+    return roadmaps
+
+
+def _scheduled(
+    pools: Iterable[PathPool], near: Mapping[str, frozenset[str]], rng: np.random.Generator, watch: Stopwatch
+) -> tuple[Schedule, ...]:
+    """Schedules of the arms on paths that need no roadmap; none if none are found.
+
+    Args:
+        pools: Of each arm, with its first path.
+        near: Of each arm those that it can meet.
+        rng: Where random numbers come from.
+        watch: Says when to give up.
+    """
+    planner = PrioritizedPlanner(pools, near, DiagramCache(), rng, watch)
+    return tuple(planner.schedules.values()) if planner.run() else ()
 
 
 def _margin_between(agents: Sequence[Agent], goals: Mapping[str, Array], near: Mapping[str, frozenset[str]]) -> float:

@@ -85,12 +85,20 @@ class Schedule:
         if not self.legs:
             return 0.0
         last = self.legs[-1]
-        return last.departure + self.path.hop_duration(last.begin, last.end)
+        return last.departure + self.leg_duration(last)
+
+    def instants(self, leg: Leg) -> Array:
+        """When a leg is at the gridpoints on its way [s]."""
+        return np.asarray(leg.departure + self.path.hop_times(leg.begin, leg.end))
+
+    def leg_duration(self, leg: Leg) -> float:
+        """How long a leg takes [s]."""
+        return self.path.hop_duration(leg.begin, leg.end)
 
     @property
     def waiting(self) -> float:
         """How long it rests before it is at its goal for good [s]."""
-        return self.arrival - sum(self.path.hop_duration(leg.begin, leg.end) for leg in self.legs)
+        return self.arrival - sum(self.leg_duration(leg) for leg in self.legs)
 
     @property
     def length(self) -> float:
@@ -103,7 +111,7 @@ class Schedule:
         """The rows of extended diagrams that it occupies, with times."""
         rows, enter, now = [np.array([0])], [np.array([-np.inf])], 0
         for leg in self.legs:
-            times = leg.departure + self.path.hop_times(leg.begin, leg.end)
+            times = self.instants(leg)
             segments = np.arange(leg.begin, leg.end) if leg.end > leg.begin else np.arange(leg.begin, leg.end, -1) - 1
             now = leg.end
             rows += [segments + 1, np.array([rest_row(self.path, now)])]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.multi.paths.agent_path import AgentPath
-from rr1plan.multi.preflight import MARGINS
-from rr1plan.multi.timing.coordination import Blocked, coordination_diagram
-from rr1plan.multi.timing.schedule import Leg, Occupancy, Schedule, extended, rest_row
+from rr1plan.multi.timing.coordination import Blocked
+from rr1plan.multi.timing.passing_order import agreed_diagram
+from rr1plan.multi.timing.schedule import Leg, Occupancy, Schedule, rest_row
 from rr1plan.planning import Wait
 
 # By how much earlier a leg would have to begin to be in somebody's way: at least so much [s], or shares of the wait.
@@ -47,9 +47,9 @@ def pair_timing(one: Schedule, two: Schedule) -> PairTiming:
         one: Schedule of an agent.
         two: Schedule of another one of the same plan.
     """
-    blocked = _diagram(one.path, two.path)
-    if blocked is None:
-        blocked = np.zeros((one.path.cells, two.path.cells), np.uint8)
+    agreed = agreed_diagram(one, two)
+    cells = one.path.cells, two.path.cells
+    blocked = np.zeros(cells, np.uint8) if agreed is None else agreed[: cells[0], : cells[1]]
     tracks = [_track(schedule) for schedule in (one, two)]
     times = np.unique(np.concatenate([track[0] for track in tracks]))
     places = np.column_stack([np.interp(times, *track) for track in tracks])
@@ -76,7 +76,7 @@ def waits_of(schedules: Sequence[Schedule]) -> tuple[Wait, ...]:
     Args:
         schedules: The schedules of a plan, one for each agent.
     """
-    diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
+    diagrams: dict[tuple[Schedule, Schedule], Blocked | None] = {}
     waits = []
     for schedule in schedules:
         for began, leg, following in _rests(schedule):
@@ -92,7 +92,7 @@ def _rests(schedule: Schedule) -> list[tuple[float, Leg, Leg | None]]:
         assert leg is not None
         if leg.departure - now > _SHORTEST:
             rests.append((now, leg, following))
-        now = leg.departure + schedule.path.hop_duration(leg.begin, leg.end)
+        now = leg.departure + schedule.leg_duration(leg)
     return rests
 
 
@@ -102,21 +102,20 @@ def _in_the_way(
     leg: Leg,
     following: Leg | None,
     schedules: Sequence[Schedule],
-    diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None],
+    diagrams: dict[tuple[Schedule, Schedule], Blocked | None],
 ) -> tuple[str, ...]:
     """The arms that an agent would run into if it began a leg a little earlier; by the time at which it would."""
     wait = leg.departure - began
     for share in _SHARES:
         advance = min(wait, max(_SOONEST, share * wait))
-        moved = _occupancy(schedule.path, leg, leg.departure - advance, following)
+        moved = _occupancy(schedule, leg, leg.departure - advance, following)
         found = []
         for other in schedules:
             if other is schedule:
                 continue
-            key = schedule.path, other.path
+            key = schedule, other
             if key not in diagrams:
-                blocked = _diagram(*key)
-                diagrams[key] = None if blocked is None else extended(blocked)
+                diagrams[key] = agreed_diagram(*key)
             table = diagrams[key]
             first = None if table is None else _first_conflict(table, moved, other.occupancy)
             if first is not None:
@@ -126,11 +125,11 @@ def _in_the_way(
     return ()
 
 
-def _occupancy(path: AgentPath, leg: Leg, departure: float, following: Leg | None) -> Occupancy:
+def _occupancy(schedule: Schedule, leg: Leg, departure: float, following: Leg | None) -> Occupancy:
     """The rows that an agent occupies from a departure until it would leave the stop after that leg."""
-    times = departure + path.hop_times(leg.begin, leg.end)
+    times = schedule.instants(leg) + (departure - leg.departure)
     segments = np.arange(leg.begin, leg.end) if leg.end > leg.begin else np.arange(leg.begin, leg.end, -1) - 1
-    rows = np.append(segments + 1, rest_row(path, leg.end))
+    rows = np.append(segments + 1, rest_row(schedule.path, leg.end))
     return Occupancy(rows, times, np.append(times[1:], np.inf if following is None else following.departure))
 
 
@@ -140,16 +139,6 @@ def _first_conflict(blocked: Blocked, one: Occupancy, two: Occupancy) -> float |
     end = np.minimum(one.leave[:, None], two.leave[None, :])
     met: NDArray[np.bool_] = (end - begin > 0.0) & (blocked[np.ix_(one.rows, two.rows)] != 0)
     return float(begin[met].min()) if met.any() else None
-
-
-def _diagram(one: AgentPath, two: AgentPath) -> Blocked | None:
-    """The coordination diagram with the largest margin that both starts and both goals have, as it was planned with."""
-    blocked = None
-    for margin in (*MARGINS, 0.0):
-        blocked = coordination_diagram(one, two, margin)
-        if blocked is None or not (blocked[0, 0] or blocked[-1, -1]):
-            break
-    return blocked
 
 
 def _lengths(path: AgentPath) -> Array:
@@ -165,7 +154,7 @@ def _track(schedule: Schedule) -> tuple[Array, Array]:
         if leg.departure > now:
             times.append(np.array([leg.departure]))
             places.append(gridpoints[:1])
-        when = leg.departure + schedule.path.hop_times(leg.begin, leg.end)
+        when = schedule.instants(leg)
         times.append(when[1:])
         places.append(gridpoints[1:])
         now = float(when[-1])

@@ -92,7 +92,7 @@ class CSpaceViewer(Viewer):
             options: Of these the title and the spheres count.
 
         Raises:
-            UnknownNameError: a column that is no joint of the scene.
+            UnknownNameError: a column that is not a joint of the scene.
             InputError: an arm without two joints, a problem, path or trajectory of other joints, or a closed viewer.
         """
         picture = scene if isinstance(scene, CSpaceQuery) else self._picture_of(scene, problem, path)

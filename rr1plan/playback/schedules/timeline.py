@@ -78,7 +78,7 @@ def timeline(
         undelayed: How long the path of an arm takes without waiting [s], where that is known.
 
     Raises:
-        UnknownNameError: a column that is no joint of the scene, or a name that is no arm.
+        UnknownNameError: a column that is not a joint of the scene, or a name that is not an arm.
         InputError: something else in the place of one of these.
     """
     of_kind("trajectory", trajectory, Trajectory)

@@ -92,7 +92,7 @@ class JointTargets:
         scene: The scene.
 
     Raises:
-        UnknownNameError: a column of the trajectory is no joint of the scene.
+        UnknownNameError: a column of the trajectory is not a joint of the scene.
         InputError: only some joints of an arm have columns.
     """
 

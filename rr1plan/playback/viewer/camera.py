@@ -64,7 +64,7 @@ def check_view(view: Any) -> Point | None:
 
     Raises:
         UnknownNameError: no such name.
-        InputError: numbers that are no angles or no direction.
+        InputError: numbers that are neither angles nor a direction.
     """
     if view is None:
         return None

@@ -46,7 +46,7 @@ def save_html(
         The file.
 
     Raises:
-        UnknownNameError: a column that is no joint of the scene.
+        UnknownNameError: a column that is not a joint of the scene.
         InputError: a file that cannot be written, data JSON cannot hold.
         MissingPackageError: Meshcat is not installed.
     """

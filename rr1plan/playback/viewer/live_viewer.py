@@ -51,8 +51,8 @@ class Viewer:
         port: As in `show`.
 
     Raises:
-        UnknownNameError: a column that is no joint of the scene.
-        InputError: a port that is no port, data JSON cannot hold.
+        UnknownNameError: a column that is not a joint of the scene.
+        InputError: an invalid port, data JSON cannot hold.
         BackendError: no free port.
     """
 
@@ -115,7 +115,7 @@ class Viewer:
         Of the options the title and the spheres count; view and panels are those that the page was opened with.
 
         Raises:
-            UnknownNameError: a column that is no joint of the scene.
+            UnknownNameError: a column that is not a joint of the scene.
             InputError: the viewer is closed.
         """
         document = view_document(
@@ -224,7 +224,7 @@ class Viewer:
             False when the time ran out.
 
         Raises:
-            InputError: a timeout that is no number >= 0.
+            InputError: a timeout that is not a number >= 0.
         """
         if timeout is not None and finite_number("timeout", timeout) < 0.0:
             raise InputError(f"timeout is {timeout}, expected a time >= 0 [s]")
@@ -301,8 +301,8 @@ def show(
         quiet: Do not print the address, which is `Viewer.url`.
 
     Raises:
-        UnknownNameError: a column that is no joint of the scene.
-        InputError: a port that is no port, data JSON cannot hold.
+        UnknownNameError: a column that is not a joint of the scene.
+        InputError: an invalid port, data JSON cannot hold.
         BackendError: no free port.
         MissingPackageError: Meshcat is not installed.
     """

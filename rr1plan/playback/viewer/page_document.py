@@ -67,7 +67,7 @@ def view_document(
         options: The title, and whether spheres are shown; the rest of them is for `page_html`.
 
     Raises:
-        UnknownNameError: a column that is no joint of the scene.
+        UnknownNameError: a column that is not a joint of the scene.
         InputError: no scene, or something else in the place of the others.
     """
     of_kind("scene", scene, Scene)

@@ -42,7 +42,7 @@ class PageServer:
         hear: Called with what a page has sent, as parsed from JSON.
 
     Raises:
-        InputError: a port that is no port.
+        InputError: an invalid port.
         BackendError: no free port.
     """
 

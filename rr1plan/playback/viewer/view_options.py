@@ -64,7 +64,7 @@ class ViewOptions:
 
     Raises:
         UnknownNameError: no view of that name.
-        InputError: a view that is no direction, or panels of the same name.
+        InputError: a view that is not a direction, or panels of the same name.
     """
 
     title: str | None = None

@@ -1,0 +1,76 @@
+"""Telemetry of a control box as a stream of joint states, for a `Mirror`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+from rr1plan.calibration.joint_calibration import Calibration
+from rr1plan.checks import of_kind, positive_number
+from rr1plan.errors import InputError, SerialLineError
+from rr1plan.hardware.command_sender import SerialPort
+from rr1plan.hardware.control_box import ControlBox
+from rr1plan.hardware.control_box_frames import CHANNELS, TELEMETRY_BYTES, Telemetry, TelemetryStream
+from rr1plan.mirror.joint_states import StateMessage, StreamError
+
+# Frames that arrive at once are this far apart [s].
+_APART = 1e-6
+
+
+def read_telemetry(
+    port: SerialPort, calibration: Calibration, box: ControlBox, *, silence: float = 1.0
+) -> Iterator[StateMessage | StreamError]:
+    """The joint states that a control box reports, by step counters or encoders.
+
+    Frames have no time; a message has that of its arrival. Nothing is written to the port.
+
+    Args:
+        port: The serial port, from `open_serial_port`, or an `EmulatedSerialLine`.
+        calibration: Of its joints; in "steps" the step counters are read, in "counts" the encoders.
+        box: Which channel drives which joint.
+        silence: Without a frame for this long there is a `StreamError` [s], and again after as long.
+
+    Yields:
+        Messages of the calibrated joints, and an error in place of garbage and of silence; for ever.
+
+    Raises:
+        InputError: no port, a calibration in radians or of none of the joints of the box.
+    """
+    of_kind("port", port, SerialPort)
+    of_kind("calibration", calibration, Calibration)
+    of_kind("box", box, ControlBox)
+    positive_number("silence", silence)
+    if calibration.unit == "rad":
+        raise InputError("the calibration has readings in rad, expected steps of motors or counts of encoders")
+    columns = [CHANNELS.index(name) for name, channel in box.channels.items() if channel.joint in calibration.joints]
+    if not columns:
+        raise InputError(f"the calibration has none of the joints of the box: {', '.join(calibration.joints)}")
+    names = tuple(box.channels[CHANNELS[column]].joint for column in columns)
+
+    def message(frame: Telemetry, now: float) -> StateMessage:
+        counts = frame.position if calibration.unit == "steps" else frame.encoders
+        positions = calibration.positions([counts[column] for column in columns], names)
+        return StateMessage(now, names, positions, now)
+
+    return _states(port, message, silence)
+
+
+def _states(
+    port: SerialPort, message: Callable[[Telemetry, float], StateMessage], silence: float
+) -> Iterator[StateMessage | StreamError]:
+    """Messages of the frames that arrive."""
+    stream, heard, last = TelemetryStream(), time.monotonic(), 0.0
+    while True:
+        try:
+            for frame in stream.feed(port.read(TELEMETRY_BYTES)):
+                heard = time.monotonic()
+                last = max(heard, last + _APART)
+                yield message(frame, last)
+        except SerialLineError as error:
+            # The next header begins anew.
+            stream = TelemetryStream()
+            yield StreamError("format", str(error))
+        if time.monotonic() - heard > silence:
+            cut, heard = stream.incomplete, time.monotonic()
+            where = f", it stopped after {cut} of {TELEMETRY_BYTES} bytes of a frame" if cut else ""
+            yield StreamError("silence", f"no telemetry for {silence:g} s{where}")

@@ -1,0 +1,343 @@
+"""One schedule for each arm of a plan, also where a planner moved several arms as one.
+
+A path in the joint space of several arms with one timing is a path and a timing of each arm: its columns, without those
+pieces on which it rests, passed when the joint motion passes them, so that the motion stays the same. Coordination
+diagrams then say in which order the arms pass each other. Segments begin as long as those of single arms and are cut
+where arms pass each other too closely for that. Arms between which there is still no order stay together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.execution.route import Route, RouteSteps, route_of
+from rr1plan.multi.paths.agent_path import segments_up_to
+from rr1plan.multi.paths.projected_path import ProjectedPath
+from rr1plan.multi.timing.coordination import Blocked
+from rr1plan.multi.timing.passing_order import (
+    Precedence,
+    agreed_diagram,
+    cell_gaps,
+    closed_diagram,
+    order_between,
+    passage,
+    shared_cells,
+)
+from rr1plan.multi.timing.schedule import Leg, Schedule
+from rr1plan.retiming.path_blends import Curve
+from rr1plan.retiming.path_speed import Grid
+from rr1plan.trajectory import Trajectory
+
+# An arm that gets no farther than this on a piece of a path rests there, in the norm of its joints [rad].
+_STILL = 1e-9
+# How often segments are cut, into how many, and how many there may be: finer cells would take too long.
+_CUTS, _PARTS, _MOST_SEGMENTS = 5, 4, 800
+# Segments are cut where arms pass each other within this time [s].
+_SIMULTANEOUS = 1e-6
+_NEWTON_STEPS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectedSchedule(Schedule):
+    """The motion of some arms of an agent that moves more arms as one.
+
+    Args:
+        path: Their path, unrolled: where the agent goes back, the same way follows once more, backward.
+        legs: The motions in order.
+        times: When each leg is at the gridpoints on its way [s].
+        motion: The motion.
+    """
+
+    times: tuple[Array, ...]
+    motion: Trajectory
+
+    def instants(self, leg: Leg) -> Array:
+        """When a leg is at the gridpoints on its way [s]."""
+        return self.times[self.legs.index(leg)]
+
+    def leg_duration(self, leg: Leg) -> float:
+        """How long a leg takes [s]."""
+        return float(self.instants(leg)[-1] - leg.departure)
+
+    def trajectory(self) -> Trajectory:
+        """The motion on the clock of the schedule."""
+        return self.motion
+
+
+@dataclass(frozen=True)
+class SeparatedSchedules:
+    """The schedules of a plan, of one arm each wherever diagrams certify an order of the arms.
+
+    Args:
+        schedules: The schedules.
+        diagrams: Those diagrams of pairs of schedules that are known, by their indices; see `agreed_diagram`.
+    """
+
+    schedules: tuple[Schedule, ...]
+    diagrams: dict[tuple[int, int], Blocked | None]
+
+    def diagram(self, one: int, two: int) -> Blocked | None:
+        """The diagram of two schedules, see `agreed_diagram`.
+
+        Args:
+            one: Index of a schedule.
+            two: Index of a later one.
+        """
+        if (one, two) not in self.diagrams:
+            self.diagrams[one, two] = agreed_diagram(self.schedules[one], self.schedules[two])
+        return self.diagrams[one, two]
+
+
+def separate(schedules: Sequence[Schedule]) -> SeparatedSchedules:
+    """Give each arm of a plan its own schedule where an order of the arms is certified, without changing any motion.
+
+    Args:
+        schedules: The schedules of a plan, one for each agent.
+    """
+    found: list[Schedule] = []
+    diagrams: dict[tuple[int, int], Blocked | None] = {}
+    for schedule in schedules:
+        parts = _separated(schedule)
+        first = len(found)
+        found += parts.schedules
+        diagrams |= {(first + i, first + j): known for (i, j), known in parts.diagrams.items()}
+    return SeparatedSchedules(tuple(found), diagrams)
+
+
+def schedules_of_arms(schedule: Schedule) -> dict[str, Schedule]:
+    """The motion of each arm of an agent by itself, whether or not there is an order among them.
+
+    Args:
+        schedule: The agent's schedule.
+    """
+    if len(schedule.arms) == 1:
+        return {schedule.arms[0]: schedule}
+    whole = _JointMotion(schedule, route_of(schedule), schedule.trajectory())
+    return {arm: whole.merged((arm,)).projected((arm,)).schedule for arm in schedule.arms}
+
+
+def _separated(schedule: Schedule) -> SeparatedSchedules:
+    """The schedules of an agent's arms, or of those that have to stay together."""
+    if len(schedule.arms) == 1:
+        return SeparatedSchedules((schedule,), {})
+    whole = _JointMotion(schedule, route_of(schedule), schedule.trajectory())
+    parts = _cut_where_simultaneous([whole.merged((arm,)).projected((arm,)) for arm in schedule.arms])
+    while len(parts) > 1:
+        diagrams, circle = _orders(parts)
+        if not circle:
+            return SeparatedSchedules(tuple(part.schedule for part in parts), diagrams)
+        arms = {arm for k in circle for arm in parts[k].schedule.arms}
+        parts = [part for k, part in enumerate(parts) if k not in circle]
+        parts.append(whole.projected(tuple(arm for arm in schedule.arms if arm in arms)))
+    return SeparatedSchedules((schedule,), {})
+
+
+def _orders(parts: Sequence[_Projection]) -> tuple[dict[tuple[int, int], Blocked | None], list[int]]:
+    """Diagrams of all pairs, and parts between which there is no order; none if there is one between all."""
+    diagrams: dict[tuple[int, int], Blocked | None] = {}
+    precedences: list[Precedence] = []
+    for i, j in combinations(range(len(parts)), 2):
+        one, two = parts[i].schedule, parts[j].schedule
+        diagrams[i, j] = blocked = agreed_diagram(one, two)
+        if blocked is None:
+            continue
+        found = order_between(blocked, one, two, (i, j))
+        if found is None:
+            return diagrams, [i, j]
+        precedences += found
+    return diagrams, passage({k: len(part.segments) for k, part in enumerate(parts)}, precedences).circle
+
+
+def _cut_where_simultaneous(parts: list[_Projection]) -> list[_Projection]:
+    """Cut segments on which two arms pass each other without an order."""
+    pairs = list(combinations(range(len(parts)), 2))
+    for _ in range(_CUTS):
+        without_order, tight = [], [[np.zeros(0, np.int64)] for _ in parts]
+        for i, j in pairs:
+            one, two = parts[i].schedule, parts[j].schedule
+            blocked = closed_diagram(one.path, two.path, 0.0)
+            if blocked is None or order_between(blocked, one, two) is not None:
+                continue
+            without_order.append((i, j))
+            steps = np.nonzero(
+                shared_cells(blocked, one, two) & (cell_gaps(one.occupancy, two.occupancy) <= _SIMULTANEOUS)
+            )
+            for k, segments in zip((i, j), steps, strict=True):
+                tight[k].append(parts[k].segments[segments])
+        pairs = without_order
+        cut = [part.cut(np.unique(np.concatenate(found))) for part, found in zip(parts, tight, strict=True)]
+        if all(new is part for new, part in zip(cut, parts, strict=True)):
+            break
+        parts = cut
+    return parts
+
+
+@dataclass(frozen=True)
+class _Projection:
+    """The motion of some arms of an agent.
+
+    Args:
+        schedule: The motion.
+        segments: Segment of the joint route of each step; -1 for rest.
+        whole: The joint motion with these segments.
+    """
+
+    schedule: Schedule
+    segments: NDArray[np.int64]
+    whole: _JointMotion
+
+    def cut(self, segments: NDArray[np.int64]) -> _Projection:
+        """The same motion with some segments of the joint route in several; -1 counts for nothing."""
+        segments = segments[segments >= 0]
+        count = self.whole.route.segments + (_PARTS - 1) * len(segments)
+        if len(segments) == 0 or count > _MOST_SEGMENTS:
+            return self
+        return self.whole.cut(segments).projected(self.schedule.arms)
+
+
+@dataclass(frozen=True)
+class _JointMotion:
+    """The motion of an agent of several arms.
+
+    Args:
+        schedule: Its schedule.
+        route: All that it passes.
+        motion: The same in time.
+    """
+
+    schedule: Schedule
+    route: Route
+    motion: Trajectory
+
+    def merged(self, arms: tuple[str, ...]) -> _JointMotion:
+        """The same motion with fewer segments, about as many as a path of some of its arms has."""
+        route, steps, agent = self.route, self.route.steps, self._agent(arms)
+        slopes = np.abs(route.grid.first(route.curve, 0.5)[:, self._columns(agent)])
+        moved = np.concatenate([[0.0], np.cumsum(slopes @ agent.bodies.reach * route.grid.delta)])
+        if moved[-1] == 0.0:
+            return self
+        number = np.floor(segments_up_to(moved))
+        kept = np.ones(len(moved), bool)
+        kept[1:-1] = (number[2:] > number[1:-1]) | (np.diff(route.grid.piece) > 0)
+        kept[steps.begins[steps.is_rest]] = True
+        first, gridpoint = np.flatnonzero(kept[:-1]), np.cumsum(kept) - 1
+        chosen = steps.is_rest | kept[steps.begins]
+        begins, is_rest = gridpoint[steps.begins[chosen]], steps.is_rest[chosen]
+        made = replace(
+            route,
+            grid=Grid(route.grid.piece[first], route.grid.offset[first], np.add.reduceat(route.grid.delta, first)),
+            stops=tuple(gridpoint[list(route.stops)].tolist()),
+            steps=RouteSteps(begins, begins + ~is_rest, steps.times[chosen]),
+        )
+        return replace(self, route=made)
+
+    def cut(self, segments: NDArray[np.int64]) -> _JointMotion:
+        """The same motion with some segments in several, which take equal times."""
+        route, steps = self.route, self.route.steps
+        piece, offset, delta = route.grid
+        step = np.flatnonzero(np.isin(steps.begins, segments) & ~steps.is_rest).repeat(_PARTS - 1)
+        number = np.tile(np.arange(1, _PARTS), len(segments))
+        at = steps.begins[step]
+        times = steps.times[step] + number / _PARTS * (steps.leave_times[step] - steps.times[step])
+        names = self.motion.joint_names
+        q = self.motion(times)[:, [names.index(name) for name in route.joint_names]]
+        places = offset[at] + _distances(route, at, q)
+        # Where the parts begin and end on their pieces; new gridpoints come after the beginning of a segment.
+        begin, end = np.insert(offset, at + 1, places), np.insert(offset + delta, at, places)
+        moved = np.arange(len(piece) + 1) + np.bincount(at + 1, minlength=len(piece) + 1).cumsum()
+        begins = np.insert(moved[steps.begins], step + 1, moved[at] + number)
+        is_rest = np.insert(steps.is_rest, step + 1, False)
+        made = replace(
+            route,
+            grid=Grid(np.insert(piece, at, piece[at]), begin, end - begin),
+            stops=tuple(moved[list(route.stops)].tolist()),
+            steps=RouteSteps(begins, begins + ~is_rest, np.insert(steps.times, step + 1, times)),
+        )
+        return replace(self, route=made)
+
+    def projected(self, arms: tuple[str, ...]) -> _Projection:
+        """The motion of some of its arms."""
+        route, steps, whole, agent = self.route, self.route.steps, self.schedule.path, self._agent(arms)
+        columns = self._columns(agent)
+        coefficients = route.curve.coefficients[:, :, columns]
+        moves = _lengths(route.curve.lengths, coefficients) > _STILL
+        kept = moves[route.grid.piece]
+        gridpoint = np.concatenate([[0], np.cumsum(kept)])
+        legs: list[Leg] = []
+        times: list[Array] = []
+        segments = [np.array([-1])]
+        is_motion = np.append(kept, False)[steps.begins] & ~steps.is_rest
+        edges = np.flatnonzero(np.diff(np.pad(is_motion.astype(np.int8), 1)))
+        for first, behind in edges.reshape(-1, 2).tolist():
+            enter = steps.times[first : behind + 1]
+            begin, end = steps.begins[first], steps.ends[behind - 1]
+            legs.append(Leg(float(enter[0]), int(gridpoint[begin]), int(gridpoint[end])))
+            times.append(enter)
+            segments += [np.arange(begin, end), np.array([-1])]
+        inner = {int(gridpoint[k]) for k in route.stops} | {leg.begin for leg in legs}
+        halts = tuple(sorted(inner - {0, int(gridpoint[-1])}))
+        ends = np.stack([whole.at(0), whole.at(whole.segments if self.schedule.legs else 0)])[:, columns]
+        path = ProjectedPath(agent, *_curve(route, coefficients, moves, halts), halts, ends)
+        columns = [self.motion.joint_names.index(name) for name in agent.joint_names]
+        motion = Trajectory.trusted(
+            agent.joint_names, self.motion.breaks, np.ascontiguousarray(self.motion.coefficients[:, :, columns])
+        )
+        schedule = ProjectedSchedule(path, tuple(legs), tuple(times), motion)
+        return _Projection(schedule, np.concatenate(segments).astype(np.int64), self)
+
+    def _agent(self, arms: tuple[str, ...]) -> Agent:
+        whole = self.schedule.path.agent
+        return Agent(whole.problem, arms, whole.timing)
+
+    def _columns(self, agent: Agent) -> list[int]:
+        return [self.route.joint_names.index(name) for name in agent.joint_names]
+
+
+def _distances(route: Route, segments: NDArray[np.int64], q: Array) -> Array:
+    """How far on some segments of a route some configurations (n, nq) are [rad], shape (n,)."""
+    offset = route.grid.offset[segments]
+    c, s = route.curve.coefficients[route.grid.piece[segments]], offset + 0.5 * route.grid.delta[segments]
+    for _ in range(_NEWTON_STEPS):
+        at = s[:, None]
+        slope = c[:, 1] + 2.0 * at * c[:, 2]
+        missing = q - (c[:, 0] + at * (c[:, 1] + at * c[:, 2]))
+        s = s + (slope * missing).sum(axis=1) / (slope * slope).sum(axis=1)
+    return np.asarray(s - offset)
+
+
+def _curve(route: Route, coefficients: Array, moves: NDArray[np.bool_], halts: tuple[int, ...]) -> tuple[Curve, Grid]:
+    """The pieces of a route on which some arms move, with a parameter that is about the length of the arms' path.
+
+    Between two halts the parameter is that of the route times a constant, so that the curve stays smooth.
+
+    Args:
+        route: The route.
+        coefficients: The pieces in the columns of these arms, shape (k, 3, nq).
+        moves: Pieces on which these arms move, shape (k,).
+        halts: Gridpoints of the arms' path at which they stop.
+    """
+    kept = moves[route.grid.piece]
+    piece = (np.cumsum(moves) - 1)[route.grid.piece[kept]]
+    run = np.searchsorted(halts, np.searchsorted(piece, np.arange(moves.sum())), side="right")
+    lengths, c = route.curve.lengths[moves], coefficients[moves]
+    scale = (np.bincount(run, _lengths(lengths, c)) / np.maximum(np.bincount(run, lengths), 1e-300))[run]
+    powers = np.stack([np.ones_like(scale), scale, scale * scale], axis=1)
+    factor = scale[piece]
+    grid = Grid(piece, route.grid.offset[kept] * factor, route.grid.delta[kept] * factor)
+    return Curve(lengths * scale, c / powers[:, :, None], (0, 0)), grid
+
+
+def _lengths(lengths: Array, coefficients: Array) -> Array:
+    """About how long pieces of a curve with any parameter are, by Simpson's rule [rad], shape (k,)."""
+    speeds = [
+        np.linalg.norm(coefficients[:, 1] + 2.0 * share * lengths[:, None] * coefficients[:, 2], axis=1)
+        for share in (0.0, 0.5, 1.0)
+    ]
+    return np.asarray(lengths * (speeds[0] + 4.0 * speeds[1] + speeds[2]) / 6.0)

@@ -1,0 +1,208 @@
+"""In which order two agents pass the cells of their coordination diagram that are not proven free."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.preflight import MARGINS
+from rr1plan.multi.timing.coordination import Blocked, coordination_diagram
+from rr1plan.multi.timing.schedule import Occupancy, Schedule, extended
+
+Cells = NDArray[np.bool_]
+"""Which steps of two agents must not be occupied at once, shape (steps of one, steps of the other)."""
+
+# Distances that agents keep beyond the padding [m]: the largest with which a plan agrees.
+PASSING_MARGINS = (*MARGINS, 0.0)
+
+
+class Step(NamedTuple):
+    """An agent enters a step of its route.
+
+    Args:
+        agent: Its index.
+        step: The step.
+    """
+
+    agent: int
+    step: int
+
+
+class Precedence(NamedTuple):
+    """A step of one agent that comes after a step of another.
+
+    Args:
+        node: What has to wait.
+        after: What has to happen first.
+    """
+
+    node: Step
+    after: Step
+
+
+def closed_diagram(one: AgentPath, two: AgentPath, margin: float) -> Blocked | None:
+    """The extended diagram of two paths, in which rest at an end is free where the segment next to it is.
+
+    An end is a part of that segment, so that what is proven of the segment holds at the end.
+    """
+    blocked = coordination_diagram(one, two, margin)
+    if blocked is None:
+        return None
+    for cells, segments in ((blocked, one.segments), (blocked.T, two.segments)):
+        if segments:
+            cells[0] &= cells[1]
+            cells[-1] &= cells[-2]
+    return extended(blocked)
+
+
+def shared_cells(blocked: Blocked, one: Schedule, two: Schedule) -> Cells:
+    """Which steps of two schedules must not be occupied at once.
+
+    Args:
+        blocked: The extended diagram of their paths.
+        one: Schedule of an agent.
+        two: Schedule of another one of the same plan.
+    """
+    return np.asarray(blocked[np.ix_(one.occupancy.rows, two.occupancy.rows)].astype(bool))
+
+
+def agreed_diagram(one: Schedule, two: Schedule) -> Blocked | None:
+    """The closed diagram with the largest margin with which two schedules keep an order; None where all of it is free.
+
+    Without any margin where they keep none.
+
+    Args:
+        one: Schedule of an agent.
+        two: Schedule of another one of the same plan.
+    """
+    blocked = None
+    for margin in PASSING_MARGINS:
+        blocked = closed_diagram(one.path, two.path, margin)
+        if blocked is None or order_between(blocked, one, two) is not None:
+            break
+    return blocked
+
+
+def order_between(
+    blocked: Blocked, one: Schedule, two: Schedule, agents: tuple[int, int] = (0, 1)
+) -> list[Precedence] | None:
+    """The order in which two agents pass each other, as `passing_order` gives it.
+
+    Args:
+        blocked: The extended diagram of their paths.
+        one: Schedule of an agent.
+        two: Schedule of another one of the same plan.
+        agents: Their indices.
+    """
+    return passing_order(shared_cells(blocked, one, two), one.occupancy, two.occupancy, agents)
+
+
+def _gaps(one: Occupancy, two: Occupancy) -> Array:
+    """How long one agent has left each of its steps when the other enters its own, shape (steps, steps)."""
+    return np.asarray(two.enter[None, :] - one.leave[:, None])
+
+
+def cell_gaps(one: Occupancy, two: Occupancy) -> Array:
+    """The time between the stays of two agents in each cell [s], below zero where they overlap, shape (steps, steps).
+
+    Args:
+        one: What the one occupies.
+        two: What the other does.
+    """
+    return np.asarray(np.maximum(_gaps(one, two), _gaps(two, one).T))
+
+
+def passing_order(
+    hit: Cells, one: Occupancy, two: Occupancy, agents: tuple[int, int] = (0, 1)
+) -> list[Precedence] | None:
+    """The precedences between two agents that do not follow from each other.
+
+    Args:
+        hit: Steps that must not be occupied at once, shape (steps of one, steps of two).
+        one: What the one occupies.
+        two: What the other does.
+        agents: Their indices.
+
+    Returns:
+        The precedences; None if both are in a shared cell at once, or if each has to pass before the other.
+    """
+    if (cell_gaps(one, two)[hit] < 0.0).any():
+        return None
+    i, j = agents
+    found = [Precedence(Step(j, step), Step(i, after)) for step, after in _frontier(hit, one, two)]
+    found += [Precedence(Step(i, step), Step(j, after)) for step, after in _frontier(hit.T, two, one)]
+    # Only what happens at the same instant can be in a circle.
+    if not (cell_gaps(one, two)[hit] <= 0.0).any() or not passage({i: hit.shape[0], j: hit.shape[1]}, found).circle:
+        return found
+    return None
+
+
+def _frontier(hit: Cells, first: Occupancy, second: Occupancy) -> list[tuple[int, int]]:
+    """The precedences of one agent over another that do not follow from each other.
+
+    Args:
+        hit: Steps that must not be occupied at once, shape (steps of the first, steps of the second).
+        first: Who may be first there.
+        second: Who may have to wait.
+
+    Returns:
+        Pairs: a step of the second, and the step that the first has to enter before.
+    """
+    before = hit & (_gaps(first, second) >= 0.0)
+    latest = np.where(before.any(axis=0), len(before) - 1 - np.argmax(before[::-1], axis=0), -1)
+    earlier = np.maximum.accumulate(np.concatenate([[-1], latest[:-1]]))
+    return [(int(step), int(latest[step]) + 1) for step in np.flatnonzero(latest > earlier)]
+
+
+class Passage(NamedTuple):
+    """What happens if all agents enter their steps for as long as they can.
+
+    Args:
+        order: The steps that can be entered, each after all that has to happen before it.
+        circle: Agents that wait for each other in a circle; none if all come to their last steps.
+    """
+
+    order: list[Step]
+    circle: list[int]
+
+
+def passage(steps: Mapping[int, int], precedences: Iterable[Precedence]) -> Passage:
+    """Enter all steps of some agents.
+
+    Args:
+        steps: How many steps each agent has.
+        precedences: Which step comes after which.
+    """
+    waiting: dict[Step, list[Step]] = {}
+    for node, after in precedences:
+        waiting.setdefault(node, []).append(after)
+    now = dict.fromkeys(steps, 0)
+
+    def missing(agent: int) -> Step | None:
+        """What an agent waits for; None if it can go on."""
+        return next(
+            (after for after in waiting.get(Step(agent, now[agent] + 1), ()) if now[after.agent] < after.step), None
+        )
+
+    order = [Step(agent, 0) for agent in steps]
+    open_ = list(steps)
+    while open_:
+        agent = open_.pop()
+        before = now[agent]
+        while now[agent] < steps[agent] - 1 and missing(agent) is None:
+            now[agent] += 1
+            order.append(Step(agent, now[agent]))
+        if now[agent] > before:
+            open_ = [other for other in steps if other != agent]
+    stuck = next((agent for agent in steps if now[agent] < steps[agent] - 1), None)
+    seen: list[int] = []
+    while stuck is not None and stuck not in seen:
+        seen.append(stuck)
+        blocker = missing(stuck)
+        stuck = None if blocker is None else blocker.agent
+    return Passage(order, [] if stuck is None else seen[seen.index(stuck) :])

@@ -1,0 +1,89 @@
+"""Telemetry as joint states: what an emulated box reports is where its arm is, and faults of the line are named."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import islice
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+
+Line = Callable[..., Any]
+
+
+@pytest.mark.parametrize("unit", ["steps", "counts"])
+def test_a_box_that_moves_is_mirrored(
+    unit: str, line: Line, motion: rp.MotionPlan, plan: rp.CommandPlan, calibration: rp.Calibration, box: rp.ControlBox
+) -> None:
+    if unit == "counts":  # 2.5 of an encoder for each step
+        joints = {n: rp.JointCalibration(j.sign, j.zero, 2.5 * j.scale) for n, j in calibration.joints.items()}
+        calibration = replace(calibration, unit="counts", joints=joints)
+    port = line()
+    port.write(plan.commands[0].encode())
+    with rp.Mirror(motion.scene) as mirror:
+        for item in islice(rp.read_telemetry(port, calibration, box), 400):
+            assert isinstance(item, rp.StateMessage)
+            assert mirror.receive(item) is not None
+        names = [f"rr1/{name}" for name in calibration.joints if name != "finger_joint"]
+        counters = np.array(port.emulator.position)[:6] * (2.5 if unit == "counts" else 1.0)
+        assert mirror.state is not None
+        there = dict(zip(motion.scene.joint_names(), mirror.state.q, strict=True))
+        np.testing.assert_allclose(
+            [there[name] for name in names], calibration.positions(counters, list(calibration.joints)[:6]), atol=1e-3
+        )
+        assert mirror.report().messages == 400
+        assert mirror.report().faults.get("order", 0) == 0
+    assert list(port.emulator.position[:6]) != list(plan.start[:6])
+
+
+def test_garbage_is_named_and_later_frames_are_read(
+    line: Line, calibration: rp.Calibration, box: rp.ControlBox
+) -> None:
+    good = line()
+    data = bytearray(good.read(5 * 111))
+    data[2 * 111 : 2 * 111 + 4] = b"\xff\xff\xff\xff"
+    rest = bytes(data)
+
+    class Port:
+        def read(self, size: int = 1, /) -> bytes:
+            nonlocal rest
+            part, rest = rest[:size], rest[size:]
+            return part
+
+        def write(self, data: bytes, /) -> int | None:
+            raise AssertionError("nothing is written")
+
+    kinds = []
+    for item in rp.read_telemetry(Port(), calibration, box, silence=0.05):
+        kinds.append(item.fault if isinstance(item, rp.StreamError) else "good")
+        if kinds[-1] == "silence":
+            break
+        time.sleep(0.001)
+    assert kinds == ["good", "good", "format", "good", "good", "silence"]
+
+
+def test_a_line_that_stops_in_a_frame_is_named(line: Line, calibration: rp.Calibration, box: rp.ControlBox) -> None:
+    first = line().read(150)
+    parts = [first[:111], first[111:]]
+    port = line(read=lambda self, size: parts.pop(0) if parts else b"")
+    found = list(islice(rp.read_telemetry(port, calibration, box, silence=0.05), 2))
+    assert isinstance(found[0], rp.StateMessage)
+    assert found[1] == rp.StreamError("silence", "no telemetry for 0.05 s, it stopped after 39 of 111 bytes of a frame")
+
+
+def test_calibrations_that_say_nothing_of_the_box_are_refused(
+    line: Line, calibration: rp.Calibration, box: rp.ControlBox, planar2r: rp.Robot
+) -> None:
+    for other, words in {
+        "rad": (replace(calibration, unit="rad"), "readings in rad, expected steps"),
+        "joints": (rp.Calibration.assumed(planar2r, 100.0, unit="steps"), "none of the joints of the box"),
+    }.values():
+        with pytest.raises(rp.InputError, match=words):
+            rp.read_telemetry(line(), other, box)
+    with pytest.raises(rp.InputError, match="port is of type int"):
+        rp.read_telemetry(3, calibration, box)

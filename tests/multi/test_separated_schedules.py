@@ -1,0 +1,107 @@
+"""Arms that were planned as one get schedules of their own: the motion stays, the order is certified or refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.collision import CollisionChecker
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.execution.separated_schedules import separate
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.timing.schedule import Leg, Schedule
+from rr1plan.path import Path
+
+_SLIDER = """
+<robot name="{name}">
+  <link name="base"/>
+  <link name="carriage">{solids}</link>
+  <joint name="slide" type="prismatic">
+    <parent link="base"/><child link="carriage"/><axis xyz="1 0 0"/>
+    <limit lower="-2" upper="2" velocity="1" effort="10"/>
+  </joint>
+</robot>
+"""
+_SOLID = '<collision><origin xyz="{x} 0 0"/><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
+
+
+def _slider(folder, name: str, *places: float) -> rp.Robot:
+    file = folder / f"{name}.urdf"
+    file.write_text(_SLIDER.format(name=name, solids="".join(_SOLID.format(x=x) for x in places)))
+    limits = rp.Limits([-2.0], [2.0], [1.0], [2.0], [20.0], [10.0])
+    return rp.load_robot(file).with_limits(limits)
+
+
+def _pushed_along(folder, gap: float) -> Schedule:
+    """A block that moves between the prongs of a fork, which moves along, by one timing; with a way back."""
+    scene = rp.Scene().with_arm("block", _slider(folder, "block", 0.0))
+    scene = scene.with_arm("fork", _slider(folder, "fork", -0.1 - gap, 0.1 + gap))
+    problem = rp.Problem(scene, {"block": [0.0], "fork": [0.0]}, {"block": [1.0], "fork": [1.0]})
+    agent = Agent(problem, problem.arms)
+    waypoints = np.array([[0.0, 0.0], [1.0, 1.0]])
+    path = AgentPath(agent, Path(agent.joint_names, waypoints), CollisionChecker(scene, problem.arms))
+    middle = path.stops[6]
+    there = path.hop_duration(0, middle)
+    back = there + 0.5 + path.hop_duration(middle, path.stops[2])
+    return Schedule(
+        path, (Leg(0.0, 0, middle), Leg(there + 0.5, middle, path.stops[2]), Leg(back, path.stops[2], path.segments))
+    )
+
+
+@pytest.mark.parametrize("gap", [0.05, 0.02])
+def test_arms_that_move_along_have_an_order_if_there_is_room(gap: float, tmp_path) -> None:
+    whole = _pushed_along(tmp_path, gap)
+    separated = separate([whole]).schedules
+    assert [schedule.arms for schedule in separated] == [("block",), ("fork",)]
+    joint = whole.trajectory()
+    for schedule in separated:
+        motion = schedule.trajectory()
+        at = np.linspace(0.0, joint.end_time, 500)
+        np.testing.assert_array_equal(motion(at), joint.select(schedule.arms[0])(at))
+        for leg in schedule.legs:
+            times, gridpoints = schedule.instants(leg), range(leg.begin, leg.end + 1)
+            places = [schedule.path.at(k) for k in gridpoints]
+            np.testing.assert_allclose(motion(times), places, atol=1e-9)
+        assert schedule.arrival == pytest.approx(whole.arrival)
+        assert schedule.waiting == pytest.approx(0.5)
+
+
+def test_arms_without_room_between_them_stay_together(tmp_path) -> None:
+    whole = _pushed_along(tmp_path, 2e-6)
+    (schedule,) = separate([whole]).schedules
+    assert schedule is whole
+
+
+def test_separated_plans_keep_their_motion(rr1: rp.Robot) -> None:
+    problem = rp.ring_swap(rr1, 8, 0.6, rng=0)
+    result = rp.plan_many_arms(problem, rng=0, budget=rp.Budget(seconds=60.0))
+    assert result.trajectory is not None
+    assert any(len(schedule.arms) > 1 for schedule in result.schedules)
+    assert result.inseparable == ()
+    at = np.linspace(0.0, result.makespan, 300)
+    for schedule in result.separated.schedules:
+        (arm,) = schedule.arms
+        np.testing.assert_allclose(schedule.trajectory()(at), result.trajectory.select(arm)(at), atol=1e-12)
+        np.testing.assert_allclose(schedule.path.goal, result.trajectory.select(arm)(result.makespan), atol=1e-9)
+        assert schedule.path.fastest <= schedule.arrival + 1e-9
+    motion = rp.plan_motion(problem, rng=0, budget=rp.Budget(seconds=60.0))
+    for one, two in (("arm01", "arm02"), ("arm03", "arm07")):
+        assert motion.coordination_diagram(one, two).names == (one, two)
+
+
+def test_an_execution_says_for_whom_arms_wait(rr1: rp.Robot) -> None:
+    problem = rp.ring_swap(rr1, 4, 0.5, rng=1)
+    graph = rp.plan_graph(rp.plan_many_arms(problem, rng=0, budget=rp.Budget(seconds=60.0)))
+    late = rp.execute_plan(graph, problem.scene, {"arm02": rp.ArmDelay(start=2.0)})
+    own = [wait for wait in late.waits if wait.arm == "arm02"]
+    assert (own[0].begin, own[0].others) == (0.0, ())
+    assert own[0].end >= 2.0
+    others = [wait for wait in late.waits if "arm02" in wait.others]
+    assert others
+    for wait in late.waits:
+        speeds = late.trajectory.select(wait.arm)(np.linspace(wait.begin, wait.end, 9)[1:-1], 1)
+        assert np.abs(speeds).max() == 0.0
+        assert all(graph.waits_for(wait.arm) for _ in wait.others)
+    line = rp.timeline(late.trajectory, problem.scene, waits=late.waits)
+    assert line.waits
