@@ -58,6 +58,8 @@ if TYPE_CHECKING:
     from rr1plan.errors import SerialLineError as SerialLineError
     from rr1plan.errors import StalledJointError as StalledJointError
     from rr1plan.errors import UnknownNameError as UnknownNameError
+    from rr1plan.experiments.run_experiments import ExperimentReport as ExperimentReport
+    from rr1plan.experiments.run_experiments import run_experiments as run_experiments
     from rr1plan.export.controller_rules import check_joint_trajectory as check_joint_trajectory
     from rr1plan.export.csv_files import load_csv as load_csv
     from rr1plan.export.csv_files import save_csv as save_csv
@@ -307,6 +309,7 @@ _EXPORTS = {
     "rr1plan.shapes.mesh_files": ("load_mesh",),
     "rr1plan.export.plan_files": ("save_motion",),
     "rr1plan.shapes.point_cloud_files": ("load_point_cloud",),
+    "rr1plan.experiments.run_experiments": ("ExperimentReport", "run_experiments"),
     "rr1plan.export.controller_rules": ("check_joint_trajectory",),
     "rr1plan.export.ros_trajectories": ("load_joint_trajectory", "save_joint_trajectory"),
     "rr1plan.robot.disabled_collisions": ("PairProposal", "propose_disabled_collisions"),
