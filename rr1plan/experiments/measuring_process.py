@@ -1,4 +1,4 @@
-"""Measurements in a new process each, so that none is slowed down by the one before, and memory is that of its own."""
+"""Measurements in separate processes: none affects the memory or the speed of the next."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def run_experiments(
 
         rp.run_experiments(["dynamic", "multi"], "results", quick=True)
 
-    Each measurement is taken in a process of its own, one after the other. Motions and contacts are the same in every
+    Each measurement is taken in a separate process, one after the other. Motions and contacts are the same in every
     run; times are not.
 
     Args:
