@@ -79,7 +79,6 @@ if TYPE_CHECKING:
     from rr1plan.hardware.control_box_frames import BoxCommand as BoxCommand
     from rr1plan.hardware.control_box_frames import Telemetry as Telemetry
     from rr1plan.hardware.telemetry_states import read_telemetry as read_telemetry
-    from rr1plan.saved_motion import load_motion as load_motion
     from rr1plan.mirror.corridor import Corridor as Corridor
     from rr1plan.mirror.corridor import CorridorPosition as CorridorPosition
     from rr1plan.mirror.corridor import certified_corridor as certified_corridor
@@ -198,6 +197,7 @@ if TYPE_CHECKING:
     from rr1plan.robot.disabled_collisions import PairProposal as PairProposal
     from rr1plan.robot.disabled_collisions import propose_disabled_collisions as propose_disabled_collisions
     from rr1plan.robot.joint_limits import Limits as Limits
+    from rr1plan.saved_motion import load_motion as load_motion
     from rr1plan.scene import Arm as Arm
     from rr1plan.scene import Attachment as Attachment
     from rr1plan.scene import Obstacle as Obstacle
