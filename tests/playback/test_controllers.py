@@ -487,6 +487,23 @@ def test_commands_need_an_active_controller(kind: str, scene: rp.Scene) -> None:
         made(kind, scene)[1]()
 
 
+@pytest.mark.parametrize(
+    "make",
+    [
+        Sway,
+        rp.JointTrajectoryController,
+        rp.ForwardPositionController,
+        rp.ForwardVelocityController,
+        rp.GripperController,
+        rp.ManualController,
+        lambda names: rp.JointStateBroadcaster(names, print),
+    ],
+)
+def test_controllers_without_joints_are_refused(make: Callable[[list[str]], object]) -> None:
+    with pytest.raises(rp.InputError, match="joint_names is empty"):
+        make([])
+
+
 def test_bad_arguments_are_refused(scene: rp.Scene) -> None:
     for arguments in ({"dt": 0.0}, {"dt": math.nan}, {"threads": 0}, {"stiffness": -1.0}):
         with pytest.raises(rp.InputError, match=next(iter(arguments))):
