@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, check_callback, counted, finite_number, of_kind, positive_number, read_only
+from rr1plan.checks import Array, Value, check_callback, counted, number_from_zero, of_kind, positive_number, read_only
 from rr1plan.errors import InputError
 from rr1plan.playback.simulation.recorder import Recorder
 from rr1plan.playback.simulation.replay import Replay, ReplayContact
@@ -165,9 +165,7 @@ def simulate_sequence(
     of_kind("plan", plan, SequencePlan)
     check_callback("progress", progress)
     dt, record_dt = positive_number("dt", dt), positive_number("record_dt", record_dt)
-    hold = finite_number("hold", hold)
-    if hold < 0.0:
-        raise InputError(f"hold is {hold}, expected a time >= 0")
+    hold = number_from_zero("hold", hold)
     trajectory = plan.trajectory
     if trajectory.duration + hold > _MOST_STEPS * dt:
         raise InputError(f"{trajectory.duration + hold:g} s in steps of {dt:g} s are too many; take longer steps")
