@@ -5,6 +5,7 @@
 The arm is a simulation that broadcasts its joints over UDP; a person pushes it on the way.
 """
 
+import socket
 import threading
 
 import numpy as np
@@ -15,7 +16,9 @@ scene = rp.load_scene("rr1_table")
 problem = rp.Problem(scene, "home", rp.PoseGoal("tool", [-0.30, 0.25, 0.20]))
 plan = rp.plan_motion(problem, rng=0).trajectory.stretched(3.0)
 names = plan.joint_names
-address = ("127.0.0.1", 9731)
+with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:  # a free port of this machine
+    probe.bind(("127.0.0.1", 0))
+    address = probe.getsockname()
 
 # How far may the arm be off the plan so that it is proven free of collision?
 corridor = rp.certified_corridor(scene, plan)
@@ -45,10 +48,9 @@ with rp.Mirror(scene, plan, corridor=corridor, start=0.0, record="32_run.jsonl",
     arm = threading.Thread(target=run_arm)
     arm.start()
     for item in stream:
-        if isinstance(item, rp.StreamError):
+        if isinstance(item, rp.StreamError) and not arm.is_alive():
             break  # silence: the arm has arrived
         mirror.receive(item)
-    arm.join()
     print(mirror.report())
     print(f"MuJoCo has {mirror.data.ncon} contacts in the last state")
 

@@ -154,6 +154,18 @@ def positive_number(name: str, value: Any) -> float:
     return number
 
 
+def number_from_zero(name: str, value: Any) -> float:
+    """`value` as a finite float of zero or more.
+
+    Raises:
+        InputError: not a number, NaN, infinite or negative.
+    """
+    number = finite_number(name, value)
+    if number < 0.0:
+        raise InputError(f"{name} is {number}, expected a number >= 0")
+    return number
+
+
 def positive_length(name: str, value: Any) -> float:
     """`value` as a length above zero and at most 10 km [m].
 

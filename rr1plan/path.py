@@ -30,13 +30,19 @@ from rr1plan.errors import InputError
 MOST_SAMPLES = 10_000_000
 
 
-def check_joint_names(joint_names: Any) -> tuple[str, ...]:
+def check_joint_names(joint_names: Any, *, empty: bool = True) -> tuple[str, ...]:
     """Column names as a tuple of distinct strings.
 
+    Args:
+        joint_names: The names.
+        empty: Whether there may be none.
+
     Raises:
-        InputError: not strings, or a duplicate.
+        InputError: not strings, a duplicate, or none where there may not be none.
     """
     names = items_of("joint_names", joint_names, "names")
+    if not names and not empty:
+        raise InputError("joint_names is empty, expected at least one joint")
     if not all(isinstance(name, str) and name for name in names):
         raise InputError(f"joint_names is {shown(names)}, expected names")
     if len(set(names)) != len(names):

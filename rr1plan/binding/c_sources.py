@@ -3,7 +3,8 @@
 The sources are the only declarations. Headers use a subset of C that is parsed here: structs of
 numbers, arrays of numbers, pointers and earlier structs, and enums. The build compiles the C compiler's offsets of
 all fields and a checksum of the sources into the library, and `compiled_library.py` rejects a library in which they
-differ. A WebAssembly module, whose pointers have four bytes, contains all declarations as JSON, for a binding in JavaScript.
+differ. A WebAssembly module, whose pointers have four bytes, contains all declarations as JSON, for a binding in
+JavaScript.
 """
 
 from __future__ import annotations
@@ -139,7 +140,7 @@ class KernelSources:
         return json.dumps({"digest": digest, **declared}, separators=(",", ":"))
 
     def layout_source(self) -> str:
-        """C code that exports `checksum` and the compiler's values of `layout`; for WebAssembly all declarations too."""
+        """C code that exports `checksum` and the compiler's `layout`; for WebAssembly all declarations too."""
         entries = []
         for name, fields in self.structs.items():
             entries.append(f"    sizeof({name}),")

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 
 from rr1plan.calibration.joint_calibration import Calibration, CalibrationFit, JointCalibration
 from rr1plan.calibration.measured_points import MeasuredPoints, Parameters
-from rr1plan.checks import Array, counted, finite_array, of_kind, positive_number, shape_of, true_or_false
+from rr1plan.checks import Array, counted, finite_array, near_array, of_kind, positive_number, shape_of, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 
@@ -94,8 +94,10 @@ def calibrate(
     count = len(rows)
     if count > _MOST_ROWS:
         raise InputError(f"readings has {count} rows, expected at most {_MOST_ROWS}")
-    measured = finite_array("positions", positions, (count, 3))
-    points = finite_array("point", point, (3,) if len(shape_of(point)) == 1 else (count, 3))
+    scales = np.array([start.joints[name].scale for name in robot.joint_names])
+    near_array("readings, divided by the scales of start,", rows / scales, (count, robot.nq))
+    measured = near_array("positions", positions, (count, 3))
+    points = near_array("point", point, (3,) if len(shape_of(point)) == 1 else (count, 3))
     noise, free_base = positive_number("noise", noise), true_or_false("free_base", free_base)
     if noise > _MOST_NOISE:
         raise InputError(f"noise is {noise:g} m, expected at most {_MOST_NOISE:g} m")

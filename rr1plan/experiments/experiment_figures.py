@@ -71,8 +71,10 @@ def _factors(plot: mpl_axes.Axes, rows: Sequence[Row], key: str, thesis: Mapping
     plot.set_xscale("log")
     plot.set_yscale("log")
     plot.axhline(1.0, color=_LOOK.soft, linewidth=1)
-    where = {"xycoords": ("axes fraction", "data"), "ha": "left", "va": "top"}
-    plot.annotate("real time", (0.01, 0.97), color=_LOOK.soft, **where)
+    at = plot.get_yaxis_transform()
+    plot.text(
+        0.01, 0.93, "real time", transform=at, horizontalalignment="left", verticalalignment="top", color=_LOOK.soft
+    )
     for name, label, color in (
         ("cpu_real_time_factor", "rr1plan, per CPU second", _SECOND),
         ("real_time_factor", "rr1plan, per second", _OURS),

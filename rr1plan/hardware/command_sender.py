@@ -140,10 +140,14 @@ class _Line:
                 data = self._port.read(TELEMETRY_BYTES)
             except Exception as error:  # of any kind of port
                 raise SerialLineError(f"the serial line failed while telemetry was read: {error}") from error
+            heard = False
             for frame in self._stream.feed(data):
-                last = time.monotonic()
+                heard = True
                 yield frame
-            if time.monotonic() - last > self._silence:
+            # Time that the receiver of a frame takes is no silence.
+            if heard:
+                last = time.monotonic()
+            elif time.monotonic() - last > self._silence:
                 cut = self._stream.incomplete
                 where = f", it stopped after {cut} of {TELEMETRY_BYTES} bytes of a frame" if cut else ""
                 raise SerialLineError(f"no telemetry for {self._silence:g} s{where}: is the box on, and this its port?")

@@ -1,13 +1,17 @@
-"""The control box of one arm: which channel drives which joint, and how fast; its part of a calibration file.
+"""The control box of one arm: which channel drives which joint, and how fast.
 
-[control_box]
-tick = 0.000602            # duration of a pass of the firmware's loop [s]
+It is a part of the arm's calibration file:
 
-[control_box.channels.S1]
-joint = "shoulder_joint"
-fast_period = 6            # ticks of a step at full speed
-ramp_steps = 128           # steps from rest to full speed
-counts_per_step = 2.56     # of its encoder; left out where the encoder is not to be checked
+    [control_box]
+    tick = 0.000602            # duration of a pass of the firmware's loop [s]
+
+    [control_box.channels.S1]
+    joint = "shoulder_joint"
+    fast_period = 6            # ticks of a step at full speed
+    ramp_steps = 128           # steps from rest to full speed
+    counts_per_step = 2.56     # of its encoder
+
+Without `counts_per_step` the encoder is not checked.
 """
 
 from __future__ import annotations

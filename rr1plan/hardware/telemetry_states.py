@@ -59,18 +59,22 @@ def _states(
     port: SerialPort, message: Callable[[Telemetry, float], StateMessage], silence: float
 ) -> Iterator[StateMessage | StreamError]:
     """Messages of the frames that arrive."""
-    stream, heard, last = TelemetryStream(), time.monotonic(), 0.0
+    stream, waiting_since, last = TelemetryStream(), time.monotonic(), 0.0
     while True:
+        heard = False
         try:
             for frame in stream.feed(port.read(TELEMETRY_BYTES)):
-                heard = time.monotonic()
-                last = max(heard, last + _APART)
+                heard = True
+                last = max(time.monotonic(), last + _APART)
                 yield message(frame, last)
         except SerialLineError as error:
             # The next header begins anew.
             stream = TelemetryStream()
             yield StreamError("format", str(error))
-        if time.monotonic() - heard > silence:
-            cut, heard = stream.incomplete, time.monotonic()
+        # Time that the receiver of a message takes is no silence.
+        if heard:
+            waiting_since = time.monotonic()
+        elif time.monotonic() - waiting_since > silence:
+            cut, waiting_since = stream.incomplete, time.monotonic()
             where = f", it stopped after {cut} of {TELEMETRY_BYTES} bytes of a frame" if cut else ""
             yield StreamError("silence", f"no telemetry for {silence:g} s{where}")

@@ -56,7 +56,7 @@ class StateMessage(Value):
     def __init__(
         self, time: float, joint_names: Sequence[str], positions: ArrayLike, received: float | None = None
     ) -> None:
-        names, values = check_joint_names(joint_names), number_array("positions", positions)
+        names, values = check_joint_names(joint_names, empty=False), number_array("positions", positions)
         if values.shape != (len(names),):
             raise InputError(f"positions has shape {values.shape}, expected ({len(names)},): one for each name")
         object.__setattr__(self, "time", finite_number("time", time))

@@ -1,8 +1,10 @@
-"""A mirror: what a stream of joint states says of an arm, beside what was planned.
+"""A mirror: a stream of measured joint states, compared with the plan.
 
-with rp.Mirror(motion.scene, motion.trajectory, record="run.jsonl") as mirror:
-mirror.show()
-print(mirror.run(rp.read_states("udp://127.0.0.1:9000"), duration=10.0))
+    with rp.Mirror(motion.scene, motion.trajectory, record="run.jsonl") as mirror:
+        mirror.show()
+        print(mirror.run(rp.read_states("udp://127.0.0.1:9000"), duration=10.0))
+
+A message that cannot be used never ends the stream: it is counted in the report.
 """
 
 from __future__ import annotations
@@ -127,6 +129,8 @@ class Mirror:
         Raises:
             InputError: a stream of something else, or a duration that is not above zero.
         """
+        if not isinstance(stream, Iterable):
+            raise InputError(f"stream is of type {type(stream).__name__}, expected messages, as of read_states")
         end = math.inf if duration is None else time.monotonic() + positive_number("duration", duration)
         try:
             for item in stream:
@@ -135,8 +139,6 @@ class Mirror:
                     break
         except KeyboardInterrupt:
             pass
-        except TypeError as error:
-            raise InputError(f"the stream gave something that is not a message: {error}") from error
         return self.report()
 
     def receive(self, item: StateMessage | StreamError) -> MirrorState | None:

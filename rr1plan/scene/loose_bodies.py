@@ -142,11 +142,15 @@ def stack_bodies(
 
 
 def bounding_box(geometries: tuple[Geometry, ...], pose: Array) -> Array:
-    """Lower and upper corner of shapes placed at a pose, shape (2, 3)."""
+    """Lower and upper corner of shapes placed at a pose, shape (2, 3).
+
+    Raises:
+        InputError: a half-space or a point cloud.
+    """
     corners = []
     for geometry in geometries:
         if isinstance(geometry.shape, HalfSpace | PointCloud):
-            raise InputError(f"shape {geometry.name!r} is a {type(geometry.shape).__name__}, which is not stacked")
+            raise InputError(f"shape {geometry.name!r} is a {type(geometry.shape).__name__}, expected a solid shape")
         T = pose @ geometry.pose
         placed = coal.CollisionObject(coal_shape(geometry.shape), T[:3, :3], T[:3, 3])
         box = placed.getAABB()

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, check_callback, counted, finite_number, of_kind, positive_number, read_only
+from rr1plan.checks import Array, Value, check_callback, counted, number_from_zero, of_kind, positive_number, read_only
 from rr1plan.errors import InputError
 from rr1plan.playback.simulation.recorder import Recorder
 from rr1plan.playback.simulation.replay import Replay, ReplayContact
@@ -67,8 +67,8 @@ class SequenceReplay(Value):
     """The outcome of `simulate_sequence`.
 
     Args:
-        replay: What joints and loose bodies did. Objects keep fingers from their set-points, so that tracking errors of
-            gripper joints are no fault.
+        replay: Motions of joints and loose bodies. Objects keep fingers from their set-points, so tracking errors of
+            gripper joints are not counted as failures.
         objects: What became of the objects that are attached or detached.
         max_error: Largest tracking error of any joint of an arm [rad or m].
         remarks: What had to be assumed.
@@ -165,9 +165,7 @@ def simulate_sequence(
     of_kind("plan", plan, SequencePlan)
     check_callback("progress", progress)
     dt, record_dt = positive_number("dt", dt), positive_number("record_dt", record_dt)
-    hold = finite_number("hold", hold)
-    if hold < 0.0:
-        raise InputError(f"hold is {hold}, expected a time >= 0")
+    hold = number_from_zero("hold", hold)
     trajectory = plan.trajectory
     if trajectory.duration + hold > _MOST_STEPS * dt:
         raise InputError(f"{trajectory.duration + hold:g} s in steps of {dt:g} s are too many; take longer steps")
@@ -176,18 +174,12 @@ def simulate_sequence(
     _hold_by_friction(sim, names)
     steps = max(1, int(np.ceil((trajectory.duration + hold) / dt - 1e-9)))
     report = fraction_callback("simulate", progress)
-    columns = np.array([sim.joint_names.index(name) for name in trajectory.joint_names], dtype=np.int64)
-    of_arms = np.array([_is_arm_joint(plan, name) for name in trajectory.joint_names], dtype=np.bool_)
-    worst = 0.0
 
-    def note(sim: Simulation) -> None:
-        nonlocal worst
-        error = np.abs(sim.positions[columns] - trajectory(sim.time))
-        worst = max(worst, float(error[of_arms].max(initial=0.0)))
+    def show_progress(sim: Simulation) -> None:
         if report is not None and sim.steps % _REPORT_EVERY == 0:
             report(sim.steps / steps)
 
-    sim.on_step(note)
+    sim.on_step(show_progress)
     if trajectory.joint_names:
         controller = JointTrajectoryController(trajectory.joint_names, goal_tolerance=np.inf)
         sim.activate(controller)
@@ -195,6 +187,8 @@ def simulate_sequence(
     with Recorder(sim, record_dt) as recorder:
         sim.step(steps)
     replay = recorder.replay()
+    of_arms = np.array([_is_arm_joint(plan, name) for name in replay.joint_names], dtype=np.bool_)
+    worst = float(replay.max_error[of_arms].max(initial=0.0))
     bodies = replay.record.bodies
     rows = {} if bodies is None else dict(zip(bodies.bodies, bodies.poses.swapaxes(0, 1), strict=True))
     objects = {name: _carried(plan, name, replay.record.times, rows[name]) for name in names}

@@ -1,9 +1,11 @@
 """Assertions about motions for a user's tests: valid by the referee, and followed by simulated arms.
 
-def test_pick():
-    motion = rp.load_motion("pick.json")
-    rp.assert_valid(motion)
-    rp.assert_replays(motion, variations=rp.ReplayVariations(payload=0.5))
+    def test_pick():
+        motion = rp.load_motion("pick.json")
+        rp.assert_valid(motion)
+        rp.assert_replays(motion, variations=rp.ReplayVariations(payload=0.5))
+
+Both raise `AssertionError` with the rule, the joint or elements, and the time.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rr1plan.checks import Seed, as_generator, counted, finite_number, whole_number
+from rr1plan.checks import Seed, as_generator, counted, number_from_zero, whole_number
 from rr1plan.errors import InputError
 from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.replay import Replay
@@ -37,10 +37,7 @@ class ReplayVariations:
 
     def __post_init__(self) -> None:
         for name in ("payload", "mass", "friction"):
-            value = finite_number(name, getattr(self, name))
-            if value < 0.0:
-                raise InputError(f"{name} is {value}, expected a number >= 0")
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, number_from_zero(name, getattr(self, name)))
         if self.mass >= 1.0:
             raise InputError(f"mass is {self.mass}, expected a share below 1")
         whole_number("count", self.count, 1, _MOST_CASES)

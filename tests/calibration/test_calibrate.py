@@ -153,6 +153,8 @@ def test_readings_that_cannot_be_explained_are_refused(rr1: rp.Robot) -> None:
         "12 coordinates for 12 unknowns": (readings[:4], positions[:4], start),
         r"readings\[2, 1\] is nan": (np.where(np.arange(120).reshape(20, 6) == 13, np.nan, readings), positions, start),
         "positions has shape": (readings, positions[:-1], start),
+        "positions holds 1e": (readings, positions + 1e9, start),
+        "readings, divided by the scales of start, holds": (readings * 1e9, positions, start),
         "start has no joint 'elbow_joint'": (
             readings,
             positions,

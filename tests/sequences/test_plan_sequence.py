@@ -12,7 +12,7 @@ import rr1plan as rp
 
 
 def plan_of(scene: rp.Scene, *segments: object, **options: object) -> rp.SequencePlan:
-    return rp.plan_sequence(rp.Sequence(scene, segments), **{"rng": 0, **options})
+    return rp.plan_sequence(rp.Sequence(scene, segments), **{"rng": 0, "budget": rp.Budget(seconds=100.0), **options})
 
 
 # ---- segments ------------------------------------------------------------------------------------

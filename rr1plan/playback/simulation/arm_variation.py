@@ -9,8 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from rr1plan.checks import Array, finite_number, positive_number
-from rr1plan.errors import InputError
+from rr1plan.checks import Array, number_from_zero, positive_number
 from rr1plan.scene import Scene
 
 # Radius of the ball that a payload is [m].
@@ -36,10 +35,7 @@ class ArmVariation:
 
     def __post_init__(self) -> None:
         for name in ("payload", "friction"):
-            value = finite_number(name, getattr(self, name))
-            if value < 0.0:
-                raise InputError(f"{name} is {value}, expected a number >= 0")
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, number_from_zero(name, getattr(self, name)))
         object.__setattr__(self, "mass", positive_number("mass", self.mass))
 
     def __str__(self) -> str:

@@ -93,7 +93,7 @@ class Controller(ABC):
     joints: JointInfo
 
     def __init__(self, joint_names: Sequence[str]) -> None:
-        self.joint_names = check_joint_names(joint_names)
+        self.joint_names = check_joint_names(joint_names, empty=False)
 
     def activate(self, joints: JointInfo, state: JointState) -> None:
         """Take over the joints; called once before the updates, and again after a reset.

@@ -47,8 +47,6 @@ class ManualController(Controller):
         self.speed, self.step = positive_number("speed", speed), positive_number("step", step)
         if self.speed > 1.0:
             raise InputError(f"speed is {speed:g}, expected at most 1, a part of the highest speed")
-        if not self.joint_names:
-            raise InputError("joint_names is empty, expected the joints to move")
         self.selected = self.joint_names[0]
 
     def activate(self, joints: JointInfo, state: JointState) -> None:

@@ -44,7 +44,9 @@ class Recorder:
 
     Args:
         sim: The simulation; it may not be reset while it is recorded.
-        dt: Time between recorded instants [s]; tracking errors and efforts are noted at every step.
+        dt: Time between recorded instants [s]; tracking errors and efforts are noted at every step. Positions are
+            compared with the set-points of the same instant, which are those of the step that begins then. At the last
+            instant, where no step begins, the record has the set-points of the last step.
 
     Raises:
         InputError: no simulation, or a time that is not above zero.
@@ -62,6 +64,7 @@ class Recorder:
         self._max_error, self._square, self._effort = np.zeros((3, len(self._names)))
         self._bodies = BodyLog()
         self._stop = sim.on_step(self._note)
+        self._before = sim.positions
         self._keep()
 
     def __enter__(self) -> Recorder:
@@ -94,7 +97,12 @@ class Recorder:
         )
 
     def _note(self, sim: Simulation) -> None:
-        error = (sim.positions - sim.set_points)[self._columns]
+        # These set-points were for the beginning of the step, and those of its end are not known yet.
+        desired = sim.set_points[self._columns]
+        error = self._before[self._columns] - desired
+        self._before = sim.positions
+        if (sim.steps - 1 - self._begin) % self._stride == 0:
+            self._rows[-1][0] = desired
         np.maximum(self._max_error, np.abs(error), out=self._max_error)
         self._square += error**2
         np.maximum(self._effort, np.abs(sim.efforts[self._columns]), out=self._effort)

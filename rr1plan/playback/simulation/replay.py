@@ -143,7 +143,7 @@ class Replay(Value):
             f"{self.mode} replay: {counted(self.steps, 'step')} of {self.timestep * 1e3:g} ms, "
             f"{self.real_time_factor:.0f} times real time"
         ]
-        if self.mode == "dynamic":
+        if self.mode == "dynamic" and self.joint_names:
             worst = int(np.argmax(self.max_error))
             lines.append(f"  tracking error: {self.worst_error:.2e} rad at most ({self.joint_names[worst]})")
             busiest = int(np.argmax(self.peak_effort))

@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import mujoco
 import numpy as np
 
-from rr1plan.checks import Array, check_callback, finite_number, known_name, of_kind, positive_number
+from rr1plan.checks import Array, check_callback, known_name, number_from_zero, of_kind, positive_number
 from rr1plan.errors import InputError
 from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.contact_log import ContactLog
@@ -79,9 +79,7 @@ def simulate(
     check_callback("progress", progress)
     dt = positive_number("dt", dt)
     record_dt = positive_number("record_dt", record_dt)
-    hold = finite_number("hold", hold)
-    if hold < 0.0:
-        raise InputError(f"hold is {hold}, expected a time >= 0")
+    hold = number_from_zero("hold", hold)
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
     of_kind("variation", variation, ArmVariation, optional=True)

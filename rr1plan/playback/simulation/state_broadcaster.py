@@ -37,7 +37,7 @@ class JointStateBroadcaster:
     def __init__(
         self, joint_names: Sequence[str], to: StateCallback | str | Path | tuple[str, int], *, rate: float = 50.0
     ) -> None:
-        self.joint_names = check_joint_names(joint_names)
+        self.joint_names = check_joint_names(joint_names, empty=False)
         self.rate = positive_number("rate", rate)
         self._next = -math.inf
         self._end: list[Callable[[], None]] = []
