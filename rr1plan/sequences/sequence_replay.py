@@ -37,13 +37,13 @@ _REPORT_EVERY = 50
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CarriedObject(Value):
-    """What became of an object in a replay.
+    """The motion of a carried object in a replay.
 
     Args:
         name: The object.
         poses: T_world_object at the times of the record, shape (n, 4, 4).
         offsets: Its distance from where the plan has it at those times [m], shape (n,).
-        angle: By how much it is turned in the end, against the plan [rad].
+        angle: Angle of rotation between its final orientation and the planned one [rad].
     """
 
     name: str
@@ -69,9 +69,9 @@ class SequenceReplay(Value):
     Args:
         replay: Motions of joints and loose bodies. Objects keep fingers from their set-points, so tracking errors of
             gripper joints are not counted as failures.
-        objects: What became of the objects that are attached or detached.
+        objects: Motions of the objects that are attached or detached, by name.
         max_error: Largest tracking error of any joint of an arm [rad or m].
-        remarks: What had to be assumed.
+        remarks: Assumptions of the replay, such as masses.
     """
 
     replay: Replay
@@ -237,7 +237,7 @@ def _is_arm_joint(plan: SequencePlan, name: str) -> bool:
 
 
 def _carried(plan: SequencePlan, name: str, times: Array, coordinates: Array) -> CarriedObject:
-    """What became of an object, from its positions and quaternions (n, 7)."""
+    """The motion of an object, from its positions and quaternions (n, 7)."""
     poses = np.tile(np.eye(4), (len(times), 1, 1))
     poses[:, :3, 3] = coordinates[:, :3]
     poses[:, :3, :3] = [rotation_from_quaternion(row) for row in coordinates[:, 3:]]
