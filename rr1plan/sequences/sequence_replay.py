@@ -13,7 +13,7 @@ from rr1plan.checks import Array, Value, check_callback, counted, number_from_ze
 from rr1plan.errors import InputError
 from rr1plan.playback.simulation.recorder import Recorder
 from rr1plan.playback.simulation.replay import Replay, ReplayContact
-from rr1plan.playback.simulation.simulation import Simulation
+from rr1plan.playback.simulation.simulation import Simulation, step_count
 from rr1plan.playback.simulation.trajectory_controller import JointTrajectoryController
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot.link_masses import DENSITY, solid_inertial
@@ -30,7 +30,6 @@ _TRACKED = 0.01
 _WITH_TORSION = 4
 # Iterations of the solver that keeps what friction holds from creeping, as MuJoCo's soft contacts do by themselves.
 _NO_SLIP = 5
-_MOST_STEPS = 5_000_000
 # Steps between two reports of progress.
 _REPORT_EVERY = 50
 
@@ -167,12 +166,10 @@ def simulate_sequence(
     dt, record_dt = positive_number("dt", dt), positive_number("record_dt", record_dt)
     hold = number_from_zero("hold", hold)
     trajectory = plan.trajectory
-    if trajectory.duration + hold > _MOST_STEPS * dt:
-        raise InputError(f"{trajectory.duration + hold:g} s in steps of {dt:g} s are too many; take longer steps")
+    steps = step_count(trajectory.duration + hold, dt)
     scene, names, remarks = _physical(plan)
     sim = Simulation(scene, dt, stiffness=stiffness)
     _hold_by_friction(sim, names)
-    steps = max(1, int(np.ceil((trajectory.duration + hold) / dt - 1e-9)))
     report = fraction_callback("simulate", progress)
 
     def show_progress(sim: Simulation) -> None:
