@@ -316,7 +316,7 @@ class Controls {
         // Not while it is dragged: a simulated joint follows later.
         if (!slider.matches(":active")) slider.value = q[column];
         fillPart(slider);
-        out.textContent = straight ? `${(1000 * q[column]).toFixed(1)} mm` : `${((180 / Math.PI) * q[column]).toFixed(1)}°`;
+        out.textContent = straight ? `${tenths(1000 * q[column])} mm` : `${tenths((180 / Math.PI) * q[column])}°`;
       }
     }
   }
@@ -327,5 +327,7 @@ class Controls {
   }
 }
 
+/** A value with one decimal, never "-0.0": the sum of -0 and 0 is 0. */
+const tenths = (value) => (Math.round(10 * value) / 10 + 0).toFixed(1);
 /** A distance in the unit it is read best in. */
 const length = (meters) => (Math.abs(meters) < 0.1 ? `${(1000 * meters).toFixed(1)} mm` : `${meters.toFixed(3)} m`);
