@@ -129,11 +129,15 @@ class Mirror:
         Raises:
             InputError: a stream of something else, or a duration that is not above zero.
         """
-        if not isinstance(stream, Iterable):
-            raise InputError(f"stream is of type {type(stream).__name__}, expected messages, as of read_states")
+        try:
+            items = iter(stream)
+        except TypeError as error:
+            raise InputError(
+                f"stream is of type {type(stream).__name__}, expected messages, as of read_states"
+            ) from error
         end = math.inf if duration is None else time.monotonic() + positive_number("duration", duration)
         try:
-            for item in stream:
+            for item in items:
                 self.receive(item)
                 if time.monotonic() >= end:
                     break
