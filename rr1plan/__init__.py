@@ -58,6 +58,8 @@ if TYPE_CHECKING:
     from rr1plan.errors import SerialLineError as SerialLineError
     from rr1plan.errors import StalledJointError as StalledJointError
     from rr1plan.errors import UnknownNameError as UnknownNameError
+    from rr1plan.experiments.run_experiments import ExperimentReport as ExperimentReport
+    from rr1plan.experiments.run_experiments import run_experiments as run_experiments
     from rr1plan.export.controller_rules import check_joint_trajectory as check_joint_trajectory
     from rr1plan.export.csv_files import load_csv as load_csv
     from rr1plan.export.csv_files import save_csv as save_csv
@@ -301,6 +303,7 @@ _EXPORTS = {
         "StalledJointError",
         "UnknownNameError",
     ),
+    "rr1plan.experiments.run_experiments": ("ExperimentReport", "run_experiments"),
     "rr1plan.export.controller_rules": ("check_joint_trajectory",),
     "rr1plan.export.csv_files": ("load_csv", "save_csv"),
     "rr1plan.export.plan_files": ("save_motion",),

@@ -189,6 +189,12 @@ def asserted(check: Callable[..., Any], **options: Any) -> None:
         check(**options)
 
 
+def cancelled(**options: Any) -> None:
+    """Arguments are checked, but nothing is measured."""
+    with contextlib.suppress(rp.CancelledError):
+        rp.run_experiments(**options, progress=lambda _: False)
+
+
 def calls(folder: Path) -> dict[str, Call]:
     """Public functions by name, each with arguments that it takes."""
     robot = rp.load_robot("planar2r")
@@ -602,6 +608,10 @@ def calls(folder: Path) -> dict[str, Call]:
             {"file": folder / "a.stl", "scale": 1.0, "convex": "hull", "density": 1000.0, "mass": None}
             | {"friction": 1.0, "pose": None},
         ),
+        "run_experiments": (
+            cancelled,
+            {"experiments": ["latency"], "out": folder, "quick": True, "seed": 0, "arms": None},
+        ),
         "stack_bodies": (
             rp.stack_bodies,
             {"body": crate, "count": 3, "columns": (1, 1), "gap": 0.001, "pose": None, "prefix": "body"},
@@ -847,6 +857,7 @@ _NOT_CALLED = {
     ),
     *("CommandPlan", "SerialPort", "SerialPort.read", "SerialPort.write", "Telemetry", "open_serial_port"),
     *("Disagreement", "SampledContact", "SecondOpinion", "VariedReplays", "Calibration", "JointCalibration"),
+    "ExperimentReport",
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),
     *(
         "CSpace",

@@ -255,6 +255,23 @@ def _cspace(parser: Parser) -> None:
     parser.details = lambda: f"{_planners()}\n\n{_EXIT_CODES}"
 
 
+def _experiment(parser: Parser) -> None:
+    parser.add_argument(
+        "experiment",
+        metavar="EXPERIMENT",
+        nargs="+",
+        choices=("static", "dynamic", "multi", "latency", "all"),
+        help="static: an arm among boats that stand still; dynamic: a falling tower of boats; multi: arms that follow "
+        "seven poses; latency: messages to the viewer; all",
+    )
+    parser.add_argument("--out", type=_named_file, required=True, metavar="DIR", help="folder for the files")
+    parser.add_argument("--quick", action="store_true", help="few and short measurements, in less than half a minute")
+    parser.add_argument(
+        "--arms", type=_count, nargs="+", metavar="N", help="numbers of arms of multi (default: 1 to 120)"
+    )
+    parser.add_argument("--seed", type=_seed, default=0, help="seed of boats and messages (%(default)s)")
+
+
 def _robots(parser: Parser) -> None:
     parser.add_argument(
         "robot", metavar="ROBOT", nargs="?", help="a shipped or installed robot, or a URDF, xacro or MJCF file"
@@ -339,6 +356,16 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
             "rr1plan cspace rr1_table --joints shoulder_joint elbow_joint --at zero --resolution 120",
         ),
         _cspace,
+    ),
+    "experiment": (
+        "experiment.experiment",
+        "measure the simulator and the viewer, beside the figures of the thesis",
+        (
+            "rr1plan experiment all --out results --quick",
+            "rr1plan experiment dynamic --out results",
+            "rr1plan experiment multi --out results --arms 120 250 500 1000",
+        ),
+        _experiment,
     ),
     "robots": (
         "info.robots",

@@ -1,0 +1,1 @@
+"""Experiments on the simulator and the viewer, beside those of the thesis that the project comes from."""
