@@ -32,6 +32,7 @@ def test_a_name_has_one_home() -> None:
     """What is public is in `rr1plan` itself, not in a package below it too."""
     assert [name for name in rr1plan.__all__ if inspect.ismodule(getattr(rr1plan, name))] == ["transforms"]
     assert "rr1plan.playback" not in rr1plan._EXPORTS
+    assert list(rr1plan._EXPORTS) == sorted(rr1plan._EXPORTS)
 
 
 def test_unknown_name_is_an_attribute_error() -> None:

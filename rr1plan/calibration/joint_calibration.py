@@ -107,7 +107,7 @@ class CalibrationFit(Value):
         residuals: Distance of each measured position from where the calibrated arm has the point [m], shape (m,).
         outliers: Rows of measurements that were left out.
         noise: Standard deviation of a measured coordinate, from the residuals without outliers [m].
-        undetermined: What the poses cannot tell, by joint: any of "sign", "zero" and "scale".
+        undetermined: Values that the poses do not determine, by joint: any of "sign", "zero" and "scale".
         T_measured_base: Pose of the base in the frame of the measurements, shape (4, 4).
     """
 

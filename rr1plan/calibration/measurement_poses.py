@@ -31,7 +31,7 @@ def propose_calibration_poses(
     point: ArrayLike = (0.0, 0.0, 0.0),
     rng: Seed = None,
 ) -> Array:
-    """Poses that tell much about the zeros and scales of an arm's joints: D-optimal among random free configurations.
+    """Poses that determine the zeros and scales of an arm's joints well: D-optimal among random free configurations.
 
     Move from one to the next with planned motions: the poses are free of collision, straight lines between them may not
     be. Compared to random poses, standard deviations become about a third smaller.

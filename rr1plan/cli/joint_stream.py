@@ -7,8 +7,8 @@ from collections.abc import Iterable
 
 import rr1plan as rp
 from rr1plan.cli.console import Console
-from rr1plan.cli.saved_motions import saved_motion, say_changes
-from rr1plan.errors import InputError, NoPlanError
+from rr1plan.cli.saved_motions import single_motion
+from rr1plan.errors import InputError
 from rr1plan.scene.model_library import load_scene
 
 _SERIAL = "serial:"
@@ -62,9 +62,5 @@ def _scene_and_plan(options: Namespace, console: Console) -> tuple[rp.Scene, rp.
         if options.scene is None:
             raise InputError("a mirror needs a motion or a scene: use option plan or option scene")
         return load_scene(options.scene), None
-    motion = saved_motion(options.plan, options, console)
-    say_changes(motion, console)
-    try:
-        return motion.scene, motion.trajectory
-    except NoPlanError as error:
-        raise InputError(f"{error}; only a motion with times can be mirrored") from error
+    motion, trajectory = single_motion(options.plan, options, console, "mirrored")
+    return motion.scene, trajectory

@@ -62,6 +62,29 @@ def saved_motion(
         return rp.load_motion(file, where, topic=options.topic, **(checks or {}), progress=told_to(advance))
 
 
+def single_motion(file: str, options: Namespace, console: Console, use: str) -> tuple[MotionPlan, rp.Trajectory]:
+    """A motion from a file with its trajectory, for uses in which the scene must not change on the way.
+
+    Args:
+        file: The file.
+        options: As for `saved_motion`.
+        console: Where progress is shown.
+        use: What can be done with single motions only, "sent" or "mirrored".
+
+    Raises:
+        InputError: a sequence, or a motion without times.
+    """
+    motion = saved_motion(file, options, console)
+    if not isinstance(motion, MotionPlan):
+        raise InputError(f"{file} holds a sequence, whose scene changes on the way; only single motions can be {use}")
+    try:
+        trajectory = motion.trajectory
+    except NoPlanError as error:
+        raise InputError(f"{error}; only a motion with times can be {use}") from error
+    say_changes(motion, console)
+    return motion, trajectory
+
+
 def say_changes(motion: MotionPlan | SequencePlan, console: Console) -> None:
     """Print the scene of a motion, its parts, and the differences from the scene that it was made in."""
     console.say(f"in the scene {motion.scene.name}: {motion.size()}")

@@ -7,27 +7,18 @@ from argparse import Namespace
 from rr1plan.calibration.joint_calibration import load_calibration
 from rr1plan.cli.console import Console
 from rr1plan.cli.plan import told_to
-from rr1plan.cli.saved_motions import about, saved_motion, say_changes
-from rr1plan.errors import InputError, NoPlanError
+from rr1plan.cli.saved_motions import about, single_motion
 from rr1plan.hardware.box_emulator import EmulatedSerialLine
 from rr1plan.hardware.command_plan import plan_commands
 from rr1plan.hardware.command_sender import SerialPort, open_serial_port, send_commands
 from rr1plan.hardware.control_box import load_control_box
 from rr1plan.hardware.control_box_frames import CHANNELS
-from rr1plan.motion_plan import MotionPlan
 
 
 def send(options: Namespace, console: Console) -> int:
     """Turn a saved motion into commands, certify what the arm will do, and send them if a port is named."""
     calibration, box = load_calibration(options.calibration), load_control_box(options.calibration)
-    motion = saved_motion(options.motion, options, console)
-    if not isinstance(motion, MotionPlan):
-        raise InputError(f"{options.motion} holds a sequence, whose scene changes on the way; send single motions")
-    try:
-        trajectory = motion.trajectory
-    except NoPlanError as error:
-        raise InputError(f"{error}; only a motion with times can be sent") from error
-    say_changes(motion, console)
+    motion, trajectory = single_motion(options.motion, options, console, "sent")
     plan = plan_commands(
         trajectory, calibration, box, scene=motion.scene, tolerance=options.tolerance, safety=options.safety
     )

@@ -213,7 +213,7 @@ class EmulatedSerialLine:
         self._input.clear()
 
     def telemetry(self) -> Telemetry:
-        """What the box would report now."""
+        """The frame that the box would send now."""
         emulator, channels = self.emulator, self.emulator.box.channels
         position = emulator.position
         scales: Sequence[float] = [

@@ -1,4 +1,4 @@
-"""Plans of commands for the control box: what the arm will really do, certified before anything is sent."""
+"""Plans of commands for the control box: the motion that the box will execute, certified before anything is sent."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _MOST_COMMANDS = 10_000
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CommandPlan(Value):
-    """A motion as commands of the control box, and what the arm does with them.
+    """A motion as commands of the control box, and the motion that the arm makes of them.
 
     Args:
         arm: The arm.
@@ -77,7 +77,7 @@ class CommandPlan(Value):
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What the referee found wrong, in words."""
+        """The violations that the referee found, in words."""
         found = [*self.report.violations, *self.path_report.violations]
         return tuple(dict.fromkeys(f"{violation.kind}: {violation.message}" for violation in found))
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
-from rr1plan.checks import items_of, known_name, whole_number
+from rr1plan.checks import counted, items_of, known_name, whole_number
 from rr1plan.errors import InputError, SerialLineError
 
 CHANNELS = ("S1", "S2", "E1", "E2", "W1", "W2", "G")
@@ -45,7 +45,9 @@ class BoxCommand:
     def __post_init__(self) -> None:
         values = items_of("steps", self.steps, "numbers")
         if len(values) != len(CHANNELS):
-            raise InputError(f"steps has {len(values)} numbers, expected 7: one for each of {', '.join(CHANNELS)}")
+            raise InputError(
+                f"steps has {counted(len(values), 'number')}, expected 7: one for each of {', '.join(CHANNELS)}"
+            )
         steps = tuple(whole_number(f"steps of {n}", v, -_MOST, _MOST) for n, v in zip(CHANNELS, values, strict=True))
         object.__setattr__(self, "steps", steps)
         known_name("safety level", self.safety, _SAFETY)

@@ -13,8 +13,8 @@ from rr1plan.hardware.control_box import ControlBox
 from rr1plan.hardware.control_box_frames import CHANNELS, TELEMETRY_BYTES, Telemetry, TelemetryStream
 from rr1plan.mirror.joint_states import StateMessage, StreamError
 
-# Frames that arrive at once are this far apart [s].
-_APART = 1e-6
+# Messages of frames that arrive at once get times at this interval [s].
+_SPACING = 1e-6
 
 
 def read_telemetry(
@@ -34,7 +34,7 @@ def read_telemetry(
         Messages of the calibrated joints, and an error in place of garbage and of silence; for ever.
 
     Raises:
-        InputError: no port, a calibration in radians or of none of the joints of the box.
+        InputError: something other than a port, a calibration in radians or of none of the joints of the box.
     """
     of_kind("port", port, SerialPort)
     of_kind("calibration", calibration, Calibration)
@@ -65,7 +65,7 @@ def _states(
         try:
             for frame in stream.feed(port.read(TELEMETRY_BYTES)):
                 heard = True
-                last = max(time.monotonic(), last + _APART)
+                last = max(time.monotonic(), last + _SPACING)
                 yield message(frame, last)
         except SerialLineError as error:
             # The next header begins anew.

@@ -25,7 +25,7 @@ from rr1plan.trajectory import Trajectory
 
 # Samples are so dense that each one uses at most this part of the distances at the one before ...
 _OVERLAP = 0.5
-# ... and that they are between these times apart [s].
+# ... at intervals of time between these [s].
 _LONGEST, _SHORTEST = 0.05, 0.001
 # Distances of a corridor, 160 MB.
 _MOST_DISTANCES = 20_000_000
@@ -99,9 +99,9 @@ class Corridor(Value):
         values, others = finite_array("q", q, shape), finite_array("planned", planned, shape)
         if values.shape != others.shape:
             raise InputError(f"q and planned have shapes {values.shape} and {others.shape}, expected the same")
-        return self._apart(values, others)
+        return self._deviation(values, others)
 
-    def _apart(self, q: Array, planned: Array) -> Array:
+    def _deviation(self, q: Array, planned: Array) -> Array:
         off = q - planned
         return np.where(self.rotary, off - TURN * np.round(off / TURN), off)
 
@@ -114,7 +114,7 @@ class Corridor(Value):
         Raises:
             InputError: wrong shape or not finite.
         """
-        off = np.abs(self._apart(finite_array("q", q, (len(self.joint_names),)), self.configurations))
+        off = np.abs(self._deviation(finite_array("q", q, (len(self.joint_names),)), self.configurations))
         order = np.argsort(off @ self.levers.max(axis=0, initial=0.0), kind="stable")[:_NEAREST]
         uses = (off[order] @ self.levers.T) / self.distances[order]
         k = int(np.argmin(uses.max(axis=1)))
@@ -131,7 +131,7 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
 
     Raises:
         InputError: the trajectory is not of all joints of some arms, it is in collision or nearly so, it is too long
-            for so many bodies, or the scene cannot be checked.
+            for the number of bodies, or the scene cannot be checked.
         UnknownNameError: an arm that the scene does not have.
     """
     of_kind("scene", scene, Scene)
@@ -156,19 +156,19 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
                 "the motion (Trajectory.cut), or fewer arms"
             )
         q = trajectory(now)[columns]
-        apart = checker.solid_distances(q) - _ACCURACY
-        if (apart <= 0.0).any():
-            touching = " and ".join(map(repr, pairs[int(np.argmin(apart))]))
+        clearances = checker.solid_distances(q) - _ACCURACY
+        if (clearances <= 0.0).any():
+            touching = " and ".join(map(repr, pairs[int(np.argmin(clearances))]))
             raise InputError(f"the motion has no corridor: at {now:.3f} s {touching} touch")
         times.append(now)
         configurations.append(q)
-        distances.append(apart)
+        distances.append(clearances)
         if now >= trajectory.end_time:
             break
         step = min(2.0 * step, _LONGEST)
         while step > _SHORTEST:
             ahead = np.abs(trajectory(min(now + step, trajectory.end_time))[columns] - q)
-            if (levers @ ahead <= _OVERLAP * apart).all():
+            if (levers @ ahead <= _OVERLAP * clearances).all():
                 break
             step *= 0.5
         now = min(now + step, trajectory.end_time)

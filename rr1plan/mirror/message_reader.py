@@ -17,7 +17,7 @@ class MessageReader:
     """Reads messages one after the other.
 
     Args:
-        scene: The scene; joints of which no message tells stay in its configuration.
+        scene: The scene; joints without messages stay in its configuration.
         needed: Joints that each message must have, "arm/joint".
 
     Attributes:

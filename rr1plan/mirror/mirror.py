@@ -37,8 +37,8 @@ class Mirror:
     """Follows a stream of joint states; use it in a `with` statement, or `close` it.
 
     Args:
-        scene: The scene; joints of which no message tells stay in its configuration.
-        plan: What the arms are to do; None: nothing to compare with.
+        scene: The scene; joints without messages stay in its configuration.
+        plan: The planned motion; None: states are compared with no plan.
         corridor: The certified corridor of the plan (default: computed).
         start: When the plan begins, on the clock of the sender [s] (default: at the first message).
         record: A file (.jsonl) that gets all messages, and that `read_states` reads.
@@ -47,12 +47,12 @@ class Mirror:
     Attributes:
         scene, plan, corridor: The same.
         model, data: MuJoCo's model and data, in the newest state.
-        events: What was noticed so far.
+        events: All events so far.
         state: The newest `MirrorState`; None before the first message.
 
     Raises:
         InputError: a scene without arms, a plan that is in collision or of other joints, a corridor of other joints,
-            a file that cannot be written, or a callback that is none.
+            a file that cannot be written, or a callback that is not callable.
         UnknownNameError: a plan for arms that the scene does not have.
     """
 
@@ -113,7 +113,7 @@ class Mirror:
             quiet: As in `show`.
 
         Raises:
-            InputError: a port that is none.
+            InputError: an invalid port.
             BackendError: no free port.
         """
         self._page = MirrorPage(self.scene, self.plan, self._statistics.joint_names, port)
@@ -129,11 +129,15 @@ class Mirror:
         Raises:
             InputError: a stream of something else, or a duration that is not above zero.
         """
-        if not isinstance(stream, Iterable):
-            raise InputError(f"stream is of type {type(stream).__name__}, expected messages, as of read_states")
+        try:
+            items = iter(stream)
+        except TypeError as error:
+            raise InputError(
+                f"stream is of type {type(stream).__name__}, expected messages, as of read_states"
+            ) from error
         end = math.inf if duration is None else time.monotonic() + positive_number("duration", duration)
         try:
-            for item in stream:
+            for item in items:
                 self.receive(item)
                 if time.monotonic() >= end:
                     break
@@ -148,10 +152,10 @@ class Mirror:
             item: The message; an error of the stream is counted.
 
         Returns:
-            The state of the arms; None if the message is of no use, for a reason that is in `events`.
+            The state of the arms; None if the message cannot be used; `events` gives the reason.
 
         Raises:
-            InputError: something else than a message.
+            InputError: something other than a message.
         """
         if isinstance(item, StreamError):
             self._fault(item)
@@ -179,7 +183,7 @@ class Mirror:
         return state
 
     def report(self) -> MirrorReport:
-        """What came in so far."""
+        """The report on all messages so far."""
         return self._statistics.report()
 
     # ---- inside --------------------------------------------------------------------------

@@ -109,7 +109,7 @@ def only_gripper_joint(robot: Robot) -> str:
     """
     joints = gripper_joints(robot)
     if len(joints) != 1:
-        found = f"{len(joints)} ({', '.join(joints)})" if joints else "none"
+        found = f"{len(joints)} ({', '.join(joints)})" if joints else "no"
         raise InputError(
             f"robot {robot.name!r} has {found} locked joints in its hand, expected one that moves its fingers"
         )

@@ -16,7 +16,7 @@ from rr1plan.sequences.grippers import finger_contacts, with_grippers
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, StraightLine
 from rr1plan.sequences.sequence import Sequence
 from rr1plan.sequences.sequence_plan import SequencePlan
-from rr1plan.sequences.sequence_search import SequenceSearch, Step
+from rr1plan.sequences.sequence_search import PlannedSegment, SequenceSearch
 from rr1plan.sequences.stage_validation import validate_stages
 from rr1plan.sequences.stages import SequenceStage
 from rr1plan.trajectory import Trajectory
@@ -50,7 +50,7 @@ def plan_sequence(
     Raises:
         UnknownNameError: an unknown planner or retiming.
         PlannerError: a planner of your own raised something, or returned a path that is no answer.
-        InputError: no sequence, or a scene that cannot be checked.
+        InputError: something other than a sequence, or a scene that cannot be checked.
         RetimingError: a motion cannot be timed under the limits.
     """
     of_kind("sequence", sequence, Sequence)
@@ -69,7 +69,9 @@ def plan_sequence(
     return replace(plan, stages=stages, _trajectory=trajectory, _report=report)
 
 
-def _on_one_clock(before: Scene, scene: Scene, steps: Rows[Step]) -> tuple[Trajectory, tuple[SequenceStage, ...]]:
+def _on_one_clock(
+    before: Scene, scene: Scene, steps: Rows[PlannedSegment]
+) -> tuple[Trajectory, tuple[SequenceStage, ...]]:
     """One trajectory of all that moves, and the stages of it.
 
     Args:
@@ -113,7 +115,7 @@ def _on_one_clock(before: Scene, scene: Scene, steps: Rows[Step]) -> tuple[Traje
     return Trajectory(names, breaks, rows), tuple(stages)
 
 
-def _allowed(scene: Scene, step: Step) -> frozenset[Pair]:
+def _allowed(scene: Scene, step: PlannedSegment) -> frozenset[Pair]:
     """The pairs that may touch during a planned segment."""
     segment = step.segment
     if not isinstance(segment, FreeMotion | StraightLine | MoveGripper):

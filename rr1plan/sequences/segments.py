@@ -30,7 +30,9 @@ _Pairs = Iterable[tuple[str, str]]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FreeMotion(Value):
-    """Move anywhere free, to a goal; of several goals and configurations the first with which the rest can be planned.
+    """Move to a goal along any free path.
+
+    Of several goals and configurations the first one is taken from which the following segments can be planned.
 
     Args:
         goal: As the goal of a `Problem`: a configuration, a pose, a region, or a list of alternatives; for several arms

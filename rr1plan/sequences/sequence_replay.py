@@ -13,7 +13,7 @@ from rr1plan.checks import Array, Value, check_callback, counted, number_from_ze
 from rr1plan.errors import InputError
 from rr1plan.playback.simulation.recorder import Recorder
 from rr1plan.playback.simulation.replay import Replay, ReplayContact
-from rr1plan.playback.simulation.simulation import Simulation
+from rr1plan.playback.simulation.simulation import Simulation, step_count
 from rr1plan.playback.simulation.trajectory_controller import JointTrajectoryController
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot.link_masses import DENSITY, solid_inertial
@@ -30,20 +30,19 @@ _TRACKED = 0.01
 _WITH_TORSION = 4
 # Iterations of the solver that keeps what friction holds from creeping, as MuJoCo's soft contacts do by themselves.
 _NO_SLIP = 5
-_MOST_STEPS = 5_000_000
 # Steps between two reports of progress.
 _REPORT_EVERY = 50
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CarriedObject(Value):
-    """What became of an object in a replay.
+    """The motion of a carried object in a replay.
 
     Args:
         name: The object.
         poses: T_world_object at the times of the record, shape (n, 4, 4).
         offsets: Its distance from where the plan has it at those times [m], shape (n,).
-        angle: By how much it is turned in the end, against the plan [rad].
+        angle: Angle of rotation between its final orientation and the planned one [rad].
     """
 
     name: str
@@ -69,9 +68,9 @@ class SequenceReplay(Value):
     Args:
         replay: Motions of joints and loose bodies. Objects keep fingers from their set-points, so tracking errors of
             gripper joints are not counted as failures.
-        objects: What became of the objects that are attached or detached.
+        objects: Motions of the objects that are attached or detached, by name.
         max_error: Largest tracking error of any joint of an arm [rad or m].
-        remarks: What had to be assumed.
+        remarks: Assumptions of the replay, such as masses.
     """
 
     replay: Replay
@@ -167,12 +166,10 @@ def simulate_sequence(
     dt, record_dt = positive_number("dt", dt), positive_number("record_dt", record_dt)
     hold = number_from_zero("hold", hold)
     trajectory = plan.trajectory
-    if trajectory.duration + hold > _MOST_STEPS * dt:
-        raise InputError(f"{trajectory.duration + hold:g} s in steps of {dt:g} s are too many; take longer steps")
+    steps = step_count(trajectory.duration + hold, dt)
     scene, names, remarks = _physical(plan)
     sim = Simulation(scene, dt, stiffness=stiffness)
     _hold_by_friction(sim, names)
-    steps = max(1, int(np.ceil((trajectory.duration + hold) / dt - 1e-9)))
     report = fraction_callback("simulate", progress)
 
     def show_progress(sim: Simulation) -> None:
@@ -237,7 +234,7 @@ def _is_arm_joint(plan: SequencePlan, name: str) -> bool:
 
 
 def _carried(plan: SequencePlan, name: str, times: Array, coordinates: Array) -> CarriedObject:
-    """What became of an object, from its positions and quaternions (n, 7)."""
+    """The motion of an object, from its positions and quaternions (n, 7)."""
     poses = np.tile(np.eye(4), (len(times), 1, 1))
     poses[:, :3, 3] = coordinates[:, :3]
     poses[:, :3, :3] = [rotation_from_quaternion(row) for row in coordinates[:, 3:]]

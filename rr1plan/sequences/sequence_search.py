@@ -47,7 +47,7 @@ _FIRST_EFFORT, _MORE_EFFORT = 3000, 5
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class PlannedSegment:
     """A planned segment.
 
     Args:
@@ -86,7 +86,7 @@ class _Failures:
 
 
 @dataclass(frozen=True, eq=False)
-class SearchResult:
+class SequenceSearchResult:
     """Outcome of the search.
 
     Args:
@@ -97,7 +97,7 @@ class SearchResult:
     """
 
     status: PlanStatus
-    steps: tuple[Step, ...] = ()
+    steps: tuple[PlannedSegment, ...] = ()
     reason: str = ""
     failed: int | None = None
 
@@ -140,13 +140,13 @@ class SequenceSearch:
         self._earlier: dict[int, _Failures] = {}
         self._effort = _FIRST_EFFORT
 
-    def run(self) -> SearchResult:
+    def run(self) -> SequenceSearchResult:
         """Search until there is a motion for each segment, no candidate is left, or the budget ends."""
         try:
             while True:
                 steps = self._extend(0, self._sequence.scene, None)
                 if steps is not None:
-                    return SearchResult(PlanStatus.FOUND, steps)
+                    return SequenceSearchResult(PlanStatus.FOUND, steps)
                 if not any(found.status is PlanStatus.TIMEOUT for found in self._failures.values()):
                     return self._failed(None)
                 self._earlier, self._failures = self._failures, {}
@@ -154,11 +154,11 @@ class SequenceSearch:
         except _Stopped as stopped:
             return self._failed(stopped)
 
-    def _failed(self, stopped: _Stopped | None) -> SearchResult:
+    def _failed(self, stopped: _Stopped | None) -> SequenceSearchResult:
         """The outcome without a motion: the last segment that any candidate got to is named."""
         failures = self._earlier | self._failures
         if stopped is not None and (stopped.status is PlanStatus.CANCELLED or not failures):
-            return SearchResult(stopped.status, reason=stopped.reason)
+            return SequenceSearchResult(stopped.status, reason=stopped.reason)
         last = max(failures)
         found, label = failures[last], self._sequence.segments[last].label
         reason = f"segment {last + 1} ({label}) not found: {found.first}"
@@ -173,11 +173,11 @@ class SequenceSearch:
         if stopped is not None:
             reason += f"; {stopped.reason}"
         status = found.status if stopped is None else stopped.status
-        return SearchResult(status, reason=reason, failed=last)
+        return SequenceSearchResult(status, reason=reason, failed=last)
 
     # ---- depth-first search ------------------------------------------------------------------
 
-    def _extend(self, k: int, scene: Scene, pending: _FreeLeg | None) -> tuple[Step, ...] | None:
+    def _extend(self, k: int, scene: Scene, pending: _FreeLeg | None) -> tuple[PlannedSegment, ...] | None:
         """Steps of the segments from k on, and before them that of the pending free motion; None if there are none."""
         segments = self._sequence.segments
         if pending is not None and (k == len(segments) or isinstance(segments[k], FreeMotion)):
@@ -195,7 +195,7 @@ class SequenceSearch:
                 return (step, *rest)
         return None
 
-    def _extend_free(self, k: int, segment: FreeMotion, scene: Scene) -> tuple[Step, ...] | None:
+    def _extend_free(self, k: int, segment: FreeMotion, scene: Scene) -> tuple[PlannedSegment, ...] | None:
         self._go_on(k)
         goals = {arm: goals_of_links(scene, arm, own) for arm, own in goals_by_arm(segment, scene).items()}
         problem = Problem(_allowing(scene, segment), None, goals)
@@ -204,7 +204,7 @@ class SequenceSearch:
             rest = self._extend(k + 1, _placed(scene, problem.arms, q), leg)
             if rest is not None:
                 assert leg.motion is not None, "the leg is planned before what follows the next choice"
-                return (Step(segment, leg.motion.trajectory, leg.motion.trajectory.duration), *rest)
+                return (PlannedSegment(segment, leg.motion.trajectory, leg.motion.trajectory.duration), *rest)
         return None
 
     def _candidates(self, k: int, problem: Problem) -> list[Array]:
@@ -232,7 +232,7 @@ class SequenceSearch:
 
     def _options(
         self, k: int, segment: StraightLine | MoveGripper | Attach | Detach | Pause, scene: Scene
-    ) -> Iterator[tuple[Step, Scene]]:
+    ) -> Iterator[tuple[PlannedSegment, Scene]]:
         """The ways in which a segment can be done, each with the scene after it."""
         self._go_on(k)
         if isinstance(segment, StraightLine):
@@ -242,17 +242,20 @@ class SequenceSearch:
                 motion = self._plan(k, problem, CartesianPlanner())
                 if motion.valid:
                     q = motion.trajectory(motion.trajectory.end_time)
-                    yield Step(segment, motion.trajectory, motion.trajectory.duration), _placed(scene, (arm,), q)
+                    yield (
+                        PlannedSegment(segment, motion.trajectory, motion.trajectory.duration),
+                        _placed(scene, (arm,), q),
+                    )
         elif isinstance(segment, MoveGripper):
             moved = self._move_gripper(k, segment, scene)
             if moved is not None:
                 yield moved
         elif isinstance(segment, Pause):
-            yield Step(segment, seconds=segment.seconds), scene
+            yield PlannedSegment(segment, seconds=segment.seconds), scene
         else:
             try:
                 change = resolved_change(segment, scene)
-                yield Step(change), changed_scene(scene, change)
+                yield PlannedSegment(change), changed_scene(scene, change)
             except InputError as error:
                 self._fail(k, PlanStatus.INFEASIBLE, str(error))
 
@@ -264,7 +267,7 @@ class SequenceSearch:
         T[:3, 3] += T[:3, :3] @ segment.offset if segment.axes == "tool" else segment.offset
         return [PoseGoal(tool, T)]
 
-    def _move_gripper(self, k: int, segment: MoveGripper, scene: Scene) -> tuple[Step, Scene] | None:
+    def _move_gripper(self, k: int, segment: MoveGripper, scene: Scene) -> tuple[PlannedSegment, Scene] | None:
         """The motion of a gripper, while its arm stands still."""
         name = scene.only_arm(segment.arm)
         arm = scene.arms[name]
@@ -284,7 +287,7 @@ class SequenceSearch:
         after = replace(scene, arms={**scene.arms, name: replace(arm, robot=moved)})
         columns = own.joint_names([name])
         if (start == end).all():
-            return Step(segment), after
+            return PlannedSegment(segment), after
         checker = CollisionChecker(own, [name])
         if not checker.edge_is_free(start, end):
             contact = checker.first_contact(start, end)
@@ -294,7 +297,7 @@ class SequenceSearch:
         trajectory = retime(Path(columns, [start, end]), own, method=self._retiming, checker=checker)
         if trajectory.duration < segment.seconds:
             trajectory = trajectory.stretched(segment.seconds / trajectory.duration)
-        return Step(segment, trajectory, trajectory.duration), after
+        return PlannedSegment(segment, trajectory, trajectory.duration), after
 
     # ---- budget, failures --------------------------------------------------------------------
 

@@ -19,7 +19,7 @@ from rr1plan.testing.closed_meshes import is_inside
 from rr1plan.testing.scene_bodies import SceneBodies, SceneBody, is_surface
 from rr1plan.trajectory import Trajectory
 
-Pair = tuple[str, str]
+ElementPair = tuple[str, str]
 
 
 # ---- python-fcl ----------------------------------------------------------------------------------
@@ -180,14 +180,14 @@ class MujocoChecker:
         self._targets = JointTargets(motion, scene)
         self._checked = {frozenset(pair): pair for pair in scene.checked_pairs}
 
-    def contacts(self, time: float) -> dict[Pair, float]:
+    def contacts(self, time: float) -> dict[ElementPair, float]:
         """The elements that must not touch and do at a time of the motion, in the scene's order, and how deep [m]."""
         data, model = self._data, self._world.model
         q = self._targets(np.array([time]))[0]
         data.qpos[: len(q)] = q  # loose bodies stay where they stand
         self._mujoco.mj_kinematics(model, data)
         self._mujoco.mj_collision(model, data)
-        found: dict[Pair, float] = {}
+        found: dict[ElementPair, float] = {}
         for (first, second), distance in zip(data.contact.geom, data.contact.dist, strict=True):
             elements = self._world.geom_elements[first], self._world.geom_elements[second]
             pair = self._checked.get(frozenset(elements))
@@ -267,7 +267,7 @@ class ElementChecker:
         if "Coal" in self._names:
             self._libraries["Coal"] = self._coal
 
-    def contacts(self, q: Array, pairs: NDArray[np.int64] | None = None) -> list[dict[Pair, set[str]]]:
+    def contacts(self, q: Array, pairs: NDArray[np.int64] | None = None) -> list[dict[ElementPair, set[str]]]:
         """The pairs of elements that touch at each of some configurations, and the checkers that find so.
 
         Args:
@@ -276,7 +276,7 @@ class ElementChecker:
         """
         pairs = self.bodies.pairs if pairs is None else pairs
         frames = self.bodies.frames(q)
-        found: list[dict[Pair, set[str]]] = [{} for _ in q]
+        found: list[dict[ElementPair, set[str]]] = [{} for _ in q]
         for n, k in zip(*self.bodies.nearby_pairs(frames, pairs), strict=True):
             a, b = pairs[k].tolist()
             self.queries += 1
@@ -286,7 +286,7 @@ class ElementChecker:
                 found[n].setdefault(elements, set()).update(names)
         return found
 
-    def distance(self, q: Array, pair: Pair) -> float:
+    def distance(self, q: Array, pair: ElementPair) -> float:
         """Signed distance of two elements at a configuration (nq,) by Coal [m]."""
         frames = self.bodies.frames(q[None])[0]
         bodies = self.bodies.bodies

@@ -22,7 +22,7 @@ from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, 
 from rr1plan.shapes.convex_hulls import is_own_hull
 from rr1plan.transforms import pose
 
-Curve = Callable[[Array], Array]  # times (n,) to configurations (n, nq)
+MotionFunction = Callable[[Array], Array]  # times (n,) to configurations (n, nq)
 # Bodies at samples that are placed at once.
 _MOST_PLACED = 100_000
 # More samples than this take days.
@@ -116,7 +116,7 @@ class SceneBodies:
         meet[bounded] = boxes_meet(turns[at, a], self._half[a], turns[at, b], self._half[b], offset[at, pair[bounded]])
         return sample[meet], pair[meet]
 
-    def reachable_pairs(self, curve: Curve, times: Array) -> NDArray[np.int64]:
+    def reachable_pairs(self, curve: MotionFunction, times: Array) -> NDArray[np.int64]:
         """The rows of `pairs` whose bodies have intersecting bounds over all the times, shape (k, 2)."""
         lower, upper = np.full((len(self.bodies), 3), np.inf), np.full((len(self.bodies), 3), -np.inf)
         for part in self.parts(times):
@@ -132,7 +132,7 @@ class SceneBodies:
         most = max(1, _MOST_PLACED // max(1, len(self.bodies)))
         return np.array_split(times, max(1, -(-len(times) // most)))
 
-    def sample_times(self, curve: Curve, breaks: Array, step: float) -> Array:
+    def sample_times(self, curve: MotionFunction, breaks: Array, step: float) -> Array:
         """Times so close together that no point of a moving body travels farther than `step` [m] between two.
 
         Args:
@@ -169,7 +169,7 @@ class SceneBodies:
         height = np.einsum("ni,ni->n", normal, centers[:, other] - T[:, :3, 3]) - shape.offset
         return np.asarray(height > self._radius[other])
 
-    def _travel(self, curve: Curve, times: Array) -> Array:
+    def _travel(self, curve: MotionFunction, times: Array) -> Array:
         """How far the fastest corner of any box moves from each time to the next [m], shape (n - 1,)."""
         if not self._moving:
             return np.zeros(max(0, len(times) - 1))

@@ -14,7 +14,7 @@ from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.scene import Scene
-from rr1plan.testing.collision_checkers import ElementChecker, MujocoChecker, Pair
+from rr1plan.testing.collision_checkers import ElementChecker, ElementPair, MujocoChecker
 from rr1plan.trajectory import Trajectory
 
 CheckerName = Literal["FCL", "Coal", "MuJoCo"]
@@ -35,7 +35,7 @@ class SampledContact:
     """
 
     checker: str
-    pair: Pair
+    pair: ElementPair
     first: float
     last: float
     samples: int
@@ -54,7 +54,7 @@ class Disagreement:
         samples: Number of samples at which they disagree in this way.
     """
 
-    pair: Pair
+    pair: ElementPair
     time: float
     touching: tuple[str, ...]
     free: tuple[str, ...]
@@ -114,7 +114,7 @@ class SecondOpinion:
         verdict = "free of contacts" if self.free else counted(len(self.contacts), "contact")
         agree = "they agree" if self.agree else counted(len(self.disagreements), "disagreement")
         lines = [f"{', '.join(self.checkers)} at {counted(self.samples, 'sample')}: {verdict}, {agree}"]
-        says: dict[tuple[Pair, float, float], list[str]] = {}
+        says: dict[tuple[ElementPair, float, float], list[str]] = {}
         for c in self.contacts:
             says.setdefault((c.pair, c.first, c.last), []).append(c.checker)
         lines += [
@@ -213,8 +213,8 @@ class _Comparison:
         self._motion, self._names, self._tolerance = motion, names, tolerance
         self._libraries = ElementChecker(scene, motion.joint_names, names)
         self._mujoco = MujocoChecker(scene, motion) if "MuJoCo" in names else None
-        self._contacts: dict[tuple[str, Pair], _Seen] = {}
-        self._differences: dict[tuple[Pair, tuple[str, ...]], _Seen] = {}
+        self._contacts: dict[tuple[str, ElementPair], _Seen] = {}
+        self._differences: dict[tuple[ElementPair, tuple[str, ...]], _Seen] = {}
         self._grazing = 0
         self.bodies = self._libraries.bodies
 
@@ -231,7 +231,7 @@ class _Comparison:
                 if len(names) < len(self._names):
                     self._disagree(float(times[n]), pair, names, deepest.get(pair, 0.0))
 
-    def _disagree(self, time: float, pair: Pair, names: set[str], depth: float) -> None:
+    def _disagree(self, time: float, pair: ElementPair, names: set[str], depth: float) -> None:
         """Note a pair of elements that only some checkers find in contact."""
         by_coal = self._libraries.distance(self._motion(time), pair)
         distance = -depth if depth > abs(by_coal) else by_coal

@@ -92,12 +92,11 @@ def test_what_would_collide_is_not_sent(motion: str, arm: str, capsys: pytest.Ca
     assert "ball" in said
 
 
-def test_a_sequence_is_refused(
-    motion: str, arm: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(send_command, "saved_motion", lambda *_: object())
-    assert run(["send", motion, "--calibration", arm]) == BAD_INPUT
-    assert "holds a sequence, whose scene changes on the way" in capsys.readouterr().err
+def test_a_sequence_is_refused(arm: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = rp.load_scene("rr1_table")
+    file = rp.plan_sequence(rp.Sequence(scene, [rp.Pause(0.1)])).save(tmp_path / "pause.json")
+    assert run(["send", str(file), "--calibration", arm]) == BAD_INPUT
+    assert "holds a sequence, whose scene changes on the way; only single" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

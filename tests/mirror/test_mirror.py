@@ -76,7 +76,7 @@ def test_leaving_the_corridor_is_an_alarm_and_coming_back_is_told(scene: rp.Scen
 def test_contacts_are_those_of_mujoco(scene: rp.Scene) -> None:
     with rp.Mirror(scene) as mirror:
         checker, rng = rp.CollisionChecker(scene), np.random.default_rng(1)
-        limits = checker.limits
+        limits, touching = checker.limits, 0
         for k in range(60):
             q = rng.uniform(limits.lower, limits.upper)
             state = mirror.receive(rp.StateMessage(float(k), ARM, q))
@@ -84,6 +84,8 @@ def test_contacts_are_those_of_mujoco(scene: rp.Scene) -> None:
             deep = {tuple(sorted((c.a, c.b))) for c in checker.contacts(q) if c.depth > 1e-4}
             assert deep <= {tuple(sorted(pair)) for pair in state.contacts}
             assert not state.contacts or not checker.is_free(q)
+            touching += bool(deep)
+        assert 5 < touching < 60
         assert state.deviation is None
         assert state.corridor is None
 

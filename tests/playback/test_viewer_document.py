@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import re
 from pathlib import Path as FilePath
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from packed_arrays import unpacked
 
 import rr1plan as rp
 from rr1plan import Panel, pack_array, save_html
@@ -20,11 +20,6 @@ from rr1plan.playback.viewer.page_document import affine_value
 from rr1plan.report import Margin
 
 NASTY = "</script><script>alert(1)</script> \" ' <!-- \u2028 & <img src=x onerror=alert(2)>"
-
-
-def unpacked(packed: dict) -> np.ndarray:
-    raw = base64.b64decode(packed["data"])
-    return np.frombuffer(raw, dtype="<" + packed["dtype"]).reshape(packed["shape"])
 
 
 def quintic(scene: rp.Scene, duration: float = 2.0) -> rp.Trajectory:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import rr1plan as rp
-from rr1plan.cli import OK, run
+from rr1plan.cli import BAD_INPUT, OK, run
 
 
 @pytest.fixture(scope="module")
@@ -45,3 +45,10 @@ def test_a_sequence_is_shown(saved: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     assert run(["view", str(saved), "--html", str(page)]) == OK
     assert "panel-stages" in page.read_text()
+
+
+def test_a_sequence_is_not_mirrored(saved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its corridor would be that of the first scene, with the block where it was before the arm took it."""
+    (tmp_path / "none.jsonl").touch()
+    assert run(["mirror", str(tmp_path / "none.jsonl"), "--plan", str(saved), "--no-page"]) == BAD_INPUT
+    assert "holds a sequence, whose scene changes on the way; only single" in capsys.readouterr().err

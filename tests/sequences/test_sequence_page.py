@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 from pathlib import Path
 
 import numpy as np
 import pytest
+from packed_arrays import unpacked
 
 import rr1plan as rp
 from rr1plan.sequences.sequence_page import _page_parts
-
-
-def unpacked(packed: dict) -> np.ndarray:
-    values = np.frombuffer(base64.b64decode(packed["data"]), dtype="<" + packed["dtype"])
-    return values.reshape(packed["shape"])
 
 
 def test_the_page_moves_the_block_with_the_hand(moved: rp.SequencePlan) -> None:

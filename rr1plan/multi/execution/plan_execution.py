@@ -13,7 +13,7 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import NamedTuple
 
-from rr1plan.checks import Value, finite_number, items_of, known_name, of_kind, shown
+from rr1plan.checks import Value, items_of, known_name, number_from_zero, of_kind, shown
 from rr1plan.errors import InputError
 from rr1plan.multi.execution.route_motion import RouteMotion, slower
 from rr1plan.multi.execution.temporal_plan_graph import PlanGraph
@@ -41,21 +41,15 @@ class ArmDelay(Value):
 
     def __post_init__(self) -> None:
         for name in ("start", "slowdown"):
-            object.__setattr__(self, name, _not_negative(name, getattr(self, name)))
+            object.__setattr__(self, name, number_from_zero(name, getattr(self, name)))
         pairs = []
         for pair in items_of("pauses", self.pauses, "pairs of a time and a duration"):
             both = items_of("a pause", pair, "a time and a duration")
             if len(both) != 2:
                 raise InputError(f"a pause has {len(both)} numbers, expected a time and a duration")
-            pairs.append((_not_negative("time of a pause", both[0]), _not_negative("duration of a pause", both[1])))
+            begin = number_from_zero("time of a pause", both[0])
+            pairs.append((begin, number_from_zero("duration of a pause", both[1])))
         object.__setattr__(self, "pauses", tuple(sorted(pairs)))
-
-
-def _not_negative(name: str, value: object) -> float:
-    number = finite_number(name, value)
-    if number < 0.0:
-        raise InputError(f"{name} is {number}, expected a time or a share >= 0")
-    return number
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +94,7 @@ def execute_plan(
     """
     of_kind("graph", graph, PlanGraph)
     of_kind("scene", scene, Scene)
-    gap = _not_negative("gap", gap)
+    gap = number_from_zero("gap", gap)
     given: dict[str, ArmDelay] = {}
     if delays is not None and not isinstance(delays, Mapping):
         raise InputError(f"delays is {shown(delays)}, expected a mapping from arm to ArmDelay")

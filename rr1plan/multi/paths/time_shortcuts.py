@@ -84,7 +84,7 @@ class _TimedPolyline:
 
     Attributes:
         points: Waypoints.
-        times: When it is at each.
+        times: Time at each [s].
     """
 
     def __init__(self, points: Array, limits: Limits) -> None:

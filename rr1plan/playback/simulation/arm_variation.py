@@ -1,4 +1,4 @@
-"""Arms that differ from their description: payload, masses, friction that the servos do not know of."""
+"""Arms that differ from their description by payload, masses and friction, which the servos do not model."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def varied_model(model: Any, scene: Scene, effort_limits: Array, variation: ArmV
             _add_payload(varied, varied.body(f"{name}/{arm.robot.tool}").id, variation.payload)
     limited = np.isfinite(effort_limits)
     varied.dof_frictionloss[: len(effort_limits)] += np.where(limited, variation.friction * effort_limits, 0.0)
-    # What MuJoCo derives from the masses.
+    # Update the constants that MuJoCo derives from the masses.
     mujoco.mj_setConst(varied, mujoco.MjData(varied))
     return varied
 

@@ -1,4 +1,4 @@
-"""Records of simulations: what joints and loose bodies did, for pages and for measurements."""
+"""Records of simulations: motions of joints and loose bodies, for pages and for measurements."""
 
 from __future__ import annotations
 

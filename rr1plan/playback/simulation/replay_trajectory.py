@@ -23,14 +23,12 @@ from rr1plan.playback.simulation.joint_map import JointTargets
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
 from rr1plan.playback.simulation.recorder import BodyLog
 from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayContact, ReplayRecord
-from rr1plan.playback.simulation.simulation import Simulation
+from rr1plan.playback.simulation.simulation import Simulation, step_count
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
-# More steps than this take hours and more memory than there is.
-_MOST_STEPS = 5_000_000
 # A joint that moves more than this in one step is not tracked well [rad or m].
 _LONG_STRIDE = 0.05
 # Time between two reports of progress [s].
@@ -86,9 +84,7 @@ def simulate(
     if variation is not None and mode == "kinematic":
         raise InputError("variation has no effect on a kinematic replay, take the mode 'dynamic'")
     targets = JointTargets(trajectory, scene)
-    if trajectory.duration + hold > _MOST_STEPS * dt:
-        raise InputError(f"{trajectory.duration + hold:g} s in steps of {dt:g} s are too many; take longer steps")
-    steps = max(1, int(np.ceil((trajectory.duration + hold) / dt - 1e-9)))
+    steps = step_count(trajectory.duration + hold, dt)
     times = trajectory.start_time + dt * np.arange(steps + 1, dtype=np.float64)
     desired = targets(times)
     stride = max(1, round(min(record_dt / dt, len(times))))

@@ -55,12 +55,27 @@ _MOST_STIFFNESS = 1e6  # [rad/s]
 _LONGEST_STEP = 1.0  # [s]
 # Fewer loose bodies are slower on several threads.
 _A_HEAP = 50
-# Steps of one call.
+# Steps of one call; more take hours, and a replay of them more memory than there is.
 _MOST_STEPS = 5_000_000
 # Real time is waited for when the simulation is ahead of it by more than this [s].
 _AHEAD = 0.002
 
 StepCallback = Callable[["Simulation"], bool | None]
+
+
+def step_count(seconds: float, dt: float) -> int:
+    """Number of steps of a replay, at least one.
+
+    Args:
+        seconds: How long it lasts at least [s].
+        dt: Time of a step [s].
+
+    Raises:
+        InputError: too many steps.
+    """
+    if seconds > _MOST_STEPS * dt:
+        raise InputError(f"{seconds:g} s in steps of {dt:g} s are too many; take longer steps")
+    return max(1, math.ceil(seconds / dt - 1e-9))
 
 
 class Tile:
