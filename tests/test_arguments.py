@@ -192,7 +192,7 @@ def asserted(check: Callable[..., Any], **options: Any) -> None:
 def cancelled(**options: Any) -> None:
     """Arguments are checked, but nothing is measured."""
     with contextlib.suppress(rp.CancelledError):
-        rp.run_experiments(**options, progress=lambda _: False)
+        rp.run_experiments(**options)
 
 
 def calls(folder: Path) -> dict[str, Call]:
@@ -610,7 +610,8 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "run_experiments": (
             cancelled,
-            {"experiments": ["latency"], "out": folder, "quick": True, "seed": 0, "arms": None},
+            {"experiments": ["latency"], "out": folder, "quick": True, "seed": 0, "arms": None}
+            | {"progress": lambda _: False},
         ),
         "stack_bodies": (
             rp.stack_bodies,
