@@ -1,4 +1,4 @@
-"""Planned sequences in files: scene, trajectory and stages, judged again when they are read."""
+"""Planned sequences from files: their stages are judged again when they are read."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rr1plan.checks import check_callback, file_path, of_kind
 from rr1plan.errors import FormatError, InputError
 from rr1plan.export.motion_files import fit_trajectory
 from rr1plan.export.motion_schema import SequenceStage as StageEntry
-from rr1plan.export.plan_files import read_plan_file, save_sequence_document
+from rr1plan.export.plan_files import read_plan_file
 from rr1plan.progress import ProgressCallback
 from rr1plan.scene import Scene, pair, scene_differences
 from rr1plan.sequences.grippers import with_grippers
@@ -21,15 +21,6 @@ from rr1plan.sequences.stages import SequenceStage, check_stages
 
 # The kind of a file stands in its first bytes.
 _HEAD = 200
-
-
-def save_sequence(file: str | pathlib.Path, plan: SequencePlan, *, embed: bool = False) -> pathlib.Path:
-    """Write a planned sequence to a JSON file and return the file's path; see `SequencePlan.save`."""
-    entries = {
-        "stages": [_entry(stage) for stage in plan.stages],
-        "gripper_joints": {arm: list(joints) for arm, joints in plan.gripper_joints.items()},
-    }
-    return save_sequence_document(file, plan.scene, plan.trajectory, entries, report=plan.report, embed=embed)
 
 
 def holds_sequence(file: str | pathlib.Path) -> bool:
@@ -93,23 +84,6 @@ def _with_planned_grippers(scene: Scene, grippers: Mapping[str, tuple[str, ...]]
         for arm, joints in grippers.items()
     }
     return with_grippers(scene, locked)
-
-
-def _entry(stage: SequenceStage) -> dict[str, object]:
-    """A stage as JSON data, by the schema."""
-    change, attach = stage.change, None
-    if isinstance(change, Attach):
-        attach = {name: getattr(change, name) for name in ("obstacle", "arm", "link")} | {
-            "touch": list(change.touch or ())
-        }
-    return {
-        "label": stage.label,
-        "begin": stage.begin,
-        "end": stage.end,
-        "allowed": sorted(sorted(names) for names in stage.allowed),
-        "attach": attach,
-        "detach": change.name if isinstance(change, Detach) else None,
-    }
 
 
 def _stage(entry: StageEntry) -> SequenceStage:

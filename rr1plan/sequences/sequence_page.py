@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,20 +15,18 @@ from rr1plan.playback.viewer.live_viewer import Viewer
 from rr1plan.playback.viewer.page_document import Document, with_moving_objects
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options, with_panel
 from rr1plan.sequences.sequence_replay import SequenceReplay
+from rr1plan.sequences.stages import StagedMotion, carried_names
 from rr1plan.transforms import quaternion_from_rotation
-
-if TYPE_CHECKING:
-    from rr1plan.sequences.sequence_plan import SequencePlan
 
 # Time between two poses of an object that a page interpolates [s].
 _FRAME = 1.0 / 60.0
 
 
 def save_sequence_html(
-    file: str | FilePath, plan: SequencePlan, replay: SequenceReplay | None, options: ViewOptions | None
+    file: str | FilePath, motion: StagedMotion, replay: SequenceReplay | None, options: ViewOptions | None
 ) -> FilePath:
     """Write one self-contained page of a sequence; see `SequencePlan.save_html`."""
-    document, options = _page_parts(plan, replay, options)
+    document, options = page_parts(motion, replay, options)
     return write_text(file, page_html(document, options))
 
 
@@ -37,41 +34,41 @@ class SequenceViewer(Viewer):
     """A live page of a sequence. `SequencePlan.show` makes one; see `Viewer` for its methods.
 
     Args:
-        plan: The sequence.
+        motion: The motion and its stages.
         replay: What a simulation made of it, or None.
         options: As in `rr1plan.show`.
         port: First port to try, or None.
     """
 
     def __init__(
-        self, plan: SequencePlan, replay: SequenceReplay | None, options: ViewOptions | None, port: int | None
+        self, motion: StagedMotion, replay: SequenceReplay | None, options: ViewOptions | None, port: int | None
     ) -> None:
-        document, options = _page_parts(plan, replay, options)
-        self._open(plan.scene, document, options, port)
+        document, options = page_parts(motion, replay, options)
+        self._open(motion.scene, document, options, port)
 
 
-def _page_parts(
-    plan: SequencePlan, replay: SequenceReplay | None, options: ViewOptions | None
+def page_parts(
+    motion: StagedMotion, replay: SequenceReplay | None, options: ViewOptions | None
 ) -> tuple[Document, ViewOptions]:
     """The document of a page and its options, with the panel of the stages."""
     options = checked_options(options)
     of_kind("replay", replay, SequenceReplay, optional=True)
-    scene, names, trajectory = plan.scene, plan.carried_names, plan.trajectory
+    scene, names, trajectory = motion.scene, carried_names(motion.stages), motion.trajectory
     for name in names:
         if name in scene.attachments:
             scene = scene.detach(name)
     document = view_document(
         scene,
         trajectory=trajectory,
-        report=plan.report,
+        report=motion.report,
         replay=None if replay is None else replay.replay,
         options=options,
     )
     if replay is None and names:
         times = trajectory.sample_times(_FRAME)
-        poses = {name: np.array([_coordinates(T) for T in plan.object_poses(name, times)]) for name in names}
+        poses = {name: np.array([_coordinates(T) for T in motion.object_poses(name, times)]) for name in names}
         document = with_moving_objects(document, times, poses)
-    return document, with_panel(options, _stage_panel(plan))
+    return document, with_panel(options, _stage_panel(motion))
 
 
 def _coordinates(T: Array) -> Array:
@@ -79,10 +76,10 @@ def _coordinates(T: Array) -> Array:
     return np.concatenate([T[:3, 3], quaternion_from_rotation(T[:3, :3])])
 
 
-def _stage_panel(plan: SequencePlan) -> Panel:
+def _stage_panel(motion: StagedMotion) -> Panel:
     """A list of the stages; a click goes to the beginning of one."""
     page = files("rr1plan.sequences") / "page"
-    data = [{"label": s.label, "begin": s.begin, "end": s.end} for s in plan.stages]
+    data = [{"label": s.label, "begin": s.begin, "end": s.end} for s in motion.stages]
     return Panel(
         "stages",
         "Sequence",

@@ -8,17 +8,16 @@ from pathlib import Path as FilePath
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, counted, finite_array, known_name, true_or_false
 from rr1plan.errors import NoPlanError
+from rr1plan.export.plan_files import save_sequence_document
 from rr1plan.planning import PlanStatus
 from rr1plan.report import Report
 from rr1plan.scene import Scene
-from rr1plan.sequences.segments import Attach
 from rr1plan.sequences.sequence import Sequence
-from rr1plan.sequences.stages import SequenceStage, check_stages, stage_scenes
+from rr1plan.sequences.stages import SequenceStage, StagedMotion, carried_names, check_stages, stage_scenes
 from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -88,6 +87,10 @@ class SequencePlan:
         return self._report
 
     @property
+    def _motion(self) -> StagedMotion:
+        return StagedMotion(self.scene, self.trajectory, self.stages, self.report)
+
+    @property
     def events(self) -> tuple[SequenceStage, ...]:
         """The stages in which something is attached or detached."""
         return tuple(stage for stage in self.stages if stage.change is not None)
@@ -103,8 +106,7 @@ class SequencePlan:
     @property
     def carried_names(self) -> tuple[str, ...]:
         """The objects that are attached or detached, in the order in which that happens first."""
-        changes = (stage.change for stage in self.events)
-        return tuple(dict.fromkeys(c.obstacle if isinstance(c, Attach) else c.name for c in changes if c is not None))
+        return carried_names(self.stages)
 
     def object_poses(self, name: str, times: ArrayLike) -> Array:
         """Where an object is while it is held, and where it was put down.
@@ -122,20 +124,7 @@ class SequencePlan:
         """
         known_name("object", name, (*self.scene.obstacles, *self.scene.attachments))
         instants = finite_array("times", times, (None,))
-        scenes = self.scenes()
-        begins = np.array([stage.begin for stage in self.stages])
-        numbers = np.clip(np.searchsorted(begins, instants, side="right") - 1, 0, len(scenes) - 1)
-        poses = np.empty((len(instants), 4, 4))
-        columns = {arm: [n.split("/", 1)[0] == arm for n in self.trajectory.joint_names] for arm in self.scene.arms}
-        for row, (k, q) in enumerate(zip(numbers.tolist(), self.trajectory(instants), strict=True)):
-            held = scenes[k].attachments.get(name)
-            if held is None:
-                poses[row] = scenes[k].obstacles[name].pose
-            else:
-                arm = scenes[k].arms[held.arm]
-                own = q[columns[held.arm]] if any(columns[held.arm]) else arm.q
-                poses[row] = arm.base @ arm.robot.link_poses(own)[held.link] @ held.pose
-        return poses
+        return self._motion.object_poses(name, instants)
 
     def __repr__(self) -> str:
         if self._report is None:
@@ -183,7 +172,7 @@ class SequencePlan:
         from rr1plan.sequences.sequence_page import SequenceViewer
 
         open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
-        return open_viewer(SequenceViewer(self, replay, options, port), open_browser, quiet)
+        return open_viewer(SequenceViewer(self._motion, replay, options, port), open_browser, quiet)
 
     def save_html(
         self, file: str | FilePath, *, replay: SequenceReplay | None = None, options: ViewOptions | None = None
@@ -195,7 +184,7 @@ class SequencePlan:
         """
         from rr1plan.sequences.sequence_page import save_sequence_html
 
-        return save_sequence_html(file, self, replay, options)
+        return save_sequence_html(file, self._motion, replay, options)
 
     def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:
         """Write scene, trajectory, stages and report to one JSON file; read it with `rr1plan.load_sequence`.
@@ -207,6 +196,8 @@ class SequencePlan:
         Raises:
             NoPlanError: there is no motion.
         """
-        from rr1plan.sequences.sequence_files import save_sequence
-
-        return save_sequence(file, self, embed=embed)
+        entries = {
+            "stages": [stage.to_dict() for stage in self.stages],
+            "gripper_joints": {arm: list(joints) for arm, joints in self.gripper_joints.items()},
+        }
+        return save_sequence_document(file, self.scene, self.trajectory, entries, report=self.report, embed=embed)

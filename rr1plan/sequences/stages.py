@@ -9,6 +9,7 @@ import numpy as np
 
 from rr1plan.checks import Array, Value, check_text, finite_number
 from rr1plan.errors import InputError
+from rr1plan.report import Report
 from rr1plan.scene import Arm, Pair, Scene
 from rr1plan.sequences.grippers import gripper_links
 from rr1plan.sequences.segments import Attach, Detach
@@ -45,6 +46,55 @@ class SequenceStage(Value):
         if self.change is not None and self.end > self.begin:
             raise InputError(f"stage {self.label!r} takes {self.end - self.begin:g} s, expected a change at an instant")
 
+    def to_dict(self) -> dict[str, object]:
+        """The stage as plain values, for JSON."""
+        change, attach = self.change, None
+        if isinstance(change, Attach):
+            touch = list(change.touch or ())
+            attach = {"obstacle": change.obstacle, "arm": change.arm, "link": change.link, "touch": touch}
+        return {
+            "label": self.label,
+            "begin": self.begin,
+            "end": self.end,
+            "allowed": sorted(sorted(names) for names in self.allowed),
+            "attach": attach,
+            "detach": change.name if isinstance(change, Detach) else None,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class StagedMotion:
+    """A trajectory, the stages that it consists of, and the verdict on them.
+
+    Args:
+        scene: The scene at the beginning; the columns of the trajectory are its joints.
+        trajectory: The motion.
+        stages: The stages.
+        report: The referee's report.
+    """
+
+    scene: Scene
+    trajectory: Trajectory
+    stages: tuple[SequenceStage, ...]
+    report: Report
+
+    def object_poses(self, name: str, times: Array) -> Array:
+        """Where an object is while it is held, and where it was put down; see `SequencePlan.object_poses`."""
+        scenes = stage_scenes(self.scene, self.trajectory, self.stages)
+        begins = np.array([stage.begin for stage in self.stages])
+        numbers = np.clip(np.searchsorted(begins, times, side="right") - 1, 0, len(scenes) - 1)
+        poses = np.empty((len(times), 4, 4))
+        columns = {arm: [n.split("/", 1)[0] == arm for n in self.trajectory.joint_names] for arm in self.scene.arms}
+        for row, (k, q) in enumerate(zip(numbers.tolist(), self.trajectory(times), strict=True)):
+            held = scenes[k].attachments.get(name)
+            if held is None:
+                poses[row] = scenes[k].obstacles[name].pose
+            else:
+                arm = scenes[k].arms[held.arm]
+                own = q[columns[held.arm]] if any(columns[held.arm]) else arm.q
+                poses[row] = arm.base @ arm.robot.link_poses(own)[held.link] @ held.pose
+        return poses
+
 
 def check_stages(trajectory: Trajectory, stages: Sequence[SequenceStage]) -> None:
     """Require that stages follow each other without a gap, from the beginning of the trajectory to its end.
@@ -62,6 +112,12 @@ def check_stages(trajectory: Trajectory, stages: Sequence[SequenceStage]) -> Non
             raise InputError(f"stage {k + 1} ({stage.label}) begins at {stage.begin:g} s, expected {before:g} s")
     if times[-1] != trajectory.end_time:
         raise InputError(f"the stages end at {times[-1]:g} s, the trajectory at {trajectory.end_time:g} s")
+
+
+def carried_names(stages: Sequence[SequenceStage]) -> tuple[str, ...]:
+    """The objects that are attached or detached, in the order in which that happens first."""
+    changes = (stage.change for stage in stages)
+    return tuple(dict.fromkeys(c.obstacle if isinstance(c, Attach) else c.name for c in changes if c is not None))
 
 
 def stage_scenes(scene: Scene, trajectory: Trajectory, stages: Sequence[SequenceStage]) -> list[Scene]:

@@ -9,11 +9,16 @@ import pytest
 from packed_arrays import unpacked
 
 import rr1plan as rp
-from rr1plan.sequences.sequence_page import _page_parts
+from rr1plan.sequences.sequence_page import page_parts
+from rr1plan.sequences.stages import StagedMotion
+
+
+def staged(plan: rp.SequencePlan) -> StagedMotion:
+    return StagedMotion(plan.scene, plan.trajectory, plan.stages, plan.report)
 
 
 def test_the_page_moves_the_block_with_the_hand(moved: rp.SequencePlan) -> None:
-    document, options = _page_parts(moved, None, None)
+    document, options = page_parts(staged(moved), None, None)
     assert [thing["name"] for thing in document["obstacles"]] == ["table"]
     assert document["attachments"] == []
     (block,) = document["bodies"]["objects"]
@@ -30,7 +35,7 @@ def test_the_page_moves_the_block_with_the_hand(moved: rp.SequencePlan) -> None:
 
 def test_with_a_replay_the_block_is_where_the_simulation_had_it(moved: rp.SequencePlan, tmp_path: Path) -> None:
     replay = rp.simulate_sequence(moved, hold=0.0)
-    document, _ = _page_parts(moved, replay, None)
+    document, _ = page_parts(staged(moved), replay, None)
     assert document["replay"] is not None
     poses = unpacked(document["bodies"]["poses"])
     np.testing.assert_allclose(poses[:, 0, :3], replay.objects["block"].poses[:, :3, 3], atol=1e-6)
@@ -40,7 +45,7 @@ def test_with_a_replay_the_block_is_where_the_simulation_had_it(moved: rp.Sequen
 
 def test_a_sequence_without_objects_has_a_page_too(table: rp.Scene, tmp_path: Path) -> None:
     plan = rp.plan_sequence(rp.Sequence(table, [rp.FreeMotion("raised")]), rng=0)
-    document, _ = _page_parts(plan, None, None)
+    document, _ = page_parts(staged(plan), None, None)
     assert {thing["name"] for thing in document["obstacles"]} == {"table", "block"}
     assert plan.save_html(tmp_path / "page.html").stat().st_size > 100_000
 
@@ -50,7 +55,7 @@ def test_an_object_that_is_held_at_first_is_drawn_once(table: rp.Scene) -> None:
         "block", touch=("finger_link", "opposite_finger_link", "hand_link")
     )
     plan = rp.plan_sequence(rp.Sequence(held, [rp.Pause(0.1), rp.Detach("block"), rp.Pause(0.1)]), rng=0)
-    document, _ = _page_parts(plan, None, None)
+    document, _ = page_parts(staged(plan), None, None)
     assert [body["name"] for body in document["bodies"]["objects"]] == ["block"]
     assert "block" not in {thing["name"] for kind in ("obstacles", "attachments") for thing in document[kind]}
 

@@ -1,0 +1,138 @@
+"""Replay of a planned sequence in MuJoCo: objects are loose bodies that fingers hold by contact and friction alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rr1plan.checks import Array, check_callback, number_from_zero, of_kind, positive_number, read_only
+from rr1plan.errors import InputError
+from rr1plan.playback.simulation.recorder import Recorder
+from rr1plan.playback.simulation.simulation import Simulation, step_count
+from rr1plan.playback.simulation.trajectory_controller import JointTrajectoryController
+from rr1plan.progress import ProgressCallback, fraction_callback
+from rr1plan.robot.link_masses import DENSITY, solid_inertial
+from rr1plan.scene import Scene, pair
+from rr1plan.sequences.segments import Attach
+from rr1plan.sequences.sequence_plan import SequencePlan
+from rr1plan.sequences.sequence_replay import CarriedObject, SequenceReplay
+from rr1plan.transforms import rotation_angle, rotation_from_quaternion
+
+# MuJoCo's number of dimensions of a contact with friction across it and around its normal.
+_WITH_TORSION = 4
+# Iterations of the solver that keeps what friction holds from creeping, as MuJoCo's soft contacts do by themselves.
+_NO_SLIP = 5
+# Steps between two reports of progress.
+_REPORT_EVERY = 50
+
+
+def simulate_sequence(
+    plan: SequencePlan,
+    *,
+    dt: float = 0.002,
+    record_dt: float = 0.02,
+    stiffness: float = 200.0,
+    hold: float = 0.5,
+    progress: ProgressCallback | None = None,
+) -> SequenceReplay:
+    """Replay a planned sequence in MuJoCo, where fingers hold objects by contact and friction alone.
+
+    Objects that are attached or detached are loose bodies all the time. One without a mass gets that of its shapes at
+    1000 kg/m³, as a remark says. Their contacts have friction around the normals, too.
+
+    Args:
+        plan: The sequence, found.
+        dt: Time of a step [s].
+        record_dt: Time between recorded positions [s].
+        stiffness: Natural frequency of the joint servos [rad/s]; those of the fingers press with it.
+        hold: How long to go on after the end [s].
+        progress: Called about ten times a second; False cancels.
+
+    Raises:
+        NoPlanError: there is no motion.
+        InputError: numbers out of range, or an object that cannot be loose.
+        BackendError: MuJoCo does not take the scene, or its simulation became unstable.
+        CancelledError: `progress` returned False.
+    """
+    of_kind("plan", plan, SequencePlan)
+    check_callback("progress", progress)
+    dt, record_dt = positive_number("dt", dt), positive_number("record_dt", record_dt)
+    hold = number_from_zero("hold", hold)
+    trajectory = plan.trajectory
+    steps = step_count(trajectory.duration + hold, dt)
+    scene, names, remarks = _physical(plan)
+    sim = Simulation(scene, dt, stiffness=stiffness)
+    _hold_by_friction(sim, names)
+    report = fraction_callback("simulate", progress)
+
+    def show_progress(sim: Simulation) -> None:
+        if report is not None and sim.steps % _REPORT_EVERY == 0:
+            report(sim.steps / steps)
+
+    sim.on_step(show_progress)
+    if trajectory.joint_names:
+        controller = JointTrajectoryController(trajectory.joint_names, goal_tolerance=np.inf)
+        sim.activate(controller)
+        controller.send(trajectory)
+    with Recorder(sim, record_dt) as recorder:
+        sim.step(steps)
+    replay = recorder.replay()
+    of_arms = np.array([_is_arm_joint(plan, name) for name in replay.joint_names], dtype=np.bool_)
+    worst = float(replay.max_error[of_arms].max(initial=0.0))
+    bodies = replay.record.bodies
+    rows = {} if bodies is None else dict(zip(bodies.bodies, bodies.poses.swapaxes(0, 1), strict=True))
+    objects = {name: _carried(plan, name, replay.record.times, rows[name]) for name in names}
+    return SequenceReplay(replay, objects, worst, (*remarks, *(f"MuJoCo: {text}" for text in sim.warnings)))
+
+
+def _physical(plan: SequencePlan) -> tuple[Scene, tuple[str, ...], tuple[str, ...]]:
+    """The scene with loose objects and all contacts that a stage allows; the objects; what was assumed."""
+    scene, remarks = plan.scene, []
+    names = plan.carried_names
+    for name in names:
+        if name in scene.attachments:
+            scene = scene.detach(name)
+    things = dict(scene.obstacles)
+    for name in names:
+        if things[name].mass is None:
+            inertial = solid_inertial(things[name].geometries)
+            if inertial is None:
+                raise InputError(f"{name!r} has neither a mass nor a volume, so it cannot be simulated as a loose body")
+            things[name] = replace(things[name], mass=inertial.mass)
+            remarks.append(f"mass of {name!r} taken as {inertial.mass:.3g} kg, its volume at {DENSITY:g} kg/m³")
+    touched = {
+        pair(f"{stage.change.arm}/{link}", stage.change.obstacle)
+        for stage in plan.events
+        if isinstance(stage.change, Attach)
+        for link in stage.change.touch or ()
+    }
+    allowed = scene.allowed.union(touched, *(stage.allowed for stage in plan.stages))
+    return replace(scene, obstacles=things, allowed=allowed), names, tuple(remarks)
+
+
+def _hold_by_friction(sim: Simulation, names: tuple[str, ...]) -> None:
+    """Let friction hold bodies as dry friction does: they neither creep nor turn freely between two fingers."""
+    for tile in sim.tiles:
+        tile.model.opt.noslip_iterations = _NO_SLIP
+        held = [k for k, element in enumerate(tile.world.geom_elements) if element in names]
+        tile.model.geom_condim[held] = _WITH_TORSION
+        # The solver needs matrices that are made with the contacts; without them MuJoCo crashes.
+        tile.refresh()
+
+
+def _is_arm_joint(plan: SequencePlan, name: str) -> bool:
+    """Whether a column belongs to an arm rather than to its gripper."""
+    arm, joint = name.split("/", 1)
+    return joint not in plan.gripper_joints.get(arm, ())
+
+
+def _carried(plan: SequencePlan, name: str, times: Array, coordinates: Array) -> CarriedObject:
+    """The motion of an object, from its positions and quaternions (n, 7)."""
+    poses = np.tile(np.eye(4), (len(times), 1, 1))
+    poses[:, :3, 3] = coordinates[:, :3]
+    poses[:, :3, :3] = [rotation_from_quaternion(row) for row in coordinates[:, 3:]]
+    planned = plan.object_poses(name, times)
+    offsets = np.linalg.norm(poses[:, :3, 3] - planned[:, :3, 3], axis=1)
+    angle = rotation_angle(planned[-1, :3, :3].T @ poses[-1, :3, :3])
+    return CarriedObject(name, read_only(poses), read_only(offsets), float(angle))
