@@ -11,6 +11,7 @@ The corridor is the union of these neighborhoods of samples q of the motion, wit
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -179,16 +180,11 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
 def _levers(checker: CollisionChecker) -> Array:
     """For each pair of bodies, how far a change of each column moves them against each other at most, shape (p, nq)."""
     tables = checker.tables
-    bodies = tables.bodies.tolist()
     rows = np.zeros((len(tables.pairs), checker.nq))
     for row, (first, second, shared) in zip(rows, tables.pairs.tolist(), strict=True):
         for body in (first, second):
-            if not 0 <= body < len(bodies):
-                continue
-            ball = float(tables.body_values[body, 15])
-            # Joints that both bodies hang on do not move them against each other.
-            for k in range(bodies[body][4] + shared, bodies[body][5]):
-                _, slides, column, _ = tables.joints[tables.chain[k]].tolist()
-                gain = abs(float(tables.joint_values[tables.chain[k], 15]))
-                row[column] += gain * (1.0 if slides else float(tables.chain_reach[k]) + ball)
+            if 0 <= body < len(tables.bodies):
+                # Joints that both bodies hang on do not move them against each other.
+                for column, lever in islice(tables.levers(body), shared, None):
+                    row[column] += lever
     return rows

@@ -37,7 +37,7 @@ class AgentBodies:
         group_rows: Joint, first and last body of each group, shape (g, 3).
         group_balls: A ball around each, in the frame of its joint: center and radius [m], shape (g, 4).
         is_fixed: Bodies that no joint moves, shape (b,).
-        reach: How far from each joint's axis a point of the arms can be [m], shape (nq,).
+        reach: How far a change of each joint moves a point of the arms at most [m/rad, or m/m], shape (nq,).
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -60,11 +60,9 @@ class AgentBodies:
             ]
         )
         self.reach = np.zeros(checker.nq)
-        for body, ball in zip(tables.bodies.tolist(), balls, strict=True):
-            for k in range(body[4], body[5]):
-                column = int(tables.joints[tables.chain[k], 2])
-                far = 1.0 if tables.joints[tables.chain[k], 1] == 1 else float(tables.chain_reach[k]) + float(ball[3])
-                self.reach[column] = max(self.reach[column], far)
+        for body in range(len(tables.bodies)):
+            for column, lever in tables.levers(body):
+                self.reach[column] = max(self.reach[column], lever)
 
     def scratch(self) -> CStruct:
         """Memory in which to place them; one thread's."""

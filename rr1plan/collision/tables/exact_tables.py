@@ -5,7 +5,7 @@ Rows of an arm are shared by all arms with its geometry, and a scene's tables by
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -69,6 +69,22 @@ class ExactTables(NamedTuple):
     poses: Array
     centers: Array
     meshes: MeshTree
+
+    def levers(self, body: int) -> Iterator[tuple[int, float]]:
+        """The column of each driven joint above a body, root first, and how far its change moves the body at most.
+
+        Args:
+            body: Index of the body.
+
+        Returns:
+            Columns and levers [m/rad, or m/m].
+        """
+        *_, first, behind = self.bodies[body].tolist()
+        radius = float(self.body_values[body, 15])
+        for k in range(first, behind):
+            _, slides, column, _ = self.joints[self.chain[k]].tolist()
+            gain = abs(float(self.joint_values[self.chain[k], 15]))
+            yield column, gain * (1.0 if slides else float(self.chain_reach[k]) + radius)
 
 
 def build_tables(geometry: CollisionGeometry, fixed: FixedSolids, padding: Array) -> ExactTables:
