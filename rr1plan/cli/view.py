@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from pathlib import Path
 from typing import Any
 
 import rr1plan as rp
@@ -15,7 +14,7 @@ from rr1plan.errors import InputError
 from rr1plan.export.csv_files import save_csv
 from rr1plan.export.motion_files import is_motion_file
 from rr1plan.export.plan_files import save_trajectory
-from rr1plan.files.file_access import check_writable
+from rr1plan.files.file_access import check_writable, make_folder
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.pipeline import plan_motion
 from rr1plan.planners import chosen_planner
@@ -30,7 +29,7 @@ def demo(options: Namespace, console: Console) -> int:
     look, watch = page_options(options), console.watch
     with watch.stage("load the scene"), console.progress("loading the scene"):
         problem = named_query(options.scene, options.query)
-    folder = _made(Path(options.output))
+    folder = make_folder(options.output, "motion.json")
     scene = problem.scene
     console.say("rr1plan demo")
     console.say(f"  scene {scene.name}: {', '.join(scene.arms)} among {counted(len(scene.obstacles), 'obstacle')}")
@@ -62,16 +61,6 @@ def demo(options: Namespace, console: Console) -> int:
         {**summary(motion), "replay": replay.to_dict(), "steps": steps, "files": {k: str(v) for k, v in files.items()}}
     )
     return 0 if motion.valid and replay else 4
-
-
-def _made(folder: Path) -> Path:
-    """A folder that is there and can be written to."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot make the folder {folder}: {error.strerror}") from error
-    check_writable(folder / "motion.json")
-    return folder
 
 
 def view(options: Namespace, console: Console) -> int:

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-from rr1plan.checks import check_callback, file_path, known_name, shown, true_or_false, whole_number
+from rr1plan.checks import check_callback, known_name, shown, true_or_false, whole_number
 from rr1plan.errors import CancelledError, InputError, Rr1PlanError
 from rr1plan.experiments.experiment_report import save_report
 from rr1plan.experiments.measuring_process import Row, measure
-from rr1plan.files.file_access import check_writable, write_text
+from rr1plan.files.file_access import make_folder, write_text
 from rr1plan.progress import Progress, ProgressCallback
 from rr1plan.progress_bar import Advance, library_bar
 
@@ -81,7 +81,7 @@ def run_experiments(
     whole_number("seed", seed, 0, 2**63 - 1)
     counts = _checked_counts(arms, true_or_false("quick", quick))
     check_callback("progress", progress)
-    folder = _made_folder(out)
+    folder = make_folder(out, "experiments.md")
     tasks = [(name, task) for name in names for task in _tasks(name, quick, int(seed), counts)]
     with library_bar("experiments") as advance:
         results, failures, files = _measure_all(tasks, folder, _reporting(progress, advance))
@@ -105,16 +105,6 @@ def _checked_counts(arms: Sequence[int] | None, quick: bool) -> tuple[int, ...]:
     if not isinstance(arms, list | tuple) or not arms:
         raise InputError(f"arms is {shown(arms)}, expected numbers of arms, e.g. [1, 120, 1000]")
     return tuple(whole_number("number of arms", count, 1, _MOST_ARMS) for count in arms)
-
-
-def _made_folder(out: str | Path) -> Path:
-    folder = file_path(out)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot write the folder {folder}: {error.strerror}") from error
-    check_writable(folder / "experiments.md")
-    return folder
 
 
 def _tasks(name: str, quick: bool, seed: int, arms: Sequence[int]) -> Iterator[Task]:

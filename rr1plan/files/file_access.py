@@ -102,6 +102,25 @@ def check_writable(file: str | Path) -> None:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
 
 
+def make_folder(folder: str | Path, file: str) -> Path:
+    """Make a folder, and those above it, unless they exist.
+
+    Args:
+        folder: The folder.
+        file: Name of a file that will be written there.
+
+    Raises:
+        InputError: it cannot be made, or the file could not be written.
+    """
+    path = file_path(folder)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {path}: {error.strerror}") from error
+    check_writable(path / file)
+    return path
+
+
 def _refuse_to_replace(path: Path) -> None:
     """Reject a folder, a FIFO or a device, because renaming would replace it."""
     if path.exists() and not path.is_file():
