@@ -3,7 +3,7 @@
     python benchmarks/simulated_arms.py [--arms 1 12 120 1000] [--spacings 0.8 3] [--threads 1 2]
 
 The experiment `multi` of `rr1plan experiment`, with other spacings and threads. At 0.8 m arms can meet their neighbors
-and are one model; at 3 m they cannot, and have models of their own.
+and are one model; at 3 m they cannot, and have separate models.
 """
 
 from __future__ import annotations

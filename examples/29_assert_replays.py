@@ -25,7 +25,7 @@ def test_the_arm_follows_it_with_a_payload() -> None:
 
 
 def test_three_checkers_find_no_contact() -> None:
-    """At every millimeter of motion, with kinematics of their own."""
+    """At every millimeter of motion, with separate kinematics."""
     motion = make_motion()
     opinion = rp.second_opinion(motion.trajectory, motion.scene)
     assert opinion.free

@@ -304,8 +304,8 @@ def an_arm_that_is_pushed_leaves_the_corridor_and_comes_back(said: str, folder: 
 def a_block_is_carried_by_friction(said: str, folder: Path) -> None:
     assert FREE in said
     assert number(r"(\d+) grasps from above", said) >= 4
-    taken, left = (number(rf"at (\S+) s: {what} 'block'", said) for what in ("attach", "detach"))
-    assert 0.0 < taken < left
+    attached, detached = (number(rf"at (\S+) s: {change} 'block'", said) for change in ("attach", "detach"))
+    assert 0.0 < attached < detached
     assert number(r"block: at most (\S+) mm from where the plan has it", said) < 10.0
     assert "contacts: none that no stage allows" in said
     assert "read again: SequencePlan(13 stages, Report(certified" in said

@@ -71,7 +71,7 @@ def calibrate(
         point: The point in the frame of the robot's tool [m], shape (3,), or one for each row, shape (m, 3).
         noise: Expected standard deviation of a measured coordinate [m]; used in the search of signs. The uncertainty
             of the result comes from the residuals.
-        free_base: Positions are in a frame of their own, whose pose is estimated too. The zero of a first joint is
+        free_base: Positions are in another frame, whose pose is estimated too. The zero of a first joint is
             then not determined, and stays that of `start`.
 
     Returns:

@@ -18,10 +18,10 @@ from rr1plan.files.file_access import MAX_BYTES
 
 Arrays = dict[str, NDArray[Any]]
 
-# Besides ValueError, which numpy raises for most: no zip archive or a damaged one (BadZipFile), damaged compression
-# (zlib.error), an archive that was cut off (EOFError), encrypted or compressed in an unknown way (RuntimeError, with
-# its kind NotImplementedError), a header that is not a Python literal (TokenError, SyntaxError), a header with other
-# entries (LookupError, TypeError), a shape larger than the memory (MemoryError, OverflowError).
+# Besides ValueError, which numpy raises for most: not a zip archive, or a damaged one (BadZipFile), damaged compression
+# (zlib.error), a truncated archive (EOFError), encryption or an unknown compression (RuntimeError and its subclasses),
+# a header that is not a Python literal (TokenError, SyntaxError) or has other entries (LookupError, TypeError), a shape
+# larger than the memory (MemoryError, OverflowError).
 _DAMAGED = (
     zipfile.BadZipFile, zlib.error, EOFError, RuntimeError,
     tokenize.TokenError, SyntaxError, LookupError, TypeError, MemoryError, OverflowError,

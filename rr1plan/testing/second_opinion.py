@@ -1,4 +1,4 @@
-"""Second opinions: samples of a motion checked by python-fcl, Coal and MuJoCo, with kinematics of their own."""
+"""Second opinions: samples of a motion checked by python-fcl, Coal and MuJoCo, with separate kinematics."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def second_opinion(
         step: No point of a robot moves farther than this between two samples [m].
         checkers: The checkers, of "FCL", "Coal" and "MuJoCo".
         tolerance: Contacts and gaps smaller than this count as grazing, not as disagreements [m]: MuJoCo has plates
-            20 µm thick for triangles, and all have tolerances of their own.
+            20 µm thick for triangles, and each has other tolerances.
         progress: Called about a hundred times; False cancels.
 
     Raises:

@@ -139,7 +139,7 @@ def test_a_free_base_hides_the_zero_of_the_first_joint_only(rr1: rp.Robot) -> No
     zeros, scales = columns(found, "zero", "scale")
     np.testing.assert_allclose(zeros[1:], arm.zeros[1:], atol=math.radians(0.8))
     np.testing.assert_allclose(scales, arm.scales, rtol=0.02)
-    # The base is where it is but for the turn that stands in for that zero.
+    # A rotation of the base about the first axis and that zero cannot be told apart: only their sum is known.
     turned = rp.transforms.rotation_about([0, 0, 1], zeros[0] - arm.zeros[0])
     np.testing.assert_allclose(fit(found).T_measured_base[:3, :3] @ turned, table[:3, :3], atol=0.02)
 

@@ -123,7 +123,9 @@ class Route(Value):
             raise InputError("a segment of a route is not on its piece")
         gap = np.abs(self.grid.position(self.curve, 0.0) - self.gridpoints[:-1]).max(initial=0.0)
         if gap > _SAME_PLACE:
-            raise InputError(f"segments of a route are {gap:.2g} apart, expected each to begin where the last ended")
+            raise InputError(
+                f"a gap of {gap:.2g} between segments of a route, expected each to begin where the last ended"
+            )
 
     def __repr__(self) -> str:
         return f"Route({', '.join(self.arms)}: {self.segments} segments, {len(self.steps)} steps)"

@@ -49,7 +49,7 @@ class ProjectedSchedule(Schedule):
     """The motion of some arms of an agent that moves more arms as one.
 
     Args:
-        path: Their path, unrolled: where the agent goes back, the same way follows once more, backward.
+        path: Their path, unrolled: where the agent goes back, the same segments follow once more, backward.
         legs: The motions in order.
         times: When each leg is at the gridpoints on its way [s].
         motion: The motion.
@@ -248,9 +248,9 @@ class _JointMotion:
         times = steps.times[step] + number / _PARTS * (steps.leave_times[step] - steps.times[step])
         names = self.motion.joint_names
         q = self.motion(times)[:, [names.index(name) for name in route.joint_names]]
-        places = offset[at] + _distances(route, at, q)
+        ends = offset[at] + _distances(route, at, q)
         # Where the parts begin and end on their pieces; new gridpoints come after the beginning of a segment.
-        begin, end = np.insert(offset, at + 1, places), np.insert(offset + delta, at, places)
+        begin, end = np.insert(offset, at + 1, ends), np.insert(offset + delta, at, ends)
         moved = np.arange(len(piece) + 1) + np.bincount(at + 1, minlength=len(piece) + 1).cumsum()
         begins = np.insert(moved[steps.begins], step + 1, moved[at] + number)
         is_rest = np.insert(steps.is_rest, step + 1, False)

@@ -18,7 +18,7 @@ from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.robot.joint_limits import Limits
 
 # A shortcut has to save this share of the duration. A share of the mean time of the joints counts, too, so that arms
-# take shorter ways while others decide how long an edge takes.
+# take shorter paths while others decide how long an edge takes.
 _LEAST_GAIN, _WAY = 1e-3, 0.1
 # Consecutive shortcuts without a gain after which the search stops, for each arm.
 _PATIENCE = 40

@@ -296,7 +296,7 @@ class Simulation:
         """MuJoCo's model.
 
         Raises:
-            InputError: arms that cannot meet have models of their own; see `tiles`.
+            InputError: arms that cannot meet have separate models; see `tiles`.
         """
         return self._only_tile().model
 
@@ -305,7 +305,7 @@ class Simulation:
         """MuJoCo's data; change it between steps only.
 
         Raises:
-            InputError: arms that cannot meet have models of their own; see `tiles`.
+            InputError: arms that cannot meet have separate models; see `tiles`.
         """
         return self._only_tile().data
 

@@ -61,7 +61,7 @@ def check_memory(tiles: Sequence[Scene]) -> None:
         raise InputError(
             f"a simulation of {counted(arms, 'arm')} and {counted(bodies, 'loose body', 'loose bodies')} takes about "
             f"{need / 1e9:.3g} GB of memory, this machine has {have / 1e9:.3g} GB; take fewer, or place arms so that "
-            "groups of them cannot meet, which have models of their own"
+            "groups of them cannot meet, which have separate models"
         )
 
 
