@@ -1,10 +1,10 @@
 // Which cells of a grid over two columns of q are in contact: the image of an obstacle in a configuration space.
 //
-// A cell is one configuration, its center. A block of cells is free of a pair of bodies as a whole where their gap at its
+// A cell is one configuration, its center, or all configurations around it. A block of cells is free of a pair of bodies as a whole where their gap at its
 // middle exceeds how far they can move against each other in it (Schwarzer, Saha and Latombe 2005), and in contact as a
 // whole where one of them, made smaller by that much, still touches the other. Other blocks are quartered with the pairs
 // that are left, so only cells at the rim of the image are looked at one by one, and all cells have the answer that they
-// have one by one.
+// have one by one. Of cells that are more than their centers those are marked that are proven to be in contact as a whole.
 #include "raster_tables.h"
 #include "scene_tables.h"
 
@@ -18,6 +18,7 @@ typedef struct {
     const ExactTables *exact;
     ExactScratch *scratch;
     int64_t seen;  // number of the block that bodies were placed for last
+    double half[2];  // of the size of a cell [rad or m]
     uint8_t *cells;
 } Raster;
 
@@ -84,7 +85,7 @@ static void place_block(const Block *block, Raster *raster) {
         const double *centers = k ? tables->second : tables->first;
         double low = centers[block->low[k]], high = centers[block->high[k] - 1];
         raster->scratch->q[tables->columns[k]] = block->high[k] - block->low[k] > 1 ? 0.5 * (low + high) : low;
-        raster->scratch->reach[tables->columns[k]] = 0.5 * (high - low);
+        raster->scratch->reach[tables->columns[k]] = 0.5 * (high - low) + raster->half[k];
     }
     place_joints(raster->scratch->q, raster->exact, raster->scratch);
     raster->seen++;
@@ -104,7 +105,7 @@ static void fill_block(const Block *block, int64_t level, const int64_t *pairs, 
         }
         if (found == BLOCK_OPEN) open[left++] = pairs[k];
     }
-    if (left == 0) return;
+    if (left == 0 || (block->high[0] - block->low[0] == 1 && block->high[1] - block->low[1] == 1)) return;
     int64_t middle[2] = {(block->low[0] + block->high[0]) / 2, (block->low[1] + block->high[1]) / 2};
     for (int part = 0; part < 4; part++) {
         Block quarter = *block;
@@ -117,10 +118,11 @@ static void fill_block(const Block *block, int64_t level, const int64_t *pairs, 
 // Set the cells of some rows to 1 where one of the pairs from `first_pair` on is in contact, to 0 elsewhere.
 //
 // Rows are values of the first column; cells have the shape `counts`, of at most 2^RASTER_LEVELS / 4 along each.
+// half: 0 for the centers of cells, half their size for cells that are in contact as a whole [rad or m], shape (2,).
 EXPORT void rr1_raster_pairs(const ExactTables *exact, ExactScratch *scratch, const RasterTables *tables,
                              int64_t first_pair, int64_t last_pair, int64_t first_row, int64_t last_row,
-                             uint8_t *cells) {
-    Raster raster = {tables, exact, scratch, 0, cells};
+                             const double *half, uint8_t *cells) {
+    Raster raster = {tables, exact, scratch, 0, {half[0], half[1]}, cells};
     Block block = {{first_row, 0}, {last_row, tables->counts[1]}};
     for (int64_t c = first_row * tables->counts[1]; c < last_row * tables->counts[1]; c++) cells[c] = 0;
     for (int64_t b = 0; b < exact->body_count; b++) scratch->placed_at[b] = -1;

@@ -13,6 +13,7 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.kernels.planner_kernels import CStruct, constants, load_library
+from rr1plan.kernels.wasm_core import memory_image
 from rr1plan.playback.cspace.cspace_cells import Mask
 from rr1plan.scene import Scene
 
@@ -41,6 +42,7 @@ class CSpaceRaster:
         self, checker: CollisionChecker, configuration: Array, columns: tuple[int, int], axes: tuple[Array, Array]
     ) -> None:
         self.checker = checker
+        self._axes = axes
         self.shape = (len(axes[0]), len(axes[1]))
         pairs = checker.pair_tables
         # Pairs that do not move against each other are in contact in all cells or in none.
@@ -68,13 +70,15 @@ class CSpaceRaster:
         self.struct.value.counts[:] = self.shape
         self.struct.give_room(directions=len(rows), open=constants()["RASTER_LEVELS"] * len(rows))
 
-    def image(self, layer: str, report: Callable[[float], None] | None = None) -> Mask:
+    def image(self, layer: str, report: Callable[[float], None] | None = None, *, whole: bool = False) -> Mask:
         """The cells in which the arm touches an obstacle, shape (n, m).
 
         Args:
             layer: A key of `ranges`.
             report: Called now and then with the fraction done, 0 to 1.
+            whole: Only cells that are proven to be in contact in all of their configurations, not in their centers.
         """
+        half = np.array([0.5 * (axis[1] - axis[0]) if whole else 0.0 for axis in self._axes])
         cells = np.zeros(self.shape, np.uint8)
         exact = self.checker.exact_kernel
         for first in range(0, self.shape[0], _STRIP):
@@ -82,9 +86,13 @@ class CSpaceRaster:
                 report(first / self.shape[0])
             last = min(first + _STRIP, self.shape[0])
             load_library().rr1_raster_pairs(
-                exact.struct, exact.scratch, self.struct, *self.ranges[layer], first, last, cells
+                exact.struct, exact.scratch, self.struct, *self.ranges[layer], first, last, half, cells
             )
         return cells.view(np.bool_)
+
+    def memory_image(self) -> bytes:
+        """The tables for `core.wasm`, named `raster`; those of the bodies are in the image of the checker."""
+        return memory_image(raster=self.struct)
 
     def images(self, progress: Callable[[float], None] | None = None) -> dict[str, Mask]:
         """The cells that each obstacle (and `SELF`, if anywhere) makes impossible, shape (n, m).
