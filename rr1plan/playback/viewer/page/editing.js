@@ -22,6 +22,7 @@ class Editing {
     this.card = new PlanCard(viewer, this);
     this.keys = new Jogging(viewer, this);
     viewer.on("change", () => { this.stale = true; });
+    viewer.on("planner", (planner, reason) => this.takePlanner(planner, reason));
   }
 
   load(doc) {
@@ -43,24 +44,15 @@ class Editing {
     this.stale = true;
     this.hands.load();
     this.card.load(doc);
-    this.loadPlanner(doc);
+    this.takePlanner(null, doc.planner ? "the planner is being loaded" : "this page was made without a planner");
   }
 
-  /** The planner of the document, when it is ready; `reason` tells why there is none. */
-  async loadPlanner(doc) {
-    this.planner = null;
-    this.reason = doc.planner ? "the planner is being loaded" : "this page was made without a planner";
-    if (doc.bodies) this.reason = "objects move along this motion";
-    else if (doc.planner) {
-      try {
-        const planner = await PagePlanner.load(doc.planner);
-        if (this.viewer.document.planner !== doc.planner) return; // another document has come meanwhile
-        for (const name of planner.obstacles) planner.moveObstacle(name, this.poses.get(name));
-        this.planner = planner;
-      } catch (error) {
-        this.reason = error.message;
-      }
-    }
+  /** Takes the planner of the document when it is ready; `reason` tells why there is none. */
+  takePlanner(planner, reason) {
+    const { bodies } = this.viewer.document;
+    this.planner = bodies ? null : planner;
+    this.reason = bodies ? "objects move along this motion" : reason;
+    if (this.planner) for (const name of planner.obstacles) planner.moveObstacle(name, this.poses.get(name));
     this.stale = true;
     this.card.refreshPlanner();
   }

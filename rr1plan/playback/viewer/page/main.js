@@ -16,13 +16,16 @@
 //   viewer.add(name, object3d)  viewer.redraw()   put something of three.js (viewer.THREE) into the world, z up
 //   viewer.setMotion({track, ...})                other fields of the document that say what is played; the rest stays
 //   viewer.editing                                drags, jogs, start and goal by hand, undo, `plan()`: see editing.js
+//   viewer.planner                                plans in the page (`planner.js`); null before it is loaded and without one
+//   viewer.noPlanner                              why there is none; empty while it is loading and where none was wanted
+//   viewer.on("planner", f)                       f(planner, reason) once it is loaded, or known to be missing
 //   viewer.unpack(packed)                         {values, shape} of an array sent with rr1plan's `pack`
 
 class Viewer {
   constructor() {
     this.THREE = THREE;
     this.unpack = unpack;
-    this.listeners = { change: [], load: [], data: [] };
+    this.listeners = { change: [], load: [], data: [], planner: [] };
     this.panelData = {};
     this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres"]);
     this.byArm = true;
@@ -62,6 +65,22 @@ class Viewer {
     if (!keep || !this.framed) this.look();
     this.editing.load(doc);
     for (const f of this.listeners.load) f(doc);
+    this.loadPlanner(doc);
+  }
+
+  async loadPlanner(doc) {
+    this.planner = null;
+    this.noPlanner = "";
+    if (!doc.planner) return;
+    let planner = null, reason = "";
+    try {
+      planner = await PagePlanner.load({ ...doc.planner, module: settings.module });
+    } catch (error) {
+      reason = error.message;
+    }
+    if (doc.planner !== this.document.planner) return; // another one was loaded meanwhile
+    [this.planner, this.noPlanner] = [planner, reason];
+    for (const f of this.listeners.planner) f(planner, reason);
   }
 
   /** The clock and the contacts of the document's motion. */
