@@ -27,8 +27,9 @@ from rr1plan.playback.viewer.page_planner import page_module
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 
 _SCRIPTS = (
-    "math.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js", "player.js",
-    "conflicts.js", "controls.js", "live.js", "main.js",
+    "math.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js",
+    "player.js", "conflicts.js", "controls.js", "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js",
+    "jogging.js", "editing.js", "live.js", "main.js",
 )  # fmt: skip
 
 
@@ -61,7 +62,7 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: b
     slots = {
         "TITLE": html.escape(document["title"]),
         "POLICY": html.escape(_policy(scripts, live, plans)),
-        "STYLE": _asset("page.css") + "".join(_sealed(p.css, "style") for p in panels),
+        "STYLE": _asset("page.css") + _asset("editing.css") + "".join(_sealed(p.css, "style") for p in panels),
         "PANELS": "".join(_panel_html(p) for p in panels),
         "DOCUMENT": json_for_html(document),
         "SETTINGS": json_for_html(settings),
