@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
 _SCRIPTS = (
-    "cspace_picture", "cspace_components", "cspace_raster", "cspace_query", "phase_plane", "cspace_torus",
+    "cspace_picture", "cspace_components", "cspace_raster", "cspace_query", "phase_plane", "torus_view",
     "cspace_workspace", "planar_drags", "cspace",
 )  # fmt: skip
 _CRUMB = 255  # label of all components too small to have a color of their own
@@ -144,6 +144,7 @@ def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> di
     columns = grid.scene.joint_names()
     steps = [float(centers[1] - centers[0]) for centers in grid.axes]
     labels, shares = _ranked_components(cspace)
+    planar = _planar(grid)
     return {
         "arm": grid.arm,
         "columns": [columns.index(name) for name in names],
@@ -162,9 +163,9 @@ def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> di
         "tree": None if cspace.drawn_tree is None else _tree(cspace.drawn_tree),
         "verdict": verdict(cspace),
         "tone": tone(cspace),
-        "planar": _planar(grid),
+        "planar": planar,
         "limits": [[_finite(low), _finite(high)] for low, high in _limits(grid)],
-        "live": _live(grid) if plans_by_itself(document) else None,
+        "live": _live(grid) if planar is not None and plans_by_itself(document) else None,
     }
 
 

@@ -57,8 +57,8 @@ function derivativesAt(track, t) {
   return { rate, second };
 }
 
-/** Draws a phase plane into a canvas; share: how far along its time the motion has come. */
-function drawPhasePlane(canvas, plane, at) {
+/** Draws a phase plane into a canvas, or says why there is none; at: how far along its time the motion has come, or null. */
+function drawPhasePlane(canvas, plane, at, why) {
   const ratio = Math.min(window.devicePixelRatio || 1, 2), pen = canvas.getContext("2d");
   const width = (canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio)));
   const height = (canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio)));
@@ -66,7 +66,7 @@ function drawPhasePlane(canvas, plane, at) {
   if (!plane) {
     pen.fillStyle = SOFT;
     pen.font = `${12 * ratio}px ${font}`;
-    pen.fillText("no motion", left, height / 2);
+    pen.fillText(why, left, height / 2);
     return;
   }
   const length = plane.s[plane.s.length - 1] || 1, fastest = Math.max(...plane.speed, 1e-9);
