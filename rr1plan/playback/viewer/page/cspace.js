@@ -196,7 +196,7 @@ class Lesson {
     [pose[12], pose[13]] = [x, y];
     this.live.moveObstacle(name, pose);
     if (name === this.selected) this.outlineSelected();
-    return this.update();
+    return this.update(name);
   }
 
   /** Start or goal to a configuration; which: "start" or the number of a goal. */
@@ -205,8 +205,17 @@ class Lesson {
     return this.update();
   }
 
+  /** The places of the names of images, or of one of them. */
+  placeNames(only = null) {
+    data.layers.forEach((layer, k) => {
+      if (only && layer.name !== only) return;
+      const spot = widestSpot(this.cells.bits, data.size, k, data.periodic);
+      layer.spot = spot && spot.map((part, axis) => value(axis, part));
+    });
+  }
+
   /** Shows what follows from what has been moved: cells, components, tree, path, verdict; how long each took [ms]. */
-  update() {
+  update(moving = null) {
     const found = this.live.update(), began = performance.now(), { answer } = found;
     data.start = this.live.start;
     data.goals = this.live.goals;
@@ -222,10 +231,7 @@ class Lesson {
     this.explored = this.tree.length;
     cancelAnimationFrame(this.growing);
     this.takeTrack(answer && answer.track ? new Track(answer.track) : null, 240);
-    data.layers.forEach((layer, k) => {
-      const spot = widestSpot(found.bits, data.size, k, data.periodic);
-      layer.spot = spot && spot.map((part, axis) => value(axis, part));
-    });
+    this.placeNames(moving);
     this.fillVerdict();
     this.fillTools();
     for (const layer of ["toolpath", "path", "replay"]) if (viewer.world.layers[layer]) viewer.world.layers[layer].visible = false;
@@ -247,6 +253,8 @@ class Lesson {
     this.wanted = null;
     if (!this.pending) return;
     this.pending = false;
+    this.placeNames();
+    this.redraw();
     const { answer } = this, { manual } = viewer, q = viewer.q.slice(), track = answer && answer.track;
     const standing = (kind, ends) => ends.map((end) => ({ kind, arm: data.arm, q: this.ownConfiguration(end) }));
     viewer.world.setGhosts("start", standing("start", data.start ? [data.start] : []));
@@ -397,6 +405,7 @@ class Lesson {
       f: () => this.tools.phase.click(),
       o: () => this.selectNext(),
       u: () => this.undo(),
+      p: () => this.planHere(),
       S: () => this.endHere("start"),
       G: () => this.endHere(0),
     };
@@ -438,6 +447,14 @@ class Lesson {
     this.select(names[(names.indexOf(this.selected) + 1) % names.length]);
   }
 
+  /** Plans the same query in the page, and plays the motion. */
+  planHere() {
+    if (!this.live || !data.start) return;
+    this.update();
+    this.resume = true;
+    this.dropObstacle();
+  }
+
   /** Start or goal to where the arm is. */
   endHere(which) {
     if (!this.live || (which === "start" ? !data.start : !data.goals.length)) return;
@@ -467,7 +484,7 @@ class Lesson {
 
   drawPhase() {
     if (this.phase.hidden) return;
-    const why = this.track ? "This path has no times yet" : "No motion";
+    const why = !this.track ? "No motion" : this.live ? "This path has no times yet: P plans one here" : "This path has no times";
     drawPhasePlane(this.phase.querySelector("canvas"), this.plane, viewer.manual || this.pending ? null : viewer.player.fraction, why);
   }
 
@@ -635,8 +652,8 @@ class Lesson {
   /** The cells anew: something of them is shown otherwise. */
   repaint() {
     const { size } = this.plot;
-    this.area = document.createElement("canvas");
-    this.area.width = this.area.height = size;
+    this.area ||= make("canvas");
+    if (this.area.width !== size) this.area.width = this.area.height = size;
     this.area.getContext("2d").putImageData(this.cells.paint(size, this.ratio, this.tinted, this.only), 0, 0);
     this.tools.parts.setAttribute("aria-pressed", String(this.tinted));
     this.redraw();
@@ -645,10 +662,10 @@ class Lesson {
 
   /** Everything that stands still anew: cells, tree, frame. */
   redraw() {
-    this.still = document.createElement("canvas");
-    this.still.width = this.canvas.width;
-    this.still.height = this.canvas.height;
-    const pen = this.still.getContext("2d"), { x, y } = this.plot;
+    this.still ||= make("canvas");
+    const { width, height } = this.canvas, pen = this.still.getContext("2d"), { x, y } = this.plot;
+    if (this.still.width === width && this.still.height === height) pen.clearRect(0, 0, width, height);
+    else Object.assign(this.still, { width, height });
     pen.drawImage(this.area, x, y);
     this.inside(pen, () => { if (this.showTree) this.drawTree(pen); this.drawNames(pen); });
     drawFrame(pen, this.plot, this.unit);

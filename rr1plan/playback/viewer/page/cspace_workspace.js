@@ -144,10 +144,10 @@ class Workspace {
 
   /** A line around an obstacle that is selected, or none. */
   outline(loops, [x, y]) {
-    const { THREE } = viewer, group = new THREE.Group(), top = data.planar.height + 0.12 * this.outer;
+    const { THREE } = viewer, group = new THREE.Group(), wider = 1.1;
     for (const loop of loops) {
-      const points = [...loop, loop[0]].map(([u, v]) => new THREE.Vector3(x + u, y + v, top));
-      const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineDashedMaterial({ color: 0x1b2430, dashSize: 0.03 * this.outer, gapSize: 0.02 * this.outer, depthTest: false }));
+      const points = [...loop, loop[0]].map(([u, v]) => new THREE.Vector3(x + wider * u, y + wider * v, data.planar.height));
+      const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineDashedMaterial({ color: 0x1b2430, dashSize: 0.025 * this.outer, gapSize: 0.015 * this.outer, depthTest: false }));
       line.computeLineDistances();
       line.renderOrder = 11;
       group.add(line);

@@ -24,8 +24,9 @@ class TorusView {
     this.turn = [-0.9, 0.85]; // of the eye around the axis, above the plane [rad]
     this.texture = new THREE.CanvasTexture(lesson.area);
     this.texture.encoding = THREE.sRGBEncoding;
-    this.mesh = new THREE.Mesh(this.surface(), new THREE.MeshBasicMaterial({ map: this.texture }));
-    this.scene.add(this.mesh, this.seams());
+    this.mesh = new THREE.Mesh(this.surface(), new THREE.MeshLambertMaterial({ map: this.texture }));
+    this.lamp = new THREE.DirectionalLight(0xffffff, 0.5);
+    this.scene.add(this.mesh, this.seams(), this.lamp, new THREE.AmbientLight(0xffffff, 0.56));
     this.moving = new THREE.Group();
     this.scene.add(this.moving);
     this.wire();
@@ -52,6 +53,7 @@ class TorusView {
     geometry.setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
     geometry.setAttribute("uv", new THREE.Float32BufferAttribute(places, 2));
     geometry.setIndex(index);
+    geometry.computeVertexNormals();
     return geometry;
   }
 
@@ -110,11 +112,9 @@ class TorusView {
 
   /** The image anew, then the picture. */
   paint() {
-    if (this.texture.image !== this.lesson.area) {
-      // Another size of picture needs another texture.
-      this.texture.dispose();
-      this.texture.image = this.lesson.area;
-    }
+    // Another size of picture needs another texture.
+    if (this.size !== this.lesson.area.width) this.texture.dispose();
+    this.size = this.lesson.area.width;
     this.texture.needsUpdate = true;
     this.ask();
   }
@@ -133,6 +133,7 @@ class TorusView {
     const [a, b] = this.turn;
     this.camera.position.set(Math.cos(a) * Math.cos(b), Math.sin(a) * Math.cos(b), Math.sin(b)).multiplyScalar(5.9);
     this.camera.lookAt(0, 0, 0);
+    this.lamp.position.copy(this.camera.position).add(new THREE.Vector3(0, 0, 3));
     this.camera.updateProjectionMatrix();
     for (const old of [...moving.children]) {
       old.geometry.dispose();
@@ -148,10 +149,9 @@ class TorusView {
       mesh.position.copy(onTorus(at, 0.02));
       moving.add(mesh);
     };
-    for (const goal of data.goals) ball(lesson.shares(goal), 0.055, GOAL);
-    if (data.start) ball(lesson.shares(data.start), 0.05, START);
-    ball(lesson.shares(q2()), 0.07, INK);
-    ball(lesson.shares(q2()), 0.071, ACCENT);
+    for (const goal of data.goals) ball(lesson.shares(goal), 0.06, GOAL);
+    if (data.start) ball(lesson.shares(data.start), 0.06, START);
+    ball(lesson.shares(q2()), 0.072, ACCENT);
     this.renderer.render(this.scene, this.camera);
   }
 
