@@ -345,7 +345,7 @@ class Lesson {
     this.tools.elbow.hidden = !this.workspace;
     this.tools.torus.hidden = !data.periodic.every(Boolean) || !viewer.stage.renderer;
     this.tools.undo.hidden = this.tools.reset.hidden = !this.live || !this.past.length;
-    part(".hint").hidden = !this.live || this.past.length > 0;
+    if (this.workspace) this.arm.readout.hint.hidden = !this.live || this.past.length > 0;
     Object.assign(this.reach, { max: this.tree.length, step: 1, value: this.tree.length });
     const explored = this.explored ?? (data.tree ? data.tree.explored : 0), thinned = explored > this.tree.length;
     this.tools.tree.title = `What the planner explored (T)${thinned ? `: ${this.tree.length} of ${explored} edges are drawn` : ""}`;
@@ -403,15 +403,16 @@ class Lesson {
       g: () => this.grow(),
       d: () => { if (!this.tools.torus.hidden) this.tools.torus.click(); },
       f: () => this.tools.phase.click(),
-      o: () => this.selectNext(),
-      u: () => this.undo(),
+      // As on the page of any other arm.
+      n: () => this.selectNext(),
+      o: () => { if (!this.tools.reset.hidden) this.reset(); },
       p: () => this.planHere(),
-      S: () => this.endHere("start"),
-      G: () => this.endHere(0),
+      a: () => this.endHere("start"),
+      b: () => this.endHere(0),
     };
     window.addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA"].includes(event.target.tagName)) return;
-      const act = keys[event.shiftKey ? event.key : event.key.toLowerCase()];
+      const act = keys[event.key.toLowerCase()];
       if (act) { event.preventDefault(); act(); }
     });
     // Before the clock and the camera, which have the same keys.
@@ -484,7 +485,7 @@ class Lesson {
 
   drawPhase() {
     if (this.phase.hidden) return;
-    const why = !this.track ? "No motion" : this.live ? "This path has no times yet: P plans one here" : "This path has no times";
+    const why = !this.track ? "No motion" : this.live ? "No times yet: P plans a timed motion" : "This path has no times";
     drawPhasePlane(this.phase.querySelector("canvas"), this.plane, viewer.manual || this.pending ? null : viewer.player.fraction, why);
   }
 

@@ -130,7 +130,8 @@ class Workspace {
     for (const name of ["tool x", "tool y", "manipulability", "links"]) {
       const out = make("dd");
       values.push(out);
-      box.append(make("dt", name), out);
+      out.className = name;
+      box.append(make("dt", name, name), out);
       if (name === "manipulability") {
         out.title = "|det J|, Yoshikawa’s measure: 0 where the arm is stretched or folded, most with the elbow at a right angle";
         const meter = make("dd", undefined, "meter");
@@ -138,8 +139,11 @@ class Workspace {
         box.append(meter);
       }
     }
+    const hint = make("dd", "Drag obstacles, links and the tool", "hint");
+    hint.hidden = true;
+    box.append(hint);
     document.getElementById("stage").append(box);
-    return { box, bar, values };
+    return { box, bar, values, hint };
   }
 
   /** A line around an obstacle that is selected, or none. */

@@ -66,7 +66,7 @@ function drawPhasePlane(canvas, plane, at, why) {
   if (!plane) {
     pen.fillStyle = SOFT;
     pen.font = `${12 * ratio}px ${font}`;
-    pen.fillText(why, left, height / 2);
+    pen.fillText(why, 10 * ratio, height / 2);
     return;
   }
   const length = plane.s[plane.s.length - 1] || 1, fastest = Math.max(...plane.speed, 1e-9);

@@ -146,7 +146,7 @@ class TorusView {
     }
     const ball = (at, radius, color) => {
       const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, 20, 14), new THREE.MeshBasicMaterial({ color: new THREE.Color(color).convertSRGBToLinear() }));
-      mesh.position.copy(onTorus(at, 0.02));
+      mesh.position.copy(onTorus(at, 0.035));
       moving.add(mesh);
     };
     for (const goal of data.goals) ball(lesson.shares(goal), 0.06, GOAL);
