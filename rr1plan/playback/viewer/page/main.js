@@ -74,7 +74,7 @@ class Viewer {
     if (!doc.planner) return;
     let planner = null, reason = "";
     try {
-      planner = await PagePlanner.load({ ...doc.planner, module: settings.module });
+      planner = await PagePlanner.load({ ...doc.planner, modules: settings.modules });
     } catch (error) {
       reason = error.message;
     }
