@@ -23,14 +23,15 @@ from rr1plan.checks import finite_array
 from rr1plan.errors import BackendError, InputError, MissingPackageError
 from rr1plan.kernels.wasm_core import core_script
 from rr1plan.playback.viewer.page_document import Document
-from rr1plan.playback.viewer.page_planner import page_module
+from rr1plan.playback.viewer.page_planner import page_modules
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 
 _SCRIPTS = (
-    "math.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js",
-    "player.js", "conflicts.js", "controls.js", "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js",
-    "jogging.js", "editing.js", "live.js", "main.js",
+    "math.js", "referee.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js",
+    "pace.js", "player.js", "conflicts.js", "controls.js", "overlays.js", "plot_curves.js", "plots.js", "pointer_pick.js",
+    "differential_ik.js", "dragging.js", "plan_card.js", "jogging.js", "editing.js", "live.js", "main.js",
 )  # fmt: skip
+_STYLES = ("page.css", "plots.css", "editing.css")
 
 
 def page_html(document: Document, options: ViewOptions | None = None, *, live: bool = False, version: int = 0) -> str:
@@ -57,12 +58,12 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: b
         "view": options.view,
         "play": options.play,
         "panels": [{"name": p.name, "data": p.data} for p in panels],
-        "module": page_module() if plans else None,
+        "modules": page_modules() if plans else None,
     }
     slots = {
         "TITLE": html.escape(document["title"]),
         "POLICY": html.escape(_policy(scripts, live, plans)),
-        "STYLE": _asset("page.css") + _asset("editing.css") + "".join(_sealed(p.css, "style") for p in panels),
+        "STYLE": "".join(map(_asset, _STYLES)) + "".join(_sealed(p.css, "style") for p in panels),
         "PANELS": "".join(_panel_html(p) for p in panels),
         "DOCUMENT": json_for_html(document),
         "SETTINGS": json_for_html(settings),
@@ -79,7 +80,7 @@ def plans_by_itself(document: Document) -> bool:
 
 def planner_script() -> str:
     """The page's planner as a script of its own, which defines `PagePlanner`."""
-    return f"{_core_script()}\n{_asset('planner.js')}"
+    return "\n".join([_core_script(), _asset("referee.js"), _asset("planner.js")])
 
 
 def _core_script() -> str:

@@ -29,7 +29,8 @@ class Editing {
     const { kinematics, player } = this.viewer;
     this.solvers = kinematics.arms.map((arm) => new DifferentialIk(kinematics, arm));
     this.poses = new Map(doc.obstacles.map(({ name, pose }) => [name, Float64Array.from(pose)]));
-    this.motion = { changes: { track: doc.track, report: doc.report, path: doc.path, replay: doc.replay, planned: null }, poses: this.poses };
+    const { track, path, report, replay, compare, samples, tree } = doc;
+    this.motion = { changes: { track, path, report, replay, compare, samples, tree, planned: null }, poses: this.poses };
     this.start = this.first("start", doc) || (player.track ? this.viewer.at(player.start) : kinematics.rest());
     this.goal = player.track && player.end > player.start ? this.viewer.at(player.end) : this.first("goal", doc);
     this.ghosts = { start: null, goal: null };
@@ -298,7 +299,11 @@ class Editing {
       checked: answer.certified ? ["collision in continuous time"] : [],
       not_checked: { clearance: `the least of ${SAMPLES} instants`, limits: "kept by the planner, checked by nothing else here" },
     };
-    this.motion = { changes: { track: answer.track, path: answer.shortened, report, replay: null, planned: `${ms}, seed ${seed}` }, poses: this.poses };
+    const samples = { torque: null, clearance: null, error: null, places: [] };
+    this.motion = {
+      changes: { track: answer.track, path: answer.shortened, report, replay: null, compare: [], samples, tree: null, planned: `${ms}, seed ${seed}` },
+      poses: this.poses,
+    };
     viewer.setMotion(this.motion.changes);
     this.refreshHeadline();
     viewer.play();
@@ -320,14 +325,16 @@ class Editing {
 
   /** A motion says nothing about obstacles that have moved since it was certified. */
   refreshHeadline() {
-    const { motion, viewer } = this, moved = this.moved(motion.poses), { report, track } = motion.changes;
+    const { motion, viewer } = this, moved = this.moved(motion.poses), { report, track } = motion.changes, { controls } = viewer;
     const key = moved.join();
     if (this.headline && this.headline.motion === motion && this.headline.key === key) return;
     this.headline = { motion, key };
-    viewer.controls.fillReport(!moved.length || !track ? report : {
+    const shown = !moved.length || !track ? report : {
       certified: false, valid: true, violations: [], margins: {}, checked: [], title: "Obstacles moved: not checked since",
       not_checked: { collision: `${namesOf(moved, 3, ", ")} moved after this motion was planned` },
-    });
+    };
+    controls.fillReport(shown);
+    controls.fillFacts({ ...viewer.document, report: shown });
   }
 
   // ---- at each frame -----------------------------------------------------------------------

@@ -1,4 +1,4 @@
-// Moving by keyboard: N selects the next tool, joint or obstacle, arrows and page keys move what is selected.
+// Moving by keyboard: J selects the next tool, joint or obstacle, arrows and page keys move what is selected.
 
 const JOG = { turn: Math.PI / 90, shift: 0.01, far: 5 }; // [rad], [m], times that with Shift (of a joint)
 
@@ -11,7 +11,7 @@ class Jogging {
       b: () => { editing.open(); editing.setEnd("goal"); },
       p: () => editing.plan(),
       o: () => { if (editing.changed) editing.reset(); },
-      n: (event) => this.next(event.shiftKey ? -1 : 1),
+      j: (event) => this.next(event.shiftKey ? -1 : 1),
       Escape: () => this.leave(),
     };
     window.addEventListener("keydown", (event) => {

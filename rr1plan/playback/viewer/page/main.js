@@ -10,8 +10,10 @@
 //   viewer.on("data", f)                          f() when the program has put other data into the panels' `data`
 //   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column after column
 //   viewer.poses(q)                               the same for any q: {"arm/link": 16 numbers}
-//   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, collisions,
-//                                                 spheres, bodyspheres, linkspheres (those that contain each link, fine to coarse)
+//   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, compare, collisions,
+//                                                 spheres, bodyspheres, linkspheres (those that contain each link, fine to coarse),
+//                                                 frames, toolspeed, tree, nearest (see overlays.js)
+//   viewer.plots.toggle()                         the curves under the scene (see plots.js)
 //   viewer.look(direction, whole)                 frame the arms (or everything), seen from a direction of the world
 //   viewer.add(name, object3d)  viewer.redraw()   put something of three.js (viewer.THREE) into the world, z up
 //   viewer.setMotion({track, ...})                other fields of the document that say what is played; the rest stays
@@ -27,13 +29,15 @@ class Viewer {
     this.unpack = unpack;
     this.listeners = { change: [], load: [], data: [], planner: [] };
     this.panelData = {};
-    this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres"]);
+    this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres", ...OVERLAYS]);
     this.byArm = true;
     this.stage = makeStage(find("pane"));
     this.stage.onResize = () => this.frame();
     this.meshcat = this.stage.meshcat;
     this.editing = new Editing(this);
     this.controls = new Controls(this);
+    this.overlays = new Overlays(this);
+    this.plots = new Plots(this);
     this.frames = 0;
   }
 
@@ -60,7 +64,9 @@ class Viewer {
     this.world = new World(doc, this.kinematics);
     this.build(track);
     this.fillPanels(doc.panels);
+    this.overlays.load();
     this.controls.load(doc);
+    this.plots.load();
     this.show();
     if (!keep || !this.framed) this.look();
     this.editing.load(doc);
@@ -74,7 +80,7 @@ class Viewer {
     if (!doc.planner) return;
     let planner = null, reason = "";
     try {
-      planner = await PagePlanner.load({ ...doc.planner, module: settings.module });
+      planner = await PagePlanner.load({ ...doc.planner, modules: settings.modules });
     } catch (error) {
       reason = error.message;
     }
@@ -86,24 +92,28 @@ class Viewer {
   /** The clock and the contacts of the document's motion. */
   takeMotion() {
     const { document: doc, player: last } = this;
-    this.replayTrack = doc.replay ? new Track(doc.replay) : null;
-    this.player = new Player(doc.track ? new Track(doc.track) : null);
+    const others = [["replay", doc.replay], ...doc.compare.map((row) => ["compare", row])].filter(([, row]) => row);
+    this.others = new Map(others.map(([kind, row]) => [kind, new Track(row)]));
+    this.player = new Player(doc.track ? new Track(doc.track) : null, [...this.others.values()]);
     if (last) this.player.speed = last.speed;
     this.manual = false;
     this.touched = [];
-    this.conflicts = new Conflicts(doc, this.player);
+    this.conflicts = new Conflicts(doc, this.player, this.kinematics);
   }
 
-  /** Plays another motion of the same arms: `track`, and where they differ `path`, `report`, `replay` and `planned` of the document. */
+  /** Plays another motion of the same arms: what differs of the document's `track`, `path`, `report`, `samples`, and so on. */
   setMotion(changes) {
-    const { loop } = this.player;
+    const { loop } = this.player, { world } = this;
     this.document = { ...this.document, ...changes };
     this.takeMotion();
     this.player.loop = loop;
+    for (const layer of ["toolpath", "path", "conflicts", ...OVERLAYS]) world.clear(layer);
     this.drawMotion(this.player.track);
-    if (this.world.layers.replay) this.world.layers.replay.visible = Boolean(this.replayTrack) && this.isShown("replay");
-    this.paint();
+    for (const kind of ["replay", "compare"]) if (world.layers[kind]) world.layers[kind].visible = this.others.has(kind) && this.isShown(kind);
+    this.overlays.load();
     this.controls.loadMotion(this.document);
+    this.plots.load();
+    this.paint();
     this.follow();
     for (const f of this.listeners.load) f(this.document);
   }
@@ -118,11 +128,13 @@ class Viewer {
   build(track) {
     const { world, kinematics, document: doc } = this;
     const samples = [kinematics.rest(), this.q];
-    if (track) for (let i = 0; i <= 12; i++) samples.push(track.at(track.start + (i / 12) * (track.end - track.start), kinematics.rest()));
+    const steps = this.pace.many ? 4 : 12;
+    if (track) for (let i = 0; i <= steps; i++) samples.push(track.at(track.start + (i / steps) * (track.end - track.start), kinematics.rest()));
     else for (const { arm, q } of doc.ghosts) samples.push(kinematics.standing(arm, q));
     this.extent = { ...world.extent(samples), target: doc.camera.target };
     this.drawMotion(track);
     const thin = this.thin();
+    if (this.others.has("compare")) world.group("compare").add(motionLines(kinematics, this.others.get("compare"), GHOSTS.compare));
     this.targets = doc.targets.length ? targetMarks(doc.targets, 2 * thin) : null;
     if (this.targets) world.group("goal").add(this.targets);
     this.paint();
@@ -137,15 +149,9 @@ class Viewer {
     return Math.min(Math.max(0.0034 * radius, 0.0018), 0.012);
   }
 
-  /** Draws the way of the tools and the waypoints, in place of those drawn so far. */
+  /** Draws the way of the tools and the waypoints. */
   drawMotion(track) {
     const { world, kinematics, document: doc } = this, thin = this.thin();
-    for (const layer of ["toolpath", "path"]) {
-      for (const old of world.layers[layer] ? [...world.layers[layer].children] : []) {
-        disposeTree(old);
-        old.removeFromParent();
-      }
-    }
     this.toolPath = track ? new ToolPath(kinematics, track, thin) : null;
     if (track) {
       this.toolPath.setTubes(this.pace.least().tubes);
@@ -197,9 +203,11 @@ class Viewer {
     this.shownAt = performance.now();
     if (this.conflicts.at(this.manual ? null : player.time)) this.paint();
     world.updateBodies(player.time);
-    if (this.replayTrack) world.updateReplay(this.replayTrack.at(player.time, this.kinematics.rest()));
+    for (const [kind, track] of this.others) world.updateFollower(kind, track.at(player.time, this.kinematics.rest()));
     if (this.toolPath) this.toolPath.show(this.manual ? 1 : player.fraction);
+    this.overlays.follow();
     this.controls.refresh();
+    this.plots.follow();
     this.redraw();
     for (const f of this.listeners.change) f(this.q, player.time, this.manual);
   }
@@ -250,11 +258,17 @@ class Viewer {
 
   /** Goes to a moment and paints some elements red. */
   point(time, elements) {
-    this.touched = elements;
+    this.touched = elements.map((name) => this.kinematics.elementOf(name));
     this.paint();
     this.pause();
     if (time !== null) this.seek(time);
     this.redraw();
+  }
+
+  /** Goes to the next violation or contact, after the last one to the first. */
+  nextConflict() {
+    const { all } = this.conflicts, next = all.find(({ time }) => time > this.time + 1e-6) || all[0];
+    if (next) this.point(next.time, next.elements);
   }
 
   /** Frames the arms and what is near them, or with whole everything; null keeps the direction. */
@@ -285,6 +299,7 @@ class Viewer {
       this.controls.refreshHud(now);
       this.editing.frame();
       this.stage.draw();
+      this.overlays.label();
       this.frames += 1;
     };
     requestAnimationFrame(frame);
