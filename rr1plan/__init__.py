@@ -188,7 +188,6 @@ if TYPE_CHECKING:
     from rr1plan.retiming import retime as retime
     from rr1plan.retiming import retiming_names as retiming_names
     from rr1plan.retiming.path_blends import CurveChecker as CurveChecker
-    from rr1plan.robot import Color as Color
     from rr1plan.robot import Geometry as Geometry
     from rr1plan.robot import Inertial as Inertial
     from rr1plan.robot import Joint as Joint
@@ -239,6 +238,7 @@ if TYPE_CHECKING:
     from rr1plan.sequences.stages import SequenceStage as SequenceStage
     from rr1plan.shapes import Box as Box
     from rr1plan.shapes import Capsule as Capsule
+    from rr1plan.shapes import Color as Color
     from rr1plan.shapes import Cylinder as Cylinder
     from rr1plan.shapes import HalfSpace as HalfSpace
     from rr1plan.shapes import Mesh as Mesh
@@ -375,7 +375,7 @@ _EXPORTS = {
     "rr1plan.report": ("Margin", "Report", "Violation"),
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),
     "rr1plan.retiming.path_blends": ("CurveChecker",),
-    "rr1plan.robot": ("Color", "Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
+    "rr1plan.robot": ("Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
     "rr1plan.robot.contact_bands": ("ContactBand",),
     "rr1plan.robot.disabled_collisions": ("PairProposal", "propose_disabled_collisions"),
     "rr1plan.robot.joint_limits": ("Limits",),
@@ -402,7 +402,7 @@ _EXPORTS = {
     "rr1plan.sequences.sequence_replay": ("CarriedObject", "SequenceReplay"),
     "rr1plan.sequences.simulate_sequence": ("simulate_sequence",),
     "rr1plan.sequences.stages": ("SequenceStage",),
-    "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
+    "rr1plan.shapes": ("Box", "Capsule", "Color", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
     "rr1plan.shapes.convex_decomposition": ("convex_pieces",),
     "rr1plan.shapes.mesh_files": ("load_mesh",),
     "rr1plan.shapes.point_cloud_files": ("load_point_cloud",),
