@@ -177,6 +177,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer import ViewOptions as ViewOptions
     from rr1plan.playback.viewer import pack_array as pack_array
     from rr1plan.playback.viewer import save_html as save_html
+    from rr1plan.playback.viewer import save_video as save_video
     from rr1plan.playback.viewer import screenshot as screenshot
     from rr1plan.playback.viewer import show as show
     from rr1plan.progress import Progress as Progress
@@ -370,7 +371,16 @@ _EXPORTS = {
     "rr1plan.playback.simulation.simulation": ("Simulation",),
     "rr1plan.playback.simulation.state_broadcaster": ("JointStateBroadcaster",),
     "rr1plan.playback.simulation.trajectory_controller": ("Execution", "ExecutionStatus", "JointTrajectoryController"),
-    "rr1plan.playback.viewer": ("Panel", "ViewOptions", "Viewer", "pack_array", "save_html", "screenshot", "show"),
+    "rr1plan.playback.viewer": (
+        "Panel",
+        "ViewOptions",
+        "Viewer",
+        "pack_array",
+        "save_html",
+        "save_video",
+        "screenshot",
+        "show",
+    ),
     "rr1plan.progress": ("Progress", "ProgressCallback"),
     "rr1plan.report": ("Margin", "Report", "Violation"),
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),

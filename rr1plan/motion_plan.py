@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.schedules.timeline import Timeline
     from rr1plan.playback.simulation.replay import Replay
     from rr1plan.playback.viewer import Viewer, ViewOptions
+    from rr1plan.playback.viewer.page_document import Document
 
 _T = TypeVar("_T")
 _DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
@@ -160,6 +161,13 @@ class MotionPlan:
         from rr1plan.playback.viewer import save_html
 
         return save_html(file, self.scene, **self._content(), replay=replay, options=self._page_options(options))
+
+    def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
+        """The document of the motion's page, and its options with all panels."""
+        from rr1plan.playback.viewer.page_document import view_document
+        from rr1plan.playback.viewer.view_options import checked_options
+
+        return view_document(self.scene, **self._content(), options=options), checked_options(self._page_options(options))
 
     def timeline(self) -> Timeline:
         """The time line: when each arm moves and rests, which arms it waits for, and contacts that the referee found.

@@ -22,6 +22,7 @@ from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from rr1plan.playback.viewer import Viewer, ViewOptions
+    from rr1plan.playback.viewer.page_document import Document
     from rr1plan.sequences.sequence_replay import SequenceReplay
 
 
@@ -185,6 +186,12 @@ class SequencePlan:
         from rr1plan.sequences.sequence_page import save_sequence_html
 
         return save_sequence_html(file, self._motion, replay, options)
+
+    def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
+        """The document of the motion's page, and its options with the panel of the stages."""
+        from rr1plan.sequences.sequence_page import page_parts
+
+        return page_parts(self._motion, None, options)
 
     def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:
         """Write scene, trajectory, stages and report to one JSON file; read it with `rr1plan.load_sequence`.

@@ -99,6 +99,10 @@ class Viewer:
         """Whether the page is no longer served."""
         return not self._server.running
 
+    def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
+        """The document that the pages show, and their options."""
+        return self._document, self._options if options is None else options
+
     def load(
         self,
         scene: Scene,
