@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from rr1plan.checks import Array, counted, finite_array, known_name, true_or_false
 from rr1plan.errors import NoPlanError
 from rr1plan.export.plan_files import save_sequence_document
+from rr1plan.notebook_view import NotebookView
 from rr1plan.planning import PlanStatus
 from rr1plan.report import Report
 from rr1plan.scene import Scene
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class SequencePlan:
+class SequencePlan(NotebookView):
     """Result of `plan_sequence`, or a sequence from a file.
 
     Asking a plan that failed for its trajectory or report raises `NoPlanError` with the reason; look at `found` first.

@@ -18,6 +18,7 @@ from rr1plan.checks import (
     whole_number,
 )
 from rr1plan.errors import InputError
+from rr1plan.notebook_view import NotebookView
 from rr1plan.planning import PlanResult
 from rr1plan.playback.cspace.cspace_query import CSpaceQuery, compute_query
 from rr1plan.progress import ProgressCallback
@@ -36,7 +37,7 @@ _WIDEST = 100.0  # [inch]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CSpace(CSpaceQuery):
+class CSpace(CSpaceQuery, NotebookView):
     """The configuration space of two joints with a query and its answer, as figures and pages.
 
     `CSpaceQuery` lists what it holds.

@@ -21,8 +21,8 @@ from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.progress_bar import library_bar
 
 _MOST_FRAMES = 20_000
-# Shows a moment at full quality, which very many arms otherwise get a while after they moved only. The page draws in its
-# own callback of the next frame, before this one; with the frame after that the picture has been composed.
+# Shows a moment at full quality, which very many arms otherwise get only a while after they have moved. The page draws
+# in its own callback of the next frame, before this one; with the frame after that the picture has been composed.
 _DRAW = """(time) => {
   RR1.pause(); RR1.seek(time); RR1.shownAt = -Infinity; RR1.redraw();
   return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(RR1.time))));
@@ -99,7 +99,7 @@ class _PageFrames:
             raise InputError("the page has no motion, expected one to film; screenshot takes a picture of it")
         count = int(np.ceil((end - start) / step - 1e-9)) + 1
         if count > _MOST_FRAMES:
-            raise InputError(f"the video has {count} pictures, expected at most {_MOST_FRAMES}; lower fps or raise speed")
+            raise InputError(f"the video has {count} pictures, expected at most {_MOST_FRAMES}; lower fps, raise speed")
         self._times = np.minimum(start + step * np.arange(count), end).tolist()
         self._tab, self._advance = tab, advance
         self._session = tab.context.new_cdp_session(tab)
