@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from rr1plan.export.controller_rules import check_joint_trajectory as check_joint_trajectory
     from rr1plan.export.csv_files import load_csv as load_csv
     from rr1plan.export.csv_files import save_csv as save_csv
+    from rr1plan.export.glb_files import save_glb as save_glb
     from rr1plan.export.plan_files import save_motion as save_motion
     from rr1plan.export.robot_formats import save_mjcf as save_mjcf
     from rr1plan.export.robot_formats import save_rosbag as save_rosbag
@@ -177,6 +178,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer import ViewOptions as ViewOptions
     from rr1plan.playback.viewer import pack_array as pack_array
     from rr1plan.playback.viewer import save_html as save_html
+    from rr1plan.playback.viewer import save_video as save_video
     from rr1plan.playback.viewer import screenshot as screenshot
     from rr1plan.playback.viewer import show as show
     from rr1plan.progress import Progress as Progress
@@ -306,6 +308,7 @@ _EXPORTS = {
     "rr1plan.experiments.run_experiments": ("ExperimentReport", "run_experiments"),
     "rr1plan.export.controller_rules": ("check_joint_trajectory",),
     "rr1plan.export.csv_files": ("load_csv", "save_csv"),
+    "rr1plan.export.glb_files": ("save_glb",),
     "rr1plan.export.plan_files": ("save_motion",),
     "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
     "rr1plan.export.ros_trajectories": ("load_joint_trajectory", "save_joint_trajectory"),
@@ -370,7 +373,16 @@ _EXPORTS = {
     "rr1plan.playback.simulation.simulation": ("Simulation",),
     "rr1plan.playback.simulation.state_broadcaster": ("JointStateBroadcaster",),
     "rr1plan.playback.simulation.trajectory_controller": ("Execution", "ExecutionStatus", "JointTrajectoryController"),
-    "rr1plan.playback.viewer": ("Panel", "ViewOptions", "Viewer", "pack_array", "save_html", "screenshot", "show"),
+    "rr1plan.playback.viewer": (
+        "Panel",
+        "ViewOptions",
+        "Viewer",
+        "pack_array",
+        "save_html",
+        "save_video",
+        "screenshot",
+        "show",
+    ),
     "rr1plan.progress": ("Progress", "ProgressCallback"),
     "rr1plan.report": ("Margin", "Report", "Violation"),
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),

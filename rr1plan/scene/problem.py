@@ -25,6 +25,7 @@ from rr1plan.checks import (
     shown,
 )
 from rr1plan.errors import InputError
+from rr1plan.notebook_view import NotebookView
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.transforms import as_pose, quaternion_from_rotation, rotation_from_quaternion, unit_quaternion
@@ -156,7 +157,7 @@ GoalLike = Goal | ArrayLike | Sequence[Goal | ArrayLike]
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Problem(Value):
+class Problem(Value, NotebookView):
     """A planning problem.
 
     Args:
