@@ -82,6 +82,10 @@ if TYPE_CHECKING:
     from rr1plan.hardware.control_box_frames import BoxCommand as BoxCommand
     from rr1plan.hardware.control_box_frames import Telemetry as Telemetry
     from rr1plan.hardware.telemetry_states import read_telemetry as read_telemetry
+    from rr1plan.lessons.lesson import Lesson as Lesson
+    from rr1plan.lessons.lesson import LessonStep as LessonStep
+    from rr1plan.lessons.lesson_catalog import lesson as lesson
+    from rr1plan.lessons.lesson_catalog import lesson_names as lesson_names
     from rr1plan.mirror.corridor import Corridor as Corridor
     from rr1plan.mirror.corridor import CorridorPosition as CorridorPosition
     from rr1plan.mirror.corridor import certified_corridor as certified_corridor
@@ -200,6 +204,7 @@ if TYPE_CHECKING:
     from rr1plan.robot.disabled_collisions import PairProposal as PairProposal
     from rr1plan.robot.disabled_collisions import propose_disabled_collisions as propose_disabled_collisions
     from rr1plan.robot.joint_limits import Limits as Limits
+    from rr1plan.robot.planar_arm import planar_arm as planar_arm
     from rr1plan.saved_motion import load_motion as load_motion
     from rr1plan.scene import Arm as Arm
     from rr1plan.scene import Attachment as Attachment
@@ -217,6 +222,7 @@ if TYPE_CHECKING:
     from rr1plan.scene.model_library import scene_names as scene_names
     from rr1plan.scene.placement import place_grid as place_grid
     from rr1plan.scene.placement import place_ring as place_ring
+    from rr1plan.scene.polygon_prism import polygon_prism as polygon_prism
     from rr1plan.scene.problem import Goal as Goal
     from rr1plan.scene.problem import JointGoal as JointGoal
     from rr1plan.scene.problem import PoseGoal as PoseGoal
@@ -318,6 +324,8 @@ _EXPORTS = {
     "rr1plan.hardware.control_box": ("BoxChannel", "ControlBox", "load_control_box"),
     "rr1plan.hardware.control_box_frames": ("BoxCommand", "Telemetry"),
     "rr1plan.hardware.telemetry_states": ("read_telemetry",),
+    "rr1plan.lessons.lesson": ("Lesson", "LessonStep"),
+    "rr1plan.lessons.lesson_catalog": ("lesson", "lesson_names"),
     "rr1plan.mirror.corridor": ("Corridor", "CorridorPosition", "certified_corridor"),
     "rr1plan.mirror.joint_states": ("StateMessage", "StreamError", "read_states"),
     "rr1plan.mirror.mirror": ("Mirror",),
@@ -391,6 +399,7 @@ _EXPORTS = {
     "rr1plan.robot.contact_bands": ("ContactBand",),
     "rr1plan.robot.disabled_collisions": ("PairProposal", "propose_disabled_collisions"),
     "rr1plan.robot.joint_limits": ("Limits",),
+    "rr1plan.robot.planar_arm": ("planar_arm",),
     "rr1plan.saved_motion": ("load_motion",),
     "rr1plan.scene": ("Arm", "Attachment", "Obstacle", "Scene", "scene_differences"),
     "rr1plan.scene.loose_bodies": ("load_body", "stack_bodies"),
@@ -404,6 +413,7 @@ _EXPORTS = {
         "scene_names",
     ),
     "rr1plan.scene.placement": ("place_grid", "place_ring"),
+    "rr1plan.scene.polygon_prism": ("polygon_prism",),
     "rr1plan.scene.problem": ("Goal", "JointGoal", "PoseGoal", "Problem", "RegionGoal"),
     "rr1plan.sequences.pick_and_place": ("pick_and_place", "top_grasps"),
     "rr1plan.sequences.plan_sequence": ("plan_sequence",),
