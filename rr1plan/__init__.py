@@ -152,10 +152,10 @@ if TYPE_CHECKING:
     from rr1plan.playback.cspace.configuration_space import cspace as cspace
     from rr1plan.playback.cspace.cspace_decomposition import Decomposition as Decomposition
     from rr1plan.playback.cspace.cspace_grid import CSpaceGrid as CSpaceGrid
-    from rr1plan.playback.cspace.search_trees import DrawnTree as DrawnTree
     from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram as CoordinationDiagram
     from rr1plan.playback.schedules.timeline import Timeline as Timeline
     from rr1plan.playback.schedules.timeline import timeline as timeline
+    from rr1plan.playback.search_trees import DrawnTree as DrawnTree
     from rr1plan.playback.simulation.arm_variation import ArmVariation as ArmVariation
     from rr1plan.playback.simulation.controllers import Controller as Controller
     from rr1plan.playback.simulation.controllers import ForwardPositionController as ForwardPositionController
@@ -361,9 +361,9 @@ _EXPORTS = {
     "rr1plan.playback.cspace.configuration_space": ("CSpace", "cspace"),
     "rr1plan.playback.cspace.cspace_decomposition": ("Decomposition",),
     "rr1plan.playback.cspace.cspace_grid": ("CSpaceGrid",),
-    "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
+    "rr1plan.playback.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.arm_variation": ("ArmVariation",),
     "rr1plan.playback.simulation.controllers": (
         "Controller",
