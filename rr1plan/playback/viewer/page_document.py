@@ -56,6 +56,12 @@ def pack_array(array: ArrayLike, dtype: str = "f4") -> dict[str, Any]:
     return {"dtype": dtype, "shape": list(values.shape), "data": base64.b64encode(values.tobytes()).decode("ascii")}
 
 
+def unpack_array(packed: Mapping[str, Any]) -> NDArray[Any]:
+    """An array as `pack_array` packed it."""
+    values: NDArray[Any] = np.frombuffer(base64.b64decode(packed["data"]), dtype="<" + packed["dtype"])
+    return values.reshape(packed["shape"])
+
+
 def view_document(
     scene: Scene,
     *,
