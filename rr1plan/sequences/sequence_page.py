@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib.resources import files
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -62,7 +63,8 @@ def page_parts(
         trajectory=trajectory,
         report=motion.report,
         replay=None if replay is None else replay.replay,
-        options=options,
+        # What is attached changes along the motion.
+        options=replace(options, planner=False),
     )
     if replay is None and names:
         times = trajectory.sample_times(_FRAME)

@@ -110,12 +110,16 @@ def view_document(
         "targets": [] if problem is None else _targets(problem),
         "report": None if report is None else _finite(report.to_dict()),
         "camera": first_camera(scene, motion, ghosts),
-        "planner": _planner(scene, problem, motion) if options.planner else None,
+        "planner": _planner(scene, problem, motion, bodies) if options.planner else None,
     }
 
 
-def _planner(scene: Scene, problem: Problem | None, motion: Trajectory | None) -> dict[str, Any]:
+def _planner(
+    scene: Scene, problem: Problem | None, motion: Trajectory | None, bodies: BodyMotion | None
+) -> dict[str, Any]:
     """The planner of the page, for the arms of the problem, or of the motion, or for all."""
+    if bodies is not None and bodies.bodies:
+        return {"missing": "objects move along the replay, and pages plan among objects that stand still"}
     if problem is not None:
         return page_planner(scene, problem.arms, problem.margin)
     return page_planner(scene, None if motion is None else motion.arms)
