@@ -3,10 +3,10 @@
     python benchmarks/page_planning.py [--drags 200] [--scene rr1_cluttered]
 
 Each drag puts one obstacle somewhere else and asks for a motion between two random configurations that are free then.
-The page, in headless Chromium, moves the obstacle in its tables, plans, shortens, times, and has the motion proven by the
-referee (`planner.js`); the program does the same with a changed scene and `plan_motion`, so its collision tables are made
-anew. Both have the same seeds, and the motions are compared to the last bit. Drags to which either finds no motion
-within the budget of iterations are counted, not timed.
+The page, in headless Chromium, moves the obstacle in its tables, plans, shortens, times, and has the motion proven by
+the referee (`planner.js`). The program does the same with a changed scene and `plan_motion`, so its collision tables
+are made anew, and its referee finds smallest clearances too. Both have the same seeds, and the motions are compared to
+the last bit. Drags to which either finds no motion within the budget of iterations are counted, not timed.
 """
 
 from __future__ import annotations
@@ -98,13 +98,14 @@ def make_drags(scene: rp.Scene, count: int, rng: np.random.Generator) -> list[Dr
         name = str(rng.choice(loose))
         T = first[name].pose.copy()
         T[:3, 3] += rng.normal(size=3) * _SHIFT
-        scene = scene.with_obstacle_at(name, T)
-        checker, free = CollisionChecker(scene), []
+        dropped = scene.with_obstacle_at(name, T)
+        checker, free = CollisionChecker(dropped), []
         for _ in range(1000):
             q = rng.uniform(lower, upper)
             if checker.is_free(q):
                 free.append(q)
             if len(free) == 2:
+                scene = dropped
                 drags.append((name, scene, free[0], free[1]))
                 break
     return drags

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path as FilePath
 
 import numpy as np

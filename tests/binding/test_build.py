@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from rr1plan.kernels.wasm_core import core_module
 from rr1plan.kernels.planner_kernels import LIBRARY
+from rr1plan.kernels.wasm_core import core_module
 from rr1plan.validation.referee_kernels import LIBRARY as REFEREE
 from rr1plan.validation.wasm_referee import referee_module
 
@@ -52,7 +52,9 @@ def test_with_cc_a_module_that_cannot_be_made_is_left_out_with_a_warning(
     assert sorted(file.name for file in files) == sorted(broken_ziglang)
     assert all(file.suffix != ".wasm" for file in files)
     (warning,) = warnings
-    assert warning.startswith("core.wasm and referee.wasm are not built: CC is set, and ziglang does not work: No module")
+    assert warning.startswith(
+        "core.wasm and referee.wasm are not built: CC is set, and ziglang does not work: No module"
+    )
 
 
 def test_without_cc_that_is_an_error(

@@ -1,4 +1,4 @@
-"""Planning in pages: the answers of `plan_motion`, of the collision checker and of inverse kinematics, to the last bit."""
+"""Planning in pages: the answers of `plan_motion`, the collision checker and inverse kinematics, to the last bit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import math
 import shutil
 import subprocess
 import zlib
-from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -110,7 +110,12 @@ def expected_motion(problem: rp.Problem, seed: int) -> dict[str, Any]:
     if not motion.found:
         return answer
     assert motion.result.path is not None
-    arrays = motion.result.path.waypoints, motion.path.waypoints, motion.trajectory.breaks, motion.trajectory.coefficients
+    arrays = (
+        motion.result.path.waypoints,
+        motion.path.waypoints,
+        motion.trajectory.breaks,
+        motion.trajectory.coefficients,
+    )
     return answer | {"certified": motion.valid, "parts": [packed(array) for array in arrays]}
 
 
@@ -189,7 +194,7 @@ def test_configurations_and_edges_are_judged_as_by_the_collision_checker(name: s
     assert 20 < free < 118
     edges = in_node(planner_data(scene), "edges", rows.tolist())
     native = CollisionChecker(scene)
-    assert edges == [native.edge_is_free(a, b) for a, b in zip(rows[:-1], rows[1:], strict=True)]
+    assert edges == [native.edge_is_free(a, b) for a, b in pairwise(rows)]
 
 
 @pytest.mark.parametrize("name", ["rr1_shelf", "rr1_pair", "planar2r_path"])
@@ -209,7 +214,10 @@ def test_inverse_kinematics_finds_the_configuration_of_solve_ik(name: str) -> No
             goal = rp.PoseGoal("tool", T if seed % 2 == 0 else T[:3, 3] + [3.0 * far, 0.0, 0.0])
             found = rp.solve_ik(
                 *(kinematics, goal),
-                **{"seeds": start[columns_of_arm], "attempts": 20, "max_solutions": 1, "rng": seed},
+                seeds=start[columns_of_arm],
+                attempts=20,
+                max_solutions=1,
+                rng=seed,
             )
             q = start.copy()
             if found.found:

@@ -4,8 +4,8 @@
 proven by the referee (`page/referee.js`). A page whose planner
 is left out contains the reason instead:
 
-- More than two arms move. They are planned one by one and scheduled (`plan_many_arms`), which pages do not do; the joint
-  space of all of them is too large for RRT-Connect, and their tables have megabytes.
+- More than two arms move. They are planned one by one and scheduled (`plan_many_arms`), which pages do not do; the
+  joint space of all of them is too large for RRT-Connect, and their tables have megabytes.
 - A joint that moves has no limit of position, velocity or acceleration.
 - The scene cannot be checked for collisions, or things that do not move are in contact.
 - The modules are not built.
@@ -128,7 +128,9 @@ def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[st
 
 def _rows(checker: CollisionChecker, space: Space) -> dict[str, Root]:
     """Bounds of the joint space, and the limits of timing."""
-    velocity, acceleration = (np.ascontiguousarray(row) for row in (checker.limits.velocity, checker.limits.acceleration))
+    velocity, acceleration = (
+        np.ascontiguousarray(row) for row in (checker.limits.velocity, checker.limits.acceleration)
+    )
     rates = CStruct(
         "RateLimits",
         velocity=velocity,
