@@ -63,8 +63,8 @@ def page_parts(
         trajectory=trajectory,
         report=motion.report,
         replay=None if replay is None else replay.replay,
-        # What is attached changes along the motion.
-        options=replace(options, planner=False),
+        # What is held changes from stage to stage, and with it what may be touched.
+        options=replace(options, clearances=False, planner=False),
     )
     if replay is None and names:
         times = trajectory.sample_times(_FRAME)
