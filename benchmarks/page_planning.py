@@ -30,7 +30,6 @@ from rr1plan.kernels.wasm_core import core_module
 from rr1plan.playback.viewer.page_capture import open_browser
 from rr1plan.validation.wasm_referee import referee_module
 
-_WARM_UP = 40  # drags before the first that counts
 _ITERATIONS = 900
 _SHIFT = (0.12, 0.12, 0.04)  # standard deviation of a drag [m]
 _STAGES = ("move", "plan", "shorten", "retime", "certify", "all")
@@ -52,7 +51,7 @@ Drag = tuple[str, rp.Scene, np.ndarray, np.ndarray]
 def main(argv: Sequence[str] | None = None) -> int:
     args = _arguments(argv)
     scene = rp.load_scene(args.scene)
-    drags = make_drags(scene, args.drags + _WARM_UP, np.random.default_rng(args.seed))
+    drags = make_drags(scene, args.drags + args.warm_up, np.random.default_rng(args.seed))
     results = []
     try:
         with tempfile.TemporaryDirectory() as folder, open_browser((640, 480)) as browser:
@@ -69,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"page_planning.py needs a Chromium and playwright: {error}", file=sys.stderr)
         return 1
     sizes |= {"core.wasm": len(core_module()), "referee.wasm": len(referee_module())}
-    results = results[_WARM_UP:]
+    results = results[args.warm_up :]
     timed = [row for row in results if row["page"]["certified"] and row["program"]["certified"]]
     facts = {
         "scene": f"{args.scene}, {len(scene.obstacles)} obstacles",
@@ -85,6 +84,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = make_parser(__doc__.splitlines()[0], "page_planning")
     parser.add_argument("--drags", type=int, default=200, help="how many obstacles are dropped")
+    parser.add_argument("--warm-up", type=int, default=40, help="drags before the first that counts")
     parser.add_argument("--scene", default="rr1_cluttered", help="a scene that ships with rr1plan")
     return parser.parse_args(argv)
 

@@ -81,8 +81,8 @@ def view_document(
         problem: As in `save_html`.
         report: As in `save_html`.
         replay: As in `save_html`.
-        options: The title, spheres, the motion to compare, the tree, the clearances and whether a planner is carried; the
-            rest is for `page_html`.
+        options: The title, spheres, the motion to compare, the tree, the clearances and whether a planner is carried;
+            the rest is for `page_html`.
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene.
