@@ -257,7 +257,7 @@ def test_the_keyboard_moves_obstacles_and_sets_start_and_goal(fresh: Any, proble
 def test_the_same_drag_has_the_same_answer(fresh: Any) -> None:
     paths = []
     for _ in range(2):
-        fresh.ask("RR1.lesson.moveObstacle('violet', 0.3, -0.9)")
+        fresh.ask("RR1.lesson.moveObstacle('violet', 0.7, -1.0)")
         paths.append(waypoints(fresh))
         fresh.ask("RR1.lesson.moveObstacle('violet', 0.6, -1.3)")
     assert paths[0].tobytes() == paths[1].tobytes()

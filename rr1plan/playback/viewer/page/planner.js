@@ -46,6 +46,7 @@ class PagePlanner {
   /** See above. */
   static async load(data) {
     if (data.missing) throw new Error(data.missing);
+    if (!data.modules) throw new Error("this page was opened without the planner's kernels");
     if (typeof WebAssembly !== "object") throw new Error("this browser has no WebAssembly");
     if (!WebAssembly.validate(SIMD_PROBE)) throw new Error("this browser has no WebAssembly SIMD");
     if (typeof DecompressionStream !== "function") throw new Error("this browser cannot decompress the planner");
@@ -81,6 +82,7 @@ class PagePlanner {
   get core() { return this.#core; }
   get scene() { return this.#memory.scene; }
   get scratch() { return this.#memory.scratch; }
+  get referee() { return this.#referee; }
 
   /** Limits of the columns: {velocity, acceleration}. */
   get rates() {
