@@ -180,7 +180,7 @@ def test_a_dragged_obstacle_takes_its_image_with_it(
 
 
 def test_the_verdict_turns_from_path_to_proven_no_path_and_back(fresh: Any, problem: rp.Problem) -> None:
-    # Two discs near the base block the first joint on both ways round.
+    # Two discs near the base block the first joint in both directions.
     fresh.ask(
         "RR1.lesson.remember(), RR1.lesson.moveObstacle('red', 0.15, 0.7), "
         "RR1.lesson.moveObstacle('blue', -0.45, -0.62)"

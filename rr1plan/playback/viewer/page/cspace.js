@@ -73,7 +73,7 @@ class Lesson {
     this.follow();
   }
 
-  /** Draws a motion, or none, through so many of its configurations. */
+  /** Samples a motion at `count` equal intervals, to be drawn; null: there is none. */
   takeTrack(track, count) {
     this.track = track && track.end > track.start ? track : null;
     this.curve = [];
