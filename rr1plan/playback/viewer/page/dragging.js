@@ -2,6 +2,7 @@
 
 const CLICK = 4; // [px] a pointer moves at most in a click
 const PER_PIXEL = 0.008; // [rad] a turn follows a pixel
+const LEVER = 40; // [px/rad or px/m] a grabbed point moves in the picture at least for the joint to follow it
 const LEAN = 0.25; // sine of the camera's elevation below which obstacles move in a plane that faces the camera
 
 /** A rigid transform turned about a point, as 16 numbers. */
@@ -178,9 +179,10 @@ class Dragging {
       return { x: now.x, y: now.y, dx: 1e4 * (next.x - now.x), dy: 1e4 * (next.y - now.y) };
     };
     const begin = viewer.q[column], first = slope(begin), off = [first.x - event.clientX, first.y - event.clientY];
-    // A point near the axis does not move in the picture: there the pointer's way counts, to the right and up.
-    if (Math.hypot(first.dx, first.dy) < 15) {
-      return (now) => editing.turn(column, begin + PER_PIXEL * (now.clientX - event.clientX + event.clientY - now.clientY));
+    // A point near the axis hardly moves in the picture: there the pointer's way along the tangent counts.
+    const lever = Math.hypot(first.dx, first.dy), tangent = lever > 1e-3 ? [first.dx / lever, first.dy / lever] : [1, 0];
+    if (lever < LEVER) {
+      return (now) => editing.turn(column, begin + ((now.clientX - event.clientX) * tangent[0] + (now.clientY - event.clientY) * tangent[1]) / LEVER);
     }
     return (now) => {
       let value = viewer.q[column];

@@ -21,7 +21,7 @@ class Jogging {
       const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
       if (event.ctrlKey || event.metaKey) {
         const act = { z: () => (event.shiftKey ? editing.redo() : editing.undo()), y: () => editing.redo() }[key];
-        if (!act || !editing.past.length + editing.future.length) return;
+        if (!act || !(editing.past.length + editing.future.length)) return;
         event.preventDefault();
         act();
         return;

@@ -109,8 +109,9 @@ class Viewer {
     this.player.loop = loop;
     for (const layer of ["toolpath", "path", "conflicts", ...OVERLAYS]) world.clear(layer);
     this.drawMotion(this.player.track);
-    for (const kind of ["replay", "compare"]) if (world.layers[kind]) world.layers[kind].visible = this.others.has(kind) && this.isShown(kind);
     this.overlays.load();
+    const absent = ["replay", "compare"].filter((kind) => !this.others.has(kind));
+    for (const [name, layer] of Object.entries(world.layers)) layer.visible = this.isShown(name) && !absent.includes(name);
     this.controls.loadMotion(this.document);
     this.plots.load();
     this.paint();

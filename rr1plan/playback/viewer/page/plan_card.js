@@ -92,7 +92,7 @@ class PlanCard {
     rows.push(["", [["manipulability", solver.manipulability(viewer.q).toPrecision(3)]], ""]);
     const nodes = rows.flatMap(([label, values, unit]) => {
       const value = element("dd");
-      for (const [name, number] of values) value.append(element("i", name), element("span", number));
+      for (const [name, number] of values) value.append(element("i", name), " ", element("span", number), " ");
       if (unit === "m") value.append(element("i", unit));
       return [...(label ? [element("dt", label)] : []), value];
     });
