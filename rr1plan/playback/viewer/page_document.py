@@ -56,6 +56,12 @@ def pack_array(array: ArrayLike, dtype: str = "f4") -> dict[str, Any]:
     return {"dtype": dtype, "shape": list(values.shape), "data": base64.b64encode(values.tobytes()).decode("ascii")}
 
 
+def unpack_array(packed: Mapping[str, Any]) -> NDArray[Any]:
+    """An array as `pack_array` packed it."""
+    values: NDArray[Any] = np.frombuffer(base64.b64decode(packed["data"]), dtype="<" + packed["dtype"])
+    return values.reshape(packed["shape"])
+
+
 def view_document(
     scene: Scene,
     *,
@@ -75,8 +81,8 @@ def view_document(
         problem: As in `save_html`.
         report: As in `save_html`.
         replay: As in `save_html`.
-        options: The title, spheres, the planner, the motion to compare, the tree and the clearances; the rest is for
-            `page_html`.
+        options: The title, spheres, the motion to compare, the tree, the clearances and whether a planner is carried; the
+            rest is for `page_html`.
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene.

@@ -334,7 +334,7 @@ for (const panel of settings.panels) {
   viewer.panelData[panel.name] = panel.data;
   mounts[panel.name](viewer, find(`panel-${panel.name}`), panel.data);
 }
-if (settings.live) viewer.live = new Live(viewer, settings.version);
+if (settings.live) viewer.live = new Live(viewer, settings.live);
 const wishes = new URLSearchParams(location.hash.slice(1));
 if (wishes.has("bare")) document.body.classList.add("bare");
 viewer.run();
