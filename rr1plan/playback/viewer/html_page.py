@@ -2,7 +2,8 @@
 
 The page may not load anything from anywhere: its content security policy names the hashes of
 its own scripts and nothing else, so neither a request nor a script smuggled in by a name in a
-file can run. A page that plans by itself may compile WebAssembly besides. Data stands in `<script type="application/json">` with every "<" escaped.
+file can run. Only a page that plans by itself may compile WebAssembly. Data stands in
+`<script type="application/json">` with every "<" escaped.
 """
 
 from __future__ import annotations
