@@ -51,7 +51,7 @@ class Dragging {
     if (!hit) return null;
     const { kinematics, world } = this.viewer;
     if (hit.arm >= 0) {
-      const arm = kinematics.arms[hit.arm], column = this.editing.solvers[hit.arm].columnOf(hit.frame - arm.firstLink);
+      const arm = kinematics.arms[hit.arm], column = this.editing.solver(hit.arm).columnOf(hit.frame - arm.firstLink);
       if (column < 0) return null;
       const local = hit.point.clone().applyMatrix4(new THREE.Matrix4().fromArray(world.poses, 16 * hit.frame).invert());
       return { kind: "joint", arm: hit.arm, column: arm.firstColumn + column, frame: hit.frame, local, element: hit.element };
@@ -201,7 +201,7 @@ class Dragging {
   /** Moves the pose of a tool or an obstacle: on a plane, up and down, or turns it. */
   rigidMove(event, thing, mode, grabbed) {
     const { picker, editing, viewer } = this, { forward, right, up } = picker.axes();
-    const T = thing.kind === "tool" ? editing.solvers[thing.arm].toolPose(viewer.q) : editing.poses.get(thing.name);
+    const T = thing.kind === "tool" ? editing.solver(thing.arm).toolPose(viewer.q) : editing.poses.get(thing.name);
     const center = thing.kind === "tool" ? new THREE.Vector3(...T.slice(12, 15)) : viewer.world.boxAround(thing.name).getCenter(new THREE.Vector3());
     const put = (pose) => (thing.kind === "tool" ? editing.moveTool(thing.arm, pose) : editing.moveObstacle(thing.name, pose));
     const vertical = new THREE.Vector3(0, 0, 1), begin = { clientX: event.clientX, clientY: event.clientY };

@@ -28,7 +28,8 @@ class Editing {
 
   load(doc) {
     const { kinematics, player } = this.viewer;
-    this.solvers = kinematics.arms.map((arm) => new DifferentialIk(kinematics, arm));
+    this.solvers = new Map();
+    this.scratch = new Float64Array(16 * kinematics.links);
     this.poses = new Map(doc.obstacles.map(({ name, pose }) => [name, Float64Array.from(pose)]));
     const { track, path, report, replay, compare, samples, tree } = doc;
     this.motion = { changes: { track, path, report, replay, compare, samples, tree, planned: null }, poses: this.poses };
@@ -68,6 +69,13 @@ class Editing {
   /** Arms can be moved here; a panel of a planar arm has its own way. */
   get active() {
     return this.viewer.kinematics.arms.length > 0 && !document.body.classList.contains("lesson");
+  }
+
+  /** The kinematics of an arm's tool, by the arm's index. */
+  solver(index) {
+    const { kinematics } = this.viewer;
+    if (!this.solvers.has(index)) this.solvers.set(index, new DifferentialIk(kinematics, kinematics.arms[index], this.scratch));
+    return this.solvers.get(index);
   }
 
   get dragging() {
@@ -127,7 +135,7 @@ class Editing {
 
   /** Moves the joints of an arm so that its tool is at a pose, or as near as they can. */
   moveTool(arm, target) {
-    const found = this.solvers[arm].solve(this.viewer.q, target);
+    const found = this.solver(arm).solve(this.viewer.q, target);
     this.reach = { arm, ...found };
     this.setQ(found.q);
     return found;
