@@ -54,7 +54,7 @@ class Overlays {
     const strip = element("i");
     strip.style.background = `linear-gradient(to right, ${SPEEDS.map(css).join(", ")})`;
     bar.setAttribute("aria-label", `Tool speed, from 0 to ${this.scaled.toFixed(2)} m/s`);
-    bar.replaceChildren(element("span", "Tool speed"), strip, element("span", "0"), element("span", `${this.scaled.toFixed(2)} m/s`));
+    bar.replaceChildren(element("span", "Tool speed"), element("span", "0"), strip, element("span", `${this.scaled.toFixed(2)} m/s`));
   }
 
   // ---- violations ------------------------------------------------------------------------------
@@ -84,8 +84,9 @@ class Overlays {
   }
 
   /** Where bodies touch, as far as it is known; otherwise the frame of the first link. */
-  placeOf({ place, elements }) {
+  placeOf({ place, elements, simulated }) {
     if (place) return place;
+    if (simulated) return null;
     const [arm, link] = (elements[0] || "").split("/"), found = this.viewer.kinematics.arms.find(({ name }) => name === arm);
     if (!found || found.robot.links.indexOf(link) < 0) return null;
     const at = 16 * this.viewer.kinematics.linkIndex(found, link) + 12;
@@ -130,7 +131,7 @@ class Frames {
     this.rods.frustumCulled = false;
     this.rods.renderOrder = 12;
     for (let i = 0; i < this.rods.count; i++) this.rods.setColorAt(i, new THREE.Color(AXES[i % 3]).convertSRGBToLinear());
-    this.axes = kinematics.arms.flatMap((arm, k) => arm.robot.links.map((_, link) => this.axesOf((link === arm.robot.tool ? 0.16 : 0.09) * world.reach[k])));
+    this.axes = kinematics.arms.flatMap((arm, k) => arm.robot.links.map((_, link) => this.axesOf((link === arm.robot.tool ? 0.13 : 0.08) * world.reach[k])));
     this.group.add(this.rods);
   }
 
@@ -193,7 +194,7 @@ class NearestLines {
     Object.assign(this, { viewer, names, arms, group: new THREE.Group(), least: null });
     [this.times, this.values, this.pairs, this.points] = [times, values, pairs, points].map((packed) => unpack(packed).values);
     const rod = new THREE.CylinderGeometry(1, 1, 1, 8).translate(0, 0.5, 0);
-    this.radius = 0.004 * viewer.extent.near.getSize(new THREE.Vector3()).length();
+    this.radius = 0.0032 * viewer.extent.near.getSize(new THREE.Vector3()).length();
     const material = new THREE.MeshBasicMaterial({ depthTest: false, transparent: true });
     this.rods = new THREE.InstancedMesh(rod, material, 2 * arms.length);
     this.dots = new THREE.InstancedMesh(new THREE.SphereGeometry(1, 12, 8), material, 4 * arms.length);
