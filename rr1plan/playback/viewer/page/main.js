@@ -54,7 +54,7 @@ class Viewer {
     const others = [["replay", doc.replay], ...doc.compare.map((row) => ["compare", row])].filter(([, row]) => row);
     this.others = new Map(others.map(([kind, row]) => [kind, new Track(row)]));
     const speed = this.player ? this.player.speed : 1;
-    this.player = new Player(track, [...this.others.values()]);
+    this.player = new Player(track, this.others.has("compare") ? [this.others.get("compare")] : []);
     this.player.speed = speed;
     this.manual = false;
     this.touched = [];
@@ -94,9 +94,7 @@ class Viewer {
       this.toolPath.setTubes(this.pace.least().tubes);
       world.group("toolpath").add(this.toolPath.group);
     } else this.toolPath = null;
-    for (const other of this.others.has("compare") ? [this.others.get("compare")] : []) {
-      world.group("compare").add(motionLines(kinematics, other, GHOSTS.compare));
-    }
+    if (this.others.has("compare")) world.group("compare").add(motionLines(kinematics, this.others.get("compare"), GHOSTS.compare));
     if (doc.path) world.group("path").add(waypointLines(kinematics, doc.path, 1.6 * thin));
     if (doc.targets.length) world.group("goal").add(targetMarks(doc.targets, 2 * thin));
     this.paint();
