@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar
 
 from rr1plan.checks import check_text, counted, known_name
 from rr1plan.errors import InputError, NoPlanError
+from rr1plan.notebook_view import NotebookView
 from rr1plan.path import Path
 from rr1plan.planning import PlanResult, PlanStatus
 from rr1plan.report import Report
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.schedules.timeline import Timeline
     from rr1plan.playback.simulation.replay import Replay
     from rr1plan.playback.viewer import Viewer, ViewOptions
+    from rr1plan.playback.viewer.page_document import Document
 
 _T = TypeVar("_T")
 _DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
@@ -37,7 +39,7 @@ class _Content(TypedDict):
 
 
 @dataclass(frozen=True, eq=False)
-class MotionPlan:
+class MotionPlan(NotebookView):
     """Result of `plan_motion`: the planner's result, path, trajectory and report.
 
     Asking a plan that failed for its path, trajectory or report raises `NoPlanError` with the
@@ -160,6 +162,14 @@ class MotionPlan:
         from rr1plan.playback.viewer import save_html
 
         return save_html(file, self.scene, **self._content(), replay=replay, options=self._page_options(options))
+
+    def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
+        """The document of the motion's page, and its options with all panels."""
+        from rr1plan.playback.viewer.page_document import view_document
+        from rr1plan.playback.viewer.view_options import checked_options
+
+        options = checked_options(self._page_options(options))
+        return view_document(self.scene, **self._content(), options=options), options
 
     def timeline(self) -> Timeline:
         """The time line: when each arm moves and rests, which arms it waits for, and contacts that the referee found.

@@ -29,6 +29,7 @@ from rr1plan.playback.viewer.motion_samples import (
     tracking_errors,
     violation_places,
 )
+from rr1plan.playback.viewer.page_planner import page_planner
 from rr1plan.playback.viewer.page_shapes import ShapeTable
 from rr1plan.playback.viewer.view_options import ViewOptions, checked_options
 from rr1plan.report import Report
@@ -55,6 +56,12 @@ def pack_array(array: ArrayLike, dtype: str = "f4") -> dict[str, Any]:
     return {"dtype": dtype, "shape": list(values.shape), "data": base64.b64encode(values.tobytes()).decode("ascii")}
 
 
+def unpack_array(packed: Mapping[str, Any]) -> NDArray[Any]:
+    """An array as `pack_array` packed it."""
+    values: NDArray[Any] = np.frombuffer(base64.b64decode(packed["data"]), dtype="<" + packed["dtype"])
+    return values.reshape(packed["shape"])
+
+
 def view_document(
     scene: Scene,
     *,
@@ -74,7 +81,8 @@ def view_document(
         problem: As in `save_html`.
         report: As in `save_html`.
         replay: As in `save_html`.
-        options: The title, spheres, the motion to compare, the tree and the clearances; the rest is for `page_html`.
+        options: The title, spheres, the motion to compare, the tree, the clearances and whether a planner is carried; the
+            rest is for `page_html`.
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene.
@@ -122,7 +130,15 @@ def view_document(
         "samples": _samples(scene, trajectory, options) | _findings(scene, trajectory, report, replay),
         "tree": None if options.tree is None else _tree(options.tree, scene, problem, path),
         "camera": first_camera(scene, motion, ghosts),
+        "planner": _planner(scene, problem, motion) if options.planner else None,
     }
+
+
+def _planner(scene: Scene, problem: Problem | None, motion: Trajectory | None) -> dict[str, Any]:
+    """The planner of the page, for the arms of the problem, or of the motion, or for all."""
+    if problem is not None:
+        return page_planner(scene, problem.arms, problem.margin)
+    return page_planner(scene, None if motion is None else motion.arms)
 
 
 def with_moving_objects(document: Document, times: Array, poses: Mapping[str, Array]) -> Document:

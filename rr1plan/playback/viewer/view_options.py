@@ -64,6 +64,8 @@ class ViewOptions:
         spheres: Show the spheres that contain each link and held object, with chips for each of their levels.
         panels: Panels beside the 3-D view, of different names.
         play: The motion runs from the start.
+        planner: The page carries the planners' kernels and can plan by itself, where one or two arms move; it is
+            about 0.2 MB larger.
         compare: Another motion of the same arms by its name, e.g. {"anytime": other.trajectory}: drawn as a ghost
             beside the motion of the page, its curves dashed beside those of that motion, both on one clock.
         tree: What the planner explored (`PlanResult.tree`), drawn as the paths of the tools; pages of a `MotionPlan`
@@ -81,6 +83,7 @@ class ViewOptions:
     spheres: bool = False
     panels: Sequence[Panel] = ()
     play: bool = True
+    planner: bool = True
     compare: Mapping[str, Trajectory] = field(default_factory=dict)
     tree: SearchTree | None = None
     clearances: bool | None = None
@@ -98,6 +101,7 @@ class ViewOptions:
         object.__setattr__(self, "spheres", true_or_false("spheres", self.spheres))
         object.__setattr__(self, "panels", panels)
         object.__setattr__(self, "play", true_or_false("play", self.play))
+        object.__setattr__(self, "planner", true_or_false("planner", self.planner))
         of_kind("tree", self.tree, SearchTree, optional=True)
         if self.clearances is not None:
             object.__setattr__(self, "clearances", true_or_false("clearances", self.clearances))
