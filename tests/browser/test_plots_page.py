@@ -352,6 +352,23 @@ def test_the_arm_is_chosen_among_those_that_move(tab: Any, rr1: rp.Robot, planar
     assert tab.complaints == []
 
 
+def test_the_planner_of_the_page_measures_clearances_that_were_not_sent(
+    tab: Any, motions: Any, tmp_path: FilePath
+) -> None:
+    plan = motions[0]
+    file = plan.save_html(tmp_path / "page.html", options=rp.ViewOptions(clearances=False, play=False))
+    tab.open(file)
+    tab.page.keyboard.press("g")
+    wait_until(tab.page, "RR1.planner || RR1.noPlanner")
+    assert tab.ask("RR1.plots.offered.includes('clearance')")
+    times = np.linspace(0.0, plan.trajectory.duration, 201)[::20]
+    found = [tab.ask(VALUES, ["clearance", float(t)])[0] for t in times]
+    checker = rp.CollisionChecker(plan.scene)
+    expected = [1e3 * checker.moving_clearance(plan.trajectory(t)) for t in times]
+    np.testing.assert_allclose(found, expected, atol=2e-3)
+    assert tab.complaints == []
+
+
 def test_a_page_without_a_timed_motion_has_no_plots(tab: Any, rr1_table: rp.Scene, tmp_path: FilePath) -> None:
     q = rr1_table.configuration()
     path = rp.Path(rr1_table.joint_names(), [q, q + 0.1])

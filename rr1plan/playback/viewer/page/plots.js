@@ -16,6 +16,7 @@ class Plots {
     this.root.append(this.makeHead(), (this.area = element("div", undefined, "charts")), (this.legend = element("div", undefined, "legend")));
     // Its own keys stay the page's: only a list takes arrows for itself.
     new ResizeObserver(() => this.fit()).observe(this.root);
+    viewer.on("planner", () => this.load());
   }
 
   makeHead() {
