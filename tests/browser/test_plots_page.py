@@ -333,7 +333,9 @@ def test_violations_are_marked_in_their_chart_and_lead_to_their_place(
     assert tab.complaints == []
 
 
-def test_the_arm_is_chosen_among_those_that_move(tab: Any, rr1: rp.Robot, planar2r: rp.Robot, tmp_path: FilePath) -> None:
+def test_the_arm_is_chosen_among_those_that_move(
+    tab: Any, rr1: rp.Robot, planar2r: rp.Robot, tmp_path: FilePath
+) -> None:
     scene = rp.Scene().with_arm("one", rr1).with_arm("two", planar2r, [1.5, 0.0, 0.0]).with_arm("still", rr1, [3, 0, 0])
     q = scene.configuration()[:8]
     names = scene.joint_names()[:8]

@@ -94,7 +94,9 @@ def test_clearances_of_many_arms_are_sampled_on_demand(planar2r: rp.Robot) -> No
     sent = clearance_samples(scene, trajectory, pack_array, thorough=True)
     assert sent is not None
     assert unpacked(sent["values"]).shape == (120, 5, 2)
-    documents = [view_document(scene, trajectory=trajectory, options=rp.ViewOptions(clearances=c)) for c in (None, True)]
+    documents = [
+        view_document(scene, trajectory=trajectory, options=rp.ViewOptions(clearances=c)) for c in (None, True)
+    ]
     assert [document["samples"]["clearance"] is None for document in documents] == [True, False]
 
 
@@ -112,7 +114,7 @@ def test_tracking_errors_are_those_of_the_record(motion: rp.MotionPlan) -> None:
 def test_a_collision_has_a_place_between_the_bodies(rr1_table: rp.Scene) -> None:
     start = rr1_table.configuration()
     trajectory = rp.Trajectory.from_samples(
-        rr1_table.joint_names(), [0.0, 1.0], [start, start + [0.0, 1.5, 0.8, 0.0, 0.0, 0.0]]
+        rr1_table.joint_names(), [0.0, 1.0], [start, start + np.array([0.0, 1.5, 0.8, 0.0, 0.0, 0.0])]
     )
     # A second arm far away, which the place does not depend on.
     two = rr1_table.with_arm("other", rr1_table.arms["rr1"].robot, [3.0, 0.0, 0.0])
@@ -141,6 +143,13 @@ def test_the_tree_is_sent_with_the_page_of_a_plan() -> None:
     assert tree["columns"] == list(range(6))
     assert tree["explored"] == len(plan.result.tree.edges) > 5
     assert set(unpacked(tree["sides"]).tolist()) == {0, 1}
+
+
+def test_a_roadmap_is_one_tree(rr1_table: rp.Scene) -> None:
+    roadmap = rp.Roadmap(rr1_table, samples=60)
+    tree = view_document(rr1_table, options=rp.ViewOptions(tree=roadmap.graph))["tree"]
+    assert tree["explored"] == len(roadmap.graph.edges) > 0
+    assert set(unpacked(tree["sides"]).tolist()) == {0}
 
 
 def test_a_tree_of_other_joints_is_refused(planar2r: rp.Robot) -> None:
