@@ -223,8 +223,9 @@ class NearestLines {
         this.carried(pair[0], 6 * at, from);
         this.carried(pair[1], 6 * at + 3, to);
         this.put(line, from, to, clearance, own);
-        if (!this.least || clearance < this.least.clearance) {
-          this.least = { clearance, middle: from.clone().lerp(to, 0.5).toArray(), words: `${length(clearance)}  ${pair.join(" – ")}` };
+        // Links of an arm are always near each other: they are named only where nothing else is.
+        if (!this.least || own < this.least.own || (own === this.least.own && clearance < this.least.clearance)) {
+          this.least = { clearance, own, middle: from.clone().lerp(to, 0.5).toArray(), words: `${length(clearance)}  ${pair.join(" – ")}` };
         }
       }
     }
