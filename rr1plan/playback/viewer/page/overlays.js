@@ -218,10 +218,13 @@ class NearestLines {
     this.posed = sample;
     for (let k = 0; k < this.arms.length; k++) {
       for (let own = 0; own < 2; own++) {
-        const at = 2 * (sample * this.arms.length + k) + own, line = 2 * k + own, clearance = this.values[at], pair = this.names[this.pairs[at]];
-        if (!Number.isFinite(clearance)) { this.put(line, from, from, clearance, own); continue; }
+        const at = 2 * (sample * this.arms.length + k) + own, line = 2 * k + own, sampled = this.values[at], pair = this.names[this.pairs[at]];
+        if (!Number.isFinite(sampled)) { this.put(line, from, from, sampled, own); continue; }
+        const then = from.fromArray(this.points, 6 * at).distanceTo(to.fromArray(this.points, 6 * at + 3));
         this.carried(pair[0], 6 * at, from);
         this.carried(pair[1], 6 * at + 3, to);
+        // The distance of nearest points that move with their bodies has the same slope as that of the bodies.
+        const clearance = sampled + (sampled < 0 ? -1 : 1) * (from.distanceTo(to) - then);
         this.put(line, from, to, clearance, own);
         // Links of an arm are always near each other: they are named only where nothing else is.
         if (!this.least || own < this.least.own || (own === this.least.own && clearance < this.least.clearance)) {
