@@ -82,6 +82,10 @@ if TYPE_CHECKING:
     from rr1plan.hardware.control_box_frames import BoxCommand as BoxCommand
     from rr1plan.hardware.control_box_frames import Telemetry as Telemetry
     from rr1plan.hardware.telemetry_states import read_telemetry as read_telemetry
+    from rr1plan.lessons.lesson import Lesson as Lesson
+    from rr1plan.lessons.lesson import LessonStep as LessonStep
+    from rr1plan.lessons.lesson_catalog import lesson as lesson
+    from rr1plan.lessons.lesson_catalog import lesson_names as lesson_names
     from rr1plan.mirror.corridor import Corridor as Corridor
     from rr1plan.mirror.corridor import CorridorPosition as CorridorPosition
     from rr1plan.mirror.corridor import certified_corridor as certified_corridor
@@ -148,10 +152,10 @@ if TYPE_CHECKING:
     from rr1plan.playback.cspace.configuration_space import cspace as cspace
     from rr1plan.playback.cspace.cspace_decomposition import Decomposition as Decomposition
     from rr1plan.playback.cspace.cspace_grid import CSpaceGrid as CSpaceGrid
-    from rr1plan.playback.cspace.search_trees import DrawnTree as DrawnTree
     from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram as CoordinationDiagram
     from rr1plan.playback.schedules.timeline import Timeline as Timeline
     from rr1plan.playback.schedules.timeline import timeline as timeline
+    from rr1plan.playback.search_trees import DrawnTree as DrawnTree
     from rr1plan.playback.simulation.arm_variation import ArmVariation as ArmVariation
     from rr1plan.playback.simulation.controllers import Controller as Controller
     from rr1plan.playback.simulation.controllers import ForwardPositionController as ForwardPositionController
@@ -190,7 +194,6 @@ if TYPE_CHECKING:
     from rr1plan.retiming import retime as retime
     from rr1plan.retiming import retiming_names as retiming_names
     from rr1plan.retiming.path_blends import CurveChecker as CurveChecker
-    from rr1plan.robot import Color as Color
     from rr1plan.robot import Geometry as Geometry
     from rr1plan.robot import Inertial as Inertial
     from rr1plan.robot import Joint as Joint
@@ -201,6 +204,7 @@ if TYPE_CHECKING:
     from rr1plan.robot.disabled_collisions import PairProposal as PairProposal
     from rr1plan.robot.disabled_collisions import propose_disabled_collisions as propose_disabled_collisions
     from rr1plan.robot.joint_limits import Limits as Limits
+    from rr1plan.robot.planar_arm import planar_arm as planar_arm
     from rr1plan.saved_motion import load_motion as load_motion
     from rr1plan.scene import Arm as Arm
     from rr1plan.scene import Attachment as Attachment
@@ -218,6 +222,7 @@ if TYPE_CHECKING:
     from rr1plan.scene.model_library import scene_names as scene_names
     from rr1plan.scene.placement import place_grid as place_grid
     from rr1plan.scene.placement import place_ring as place_ring
+    from rr1plan.scene.polygon_prism import polygon_prism as polygon_prism
     from rr1plan.scene.problem import Goal as Goal
     from rr1plan.scene.problem import JointGoal as JointGoal
     from rr1plan.scene.problem import PoseGoal as PoseGoal
@@ -241,6 +246,7 @@ if TYPE_CHECKING:
     from rr1plan.sequences.stages import SequenceStage as SequenceStage
     from rr1plan.shapes import Box as Box
     from rr1plan.shapes import Capsule as Capsule
+    from rr1plan.shapes import Color as Color
     from rr1plan.shapes import Cylinder as Cylinder
     from rr1plan.shapes import HalfSpace as HalfSpace
     from rr1plan.shapes import Mesh as Mesh
@@ -318,6 +324,8 @@ _EXPORTS = {
     "rr1plan.hardware.control_box": ("BoxChannel", "ControlBox", "load_control_box"),
     "rr1plan.hardware.control_box_frames": ("BoxCommand", "Telemetry"),
     "rr1plan.hardware.telemetry_states": ("read_telemetry",),
+    "rr1plan.lessons.lesson": ("Lesson", "LessonStep"),
+    "rr1plan.lessons.lesson_catalog": ("lesson", "lesson_names"),
     "rr1plan.mirror.corridor": ("Corridor", "CorridorPosition", "certified_corridor"),
     "rr1plan.mirror.joint_states": ("StateMessage", "StreamError", "read_states"),
     "rr1plan.mirror.mirror": ("Mirror",),
@@ -353,9 +361,9 @@ _EXPORTS = {
     "rr1plan.playback.cspace.configuration_space": ("CSpace", "cspace"),
     "rr1plan.playback.cspace.cspace_decomposition": ("Decomposition",),
     "rr1plan.playback.cspace.cspace_grid": ("CSpaceGrid",),
-    "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
+    "rr1plan.playback.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.arm_variation": ("ArmVariation",),
     "rr1plan.playback.simulation.controllers": (
         "Controller",
@@ -387,10 +395,11 @@ _EXPORTS = {
     "rr1plan.report": ("Margin", "Report", "Violation"),
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),
     "rr1plan.retiming.path_blends": ("CurveChecker",),
-    "rr1plan.robot": ("Color", "Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
+    "rr1plan.robot": ("Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
     "rr1plan.robot.contact_bands": ("ContactBand",),
     "rr1plan.robot.disabled_collisions": ("PairProposal", "propose_disabled_collisions"),
     "rr1plan.robot.joint_limits": ("Limits",),
+    "rr1plan.robot.planar_arm": ("planar_arm",),
     "rr1plan.saved_motion": ("load_motion",),
     "rr1plan.scene": ("Arm", "Attachment", "Obstacle", "Scene", "scene_differences"),
     "rr1plan.scene.loose_bodies": ("load_body", "stack_bodies"),
@@ -404,6 +413,7 @@ _EXPORTS = {
         "scene_names",
     ),
     "rr1plan.scene.placement": ("place_grid", "place_ring"),
+    "rr1plan.scene.polygon_prism": ("polygon_prism",),
     "rr1plan.scene.problem": ("Goal", "JointGoal", "PoseGoal", "Problem", "RegionGoal"),
     "rr1plan.sequences.pick_and_place": ("pick_and_place", "top_grasps"),
     "rr1plan.sequences.plan_sequence": ("plan_sequence",),
@@ -414,7 +424,7 @@ _EXPORTS = {
     "rr1plan.sequences.sequence_replay": ("CarriedObject", "SequenceReplay"),
     "rr1plan.sequences.simulate_sequence": ("simulate_sequence",),
     "rr1plan.sequences.stages": ("SequenceStage",),
-    "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
+    "rr1plan.shapes": ("Box", "Capsule", "Color", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
     "rr1plan.shapes.convex_decomposition": ("convex_pieces",),
     "rr1plan.shapes.mesh_files": ("load_mesh",),
     "rr1plan.shapes.point_cloud_files": ("load_point_cloud",),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, TypedDict, TypeVar
 
@@ -222,12 +222,15 @@ class MotionPlan(NotebookView):
         numbers = {arm: k for k, arm in enumerate(self.scene.arms)}
         return CoordinationDiagram(names, (numbers[one], numbers[two]), **vars(pair_timing(first, second)))
 
-    def _page_options(self, options: ViewOptions | None) -> ViewOptions | None:
-        """The options of a page; a plan of many arms has its time line beside it."""
+    def _page_options(self, options: ViewOptions | None) -> ViewOptions:
+        """The options of a page, with the planner's tree; a plan of many arms has its time line beside it."""
+        from rr1plan.playback.viewer.view_options import checked_options, with_panel
+
+        options = checked_options(options)
+        if options.tree is None and self.problem is not None:
+            options = replace(options, tree=self.result.tree)
         if self.many_arms is None or self._trajectory is None:
             return options
-        from rr1plan.playback.viewer.view_options import with_panel
-
         return with_panel(options, self.timeline().panel())
 
     def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:

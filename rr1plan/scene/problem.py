@@ -151,6 +151,7 @@ class RegionGoal(Value):
 
 
 Goal = JointGoal | PoseGoal | RegionGoal
+"""Any goal of an arm."""
 # What a problem takes as the goal of an arm: a goal, a configuration's name or numbers, or a list of those.
 GoalLike = Goal | ArrayLike | Sequence[Goal | ArrayLike]
 
