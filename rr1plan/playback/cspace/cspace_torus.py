@@ -14,7 +14,7 @@ from rr1plan.checks import Array
 from rr1plan.playback.cspace.cspace_colors import GOAL, INK, START, end_tints, layer_colors
 from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
 from rr1plan.playback.cspace.cspace_lines import along, gradient, write_name
-from rr1plan.playback.cspace.search_trees import DrawnTree
+from rr1plan.playback.search_trees import DrawnTree
 
 if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
