@@ -1,4 +1,4 @@
-"""The scripts of the lessons run, from an empty folder, headless, with warnings as errors, and print what they claim."""
+"""The scripts of the lessons run, from an empty folder, with warnings as errors, and print what they claim."""
 
 from __future__ import annotations
 
