@@ -94,7 +94,8 @@ class Viewer {
     const { document: doc, player: last } = this;
     const others = [["replay", doc.replay], ...doc.compare.map((row) => ["compare", row])].filter(([, row]) => row);
     this.others = new Map(others.map(([kind, row]) => [kind, new Track(row)]));
-    this.player = new Player(doc.track ? new Track(doc.track) : null, [...this.others.values()]);
+    const longer = this.others.has("compare") ? [this.others.get("compare")] : [];
+    this.player = new Player(doc.track ? new Track(doc.track) : null, longer);
     if (last) this.player.speed = last.speed;
     this.manual = false;
     this.touched = [];
