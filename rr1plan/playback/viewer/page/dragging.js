@@ -104,6 +104,8 @@ class Dragging {
   move(event) {
     const { gesture } = this;
     if (!gesture || event.pointerId !== gesture.id) return;
+    // The button was let go outside of the window.
+    if (event.pointerType === "mouse" && !event.buttons) { this.end(); return; }
     if (!gesture.moved) {
       if (Math.hypot(event.clientX - gesture.event.clientX, event.clientY - gesture.event.clientY) < CLICK) return;
       gesture.moved = true;
