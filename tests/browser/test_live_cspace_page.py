@@ -234,7 +234,7 @@ def test_links_turn_about_their_joints(fresh: Any) -> None:
 
 
 def test_the_keyboard_moves_obstacles_and_sets_start_and_goal(fresh: Any, problem: rp.Problem) -> None:
-    fresh.page.keyboard.press("n")
+    fresh.page.keyboard.press("j")
     name = fresh.ask("RR1.lesson.selected")
     assert name in problem.scene.obstacles
     assert name in fresh.page.locator(".said").inner_text()

@@ -404,7 +404,7 @@ class Lesson {
       d: () => { if (!this.tools.torus.hidden) this.tools.torus.click(); },
       f: () => this.tools.phase.click(),
       // As on the page of any other arm.
-      n: () => this.selectNext(),
+      j: () => this.selectNext(),
       o: () => { if (!this.tools.reset.hidden) this.reset(); },
       p: () => this.planHere(),
       a: () => this.endHere("start"),
