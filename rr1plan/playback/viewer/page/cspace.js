@@ -52,10 +52,9 @@ class Lesson {
     this.only = this.pinned = -1;
     this.curve = [];
     this.motion = [];
-    this.live = null;
-    this.first = null;
+    this.live = this.first = this.selected = this.answer = this.explored = null;
     this.past = [];
-    this.selected = null;
+    this.pending = false;
     this.fillSliders();
     this.fillLegend();
     this.fillTools();
