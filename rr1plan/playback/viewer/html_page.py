@@ -31,8 +31,10 @@ from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_opt
 _SCRIPTS = (
     "math.js", "referee.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js",
     "stage.js", "pace.js", "player.js", "conflicts.js", "controls.js", "overlays.js", "plot_curves.js", "plots.js",
-    "live.js", "main.js",
+    "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js", "jogging.js", "editing.js", "live.js",
+    "main.js",
 )  # fmt: skip
+_STYLES = ("page.css", "plots.css", "editing.css")
 
 
 def page_html(document: Document, options: ViewOptions | None = None, *, live: LiveAccess | None = None) -> str:
@@ -62,7 +64,7 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: L
     slots = {
         "TITLE": html.escape(document["title"]),
         "POLICY": html.escape(_policy(scripts, live, plans)),
-        "STYLE": _asset("page.css") + _asset("plots.css") + "".join(_sealed(p.css, "style") for p in panels),
+        "STYLE": "".join(map(_asset, _STYLES)) + "".join(_sealed(p.css, "style") for p in panels),
         "PANELS": "".join(_panel_html(p) for p in panels),
         "DOCUMENT": json_for_html(document),
         "SETTINGS": json_for_html(settings),
