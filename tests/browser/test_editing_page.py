@@ -273,7 +273,7 @@ def test_a_tool_dragged_too_far_says_how_far_it_falls_short(calm: Any) -> None:
     calm.ask("RR1.editing.open()")
     frames(calm)
     low, high = np.array(calm.ask("RR1.limits")).T
-    drag_handle(calm, "lift", (0, -260))
+    drag_handle(calm, "lift", (0, -150))
     state, more = verdict(calm)
     q = q_of(calm)
     assert np.all((low - 1e-12 <= q) & (q <= high + 1e-12))

@@ -104,6 +104,8 @@ class Dragging {
   move(event) {
     const { gesture } = this;
     if (!gesture || event.pointerId !== gesture.id) return;
+    // The button was let go outside of the window.
+    if (event.pointerType === "mouse" && !event.buttons) { this.finish("lost"); return; }
     if (!gesture.moved) {
       if (Math.hypot(event.clientX - gesture.event.clientX, event.clientY - gesture.event.clientY) < CLICK) return;
       gesture.moved = true;
@@ -131,11 +133,16 @@ class Dragging {
       this.click = null;
       if (event.type === "pointerup" && Math.hypot(event.clientX - click.x, event.clientY - click.y) < CLICK) this.choose(click.thing);
     }
-    if (!gesture || event.pointerId !== gesture.id) return;
+    if (gesture && event.pointerId === gesture.id) this.finish(event.type);
+  }
+
+  /** Ends a gesture by the type of its last event: a press without a way selects. */
+  finish(type) {
+    const { gesture } = this;
     this.follow();
     this.end();
-    if (!gesture.moved) { if (event.type === "pointerup") this.choose(gesture.thing); return; }
-    if (event.type === "pointercancel") this.editing.undo();
+    if (!gesture.moved) { if (type === "pointerup") this.choose(gesture.thing); }
+    else if (type === "pointercancel") this.editing.undo();
     else if (gesture.thing.kind === "obstacle") this.editing.dropped();
   }
 
