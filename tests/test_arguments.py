@@ -302,6 +302,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "CollisionChecker.moving_clearance": (checker.moving_clearance, {"q": q, "most": 1.0}),
         "CollisionChecker.solid_distances": (checker.solid_distances, {"q": q, "pairs": None}),
         "CollisionChecker.solid_distance": (checker.solid_distance, {"q": q, "pair": 0}),
+        "CollisionChecker.solid_points": (checker.solid_points, {"q": q, "pair": 0}),
         "ElementCover.at": (cover.at, {"level": 0}),
         **{
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"q0": q, "q1": q + 0.1})
