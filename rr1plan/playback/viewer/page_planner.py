@@ -126,7 +126,9 @@ def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[st
 
 def _rows(checker: CollisionChecker, space: Space) -> dict[str, Root]:
     """Bounds of the joint space, and the limits of timing."""
-    velocity, acceleration = (np.ascontiguousarray(row) for row in (checker.limits.velocity, checker.limits.acceleration))
+    velocity, acceleration = (
+        np.ascontiguousarray(row) for row in (checker.limits.velocity, checker.limits.acceleration)
+    )
     rates = CStruct(
         "RateLimits",
         velocity=velocity,
