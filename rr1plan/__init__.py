@@ -187,6 +187,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer import save_video as save_video
     from rr1plan.playback.viewer import screenshot as screenshot
     from rr1plan.playback.viewer import show as show
+    from rr1plan.playback.viewer.page_content import HasPage as HasPage
     from rr1plan.progress import Progress as Progress
     from rr1plan.progress import ProgressCallback as ProgressCallback
     from rr1plan.report import Margin as Margin
@@ -394,6 +395,7 @@ _EXPORTS = {
         "screenshot",
         "show",
     ),
+    "rr1plan.playback.viewer.page_content": ("HasPage",),
     "rr1plan.progress": ("Progress", "ProgressCallback"),
     "rr1plan.report": ("Margin", "Report", "Violation"),
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),

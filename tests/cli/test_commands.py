@@ -295,7 +295,7 @@ def test_pages_are_looked_at_from_the_view_that_is_given(command: list[str], pag
         (["0", "-1", "2"], "[0.0,-1.0,2.0]"),
     ):
         assert run([*command, "--view", *words]) == OK
-        assert f'"version":0,"view":{direction}' in Path(page).read_text()
+        assert f'"live":null,"view":{direction}' in Path(page).read_text()
 
 
 def test_spheres_are_put_on_pages_when_asked_for(motion: Path) -> None:
@@ -468,3 +468,20 @@ def test_a_stream_is_mirrored_beside_its_plan(motion: Path, tmp_path: Path, caps
     }.items():
         assert run(["mirror", *arguments]) == BAD_INPUT
         assert words in capsys.readouterr().err
+
+
+def test_view_and_play_write_models_and_videos(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["view", str(motion), "--glb", "motion.glb", "--html", "motion.html", "--json"]) == OK
+    assert json.loads(capsys.readouterr().out) == {"page": "motion.html", "3-D model": "motion.glb"}
+    assert Path("motion.glb").read_bytes().startswith(b"glTF")
+    for words, said in (
+        (["view", str(motion), "--glb", "motion.gltf"], ".glb"),
+        (["view", str(motion), "--time", "1"], "--time has no effect without --png"),
+        (["view", str(motion), "--png", "a.png", "--fps", "10"], "--fps has no effect without --video"),
+        (["view", str(motion), "--video", "a.mp4", "--port", "7000"], "--port has no effect with --video"),
+        (["view", str(motion), "--video", "a.avi"], ".mp4 or .gif or .webp"),
+        (["play", str(motion), "--size", "640", "400"], "--size has no effect without --video"),
+        (["play", str(motion), "--video", "nowhere/a.gif"], "cannot write"),
+    ):
+        assert run(words) == BAD_INPUT
+        assert said in capsys.readouterr().err
