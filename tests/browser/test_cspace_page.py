@@ -372,7 +372,7 @@ def test_a_live_page_redraws_both_spaces_for_another_scene(tab: Any, rr1_table: 
         viewer.load(emptied)
         second = rp.cspace(emptied, resolution=48)
         seen("Array.from(RR1.lesson.cells.bits).filter((b) => b === 0).length", int(second.grid.free.sum()))
-        assert tab.page.locator(".legend").inner_text().split() == ["blue", "yellow", "violet"]
+        assert tab.page.locator("#panel-cspace .legend").inner_text().split() == ["blue", "yellow", "violet"]
         assert tab.page.locator(".verdict").inner_text() == verdict(second)
         assert tab.ask("RR1.lesson.curve.length") == 0
         i, j = deep_inside(first.grid.layers["red"] & (first.grid.layers["blue"] == 0))
@@ -478,7 +478,7 @@ def test_without_a_path_the_arm_stands_at_the_start_and_both_ends_are_seen(tab: 
         assert pane["y"] < down < pane["y"] + pane["height"]
         assert tab.ask(hidden, end) == 0
     # The wall has no color of its own: it gets that of its image.
-    assert tab.page.locator(".legend").inner_text() == "wall"
+    assert tab.page.locator("#panel-cspace .legend").inner_text() == "wall"
     image = tab.page.locator(".legend i").evaluate("(dot) => getComputedStyle(dot).backgroundColor")
     drawn = tab.ask("RR1.document.obstacles[0].parts[0].color.slice(0, 3).map((c) => Math.round(255 * c))")
     assert image == f"rgb({', '.join(map(str, drawn))})"
