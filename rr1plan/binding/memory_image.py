@@ -84,6 +84,12 @@ def _collect(sources: KernelSources, root: Root, regions: dict[int, _Region]) ->
         if isinstance(given, CStruct):
             pointers = sources.pointers(kind)
             for field, target in given.targets.items():
+                if not isinstance(target, CStruct) and not target.size:
+                    # NumPy moves empty arrays, so that the pointer alone knows the address.
+                    place = getattr(given.value, field)
+                    if place:
+                        regions.setdefault(place, _Region(pointers[field], place, b""))
+                    continue
                 _collect(sources, target if isinstance(target, CStruct) else (pointers[field], target), regions)
     return kind, address, len(data) // sources.item_size(kind)
 
