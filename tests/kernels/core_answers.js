@@ -21,6 +21,17 @@ export function sines(core, name, angles) {
   return out.map((part) => part.values);
 }
 
+/** The cells of ranges of pairs, one after the other, once objects have been moved. */
+export function raster(core, image, tables, ranges, half, moves) {
+  const { scene, scratch } = core.place(image), { raster } = core.place(tables), [n, m] = Array.from(raster.counts, Number);
+  for (const [object, pose] of moves) core.call("rr1_move_object", scene, scratch, object, pose);
+  return ranges.map(([first, last]) => {
+    const cells = core.array("uint8_t", n * m);
+    core.call("rr1_raster_pairs", scene.exact, scratch.exact, raster, first, last, 0, n, half, cells);
+    return Float64Array.from(cells.values);
+  });
+}
+
 /** Status, fraction and pair of each edge, begin and end one after the other, once objects have been moved. */
 export function edges(core, image, ends, moves = []) {
   const { scene, scratch } = core.place(image);

@@ -28,6 +28,7 @@ from rr1plan.planners import RrtConnect, roadmap_graph, shortcut
 from rr1plan.planners.planning_query import Query
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
+from rr1plan.playback.cspace.cspace_raster import CSpaceRaster
 from rr1plan.playback.viewer.page_capture import find_browser, open_browser
 from rr1plan.retiming import path_blends, path_speed
 from rr1plan.transforms import pose
@@ -139,6 +140,25 @@ def test_sines_are_those_of_the_native_kernels(ask: Ask, kernel: str) -> None:
     expected = np.empty((2, len(angles)))
     getattr(load_library(), kernel)(angles, len(angles), *expected)
     assert np.array(ask("sines", kernel, angles)).tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize("name", ["planar2r_path", "planar2r_no_path"])
+def test_rasters_of_moved_obstacles_are_those_of_the_native_kernels(ask: Ask, name: str) -> None:
+    scene, centers = rp.load_scene(name), -np.pi + (np.arange(120) + 0.5) * (2.0 * np.pi / 120)
+    checker = CollisionChecker(scene)
+    poses = {"red": pose([0.5, -0.4, 0.0]), "green": pose([0.2, 1.1, 0.02], rpy=[0.0, 0.2, 0.3])}
+    moves = [(checker.object_numbers[obstacle], T.ravel()) for obstacle, T in poses.items()]
+    moved = scene
+    for obstacle, T in poses.items():
+        moved = moved.with_obstacle_at(obstacle, T)
+    before, after = (CSpaceRaster(CollisionChecker(s), [0.1, 0.2], (0, 1), (centers, centers)) for s in (scene, moved))
+    given = checker.memory_image(), before.memory_image(), list(before.ranges.values())
+    for whole in (False, True):
+        half = np.full(2, 0.5 * (centers[1] - centers[0]) if whole else 0.0)
+        found = ask("raster", *given, half, moves)
+        for cells, layer in zip(found, before.ranges, strict=True):
+            assert np.array_equal(cells, after.image(layer, whole=whole).ravel())
+        assert sum(cells.sum() for cells in found) > 500
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -6,7 +6,9 @@ panel of the 3-D page, so one offline file holds everything.
 
 from __future__ import annotations
 
+import base64
 import os
+import zlib
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path as FilePath
@@ -16,20 +18,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, of_kind
+from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.files.file_access import write_text
 from rr1plan.model.flat_arm import flat_arm
 from rr1plan.path import Path
 from rr1plan.playback.cspace.cspace_colors import layer_colors
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid
-from rr1plan.playback.cspace.cspace_images import SELF
+from rr1plan.playback.cspace.cspace_raster import SELF, CSpaceRaster
 from rr1plan.playback.cspace.cspace_verdict import tone, verdict
 from rr1plan.playback.cspace.reach_outline import reach_of
 from rr1plan.playback.outlines import silhouette
 from rr1plan.playback.search_trees import DrawnTree
 from rr1plan.playback.simulation.replay import Replay
-from rr1plan.playback.viewer.html_page import page_html
+from rr1plan.playback.viewer.html_page import page_html, plans_by_itself
 from rr1plan.playback.viewer.page_document import Document, first_camera, pack_array, view_document
+from rr1plan.playback.viewer.page_planner import page_planner
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, with_panel
 from rr1plan.report import Report
 from rr1plan.shapes import HalfSpace
@@ -38,6 +42,10 @@ from rr1plan.trajectory import Trajectory
 if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
+_SCRIPTS = (
+    "cspace_picture", "cspace_components", "cspace_raster", "cspace_query", "phase_plane", "torus_view",
+    "flat_arm", "cspace_workspace", "planar_drags", "cspace",
+)  # fmt: skip
 _CRUMB = 255  # label of all components too small to have a color of their own
 
 
@@ -100,6 +108,8 @@ def page_parts(
     scene = grid.scene if start is None else grid.scene.with_configuration(grid.arm, start)
     document = view_document(scene, trajectory=trajectory, path=path, report=report, replay=replay, options=options)
     document["ghosts"] = _ghosts(cspace)
+    if document["planner"] is not None:
+        document["planner"] = page_planner(scene, (grid.arm,))
     if document["track"] is None:
         document["camera"] = first_camera(scene, None, document["ghosts"])
     _color_obstacles(document, layer_colors(grid))
@@ -108,11 +118,8 @@ def page_parts(
         "Configuration space",
         html=_asset("cspace.html"),
         css=_asset("cspace.css"),
-        script=_asset("cspace_picture.js")
-        + _asset("flat_arm.js")
-        + _asset("cspace_workspace.js")
-        + _asset("cspace.js"),
-        data=_data(cspace, names),
+        script="".join(_asset(f"{name}.js") for name in _SCRIPTS),
+        data=_data(cspace, names, document),
         width=520,
     )
     return document, panel
@@ -133,12 +140,13 @@ def _asset(name: str) -> str:
 # ---- the data of the panel ---------------------------------------------------------------------
 
 
-def _data(cspace: CSpaceQuery, names: tuple[str, str]) -> dict[str, Any]:
+def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> dict[str, Any]:
     grid = cspace.grid
     joints = [grid.scene.arms[grid.arm].robot.joint(name) for name in grid.joint_names]
     columns = grid.scene.joint_names()
     steps = [float(centers[1] - centers[0]) for centers in grid.axes]
     labels, shares = _ranked_components(cspace)
+    planar = _planar(grid)
     return {
         "arm": grid.arm,
         "columns": [columns.index(name) for name in names],
@@ -157,8 +165,42 @@ def _data(cspace: CSpaceQuery, names: tuple[str, str]) -> dict[str, Any]:
         "tree": None if cspace.drawn_tree is None else _tree(cspace.drawn_tree),
         "verdict": verdict(cspace),
         "tone": tone(cspace),
-        "planar": _planar(grid),
+        "planar": planar,
+        "limits": [[_finite(low), _finite(high)] for low, high in _limits(grid)],
+        "live": _live(grid) if planar is not None and plans_by_itself(document) else None,
     }
+
+
+def _limits(grid: CSpaceGrid) -> list[tuple[float, float]]:
+    robot = grid.scene.arms[grid.arm].robot
+    columns = [robot.joint_names.index(name) for name in grid.joint_names]
+    return [(float(robot.limits.lower[c]), float(robot.limits.upper[c])) for c in columns]
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _live(grid: CSpaceGrid) -> dict[str, Any] | None:
+    """The tables with which the page computes images of obstacles that have been moved; None if none can be."""
+    arm = grid.scene.arms[grid.arm]
+    checker = CollisionChecker(grid.scene, (grid.arm,))
+    if not checker.object_numbers:
+        return None
+    first, second = (arm.robot.joint_names.index(name) for name in grid.joint_names)
+    raster = CSpaceRaster(checker, arm.q, (first, second), grid.axes)
+    return {
+        "raster": base64.b64encode(zlib.compress(raster.memory_image(), 9)).decode("ascii"),
+        "ranges": raster.ranges,
+        "outlines": {name: [o.round(9).tolist() for o in _outlines(grid, name)] for name in checker.object_numbers},
+    }
+
+
+def _outlines(grid: CSpaceGrid, name: str) -> list[Array]:
+    """The silhouettes of an obstacle's parts from above, around its origin [m], each (n, 2)."""
+    thing = grid.scene.obstacles[name]
+    solid = [g for g in thing.geometries if not isinstance(g.shape, HalfSpace)]
+    return [silhouette(g.shape, thing.pose @ g.pose) - thing.pose[:2, 3] for g in solid]
 
 
 def _bytes(values: NDArray[np.uint8]) -> dict[str, Any]:

@@ -65,7 +65,7 @@ class ViewOptions:
         panels: Panels beside the 3-D view, of different names.
         play: The motion runs from the start.
         planner: The page carries the planners' kernels and can plan by itself, where one or two arms move; it is
-            about 0.2 MB larger.
+            about 0.3 MB larger.
         compare: Another motion of the same arms by its name, e.g. {"anytime": other.trajectory}: drawn as a ghost
             beside the motion of the page, its curves dashed beside those of that motion, both on one clock.
         tree: What the planner explored (`PlanResult.tree`), drawn as the paths of the tools; pages of a `MotionPlan`

@@ -17,6 +17,9 @@ class Lesson {
     this.pointer = null;
     this.blocked = false;
     this.flat = false;
+    this.live = null;
+    this.torus = null;
+    this.phase = makePhase();
     this.wireTools();
     this.wireCanvas();
     this.wireKeys();
@@ -24,6 +27,7 @@ class Lesson {
     viewer.on("data", () => { this.takeData(); this.repaint(); });
     viewer.on("load", () => this.meet());
     viewer.on("change", () => this.follow());
+    viewer.on("planner", (planner, reason) => this.takePlanner(planner, reason));
     this.meet();
     new ResizeObserver(() => this.resize()).observe(part(".plot"));
     this.resize();
@@ -48,6 +52,10 @@ class Lesson {
     this.only = this.pinned = -1;
     this.curve = [];
     this.motion = [];
+    this.live = null;
+    this.first = null;
+    this.past = [];
+    this.selected = null;
     this.fillSliders();
     this.fillLegend();
     this.fillTools();
@@ -56,20 +64,225 @@ class Lesson {
 
   /** Takes in the motion of the document. */
   meet() {
-    this.curve = [];
-    const { player } = viewer;
-    if (viewer.at(0) && player.end > player.start) {
-      for (let k = 0; k <= 800; k++) {
-        const q = viewer.at(player.start + (k / 800) * (player.end - player.start));
-        this.curve.push([share(0, q[data.columns[0]]), share(1, q[data.columns[1]])]);
-      }
-    }
-    this.motion = wrappedCopies(this.curve.length ? this.curve : [[0, 0]]);
+    this.takeTrack(viewer.player.track, 800);
     this.arm.draw();
+    this.placeTags();
     if (this.workspace && !this.arm.turned) this.arm.look();
     else if (this.flat && !this.workspace) viewer.look();
     this.flat = Boolean(this.workspace);
     this.follow();
+  }
+
+  /** Draws a motion, or none, through so many of its configurations. */
+  takeTrack(track, count) {
+    this.track = track && track.end > track.start ? track : null;
+    this.curve = [];
+    const q = viewer.kinematics.rest();
+    for (let k = 0; this.track && k <= count; k++) {
+      track.at(track.start + (k / count) * (track.end - track.start), q);
+      this.curve.push([share(0, q[data.columns[0]]), share(1, q[data.columns[1]])]);
+    }
+    this.motion = wrappedCopies(this.curve.length ? this.curve : [[0, 0]]);
+    this.fillPhase();
+  }
+
+  // ---- what is moved by hand -------------------------------------------------------------
+
+  /** With a planner obstacles, start and goals can be moved; without one the page says so. */
+  async takePlanner(planner, reason) {
+    const note = part(".fixed"), { live } = data;
+    note.hidden = !reason || !this.workspace;
+    note.textContent = `Obstacles stand still on this page: ${reason}.`;
+    this.live = null;
+    if (!planner || !live || !this.workspace) return;
+    const image = await inflate(live.raster);
+    if (data.live !== live || viewer.planner !== planner) return;
+    this.live = new LiveQuery(planner, image);
+    this.live.bits = this.cells.bits;
+    this.live.stale.clear();
+    this.first = this.snapshot();
+    this.fillTools();
+  }
+
+  snapshot() {
+    const { start, goals, planner } = this.live;
+    return { start, goals: [...goals], poses: new Map(Object.keys(data.live.outlines).map((name) => [name, planner.obstaclePose(name)])) };
+  }
+
+  /** Keeps what is there now for undo. */
+  remember() {
+    this.past.push(this.snapshot());
+    if (this.past.length > 100) this.past.shift();
+    this.fillTools();
+  }
+
+  undo() {
+    if (this.live && this.past.length) this.restore(this.past.pop());
+  }
+
+  /** Everything where it was at first. */
+  reset() {
+    if (!this.live) return;
+    this.remember();
+    this.restore(this.first);
+  }
+
+  restore({ start, goals, poses }) {
+    const { live } = this;
+    for (const [name, pose] of poses) if (live.planner.obstaclePose(name).some((v, k) => v !== pose[k])) live.moveObstacle(name, pose);
+    if (start) live.setEnd("start", start);
+    goals.forEach((goal, k) => live.setEnd(k, goal));
+    this.fillTools();
+    this.update();
+    this.dropObstacle();
+  }
+
+  /** The obstacle at a point of the plane, or null. */
+  obstacleAt(point) {
+    const names = Object.keys(data.live.outlines).reverse();
+    return names.find((name) => this.canMove(name) && this.loops(name).some((loop) => inPolygon(point, loop, this.obstaclePlace(name)))) || null;
+  }
+
+  canMove(name) {
+    return viewer.world.canMove(name) && data.live.outlines[name].length > 0;
+  }
+
+  /** The outlines of an obstacle around its origin, turned as it is. */
+  loops(name) {
+    const now = this.live.planner.obstaclePose(name), then = this.first.poses.get(name);
+    const angle = Math.atan2(now[1], now[0]) - Math.atan2(then[1], then[0]), [c, s] = [Math.cos(angle), Math.sin(angle)];
+    return data.live.outlines[name].map((loop) => loop.map(([x, y]) => [c * x - s * y, s * x + c * y]));
+  }
+
+  obstaclePlace(name) {
+    const pose = this.live.planner.obstaclePose(name);
+    return [pose[12], pose[13]];
+  }
+
+  /** Marks an obstacle that the arrow keys move, or none. */
+  select(name) {
+    if (name === this.selected) return;
+    this.selected = name;
+    this.outlineSelected();
+    this.say(name ? `${name}: arrow keys move it, < and > turn it` : "");
+  }
+
+  outlineSelected() {
+    if (!this.workspace || !this.live) return;
+    this.arm.outline(this.selected ? this.loops(this.selected) : [], this.selected ? this.obstaclePlace(this.selected) : [0, 0]);
+    viewer.redraw();
+  }
+
+  say(text) {
+    part(".said").textContent = text;
+  }
+
+  /** Moves an obstacle with the pointer: at the next frame everything follows. */
+  dragObstacle(name, x, y) {
+    this.resume ||= viewer.playing;
+    viewer.pause();
+    this.wanted = { name, x, y };
+    this.waiting ||= requestAnimationFrame(() => {
+      this.waiting = 0;
+      if (this.wanted) this.moveObstacle(this.wanted.name, this.wanted.x, this.wanted.y);
+      this.wanted = null;
+    });
+  }
+
+  /** Moves an obstacle in the plane, turned by so much, and everything that follows from it. */
+  moveObstacle(name, x, y, turned = 0) {
+    const pose = this.live.planner.obstaclePose(name), [c, s] = [Math.cos(turned), Math.sin(turned)];
+    for (const k of [0, 4, 8]) [pose[k], pose[k + 1]] = [c * pose[k] - s * pose[k + 1], s * pose[k] + c * pose[k + 1]];
+    [pose[12], pose[13]] = [x, y];
+    this.live.moveObstacle(name, pose);
+    if (name === this.selected) this.outlineSelected();
+    return this.update(name);
+  }
+
+  /** Start or goal to a configuration; which: "start" or the number of a goal. */
+  moveEnd(which, q) {
+    this.live.setEnd(which, q.map((v, axis) => wrapped(axis, v)));
+    return this.update();
+  }
+
+  /** The places of the names of images, or of one of them. */
+  placeNames(only = null) {
+    data.layers.forEach((layer, k) => {
+      if (only && layer.name !== only) return;
+      const spot = widestSpot(this.cells.bits, data.size, k, data.periodic);
+      layer.spot = spot && spot.map((part, axis) => value(axis, part));
+    });
+  }
+
+  /** Shows what follows from what has been moved: cells, components, tree, path, verdict; how long each took [ms]. */
+  update(moving = null) {
+    const found = this.live.update(), began = performance.now(), { answer } = found;
+    data.start = this.live.start;
+    data.goals = this.live.goals;
+    this.answer = answer;
+    this.cells.bits = found.bits;
+    this.cells.labels = found.labels;
+    data.verdict = found.verdict;
+    data.tone = found.tone;
+    this.tinted = found.tone === "bad";
+    this.tree = found.tree ? found.tree.pieces : [];
+    this.sides = found.tree ? found.tree.sides : [];
+    this.grown = this.tree.length;
+    this.explored = this.tree.length;
+    cancelAnimationFrame(this.growing);
+    this.takeTrack(answer && answer.track ? new Track(answer.track) : null, 240);
+    this.placeNames(moving);
+    this.fillVerdict();
+    this.fillTools();
+    for (const layer of ["toolpath", "path", "replay"]) if (viewer.world.layers[layer]) viewer.world.layers[layer].visible = false;
+    this.arm.drawWay(this.curve.map((at) => at.map((part, axis) => value(axis, part))));
+    this.placeTags();
+    this.pending = true;
+    found.took.rest = performance.now() - began;
+    const painted = performance.now();
+    this.repaint();
+    this.follow();
+    found.took.paint = performance.now() - painted;
+    return found;
+  }
+
+  /** After a drag: the clock plays the new motion, and the ghosts stand where start and goals are. */
+  dropObstacle() {
+    if (this.waiting) { cancelAnimationFrame(this.waiting); this.waiting = 0; }
+    if (this.wanted) this.moveObstacle(this.wanted.name, this.wanted.x, this.wanted.y);
+    this.wanted = null;
+    if (!this.pending) return;
+    this.pending = false;
+    this.placeNames();
+    this.redraw();
+    const { answer } = this, { manual } = viewer, q = viewer.q.slice(), track = answer && answer.track;
+    const standing = (kind, ends) => ends.map((end) => ({ kind, arm: data.arm, q: this.ownConfiguration(end) }));
+    viewer.world.setGhosts("start", standing("start", data.start ? [data.start] : []));
+    viewer.world.setGhosts("goal", standing("goal", data.goals));
+    for (const kind of ["start", "goal"]) if (viewer.world.layers[kind]) viewer.world.layers[kind].visible = viewer.isShown(kind);
+    viewer.setMotion({ track: track || null, path: null, report: null, replay: null });
+    for (const layer of ["toolpath", "path"]) if (viewer.world.layers[layer]) viewer.world.layers[layer].visible = viewer.isShown(layer);
+    viewer.add("way", new viewer.THREE.Group());
+    if (this.resume && track) viewer.play(); else if (manual || !track) viewer.setQ(q);
+    this.resume = false;
+    this.fillVerdict();
+  }
+
+  /** The configuration of the arm with its two joints at q. */
+  ownConfiguration(q) {
+    const full = viewer.kinematics.rest(), own = viewer.kinematics.arms.find((a) => a.name === data.arm);
+    q.forEach((v, axis) => { full[data.columns[axis]] = v; });
+    return full.slice(own.firstColumn, own.firstColumn + own.robot.names.length);
+  }
+
+  /** Names of obstacles go with them. */
+  placeTags() {
+    if (!this.live || !this.arm.tags) return;
+    for (const [name, { tag, place }] of this.arm.tags) {
+      if (!this.first.poses.has(name)) continue;
+      const now = this.obstaclePlace(name), then = this.first.poses.get(name);
+      tag.position.set(place[0] + now[0] - then[12], place[1] + now[1] - then[13], place[2]);
+    }
   }
 
   // ---- controls ----------------------------------------------------------------------------
@@ -114,21 +327,28 @@ class Lesson {
 
   wireTools() {
     const tool = (name) => part(`[data-tool=${name}]`);
-    this.tools = Object.fromEntries(["parts", "elbow", "tree", "grow"].map((name) => [name, tool(name)]));
+    this.tools = Object.fromEntries(["parts", "elbow", "tree", "grow", "torus", "phase", "undo", "reset"].map((name) => [name, tool(name)]));
     this.reach = part(".grow input");
     this.tools.parts.onclick = () => { this.tinted = !this.tinted; this.repaint(); };
     this.tools.elbow.onclick = () => this.pose(this.workspace.twin(q2()));
     this.tools.tree.onclick = () => { this.showTree = !this.showTree; this.redraw(); };
     this.tools.grow.onclick = () => this.grow();
+    this.tools.torus.onclick = () => this.toggleTorus();
+    this.tools.phase.onclick = () => { this.phase.hidden = !this.phase.hidden; this.fillPhase(); };
+    this.tools.undo.onclick = () => this.undo();
+    this.tools.reset.onclick = () => this.reset();
     this.reach.oninput = () => { cancelAnimationFrame(this.growing); this.growTo(Number(this.reach.value)); };
   }
 
   fillTools() {
     part(".grow").hidden = !this.tree.length;
     this.tools.elbow.hidden = !this.workspace || data.planar.kinds === "PP";
+    this.tools.torus.hidden = !data.periodic.every(Boolean) || !viewer.stage.renderer;
+    this.tools.undo.hidden = this.tools.reset.hidden = !this.live || !this.past.length;
+    if (this.workspace) this.arm.readout.hint.hidden = !this.live || this.past.length > 0;
     Object.assign(this.reach, { max: this.tree.length, step: 1, value: this.tree.length });
-    const thinned = data.tree && data.tree.explored > this.tree.length;
-    this.tools.tree.title = `What the planner explored (T)${thinned ? `: ${this.tree.length} of ${data.tree.explored} edges are drawn` : ""}`;
+    const explored = this.explored ?? (data.tree ? data.tree.explored : 0), thinned = explored > this.tree.length;
+    this.tools.tree.title = `What the planner explored (T)${thinned ? `: ${this.tree.length} of ${explored} edges are drawn` : ""}`;
   }
 
   /** Grows the tree from its roots, in five seconds, or at once if the user prefers reduced motion. */
@@ -155,6 +375,11 @@ class Lesson {
   fillVerdict() {
     const text = part(".verdict");
     text.textContent = data.verdict;
+    const { answer } = this;
+    if (answer && answer.track) {
+      const ms = 1000 * Object.values(answer.seconds).reduce((sum, v) => sum + v, 0), long = answer.track.breaks.values;
+      text.append(` Planned here in ${ms.toFixed(1)} ms${answer.certified ? ", certified free" : ""}: ${long[long.length - 1].toFixed(2)} s.`);
+    }
     for (const tone of ["good", "bad", "open"]) text.classList.toggle(tone, data.tone === tone);
     if (data.tone !== "bad" || !this.place(data.start).free) return;
     const chip = (q) => {
@@ -176,12 +401,35 @@ class Lesson {
       e: () => { if (this.workspace) this.tools.elbow.click(); },
       t: () => { if (this.tree.length) this.tools.tree.click(); },
       g: () => this.grow(),
+      d: () => { if (!this.tools.torus.hidden) this.tools.torus.click(); },
+      f: () => this.tools.phase.click(),
+      // As on the page of any other arm.
+      n: () => this.selectNext(),
+      o: () => { if (!this.tools.reset.hidden) this.reset(); },
+      p: () => this.planHere(),
+      a: () => this.endHere("start"),
+      b: () => this.endHere(0),
     };
     window.addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA"].includes(event.target.tagName)) return;
       const act = keys[event.key.toLowerCase()];
       if (act) { event.preventDefault(); act(); }
     });
+    // Before the clock and the camera, which have the same keys.
+    window.addEventListener("keydown", (event) => {
+      const undone = (event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z";
+      if (undone && this.live && this.past.length) { event.preventDefault(); event.stopPropagation(); this.undo(); return; }
+      if (!this.selected || !this.live || event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA", "INPUT"].includes(event.target.tagName)) return;
+      if (event.key === "Escape") this.select(null);
+      const go = { ArrowLeft: [-1, 0, 0], ArrowRight: [1, 0, 0], ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0], "<": [0, 0, 1], ">": [0, 0, -1] }[event.key];
+      if (!go || event.target === this.canvas) return;
+      event.preventDefault();
+      event.stopPropagation();
+      const step = (event.shiftKey ? 0.05 : 0.01) * this.arm.outer, [x, y] = this.obstaclePlace(this.selected);
+      if (!event.repeat) this.remember();
+      this.moveObstacle(this.selected, x + step * go[0], y + step * go[1], (go[2] * Math.PI) / 36);
+      this.dropObstacle();
+    }, true);
     const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     this.canvas.addEventListener("keydown", (event) => {
       const move = moves[event.key];
@@ -191,6 +439,54 @@ class Lesson {
       const step = (event.shiftKey ? 10 : 1) / 360;
       this.pose(q2().map((v, axis) => v + move[axis] * step * (data.high[axis] - data.low[axis])));
     });
+  }
+
+  /** The next obstacle that can be moved, then none. */
+  selectNext() {
+    if (!this.live) return;
+    const names = [...Object.keys(data.live.outlines).filter((name) => this.canMove(name)), null];
+    this.select(names[(names.indexOf(this.selected) + 1) % names.length]);
+  }
+
+  /** Plans the same query in the page, and plays the motion. */
+  planHere() {
+    if (!this.live || !data.start) return;
+    this.update();
+    this.resume = true;
+    this.dropObstacle();
+  }
+
+  /** Start or goal to where the arm is. */
+  endHere(which) {
+    if (!this.live || (which === "start" ? !data.start : !data.goals.length)) return;
+    this.remember();
+    this.moveEnd(which, q2());
+    this.dropObstacle();
+  }
+
+  // ---- other views -------------------------------------------------------------------------
+
+  toggleTorus() {
+    if (this.torus) this.torus.dispose();
+    this.torus = this.torus ? null : new TorusView(this, part(".plot"));
+    this.tools.torus.setAttribute("aria-pressed", String(Boolean(this.torus)));
+    this.canvas.style.visibility = this.torus ? "hidden" : "";
+    part(".tip").hidden = true;
+  }
+
+  /** The phase plane of the motion, where it is shown. */
+  fillPhase() {
+    this.tools.phase.setAttribute("aria-pressed", String(!this.phase.hidden));
+    if (this.phase.hidden) return;
+    const rates = viewer.planner && viewer.planner.rates, timed = this.track && (this.answer || viewer.document.track.timed);
+    this.plane = rates && timed ? phasePlane(this.track, rates) : null;
+    this.drawPhase();
+  }
+
+  drawPhase() {
+    if (this.phase.hidden) return;
+    const why = !this.track ? "No motion" : this.live ? "No times yet: P plans a timed motion" : "This path has no times";
+    drawPhasePlane(this.phase.querySelector("canvas"), this.plane, viewer.manual || this.pending ? null : viewer.player.fraction, why);
   }
 
   // ---- the configuration -------------------------------------------------------------------
@@ -228,6 +524,7 @@ class Lesson {
       this.workspace.follow(q);
       this.tools.elbow.disabled = Math.abs(this.workspace.side(q)) < 1e-6 || this.place(this.workspace.twin(q)).outside;
     }
+    this.drawPhase();
     this.draw();
   }
 
@@ -235,26 +532,60 @@ class Lesson {
 
   wireCanvas() {
     const { canvas } = this;
-    let held = false;
+    let held = false, mark = null, dragged = null, from = null;
     const take = (event) => {
       const spot = this.spot(event);
       this.pose(this.snapped(spot, event.type === "pointerdown") || spot.map((part, axis) => value(axis, part)));
     };
     canvas.addEventListener("pointerdown", (event) => {
-      if (event.button !== 0 || !this.inPlot(this.spot(event))) return;
+      const spot = this.spot(event);
+      if (event.button !== 0 || !this.inPlot(spot)) return;
       held = true;
+      from = [event.clientX, event.clientY];
+      mark = this.live ? this.markAt(spot) : null;
       canvas.setPointerCapture(event.pointerId);
       take(event);
     });
     canvas.addEventListener("pointermove", (event) => {
       const spot = this.spot(event);
       this.pointer = held || this.inPlot(spot) ? spot : null;
-      if (held) take(event); else this.draw();
+      if (mark !== null && dragged === null && Math.hypot(event.clientX - from[0], event.clientY - from[1]) > 3) {
+        dragged = mark;
+        this.remember();
+      }
+      // Where the mark of the start or a goal is dragged, the arm goes with it.
+      if (held && (mark === null || dragged !== null)) take(event); else if (!held) this.draw();
+      if (dragged !== null) this.dragEnd(dragged, q2());
+      canvas.style.cursor = !held && this.live && this.markAt(spot) !== null ? "move" : "";
       this.tip();
     });
-    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { held = false; });
+    for (const end of ["pointerup", "pointercancel"]) {
+      canvas.addEventListener(end, () => {
+        if (dragged !== null) this.dropEnd();
+        held = false;
+        mark = dragged = null;
+      });
+    }
     canvas.addEventListener("pointerleave", () => { this.pointer = null; this.tip(); this.draw(); });
-    this.arm.wire(q2, (q) => this.pose(q));
+    this.drags = new PlanarDrags(this, this.arm);
+  }
+
+  /** Moves start or goal with the pointer: at the next frame everything follows. */
+  dragEnd(which, q) {
+    this.wantedEnd = { which, q };
+    this.waitingEnd ||= requestAnimationFrame(() => this.applyEnd());
+  }
+
+  applyEnd() {
+    if (this.waitingEnd) cancelAnimationFrame(this.waitingEnd);
+    this.waitingEnd = 0;
+    if (this.wantedEnd) this.moveEnd(this.wantedEnd.which, this.wantedEnd.q);
+    this.wantedEnd = null;
+  }
+
+  dropEnd() {
+    this.applyEnd();
+    this.dropObstacle();
   }
 
   /** The position of the pointer as fractions of the axes. */
@@ -269,12 +600,19 @@ class Lesson {
 
   /** A click on the start or a goal means exactly it. */
   snapped(spot, wanted) {
-    if (!wanted) return null;
+    const mark = wanted ? this.markAt(spot) : null;
+    return mark === null ? null : mark === "start" ? data.start : data.goals[mark];
+  }
+
+  /** The mark at a place: "start", the number of a goal, or null. */
+  markAt(spot) {
     const near = (q) => {
-      const [u, v] = q.map((x, axis) => share(axis, wrapped(axis, x)));
+      const [u, v] = this.shares(q);
       return Math.hypot(u - spot[0], v - spot[1]) * this.plot.size < 9 * this.unit;
     };
-    return [data.start, ...data.goals].filter(Boolean).find(near) || null;
+    if (data.start && near(data.start)) return "start";
+    const goal = data.goals.findIndex(near);
+    return goal < 0 ? null : goal;
   }
 
   tip() {
@@ -287,6 +625,7 @@ class Lesson {
     head.append(dot, words(answer).text);
     const q = this.pointer.map((share, axis) => reading(axis, wrapped(axis, value(axis, share))));
     tip.replaceChildren(head, `${symbol(0)} ${q[0]}   ${symbol(1)} ${q[1]}`);
+    if (this.nearTwin(this.pointer)) tip.append(make("br"), "other elbow: the tool in the same place");
     const { x, y, size } = this.plot, k = 1 / this.ratio, wide = this.canvas.clientWidth;
     const px = (x + this.pointer[0] * size) * k, py = (y + (1 - this.pointer[1]) * size) * k;
     const left = px + 16 + tip.offsetWidth > wide ? px - 16 - tip.offsetWidth : px + 16;
@@ -314,19 +653,20 @@ class Lesson {
   /** The cells anew: something of them is shown otherwise. */
   repaint() {
     const { size } = this.plot;
-    this.area = document.createElement("canvas");
-    this.area.width = this.area.height = size;
+    this.area ||= make("canvas");
+    if (this.area.width !== size) this.area.width = this.area.height = size;
     this.area.getContext("2d").putImageData(this.cells.paint(size, this.ratio, this.tinted, this.only), 0, 0);
     this.tools.parts.setAttribute("aria-pressed", String(this.tinted));
     this.redraw();
+    if (this.torus) this.torus.paint();
   }
 
   /** Everything that stands still anew: cells, tree, frame. */
   redraw() {
-    this.still = document.createElement("canvas");
-    this.still.width = this.canvas.width;
-    this.still.height = this.canvas.height;
-    const pen = this.still.getContext("2d"), { x, y } = this.plot;
+    this.still ||= make("canvas");
+    const { width, height } = this.canvas, pen = this.still.getContext("2d"), { x, y } = this.plot;
+    if (this.still.width === width && this.still.height === height) pen.clearRect(0, 0, width, height);
+    else Object.assign(this.still, { width, height });
     pen.drawImage(this.area, x, y);
     this.inside(pen, () => { if (this.showTree) this.drawTree(pen); this.drawNames(pen); });
     drawFrame(pen, this.plot, this.unit);
@@ -405,9 +745,9 @@ class Lesson {
       const [u, v] = q2().map((x, axis) => share(axis, wrapped(axis, x)));
       this.drawHairs(pen, u, v);
       if (this.workspace && Math.abs(this.workspace.side(q2())) > 0.02) {
-        const twin = this.workspace.twin(q2()).map((x, axis) => share(axis, wrapped(axis, x)));
-        this.around(twin, (x, y) => disc(pen, x, y, 5.5 * unit, "rgba(255,255,255,.75)", ACCENT, 2 * unit));
-      }
+        this.twin = this.workspace.twin(q2()).map((x, axis) => share(axis, wrapped(axis, x)));
+        this.around(this.twin, (x, y) => disc(pen, x, y, 5.5 * unit, "rgba(255,255,255,.75)", ACCENT, 2 * unit));
+      } else this.twin = null;
       data.goals.forEach((goal) => this.around(this.shares(goal), (x, y) => star(pen, x, y, 10.5 * unit, GOAL, unit)));
       if (data.start) this.around(this.shares(data.start), (x, y) => disc(pen, x, y, 6.5 * unit, START, "#fff", 2 * unit));
       this.around([u, v], (x, y) => {
@@ -416,6 +756,10 @@ class Lesson {
       });
     });
     this.drawLabels(pen);
+  }
+
+  nearTwin([u, v]) {
+    return Boolean(this.twin) && Math.hypot(this.twin[0] - u, this.twin[1] - v) * this.plot.size < 9 * this.unit;
   }
 
   shares(q) {
@@ -466,12 +810,17 @@ class Lesson {
   drawLabels(pen) {
     const marks = data.goals.map((goal, k) => [goal, data.goalNames[k], GOAL]);
     if (data.start) marks.push([data.start, "start", START]);
+    // Where the hollow ring has room for its name.
+    if (this.twin && !marks.some(([q]) => Math.hypot(...this.shares(q).map((part, axis) => part - this.twin[axis])) < 0.09)) {
+      marks.push([this.twin.map((part, axis) => value(axis, part)), "other elbow", ACCENT]);
+    }
     const { x, y, size } = this.plot;
     pen.save();
     pen.font = `650 ${12.5 * this.unit}px ${getComputedStyle(root).fontFamily}`;
     pen.textBaseline = "middle";
     pen.lineJoin = "round";
     for (const [q, text, color] of marks) {
+      pen.font = `${text === "other elbow" ? 500 : 650} ${(text === "other elbow" ? 11 : 12.5) * this.unit}px ${getComputedStyle(root).fontFamily}`;
       const [px, py] = this.at(...this.shares(q)), wide = pen.measureText(text).width;
       // Beside the mark, or below it where there is no room: names of images stand to the left.
       const beside = px + 13 * this.unit + wide <= x + size, below = py + 19 * this.unit < y + size - 9 * this.unit ? 19 : -19;
@@ -503,6 +852,27 @@ function words(answer) {
 }
 
 const listed = (names) => (names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${names[names.length - 1]}` : names[0]);
+
+/** Whether a point is inside a polygon around a center. */
+function inPolygon([x, y], corners, [cx, cy]) {
+  let inside = false;
+  for (let i = 0, j = corners.length - 1; i < corners.length; j = i++) {
+    const [ax, ay] = [corners[i][0] + cx, corners[i][1] + cy], [bx, by] = [corners[j][0] + cx, corners[j][1] + cy];
+    if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) inside = !inside;
+  }
+  return inside;
+}
+
+/** The card of the phase plane in a corner of the workspace. */
+function makePhase() {
+  const card = make("figure", undefined, "phase card"), plot = make("canvas");
+  plot.setAttribute("role", "img");
+  plot.setAttribute("aria-label", "Phase plane: path speed over path length, below its limit curve");
+  card.append(make("figcaption", "Phase plane: ṡ over s, limit curve dashed"), plot);
+  card.hidden = true;
+  document.getElementById("stage").append(card);
+  return card;
+}
 
 function disc(pen, x, y, r, fill, rim, width) {
   pen.beginPath();

@@ -44,61 +44,112 @@ class Cells {
 
   /** The cells as a picture of size by size pixels: areas with smooth rims, overlaps striped; only: the layer shown in full. */
   paint(size, ratio, tinted, only) {
-    const { n, m, bits, labels } = this;
-    const image = new ImageData(size, size), out = image.data;
-    const colors = data.layers.map((layer) => rgb(layer.color));
-    const parts = [...PARTS.map(rgb), rgb(CRUMBS)];
+    const { n, m, bits, labels } = this, key = `${size} ${ratio} ${tinted} ${only}`;
+    const [rangeX, rangeY] = !tinted && this.painted && this.painted.key === key ? this.changed(size) : [[0, size], [0, size]];
+    const image = this.painted && this.painted.image.width === size ? this.painted.image : new ImageData(size, size);
+    this.painted = { key, image, bits: bits.slice() };
+    const out = new Uint32Array(image.data.buffer);
+    const colors = data.layers.map((layer) => rgb(layer.color)), parts = [...PARTS.map(rgb), rgb(CRUMBS)], white = [255, 255, 255];
     const columns = lookup(size, n, data.periodic[0]), rows = lookup(size, m, data.periodic[1]);
     const sharp = size / Math.max(n, m), band = Math.max(2, Math.round(5 * ratio));
-    const inside = new Float64Array(colors.length);
-    for (let y = 0; y < size; y++) {
-      const [j0, j1, fj, jn] = rows(size - 1 - y);
-      for (let x = 0; x < size; x++) {
-        const [i0, i1, fi, ni] = columns(x);
-        const a = bits[i0 * m + j0], b = bits[i1 * m + j0], c = bits[i0 * m + j1], d = bits[i1 * m + j1];
-        const any = a | b | c | d;
-        let color = [255, 255, 255];
+    /** Color of a pixel: covered by a layer to a part of it, above the color of free space. */
+    const mixed = (under, layer, cover) => {
+      const over = colors[layer] || under;
+      return word(under[0] + cover * (over[0] - under[0]), under[1] + cover * (over[1] - under[1]), under[2] + cover * (over[2] - under[2]));
+    };
+    /** The layer that a pixel of an overlap shows. */
+    const striped = (full, count, x, y) => {
+      let turn = Math.floor((x + y) / band) % count, k = 0;
+      for (; !((full >>> k) & 1 && turn-- === 0); k++);
+      return k;
+    };
+    const shown = (full, best, cover, under, x, y) => {
+      let layer = best;
+      const count = bitCount(full);
+      if (count > 1) { layer = striped(full, count, x, y); cover = 1; }
+      if (only >= 0) { if ((full >>> only) & 1) layer = only; if (layer !== only) cover *= 0.16; }
+      return mixed(under, layer, cover);
+    };
+    const free = parts.map((color) => word(...color)), plain = word(...white), alone = colors.map((_, k) => shown(1 << k, k, 1, white, 0, 0));
+    for (let y = size - rangeY[1]; y < size - rangeY[0]; y++) {
+      const row = size - 1 - y, j0 = rows.low[row], j1 = rows.high[row], fj = rows.part[row], jn = rows.near[row];
+      for (let x = rangeX[0]; x < rangeX[1]; x++) {
+        const i0 = columns.low[x] * m, i1 = columns.high[x] * m, a = bits[i0 + j0], b = bits[i1 + j0], c = bits[i0 + j1], d = bits[i1 + j1];
+        const any = a | b | c | d, at = y * size + x;
+        let under = white, ground = plain;
         if (tinted) {
           // Beside a rim the nearest cell may be forbidden, and its free neighbor tells the color.
-          const label = labels[ni * m + jn] || labels[i0 * m + j0] || labels[i1 * m + j0] || labels[i0 * m + j1] || labels[i1 * m + j1];
-          if (label) color = parts[label > PARTS.length ? PARTS.length : label - 1];
+          const label = labels[columns.near[x] * m + jn] || labels[i0 + j0] || labels[i1 + j0] || labels[i0 + j1] || labels[i1 + j1];
+          if (label) {
+            const part = label > PARTS.length ? PARTS.length : label - 1;
+            under = parts[part];
+            ground = free[part];
+          }
         }
-        if (any) {
-          let full = 0, cover = 0, count = 0, best = 0;
+        if (!any) {
+          out[at] = ground;
+        } else if (a === b && a === c && a === d) {
+          const layer = 31 - Math.clz32(any);
+          out[at] = (any & (any - 1)) === 0 && (under === white || only < 0) ? alone[layer] : shown(any, layer, 1, under, x, y);
+        } else {
+          const fi = columns.part[x];
+          let full = 0, cover = 0, best = 0;
           for (let k = 0; k < colors.length; k++) {
-            inside[k] = 0;
             if (!((any >>> k) & 1)) continue;
             const value = (1 - fj) * ((1 - fi) * ((a >>> k) & 1) + fi * ((b >>> k) & 1)) + fj * ((1 - fi) * ((c >>> k) & 1) + fi * ((d >>> k) & 1));
-            inside[k] = Math.min(Math.max((value - 0.5) * sharp + 0.5, 0), 1);
-            if (inside[k] >= 0.5) { count += 1; full |= 1 << k; }
-            if (inside[k] > cover) { cover = inside[k]; best = k; }
+            const inside = Math.min(Math.max((value - 0.5) * sharp + 0.5, 0), 1);
+            if (inside >= 0.5) full |= 1 << k;
+            if (inside > cover) { cover = inside; best = k; }
           }
-          let chosen = best;
-          if (count > 1) {
-            let turn = Math.floor((x + y) / band) % count;
-            for (let k = 0; k < colors.length; k++) if ((full >>> k) & 1 && turn-- === 0) { chosen = k; break; }
-            cover = 1;
-          }
-          if (only >= 0) { chosen = (full >>> only) & 1 ? only : chosen; if (chosen !== only) cover *= 0.16; }
-          const own = colors[chosen];
-          color = [0, 1, 2].map((k) => color[k] + cover * (own[k] - color[k]));
+          out[at] = shown(full, best, cover, under, x, y);
         }
-        const at = 4 * (y * size + x);
-        out[at] = color[0]; out[at + 1] = color[1]; out[at + 2] = color[2]; out[at + 3] = 255;
       }
     }
     return image;
   }
+
+  /** The pixels along both axes, first and beyond the last, that differ from the last picture, or all that may. */
+  changed(size) {
+    const { n, m, bits, painted } = this, low = [n, m], high = [-1, -1];
+    for (let i = 0, c = 0; i < n; i++) {
+      for (let j = 0; j < m; j++, c++) {
+        if (bits[c] === painted.bits[c]) continue;
+        if (i < low[0]) low[0] = i;
+        if (i > high[0]) high[0] = i;
+        if (j < low[1]) low[1] = j;
+        if (j > high[1]) high[1] = j;
+      }
+    }
+    return [n, m].map((count, axis) => {
+      if (high[axis] < 0) return [0, 0];
+      // A cell at a glued edge is seen at the other edge too.
+      if (data.periodic[axis] && (low[axis] < 2 || high[axis] > count - 3)) return [0, size];
+      const wide = size / count;
+      return [Math.max(0, Math.floor((low[axis] - 1) * wide)), Math.min(size, Math.ceil((high[axis] + 2) * wide))];
+    });
+  }
+}
+
+/** A color as it stands in the memory of a picture, opaque, on processors that store the lowest byte first. */
+function word(red, green, blue) {
+  return ((255 << 24) | (Math.round(blue) << 16) | (Math.round(green) << 8) | Math.round(red)) >>> 0;
+}
+
+function bitCount(bits) {
+  let count = 0;
+  for (; bits; bits &= bits - 1) count += 1;
+  return count;
 }
 
 /** For each pixel of a row: the two cells it lies between, how far it is to the second, the nearest one. */
 function lookup(size, count, closes) {
-  const rows = Array.from({ length: size }, (_, x) => {
+  const of = (Numbers) => new Numbers(size), found = { low: of(Int32Array), high: of(Int32Array), part: of(Float64Array), near: of(Int32Array) };
+  const place = (i) => (closes ? modulo(i, count) : Math.min(Math.max(i, 0), count - 1));
+  for (let x = 0; x < size; x++) {
     const at = ((x + 0.5) / size) * count - 0.5, low = Math.floor(at);
-    const place = (i) => (closes ? modulo(i, count) : Math.min(Math.max(i, 0), count - 1));
-    return [place(low), place(low + 1), at - low, place(Math.round(at))];
-  });
-  return (x) => rows[x];
+    [found.low[x], found.high[x], found.part[x], found.near[x]] = [place(low), place(low + 1), at - low, place(Math.round(at))];
+  }
+  return found;
 }
 
 /** Edges as pieces [u0, v0, u1, v1] inside the square; one over a seam is there twice. */

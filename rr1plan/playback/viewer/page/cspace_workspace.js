@@ -13,10 +13,17 @@ class Workspace {
   prepare() {
     const { stage } = viewer, planar = Boolean(data.planar);
     document.body.classList.toggle("lesson", planar);
+    this.readout ||= this.makeReadout();
+    this.readout.box.hidden = !planar;
     stage.key.intensity = planar ? 0.42 : this.usual;
     if (!planar) return;
     this.flat = new FlatArm(data.planar);
     this.outer = data.planar.radius;
+    // The most that the manipulability can be: with the elbow at a right angle, the rod out, the link along the rail.
+    const { kinds, bars } = data.planar, [first, second] = bars.map(([x, y]) => Math.hypot(x, y));
+    this.lengths = [...kinds].flatMap((kind, k) => (kind === "R" && [first, second][k] ? [[first, second][k]] : []));
+    this.most = { RR: first * second, RP: this.outer, PR: second, PP: 1 }[kinds];
+    this.unit = ["", " m", " m²"][[...kinds].filter((kind) => kind === "R").length];
   }
 
   /** Its sign says which of two solutions this is; zero where both are one, and for arms with one. */
@@ -34,15 +41,26 @@ class Workspace {
     return this.solve(...this.tool(q), this.side(q) >= 0 ? -1 : 1);
   }
 
+  /** Where first joint, second joint and tool are. */
+  places(q) {
+    return this.flat.places(q);
+  }
+
   tool(q) {
-    return this.flat.places(q)[2];
+    return this.places(q)[2];
+  }
+
+  /** How well the tool can be moved in all directions, |det J| (Yoshikawa 1985) [m to the number of joints that turn]. */
+  manipulability(q) {
+    const [[a, b], [c, d]] = this.flat.columns(q);
+    return Math.abs(a * d - b * c);
   }
 
   /** The region the tool reaches, and a handle on the tool. */
   draw() {
     const { THREE } = viewer;
     if (!data.planar) {
-      for (const name of ["ring", "names", "handle"]) viewer.add(name, new THREE.Group());
+      for (const name of ["ring", "names", "handle", "selected", "way"]) viewer.add(name, new THREE.Group());
       return;
     }
     const { rims, height } = data.planar, group = new THREE.Group();
@@ -57,7 +75,12 @@ class Workspace {
     group.position.set(0, 0, height);
     viewer.add("ring", group);
     const names = new THREE.Group();
-    for (const { name, color, place } of data.planar.names) names.add(this.nameTag(name, color, place));
+    this.tags = new Map();
+    for (const { name, color, place } of data.planar.names) {
+      const tag = this.nameTag(name, color, place);
+      this.tags.set(name, { tag, place });
+      names.add(tag);
+    }
     viewer.add("names", names);
     this.handle = flat(new THREE.RingGeometry(0.042 * this.outer, 0.054 * this.outer, 48), 0xe4500e, 0.85);
     this.handle.material.depthTest = false;
@@ -104,8 +127,55 @@ class Workspace {
   }
 
   follow(q) {
-    const [x, y] = this.tool(q);
+    const [x, y] = this.tool(q), now = this.manipulability(q), meters = (v) => `${v.toFixed(3)} m`.replace("-", "−");
     this.handle.position.set(x, y, data.planar.height);
+    const rows = [meters(x), meters(y), `${now.toFixed(3)}${this.unit}`, this.lengths.map((v) => `${v.toFixed(2)} m`).join(", ") || "–"];
+    this.readout.values.forEach((out, k) => { out.textContent = rows[k]; });
+    this.readout.bar.style.width = `${Math.min((100 * now) / this.most, 100)}%`;
+  }
+
+  /** Tool, link lengths and manipulability, in a corner of the workspace. */
+  makeReadout() {
+    const box = make("dl", undefined, "readout"), bar = make("i"), values = [];
+    box.setAttribute("aria-label", "Tool, links and manipulability");
+    for (const name of ["tool x", "tool y", "manipulability", "links"]) {
+      const out = make("dd");
+      values.push(out);
+      out.className = name;
+      box.append(make("dt", name, name), out);
+      if (name === "manipulability") {
+        out.title = "|det J|, Yoshikawa’s measure: 0 where the arm is stretched or folded, most with the elbow at a right angle";
+        const meter = make("dd", undefined, "meter");
+        meter.append(bar);
+        box.append(meter);
+      }
+    }
+    const hint = make("dd", "Drag obstacles, links and the tool", "hint");
+    hint.hidden = true;
+    box.append(hint);
+    document.getElementById("stage").append(box);
+    return { box, bar, values, hint };
+  }
+
+  /** A line around an obstacle that is selected, or none. */
+  outline(loops, [x, y]) {
+    const { THREE } = viewer, group = new THREE.Group(), wider = 1.1;
+    for (const loop of loops) {
+      const points = [...loop, loop[0]].map(([u, v]) => new THREE.Vector3(x + wider * u, y + wider * v, data.planar.height));
+      const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineDashedMaterial({ color: 0x1b2430, dashSize: 0.025 * this.outer, gapSize: 0.015 * this.outer, depthTest: false }));
+      line.computeLineDistances();
+      line.renderOrder = 11;
+      group.add(line);
+    }
+    viewer.add("selected", group);
+  }
+
+  /** The way of the tool along configurations, while it changes with every drag. */
+  drawWay(configurations) {
+    const { THREE } = viewer, points = configurations.map((q) => new THREE.Vector3(...this.tool(q), data.planar.height + 0.01));
+    const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: 0xe4500e }));
+    line.renderOrder = 9;
+    viewer.add("way", line);
   }
 
   /** Looks at the whole region, from above unless the page was given a view. */
@@ -134,34 +204,11 @@ class Workspace {
     return Math.hypot(box.left + ((at.x + 1) / 2) * box.width - event.clientX, box.top + ((1 - at.y) / 2) * box.height - event.clientY);
   }
 
-  /** A drag that begins at the tool, and a click anywhere in the region, put the tool there; every other drag turns the view. */
-  wire(current, pose) {
-    const { pane } = viewer.stage;
-    let held = false, down = null;
-    const reach = (event) => {
-      const point = this.under(event);
-      if (point) pose(this.solve(...point, this.side(current()) >= 0 ? 1 : -1));
-    };
-    pane.addEventListener("pointerdown", (event) => {
-      down = data.planar && event.button === 0 ? [event.clientX, event.clientY] : null;
-      held = down !== null && this.distance(event, this.tool(current())) < 30;
-      if (!held) return;
-      event.stopImmediatePropagation();
-      event.preventDefault();
-      pane.setPointerCapture(event.pointerId);
-    }, true);
-    pane.addEventListener("pointermove", (event) => {
-      if (held) reach(event);
-      else if (data.planar) pane.style.cursor = this.distance(event, this.tool(current())) < 30 ? "move" : "";
-    }, true);
-    window.addEventListener("pointerup", (event) => {
-      const still = down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < 4;
-      const point = still && !held ? this.under(event) : null;
-      if (point && this.flat.solutions(...point).length) reach(event);
-      this.turned ||= Boolean(down && !still && !held);
-      held = false;
-      down = null;
-    }, true);
-    pane.addEventListener("wheel", () => { this.turned = true; }, { passive: true });
+  /** Pixels between the pointer and a line in the arm's plane. */
+  pixelsTo(event, [x, y], [u, v]) {
+    const steps = 24;
+    let nearest = Infinity;
+    for (let k = 0; k <= steps; k++) nearest = Math.min(nearest, this.distance(event, [x + (k / steps) * (u - x), y + (k / steps) * (v - y)]));
+    return nearest;
   }
 }

@@ -47,8 +47,8 @@ class Overlays {
 
   colorBySpeed(on) {
     const { toolPath } = this.viewer, bar = find("speedbar");
-    toolPath.setBySpeed(on);
-    bar.hidden = !on || !this.viewer.isShown("toolpath");
+    if (toolPath) toolPath.setBySpeed(on);
+    bar.hidden = !toolPath || !on || !this.viewer.isShown("toolpath");
     if (bar.hidden || this.scaled === toolPath.fastest) return;
     this.scaled = toolPath.fastest;
     const strip = element("i");

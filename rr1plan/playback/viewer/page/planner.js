@@ -11,13 +11,16 @@
 //   planner.withinLimits(q)
 //   planner.inverseKinematics(frame, target, q)     a configuration that brings a frame ("arm" or "arm/link") to a target,
 //                                                   near q, or null; target: [x, y, z], or 16 numbers, column after column
+//   planner.rates                                   limits of the columns: {velocity, acceleration}
 //   planner.obstaclePose(name)  .moveObstacle(name, pose)    T_world_object, 16 numbers, column after column
-//   planner.plan(start, goal, {seed, iterations, seconds, margin})
+//   planner.plan(start, goal, {seed, iterations, seconds, margin, step})    step: longest edge of the trees [rad or m]
 //       status     "found", "invalid_start", "invalid_goal", "infeasible" or "timeout"; then `reason` tells why
 //       path       {columns, waypoints: {values, shape}} as found, and `shortened` after shortcuts
 //       track      {columns, breaks, coefficients, exact, timed}, for `new Track(...)`; null without a path
 //       retiming   "blend", or "stop" where blends are not proven
 //       certified  whether the referee (`referee.js`) has proven the timed motion; if not, `fault` tells why
+//       trees      of the start and of the goal: {vertices: {values, shape}, parents, lengths}, a root's parent is -1;
+//                  lengths: of the way from the root
 //       margin, iterations, seconds: {plan, shorten, retime, certify}
 //
 // The same seed gives the same path and the same timing as `plan_motion(problem, rng=seed)`, to the last bit.
@@ -43,6 +46,7 @@ class PagePlanner {
   /** See above. */
   static async load(data) {
     if (data.missing) throw new Error(data.missing);
+    if (!data.modules) throw new Error("this page was opened without the planner's kernels");
     if (typeof WebAssembly !== "object") throw new Error("this browser has no WebAssembly");
     if (!WebAssembly.validate(SIMD_PROBE)) throw new Error("this browser has no WebAssembly SIMD");
     if (typeof DecompressionStream !== "function") throw new Error("this browser cannot decompress the planner");
@@ -78,6 +82,14 @@ class PagePlanner {
   get core() { return this.#core; }
   get scene() { return this.#memory.scene; }
   get scratch() { return this.#memory.scratch; }
+  get referee() { return this.#referee; }
+
+  /** Limits of the columns: {velocity, acceleration}. */
+  get rates() {
+    const nq = this.columns.length, { velocity, acceleration } = this.#memory.rates;
+    const of = (address) => new Float64Array(this.#core.buffer, address, nq).slice();
+    return { velocity: of(velocity), acceleration: of(acceleration) };
+  }
 
   // ---- collision -------------------------------------------------------------------------------
 
@@ -213,7 +225,7 @@ class PagePlanner {
 
   // ---- planning --------------------------------------------------------------------------------
 
-  plan(start, goal, { seed = 0, iterations = 1e9, seconds = 2, margin = this.#data.margin } = {}) {
+  plan(start, goal, { seed = 0, iterations = 1e9, seconds = 2, margin = this.#data.margin, step = this.#data.tree_step } = {}) {
     const began = performance.now(), core = this.#core;
     [start, goal] = [this.#checked(start), this.#checked(goal)];
     if (!(margin >= 0 && margin <= this.#data.margin)) {
@@ -221,7 +233,7 @@ class PagePlanner {
     }
     const answer = {
       status: "found", reason: "", path: null, shortened: null, track: null, retiming: null, certified: false, fault: "",
-      margin: 0, iterations: 0, seconds: {},
+      trees: [], margin: 0, iterations: 0, seconds: {},
     };
     let last = began;
     const stage = (name) => {
@@ -232,7 +244,7 @@ class PagePlanner {
     return core.scoped(() => {
       answer.margin = this.#affordableMargin(start, goal, margin);
       this.#keepMargin(answer.margin);
-      const found = this.#search(start, goal, BigInt(seed), iterations, began + 1000 * seconds, answer);
+      const found = this.#search(start, goal, BigInt(seed), iterations, began + 1000 * seconds, step, answer);
       stage("plan");
       if (!found) return answer;
       answer.path = this.#asPath(found);
@@ -286,7 +298,7 @@ class PagePlanner {
   }
 
   /** A path, or null with the reason in the answer. */
-  #search(start, goal, seed, iterations, deadline, answer) {
+  #search(start, goal, seed, iterations, deadline, step, answer) {
     const core = this.#core, { scene, scratch } = this, nq = this.columns.length;
     const { lower, upper, extent, can_move } = this.#memory;
     const near = core.array("double", nq), visible = core.array("int64_t", 1);
@@ -300,7 +312,7 @@ class PagePlanner {
     if (Number(visible.values[0]) === 0) return Float64Array.of(...start, ...goals);
     const query = core.struct("TreeQuery", { start: core.array("double", start), goals: near, lower, extent });
     Object.assign(query, {
-      goal_count: 1, step: this.#data.tree_step, domain: this.#data.tree_domain, bound: Infinity,
+      goal_count: 1, step, domain: this.#data.tree_domain, bound: Infinity,
     });
     const trees = core.struct("Trees", { column_count: nq, scratch: core.array("double", 6 * nq) });
     this.#giveRoom(trees, 1024);
@@ -310,14 +322,27 @@ class PagePlanner {
       const samples = Math.min(trees.samples + chunk, iterations);
       const code = core.call("rr1_grow_trees", trees, query, random, samples, scene, scratch);
       answer.iterations = trees.samples;
-      if (code === SEARCH_SOLVED) return new Float64Array(core.buffer, trees.path, trees.path_rows * nq).slice();
+      const solved = code === SEARCH_SOLVED, over = trees.samples >= iterations || performance.now() >= deadline;
+      if (solved || over) answer.trees = trees.sides.map((side) => this.#asTree(side, trees.capacity));
+      if (solved) return new Float64Array(core.buffer, trees.path, trees.path_rows * nq).slice();
       if (code === SEARCH_FULL) this.#giveRoom(trees, 2 * trees.capacity);
-      if (trees.samples >= iterations || performance.now() >= deadline) {
+      if (over) {
         const [ofStart, ofGoal] = trees.sides.map((side) => side.size);
         return this.#fail(answer, "timeout", `no path found after ${trees.samples} iterations; ` +
           `${ofStart} configurations were reached from the start, ${ofGoal} from the goal`);
       }
     }
+  }
+
+  /** A tree, whose memory has a column of its vertices after the other. */
+  #asTree({ size, vertices, parents, lengths }, capacity) {
+    const nq = this.columns.length, values = new Float64Array(size * nq);
+    for (let c = 0; c < nq; c++) {
+      const column = new Float64Array(this.#core.buffer, vertices + 8 * c * capacity, size);
+      for (let i = 0; i < size; i++) values[nq * i + c] = column[i];
+    }
+    const rows = new BigInt64Array(this.#core.buffer, parents, size), reach = new Float64Array(this.#core.buffer, lengths, size);
+    return { vertices: { values, shape: [size, nq] }, parents: Array.from(rows, Number), lengths: reach.slice() };
   }
 
   #fail(answer, status, reason) {

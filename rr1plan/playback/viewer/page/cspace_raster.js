@@ -1,0 +1,20 @@
+// The images of obstacles, computed in the page by the kernel that Python's grid is made with (`kernels/raster.c`).
+
+class LiveRaster {
+  /** planner: a `PagePlanner`; image: the tables of the grid (`CSpaceRaster.memory_image`). */
+  constructor(planner, image) {
+    this.planner = planner;
+    this.raster = planner.core.place(image).raster;
+    this.cells = planner.core.array("uint8_t", data.size[0] * data.size[1]);
+    this.half = [0, 1].map((axis) => (0.5 * (data.high[axis] - data.low[axis])) / data.size[axis]);
+  }
+
+  /** The cells in which the arm touches an obstacle: 1, until the next call; whole: those that are proven to be in contact as a whole. */
+  image(name, whole = false) {
+    const { core, scene, scratch } = this.planner, [first, last] = data.live.ranges[name];
+    core.call(
+      "rr1_raster_pairs", scene.exact, scratch.exact, this.raster, first, last, 0, data.size[0], whole ? this.half : [0, 0], this.cells,
+    );
+    return this.cells.values;
+  }
+}

@@ -1,0 +1,114 @@
+// The phase plane of a motion: its speed along the path, and the limit curve that velocity and acceleration limits put above it.
+
+const PHASE_SAMPLES = 600;
+
+/**
+ * Path length s, path speed and its limit along a motion, shape (3, n); rates: {velocity, acceleration} of its columns.
+ *
+ * At most so fast may the path be passed that the joints keep their velocity limits, and that some acceleration along
+ * the path keeps their acceleration limits (Bobrow, Dubowsky and Gibson 1985).
+ */
+function phasePlane(track, rates) {
+  const { columns } = track, q = new Float64Array(Math.max(...columns) + 1), count = PHASE_SAMPLES;
+  const out = { s: new Float64Array(count + 1), speed: new Float64Array(count + 1), limit: new Float64Array(count + 1) };
+  const span = track.end - track.start, nq = columns.length;
+  let s = 0, last = null;
+  for (let k = 0; k <= count; k++) {
+    // Closer together at both ends, where the motion is slow.
+    const share = 0.5 - 0.5 * Math.cos((Math.PI * k) / count);
+    const { rate, second } = derivativesAt(track, track.start + Math.min(Math.max(share, 1e-9), 1 - 1e-9) * span);
+    track.at(track.start + share * span, q);
+    const here = columns.map((c) => q[c]), speed = Math.hypot(...rate);
+    if (last) s += Math.hypot(...here.map((v, j) => v - last[j]));
+    last = here;
+    const along = rate.map((v) => v / Math.max(speed, 1e-12)), gain = along.reduce((sum, v, j) => sum + v * second[j], 0);
+    const bend = second.map((v, j) => (speed > 1e-6 ? (v - along[j] * gain) / (speed * speed) : 0));
+    let most = Infinity, squared = Infinity;
+    for (let j = 0; j < nq; j++) {
+      const slope = Math.abs(along[j]), { velocity: v, acceleration: a } = rates;
+      if (slope > 1e-9) most = Math.min(most, v[j] / slope);
+      for (let i = 0; i < j; i++) {
+        // Both joints need the same acceleration along the path.
+        const gap = Math.abs(bend[j] * along[i] - bend[i] * along[j]);
+        if (gap > 1e-9) squared = Math.min(squared, (a[j] * Math.abs(along[i]) + a[i] * slope) / gap);
+      }
+    }
+    out.s[k] = s;
+    out.speed[k] = speed;
+    out.limit[k] = Math.min(most, Math.sqrt(squared));
+  }
+  return out;
+}
+
+/** Velocity and acceleration of a motion's columns at a time. */
+function derivativesAt(track, t) {
+  const i = track.piece(t), local = t - track.breaks[i], { coefficients, terms, width } = track;
+  const rate = [], second = [];
+  for (let j = 0; j < width; j++) {
+    let first = 0, other = 0;
+    for (let k = terms - 1; k >= 1; k--) {
+      const c = coefficients[(i * terms + k) * width + j];
+      first = first * local + k * c;
+      if (k >= 2) other = other * local + k * (k - 1) * c;
+    }
+    rate.push(first);
+    second.push(other);
+  }
+  return { rate, second };
+}
+
+/** Draws a phase plane into a canvas, or says why there is none; at: how far along its time the motion has come, or null. */
+function drawPhasePlane(canvas, plane, at, why) {
+  const ratio = Math.min(window.devicePixelRatio || 1, 2), pen = canvas.getContext("2d");
+  const width = (canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio)));
+  const height = (canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio)));
+  const left = 34 * ratio, below = 20 * ratio, top = 10 * ratio, right = 10 * ratio, font = getComputedStyle(root).fontFamily;
+  if (!plane) {
+    pen.fillStyle = SOFT;
+    pen.font = `${12 * ratio}px ${font}`;
+    pen.fillText(why, 10 * ratio, height / 2);
+    return;
+  }
+  const length = plane.s[plane.s.length - 1] || 1, fastest = Math.max(...plane.speed, 1e-9);
+  const highest = 1.12 * Math.max(fastest, Math.min(...plane.limit, Infinity), Math.min(Math.max(...plane.limit), 1.5 * fastest));
+  const x = (s) => left + (s / length) * (width - left - right), y = (v) => height - below - (Math.min(v, highest) / highest) * (height - below - top);
+  const line = (values) => {
+    pen.beginPath();
+    values.forEach((v, k) => (k ? pen.lineTo(x(plane.s[k]), y(v)) : pen.moveTo(x(plane.s[k]), y(v))));
+  };
+  line(plane.limit);
+  pen.lineTo(x(length), top);
+  pen.lineTo(x(0), top);
+  pen.closePath();
+  pen.fillStyle = "#f3e1e6";
+  pen.fill();
+  line(plane.limit);
+  pen.strokeStyle = "#b03060";
+  pen.lineWidth = 1.6 * ratio;
+  pen.setLineDash([5 * ratio, 3 * ratio]);
+  pen.stroke();
+  pen.setLineDash([]);
+  line(plane.speed);
+  pen.strokeStyle = ACCENT;
+  pen.lineWidth = 2.2 * ratio;
+  pen.stroke();
+  pen.strokeStyle = INK;
+  pen.lineWidth = ratio;
+  pen.beginPath();
+  pen.moveTo(left, top);
+  pen.lineTo(left, height - below);
+  pen.lineTo(width - right, height - below);
+  pen.stroke();
+  pen.fillStyle = SOFT;
+  pen.font = `${11 * ratio}px ${font}`;
+  pen.textAlign = "right";
+  pen.fillText(`s = ${length.toFixed(2)} rad`, width - right, height - 6 * ratio);
+  pen.textAlign = "left";
+  pen.fillText("ṡ", 8 * ratio, top + 10 * ratio);
+  pen.fillText(fastest.toFixed(1), 8 * ratio, Math.max(y(fastest) + 4 * ratio, top + 24 * ratio));
+  pen.fillText("0", left, height - 6 * ratio);
+  if (at !== null) {
+    const k = Math.round((Math.acos(1 - 2 * Math.min(Math.max(at, 0), 1)) / Math.PI) * PHASE_SAMPLES);
+    disc(pen, x(plane.s[k]), y(plane.speed[k]), 4.5 * ratio, ACCENT, "#fff", 1.5 * ratio);
+  }
+}
