@@ -23,7 +23,9 @@ class ReachMap {
     this.corner.innerHTML = '<b></b><span><i class="twice"></i>reached in two ways</span><span><i class="once"></i>in one way</span><span><i class="never"></i>not at all</span>';
     this.ignored = null;
     viewer.on("change", () => this.read());
-    viewer.on("data", () => this.paint());
+    // The picture is painted anew when its cells have changed; the map follows once they stay as they are.
+    const { repaint } = viewer.lesson;
+    viewer.lesson.repaint = () => { repaint.call(viewer.lesson); clearTimeout(this.waiting); this.waiting = setTimeout(() => this.paint(), 80); };
   }
 
   /** Counts with all layers but those for which ignore(layer) is true; null hides the map. */

@@ -744,7 +744,7 @@ class Lesson {
       this.drawMotion(pen);
       const [u, v] = q2().map((x, axis) => share(axis, wrapped(axis, x)));
       this.drawHairs(pen, u, v);
-      if (this.workspace && Math.abs(this.workspace.side(q2())) > 0.02) {
+      if (this.workspace && Math.abs(this.workspace.side(q2())) > 0.02 && !this.place(this.workspace.twin(q2())).outside) {
         this.twin = this.workspace.twin(q2()).map((x, axis) => share(axis, wrapped(axis, x)));
         this.around(this.twin, (x, y) => disc(pen, x, y, 5.5 * unit, "rgba(255,255,255,.75)", ACCENT, 2 * unit));
       } else this.twin = null;
