@@ -133,8 +133,8 @@ def _steps(arm: FlatArm, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
             "Reached is not yet attainable",
             """<p>A point counts here if the arm can <i>stand</i> there. Whether it can <i>get</i> there from where
             it is now depends on how the free configurations hang together.</p>
-            <p>Find two colored points between which the arm cannot move. The lesson <i>Configuration space</i> shows
-            why.</p>""",
+            <p>Find two colored points between which the arm cannot move. The lesson <i>Configuration space</i>
+            shows why.</p>""",
             q,
         ),
     )
@@ -170,16 +170,16 @@ def _solutions(arm: FlatArm) -> str:
             the tool stays where it is.</p>"""
     match arm.kinds:
         case "RR":
-            return f"""<p>A point inside the annulus is reached in <b>two</b> ways, with the elbow on the left or on
-            the right. On the rims both are one: the arm is straight or folded, it is <b>singular</b>.</p>{other}"""
+            return f"""<p>A point inside the annulus has <b>two</b> solutions, with the elbow on the left or on the
+            right. On the rims both are one: the arm is straight or folded, it is <b>singular</b>.</p>{other}"""
         case "RP":
-            return """<p>A direction and a distance determine both joints, so a point is reached in <b>one</b> way.
-            The second solution of the equations points backwards, with a negative distance: most rods cannot do
+            return """<p>A direction and a distance determine both joints, so a point has <b>one</b> solution. The
+            second solution of the equations points backwards, with a negative distance: most rods cannot do
             that.</p>"""
         case "PR":
-            return f"""<p>The carriage can be on the left of a point or on its right: <b>two</b> ways, if its travel
-            is long enough. With the link at a right angle to the rail both are one, and the arm is
+            return f"""<p>The carriage can be on the left of a point or on its right: <b>two</b> solutions, if its
+            travel is long enough. With the link at a right angle to the rail both are one, and the arm is
             <b>singular</b>.</p>{other}"""
         case _:
-            return """<p>Each coordinate belongs to one joint, so every point is reached in <b>one</b> way, and
-            nowhere is the arm singular. That is why so many machines are gantries.</p>"""
+            return """<p>Each coordinate belongs to one joint, so every point has <b>one</b> solution, and the arm
+            is never singular, which makes gantries easy to program.</p>"""

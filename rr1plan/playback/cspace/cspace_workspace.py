@@ -52,7 +52,7 @@ def draw_workspace(axes: Any, cspace: CSpaceQuery) -> None:
 
 
 def _draw_reach(axes: Any, cspace: CSpaceQuery) -> tuple[Array, float]:
-    """Draw what the tool of a planar arm reaches; returns the center and the radius of what is shown."""
+    """Draw what the tool of a planar arm reaches; returns center and radius of the view."""
     grid = cspace.grid
     arm = grid.scene.arms[grid.arm]
     flat = flat_arm(arm) if arm.robot.joint_names == grid.joint_names else None
