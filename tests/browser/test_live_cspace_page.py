@@ -53,9 +53,8 @@ def opened(shared_tab: Any, page_file: FilePath) -> Any:
 @pytest.fixture
 def fresh(opened: Any) -> Iterator[Any]:
     """The page with everything where it was at first."""
-    opened.ask(
-        "RR1.lesson.past.length && (RR1.lesson.restore(RR1.lesson.first), RR1.lesson.past = [], RR1.lesson.select(null))"
-    )
+    opened.ask("RR1.lesson.past.length && RR1.lesson.restore(RR1.lesson.first)")
+    opened.ask("RR1.lesson.past = [], RR1.lesson.select(null)")
     opened.ask("document.activeElement.blur(), RR1.pause()")
     yield opened
     assert opened.complaints == []
@@ -169,10 +168,9 @@ def test_a_dragged_obstacle_takes_its_image_with_it(
     # The camera stays, and the drawn obstacle is where the planner has it.
     assert fresh.ask("RR1.stage.camera.position.toArray()") == view
     assert not fresh.ask("RR1.lesson.arm.turned")
-    drawn = fresh.ask(
-        """(name) => RR1.world.obstacles.sets.flatMap((set) => set.items).find((item) => item.element === name).local.slice(12, 14)"""
-        , name)  # fmt: skip
-    assert np.linalg.norm(np.array(list(drawn)) - place(fresh, name)) < 0.2
+    items = "RR1.world.obstacles.sets.flatMap((set) => set.items)"
+    drawn = fresh.ask(f"(name) => [...{items}.find((item) => item.element === name).local.slice(12, 14)]", name)
+    assert np.linalg.norm(np.array(drawn) - place(fresh, name)) < 0.2
     if fresh.ask("Boolean(RR1.lesson.answer && RR1.lesson.answer.track)"):
         check_path(fresh, problem.scene)
         assert fresh.ask("RR1.duration") == pytest.approx(fresh.ask("RR1.lesson.track.end"))
@@ -182,9 +180,10 @@ def test_a_dragged_obstacle_takes_its_image_with_it(
 
 
 def test_the_verdict_turns_from_path_to_proven_no_path_and_back(fresh: Any, problem: rp.Problem) -> None:
-    # Two discs near the base block the first joint on both ways round.
+    # Two discs near the base block the first joint in both directions.
     fresh.ask(
-        "RR1.lesson.remember(), RR1.lesson.moveObstacle('red', 0.15, 0.7), RR1.lesson.moveObstacle('blue', -0.45, -0.62)"
+        "RR1.lesson.remember(), RR1.lesson.moveObstacle('red', 0.15, 0.7), "
+        "RR1.lesson.moveObstacle('blue', -0.45, -0.62)"
     )
     fresh.ask("RR1.lesson.dropObstacle()")
     assert verdict(fresh).startswith("No path exists: start and goal are free, but in different components")
@@ -222,19 +221,20 @@ def test_start_and_goal_are_dragged_in_the_configuration_space(fresh: Any, probl
 def test_links_turn_about_their_joints(fresh: Any) -> None:
     fresh.ask("RR1.setQ([0.2, -0.9])")
     elbow, tool = np.array(fresh.ask("RR1.lesson.arm.places([0.2, -0.9])"))[1:]
-    for link, (middle, end) in enumerate([(0.5 * elbow, [0.5, 0.35]), (0.5 * (elbow + tool), elbow + [0.3, 0.1])]):
+    drags = (0.5 * elbow, np.array([0.5, 0.35])), (0.5 * (elbow + tool), elbow + np.array([0.3, 0.1]))
+    for link, (middle, end) in enumerate(drags):
         fresh.ask("RR1.setQ([0.2, -0.9])")
         drag(fresh, in_view(fresh, middle), in_view(fresh, end))
         q = np.array(fresh.ask("Array.from(RR1.q)"))
         assert q[1 - link] == pytest.approx([0.2, -0.9][1 - link])
-        away = np.asarray(end) - (elbow if link else 0.0)
+        away = end - (elbow if link else 0.0)
         heading = q[0] + (q[1] if link else 0.0)
         assert heading == pytest.approx(np.arctan2(away[1], away[0]), abs=0.06)
     assert not fresh.ask("RR1.lesson.arm.turned")
 
 
 def test_the_keyboard_moves_obstacles_and_sets_start_and_goal(fresh: Any, problem: rp.Problem) -> None:
-    fresh.page.keyboard.press("n")
+    fresh.page.keyboard.press("j")
     name = fresh.ask("RR1.lesson.selected")
     assert name in problem.scene.obstacles
     assert name in fresh.page.locator(".said").inner_text()

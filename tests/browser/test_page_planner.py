@@ -19,7 +19,9 @@ from browser.conftest import Tab
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
+from rr1plan.errors import CancelledError, InstallationError
 from rr1plan.planning import Budget
+from rr1plan.playback.viewer import page_planner as pages
 from rr1plan.playback.viewer.html_page import page_html, planner_script
 from rr1plan.playback.viewer.page_document import view_document
 from rr1plan.playback.viewer.page_planner import page_modules, page_planner
@@ -158,7 +160,7 @@ def test_a_page_plans_the_motions_of_plan_motion_to_the_last_bit(name: str) -> N
 
 @pytest.fixture(scope="module")
 def shelf_page(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Tab:
-    """A page of a shelf in Chromium, under its own policy."""
+    """A page of a shelf in Chromium, under the policy it has."""
     tab = Tab(browser.new_page())
     scene = rp.load_scene("rr1_shelf")
     tab.open(rp.save_html(tmp_path_factory.mktemp("page") / "shelf.html", scene))
@@ -326,6 +328,29 @@ def test_a_page_names_why_it_cannot_plan(planar2r: rp.Robot) -> None:
     assert page_planner(rp.Scene()) == {"missing": "no arm moves"}
     stuck = many.with_arm("last", planar2r, [0.0, 0.1, 0.0])
     assert "are in contact, and neither moves" in page_planner(stuck, ["arm1"])["missing"]
+
+
+def test_what_would_take_long_or_much_room_is_left_out(planar2r: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pages, "_MOST_BYTES", 100)
+    assert page_planner(rp.Scene().with_arm("arm", planar2r))["missing"].startswith("the tables of the scene have 0.0")
+
+    def too_slow(scene: rp.Scene, progress: Any) -> None:
+        raise CancelledError("too slow")
+
+    monkeypatch.setattr(pages, "cut_meshes", too_slow)
+    scene = rp.Scene().with_arm("arm", planar2r)
+    assert page_planner(scene) == {"missing": "convex decomposition of the moving meshes takes longer than 1 s"}
+    # Not for ever: once a motion has been planned the pieces are known.
+    monkeypatch.undo()
+    assert "missing" not in page_planner(scene)
+
+
+def test_without_modules_pages_name_that(planar2r: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    def not_built() -> dict[str, str]:
+        raise InstallationError("no core.wasm")
+
+    monkeypatch.setattr(pages, "page_modules", not_built)
+    assert page_planner(rp.Scene().with_arm("arm", planar2r)) == {"missing": "no core.wasm"}
 
 
 def test_both_modules_are_small() -> None:

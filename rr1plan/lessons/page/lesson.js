@@ -22,7 +22,7 @@ class Steps {
     // Before the page's own keys, of which the arrows move the clock.
     window.addEventListener("keydown", (event) => {
       const move = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-      const busy = ["INPUT", "SELECT", "TEXTAREA", "CANVAS"].includes(event.target.tagName);
+      const busy = ["INPUT", "SELECT", "TEXTAREA", "CANVAS"].includes(event.target.tagName) || event.target.classList.contains("handle");
       if (!move || busy || event.ctrlKey || event.metaKey || event.altKey || event.shiftKey) return;
       event.preventDefault();
       event.stopImmediatePropagation();

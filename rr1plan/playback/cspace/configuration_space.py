@@ -199,7 +199,7 @@ def cspace(
             only when the arm has no other planning joints.
         at: Where the arm's other joints are: a configuration's name or its numbers [rad or m], shape (nq,); those of
             the two joints are ignored (default: where the arm stands in the scene).
-        resolution: Cells along each axis, 8 to 2000; every cell is checked with Coal.
+        resolution: Cells along each axis, 8 to 2000; a cell is free if its center is.
         progress: Called now and then; False cancels.
 
     Returns:

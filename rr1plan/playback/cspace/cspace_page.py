@@ -1,7 +1,8 @@
 """The lesson page: the arm in 3-D beside its configuration space, linked by sliders, clicks and the clock.
 
 The picture of the configuration space is drawn by the page itself from the cells of the grid, as a
-panel of the 3-D page, so one offline file holds everything.
+panel of the 3-D page, so one offline file holds everything. Where the arm is planar and the page has a planner, it
+computes the cells anew for obstacles that are dragged (`page/cspace_query.js`), and plans.
 """
 
 from __future__ import annotations

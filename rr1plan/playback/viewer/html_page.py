@@ -29,9 +29,10 @@ from rr1plan.playback.viewer.page_planner import page_modules
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 
 _SCRIPTS = (
-    "math.js", "referee.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js",
-    "pace.js", "player.js", "conflicts.js", "controls.js", "overlays.js", "plot_curves.js", "plots.js", "pointer_pick.js",
-    "differential_ik.js", "dragging.js", "plan_card.js", "jogging.js", "editing.js", "live.js", "main.js",
+    "math.js", "referee.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js",
+    "stage.js", "pace.js", "player.js", "conflicts.js", "controls.js", "overlays.js", "plot_curves.js", "plots.js",
+    "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js", "jogging.js", "editing.js", "live.js",
+    "main.js",
 )  # fmt: skip
 _STYLES = ("page.css", "plots.css", "editing.css")
 

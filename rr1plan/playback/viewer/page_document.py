@@ -81,8 +81,8 @@ def view_document(
         problem: As in `save_html`.
         report: As in `save_html`.
         replay: As in `save_html`.
-        options: The title, spheres, the planner, the motion to compare, the tree and the clearances; the rest is for
-            `page_html`.
+        options: The title, spheres, the motion to compare, the tree, the clearances and whether a planner is carried;
+            the rest is for `page_html`.
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene.
@@ -389,11 +389,13 @@ def _tree(tree: SearchTree, scene: Scene, problem: Problem | None, path: Path | 
     start = None if problem is None else problem.start
     goals = [] if path is None or path.joint_names != names else [path.waypoints[-1]]
     drawn = drawn_tree(tree, start, goals)
+    # A roadmap begins nowhere.
+    sides = drawn.sides if (drawn.sides == 0).any() else np.zeros_like(drawn.sides)
     return {
         "columns": _columns(names, scene),
         "vertices": pack_array(drawn.vertices),
         "edges": pack_array(drawn.edges, "u4"),
-        "sides": pack_array(drawn.sides, "u4"),
+        "sides": pack_array(sides, "u4"),
         "explored": drawn.explored,
     }
 

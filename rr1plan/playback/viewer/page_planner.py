@@ -8,6 +8,8 @@ is left out contains the reason instead:
   joint space of all of them is too large for RRT-Connect, and their tables have megabytes.
 - A joint that moves has no limit of position, velocity or acceleration.
 - The scene cannot be checked for collisions, or things that do not move are in contact.
+- The convex decomposition of its moving meshes takes longer than a second (it is kept once a motion was planned), or
+  its tables have more than 4 MB.
 - The modules are not built.
 """
 
@@ -17,6 +19,7 @@ import base64
 import zlib
 from collections.abc import Sequence
 from functools import cache
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -24,7 +27,8 @@ import numpy as np
 from rr1plan.binding.memory_image import Root
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.errors import InputError, InstallationError
+from rr1plan.collision.convex.convex_bodies import cut_meshes
+from rr1plan.errors import CancelledError, InputError, InstallationError
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.kernels.random_state import random_state
 from rr1plan.kernels.wasm_core import core_module
@@ -38,6 +42,8 @@ from rr1plan.scene.problem import PoseGoal
 from rr1plan.validation.wasm_referee import referee_image, referee_module
 
 _MOST_ARMS = 2
+_MOST_SECONDS = 1.0  # of convex decomposition
+_MOST_BYTES = 4_000_000  # of the tables, deflated
 
 
 def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float = 0.0) -> dict[str, Any]:
@@ -61,6 +67,8 @@ def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float 
         try:
             page_modules()
             scene.kept[key] = {"missing": reason} if reason else _planner_data(scene, names, margin)
+        except CancelledError:
+            return {"missing": f"convex decomposition of the moving meshes takes longer than {_MOST_SECONDS:g} s"}
         except (InputError, InstallationError) as error:
             scene.kept[key] = {"missing": str(error)}
     data: dict[str, Any] = scene.kept[key]
@@ -99,16 +107,20 @@ def _why_missing(scene: Scene, arms: tuple[str, ...]) -> str:
 
 
 def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[str, Any]:
-    space, known = joint_space(scene, arms), scene.joint_names()
+    space, known, began = joint_space(scene, arms), scene.joint_names(), perf_counter()
+    cut_meshes(scene, lambda _: perf_counter() - began < _MOST_SECONDS)
     with checker_from_pool(scene, arms, margin) as checker:
         searches = _searches(checker)
         image = checker.memory_image(**_rows(checker, space), **{name: search.struct for name, search in searches})
         referee, names = referee_image(scene, checker.joint_names)
+        images = [_packed(image), _packed(referee)]
+        if sum(map(len, images)) > _MOST_BYTES:
+            return {"missing": f"the tables of the scene have {sum(map(len, images)) / 1e6:.1f} MB"}
         rules = checker.geometry.rules
         reach = checker.omitted_clearance + checker.margin
         return {
-            "image": _packed(image),
-            "referee": {"image": _packed(referee), **names},
+            "image": images[0],
+            "referee": {"image": images[1], **names},
             "columns": [known.index(name) for name in checker.joint_names],
             "joints": list(checker.joint_names),
             "elements": list(rules.names),

@@ -73,7 +73,7 @@ class Lesson {
     this.follow();
   }
 
-  /** Draws a motion, or none, through so many of its configurations. */
+  /** Samples a motion at `count` equal intervals, to be drawn; null: there is none. */
   takeTrack(track, count) {
     this.track = track && track.end > track.start ? track : null;
     this.curve = [];
@@ -404,7 +404,7 @@ class Lesson {
       d: () => { if (!this.tools.torus.hidden) this.tools.torus.click(); },
       f: () => this.tools.phase.click(),
       // As on the page of any other arm.
-      n: () => this.selectNext(),
+      j: () => this.selectNext(),
       o: () => { if (!this.tools.reset.hidden) this.reset(); },
       p: () => this.planHere(),
       a: () => this.endHere("start"),

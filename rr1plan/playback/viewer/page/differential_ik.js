@@ -34,9 +34,9 @@ function solveSymmetric(A, b, n) {
 }
 
 class DifferentialIk {
-  constructor(kinematics, arm) {
-    Object.assign(this, { kinematics, arm, count: arm.robot.names.length, tool: 16 * kinematics.toolIndex(arm) });
-    this.poses = new Float64Array(16 * kinematics.links);
+  /** poses: memory for the poses of all links, which solvers may share. */
+  constructor(kinematics, arm, poses) {
+    Object.assign(this, { kinematics, arm, poses, count: arm.robot.names.length, tool: 16 * kinematics.toolIndex(arm) });
     this.J = new Float64Array(6 * this.count); // column after column: linear, angular
     this.chain = this.jointsTo(arm.robot.tool);
     // An error of one radian weighs as much as this length [m]: about the reach of a wrist.

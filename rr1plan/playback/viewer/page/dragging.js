@@ -2,6 +2,7 @@
 
 const CLICK = 4; // [px] a pointer moves at most in a click
 const PER_PIXEL = 0.008; // [rad] a turn follows a pixel
+const LEVER = 40; // [px/rad or px/m] a grabbed point moves in the picture at least for the joint to follow it
 const LEAN = 0.25; // sine of the camera's elevation below which obstacles move in a plane that faces the camera
 
 /** A rigid transform turned about a point, as 16 numbers. */
@@ -50,7 +51,7 @@ class Dragging {
     if (!hit) return null;
     const { kinematics, world } = this.viewer;
     if (hit.arm >= 0) {
-      const arm = kinematics.arms[hit.arm], column = this.editing.solvers[hit.arm].columnOf(hit.frame - arm.firstLink);
+      const arm = kinematics.arms[hit.arm], column = this.editing.solver(hit.arm).columnOf(hit.frame - arm.firstLink);
       if (column < 0) return null;
       const local = hit.point.clone().applyMatrix4(new THREE.Matrix4().fromArray(world.poses, 16 * hit.frame).invert());
       return { kind: "joint", arm: hit.arm, column: arm.firstColumn + column, frame: hit.frame, local, element: hit.element };
@@ -103,6 +104,8 @@ class Dragging {
   move(event) {
     const { gesture } = this;
     if (!gesture || event.pointerId !== gesture.id) return;
+    // The button was let go outside of the window.
+    if (event.pointerType === "mouse" && !event.buttons) { this.finish("lost"); return; }
     if (!gesture.moved) {
       if (Math.hypot(event.clientX - gesture.event.clientX, event.clientY - gesture.event.clientY) < CLICK) return;
       gesture.moved = true;
@@ -130,11 +133,16 @@ class Dragging {
       this.click = null;
       if (event.type === "pointerup" && Math.hypot(event.clientX - click.x, event.clientY - click.y) < CLICK) this.choose(click.thing);
     }
-    if (!gesture || event.pointerId !== gesture.id) return;
+    if (gesture && event.pointerId === gesture.id) this.finish(event.type);
+  }
+
+  /** Ends a gesture by the type of its last event: a press without a way selects. */
+  finish(type) {
+    const { gesture } = this;
     this.follow();
     this.end();
-    if (!gesture.moved) { if (event.type === "pointerup") this.choose(gesture.thing); return; }
-    if (event.type === "pointercancel") this.editing.undo();
+    if (!gesture.moved) { if (type === "pointerup") this.choose(gesture.thing); }
+    else if (type === "pointercancel") this.editing.undo();
     else if (gesture.thing.kind === "obstacle") this.editing.dropped();
   }
 
@@ -178,9 +186,10 @@ class Dragging {
       return { x: now.x, y: now.y, dx: 1e4 * (next.x - now.x), dy: 1e4 * (next.y - now.y) };
     };
     const begin = viewer.q[column], first = slope(begin), off = [first.x - event.clientX, first.y - event.clientY];
-    // A point near the axis does not move in the picture: there the pointer's way counts, to the right and up.
-    if (Math.hypot(first.dx, first.dy) < 15) {
-      return (now) => editing.turn(column, begin + PER_PIXEL * (now.clientX - event.clientX + event.clientY - now.clientY));
+    // A point near the axis hardly moves in the picture: there the pointer's way along the tangent counts.
+    const lever = Math.hypot(first.dx, first.dy), tangent = lever > 1e-3 ? [first.dx / lever, first.dy / lever] : [1, 0];
+    if (lever < LEVER) {
+      return (now) => editing.turn(column, begin + ((now.clientX - event.clientX) * tangent[0] + (now.clientY - event.clientY) * tangent[1]) / LEVER);
     }
     return (now) => {
       let value = viewer.q[column];
@@ -199,7 +208,7 @@ class Dragging {
   /** Moves the pose of a tool or an obstacle: on a plane, up and down, or turns it. */
   rigidMove(event, thing, mode, grabbed) {
     const { picker, editing, viewer } = this, { forward, right, up } = picker.axes();
-    const T = thing.kind === "tool" ? editing.solvers[thing.arm].toolPose(viewer.q) : editing.poses.get(thing.name);
+    const T = thing.kind === "tool" ? editing.solver(thing.arm).toolPose(viewer.q) : editing.poses.get(thing.name);
     const center = thing.kind === "tool" ? new THREE.Vector3(...T.slice(12, 15)) : viewer.world.boxAround(thing.name).getCenter(new THREE.Vector3());
     const put = (pose) => (thing.kind === "tool" ? editing.moveTool(thing.arm, pose) : editing.moveObstacle(thing.name, pose));
     const vertical = new THREE.Vector3(0, 0, 1), begin = { clientX: event.clientX, clientY: event.clientY };

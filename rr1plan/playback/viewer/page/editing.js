@@ -9,6 +9,7 @@ const MOST_UNDONE = 200;
 const OFF = 5e-4, TURNED = 2e-3; // [m], [rad] from its target at which a tool counts as there
 const CLOSE_EDITS = 800; // [ms] between steps of one jog, which are undone together
 
+const ROUNDED = 1e-5; // [rad or m] what a motion may be off at its ends, by rounding
 const SAMPLES = 200; // of a motion, of which the least clearance is shown
 
 class Editing {
@@ -27,12 +28,14 @@ class Editing {
 
   load(doc) {
     const { kinematics, player } = this.viewer;
-    this.solvers = kinematics.arms.map((arm) => new DifferentialIk(kinematics, arm));
+    this.solvers = new Map();
+    this.scratch = new Float64Array(16 * kinematics.links);
     this.poses = new Map(doc.obstacles.map(({ name, pose }) => [name, Float64Array.from(pose)]));
     const { track, path, report, replay, compare, samples, tree } = doc;
     this.motion = { changes: { track, path, report, replay, compare, samples, tree, planned: null }, poses: this.poses };
-    this.start = this.first("start", doc) || (player.track ? this.viewer.at(player.start) : kinematics.rest());
-    this.goal = player.track && player.end > player.start ? this.viewer.at(player.end) : this.first("goal", doc);
+    const { track: motion } = player, moves = motion && motion.end > motion.start;
+    this.start = this.ghostly("start", doc, motion && this.viewer.at(motion.start)) || kinematics.rest();
+    this.goal = this.ghostly("goal", doc, moves ? this.viewer.at(motion.end) : null);
     this.ghosts = { start: null, goal: null };
     this.asPlanned = this.snapshot();
     this.past = [];
@@ -68,20 +71,30 @@ class Editing {
     return this.viewer.kinematics.arms.length > 0 && !document.body.classList.contains("lesson");
   }
 
+  /** The kinematics of an arm's tool, by the arm's index. */
+  solver(index) {
+    const { kinematics } = this.viewer;
+    if (!this.solvers.has(index)) this.solvers.set(index, new DifferentialIk(kinematics, kinematics.arms[index], this.scratch));
+    return this.solvers.get(index);
+  }
+
   get dragging() {
     return this.hands.dragging;
   }
 
-  /** The configuration that the document's ghosts of a kind show, if every one of these arms has one. */
-  first(kind, doc) {
-    const q = this.viewer.kinematics.rest(), seen = new Set();
-    for (const { kind: own, arm, q: values } of doc.ghosts) {
-      if (own !== kind || seen.has(arm)) continue;
-      seen.add(arm);
-      q.set(values, this.viewer.kinematics.arms.find((a) => a.name === arm).firstColumn);
+  /**
+   * The configuration that the document's ghosts of a kind show, if every one of these arms has one. They are exact, the
+   * motion is rounded: so those at which it ends (`near`) stand for its ends.
+   */
+  ghostly(kind, doc, near = null) {
+    const { kinematics } = this.viewer, q = near ? near.slice() : kinematics.rest(), own = (which) => doc.ghosts.filter((ghost) => ghost.kind === which);
+    for (const { arm } of own("start")) {
+      const { firstColumn } = kinematics.arms.find((a) => a.name === arm);
+      const found = own(kind).find((ghost) => ghost.arm === arm && (!near || ghost.q.every((v, i) => Math.abs(v - near[firstColumn + i]) < ROUNDED)));
+      if (!found) return near;
+      q.set(found.q, firstColumn);
     }
-    const wanted = new Set(doc.ghosts.filter((g) => g.kind === "start").map((g) => g.arm));
-    return seen.size && seen.size === wanted.size ? q : null;
+    return own(kind).length ? q : near;
   }
 
   // ---- changes -----------------------------------------------------------------------------
@@ -122,7 +135,7 @@ class Editing {
 
   /** Moves the joints of an arm so that its tool is at a pose, or as near as they can. */
   moveTool(arm, target) {
-    const found = this.solvers[arm].solve(this.viewer.q, target);
+    const found = this.solver(arm).solve(this.viewer.q, target);
     this.reach = { arm, ...found };
     this.setQ(found.q);
     return found;
@@ -296,8 +309,8 @@ class Editing {
       certified: answer.certified, valid: true, violations: [],
       title: answer.certified ? "Planned here, certified free" : "Planned here, not proven free",
       margins: { clearance: { value: clearance.value, unit: "m", subject: [], time: clearance.time } },
-      checked: answer.certified ? ["collision in continuous time"] : [],
-      not_checked: { clearance: `the least of ${SAMPLES} instants`, limits: "kept by the planner, checked by nothing else here" },
+      checked: answer.certified ? ["collision in continuous time", "position", "velocity", "acceleration", "rest", "start", "goal"] : [],
+      not_checked: answer.certified ? { "clearance between samples": `the least of ${SAMPLES + 1} instants is shown` } : { proof: answer.fault },
     };
     const samples = { torque: null, clearance: null, error: null, places: [] };
     this.motion = {
@@ -307,7 +320,7 @@ class Editing {
     viewer.setMotion(this.motion.changes);
     this.refreshHeadline();
     viewer.play();
-    card.say(`${answer.certified ? "Certified motion" : "Motion, not proven free,"} of ${seconds(duration)}, planned in ${ms}, clearance ${length(clearance.value)}.`, answer.certified ? "good" : "open");
+    card.say(`${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(duration)}, planned in ${ms}, clearance ${length(clearance.value)}.`, answer.certified ? "good" : "open");
     return answer;
   }
 

@@ -21,7 +21,7 @@ class Jogging {
       const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
       if (event.ctrlKey || event.metaKey) {
         const act = { z: () => (event.shiftKey ? editing.redo() : editing.undo()), y: () => editing.redo() }[key];
-        if (!act || !editing.past.length + editing.future.length) return;
+        if (!act || !(editing.past.length + editing.future.length)) return;
         event.preventDefault();
         act();
         return;
@@ -39,7 +39,7 @@ class Jogging {
     const { viewer, editing } = this, { arms } = viewer.kinematics, arm = arms[editing.arm], { world } = viewer;
     const joints = arm.robot.names.map((_, i) => {
       // The link that the joint moves, or the first after it that is drawn.
-      const links = arm.robot.links.map((__, link) => link).filter((link) => editing.solvers[editing.arm].columnOf(link) === i);
+      const links = arm.robot.links.map((__, link) => link).filter((link) => editing.solver(editing.arm).columnOf(link) === i);
       const seen = links.find((link) => arm.robot.visuals.some((part) => part.link === link)) ?? links[0];
       return links.length ? { kind: "joint", arm: editing.arm, column: arm.firstColumn + i, frame: arm.firstLink + seen, local: world.linkCenter(arm, seen), element: `${arm.name}/${arm.robot.links[seen]}` } : null;
     });
@@ -79,7 +79,7 @@ class Jogging {
       editing.turn(thing.column, viewer.q[thing.column] + sign * step * (shift ? JOG.far : 1));
       return true;
     }
-    const T = thing.kind === "tool" ? editing.solvers[thing.arm].toolPose(viewer.q) : editing.poses.get(thing.name);
+    const T = thing.kind === "tool" ? editing.solver(thing.arm).toolPose(viewer.q) : editing.poses.get(thing.name);
     const center = thing.kind === "tool" ? new THREE.Vector3(...T.slice(12, 15)) : viewer.world.boxAround(thing.name).getCenter(new THREE.Vector3());
     const mode = shift ? "turn" : handle.dataset.mode, along = this.axes();
     const pose = mode === "turn" ? turnedAbout(T, thing.kind === "obstacle" ? along[2] : [along[2], along[0], along[1]][axis], sign * JOG.turn * 2.5, center)

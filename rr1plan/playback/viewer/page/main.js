@@ -94,7 +94,8 @@ class Viewer {
     const { document: doc, player: last } = this;
     const others = [["replay", doc.replay], ...doc.compare.map((row) => ["compare", row])].filter(([, row]) => row);
     this.others = new Map(others.map(([kind, row]) => [kind, new Track(row)]));
-    this.player = new Player(doc.track ? new Track(doc.track) : null, [...this.others.values()]);
+    const longer = this.others.has("compare") ? [this.others.get("compare")] : [];
+    this.player = new Player(doc.track ? new Track(doc.track) : null, longer);
     if (last) this.player.speed = last.speed;
     this.manual = false;
     this.touched = [];
@@ -109,8 +110,9 @@ class Viewer {
     this.player.loop = loop;
     for (const layer of ["toolpath", "path", "conflicts", ...OVERLAYS]) world.clear(layer);
     this.drawMotion(this.player.track);
-    for (const kind of ["replay", "compare"]) if (world.layers[kind]) world.layers[kind].visible = this.others.has(kind) && this.isShown(kind);
     this.overlays.load();
+    const absent = ["replay", "compare"].filter((kind) => !this.others.has(kind));
+    for (const [name, layer] of Object.entries(world.layers)) layer.visible = this.isShown(name) && !absent.includes(name);
     this.controls.loadMotion(this.document);
     this.plots.load();
     this.paint();

@@ -64,13 +64,14 @@ class World {
     return this.layers[name];
   }
 
-  /** Takes everything out of a layer. */
+  /** Removes a layer with everything in it. */
   clear(name) {
+    const layer = this.layers[name];
     this.filled.delete(name);
-    for (const part of this.layers[name] ? [...this.layers[name].children] : []) {
-      disposeTree(part);
-      part.removeFromParent();
-    }
+    if (!layer) return;
+    disposeTree(layer);
+    layer.removeFromParent();
+    delete this.layers[name];
   }
 
   /** Something is in a layer, drawn by now or not. */
