@@ -341,7 +341,7 @@ class Lesson {
 
   fillTools() {
     part(".grow").hidden = !this.tree.length;
-    this.tools.elbow.hidden = !this.workspace;
+    this.tools.elbow.hidden = !this.workspace || data.planar.kinds === "PP";
     this.tools.torus.hidden = !data.periodic.every(Boolean) || !viewer.stage.renderer;
     this.tools.undo.hidden = this.tools.reset.hidden = !this.live || !this.past.length;
     if (this.workspace) this.arm.readout.hint.hidden = !this.live || this.past.length > 0;
@@ -521,7 +521,7 @@ class Lesson {
     }
     if (this.workspace) {
       this.workspace.follow(q);
-      this.tools.elbow.disabled = Math.abs(this.workspace.bend(q)) < 1e-6;
+      this.tools.elbow.disabled = Math.abs(this.workspace.side(q)) < 1e-6 || this.place(this.workspace.twin(q)).outside;
     }
     this.drawPhase();
     this.draw();
@@ -743,7 +743,7 @@ class Lesson {
       this.drawMotion(pen);
       const [u, v] = q2().map((x, axis) => share(axis, wrapped(axis, x)));
       this.drawHairs(pen, u, v);
-      if (this.workspace && Math.abs(this.workspace.bend(q2())) > 0.02) {
+      if (this.workspace && Math.abs(this.workspace.side(q2())) > 0.02 && !this.place(this.workspace.twin(q2())).outside) {
         this.twin = this.workspace.twin(q2()).map((x, axis) => share(axis, wrapped(axis, x)));
         this.around(this.twin, (x, y) => disc(pen, x, y, 5.5 * unit, "rgba(255,255,255,.75)", ACCENT, 2 * unit));
       } else this.twin = null;
