@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 # In the order of a course: of each lesson its class, in the module `<name>_lesson`, and its title.
 LESSONS = {
     "workspace": ("WorkspaceLesson", "Workspace"),
+    "kinematics": ("KinematicsLesson", "Kinematics"),
+    "planning": ("PlanningLesson", "Planning step by step"),
+    "motion": ("MotionLesson", "From path to motion"),
 }
 
 
