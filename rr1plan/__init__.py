@@ -221,6 +221,7 @@ if TYPE_CHECKING:
     from rr1plan.scene.model_library import scene_names as scene_names
     from rr1plan.scene.placement import place_grid as place_grid
     from rr1plan.scene.placement import place_ring as place_ring
+    from rr1plan.scene.polygon_prism import polygon_prism as polygon_prism
     from rr1plan.scene.problem import Goal as Goal
     from rr1plan.scene.problem import JointGoal as JointGoal
     from rr1plan.scene.problem import PoseGoal as PoseGoal
@@ -400,6 +401,7 @@ _EXPORTS = {
         "scene_names",
     ),
     "rr1plan.scene.placement": ("place_grid", "place_ring"),
+    "rr1plan.scene.polygon_prism": ("polygon_prism",),
     "rr1plan.scene.problem": ("Goal", "JointGoal", "PoseGoal", "Problem", "RegionGoal"),
     "rr1plan.sequences.pick_and_place": ("pick_and_place", "top_grasps"),
     "rr1plan.sequences.plan_sequence": ("plan_sequence",),

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 # In the order of a course: of each lesson its class, in the module `<name>_lesson`, and its title.
 LESSONS = {
     "workspace": ("WorkspaceLesson", "Workspace"),
+    "configuration_space": ("ConfigurationSpaceLesson", "Configuration space"),
     "kinematics": ("KinematicsLesson", "Kinematics"),
+    "no_path": ("NoPathLesson", "No free path although both ends are free"),
     "planning": ("PlanningLesson", "Planning step by step"),
     "motion": ("MotionLesson", "From path to motion"),
 }
