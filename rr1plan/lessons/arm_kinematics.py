@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, Value, finite_array, of_kind, read_only
+from rr1plan.checks import Array, Value, finite_array, finite_number, of_kind, read_only
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 
@@ -40,6 +40,7 @@ class DhRow(NamedTuple):
 
     def matrix(self, value: float) -> Array:
         """The transform to the next frame at a value of the joint [rad or m], shape (4, 4)."""
+        value = finite_number("value", value)
         theta, d = self.theta + value * (not self.slides), self.d + value * self.slides
         c, s, ca, sa = np.cos(theta), np.sin(theta), np.cos(self.alpha), np.sin(self.alpha)
         return np.array(

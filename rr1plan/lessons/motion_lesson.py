@@ -12,7 +12,7 @@ from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_panel import lesson_panel
 from rr1plan.lessons.mathml import math
-from rr1plan.lessons.phase_plane import PathGrid, PhasePlane, path_grid, phase_plane
+from rr1plan.lessons.phase_plane import PathGrid, PhasePlane, fastest_motion, path_grid
 from rr1plan.lessons.search.shortcut_steps import Shortcut, record_shortcuts
 from rr1plan.lessons.search.tree_growth import grow_rrt_connect
 from rr1plan.lessons.seven_phases import PHASES, seven_phases
@@ -22,6 +22,7 @@ from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
 from rr1plan.playback.viewer.page_document import pack_array
 from rr1plan.retiming import retime
+from rr1plan.retiming.path_blends import clean
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_problems
@@ -79,7 +80,7 @@ class MotionLesson(Lesson):
     @cached_property
     def plane(self) -> PhasePlane:
         """The phase plane with the largest blends."""
-        return phase_plane(self.grids[BLENDS[-1]], self.limits.velocity, self.limits.acceleration)
+        return fastest_motion(self.grids[BLENDS[-1]], self.limits.velocity, self.limits.acceleration)
 
     @cached_property
     def durations(self) -> dict[str, Any]:
@@ -101,13 +102,13 @@ class MotionLesson(Lesson):
     def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
         document, space = page_parts(self.picture, options=options)
         data = {
-            "raw": np.round(self.raw, 5).tolist(),
+            "raw": np.round(clean(self.raw), 5).tolist(),
             "shortcuts": [
                 {
                     "begin": np.round(c.begin, 5).tolist(),
                     "end": np.round(c.end, 5).tolist(),
                     "free": c.free,
-                    "path": np.round(c.path, 5).tolist(),
+                    "path": np.round(clean(c.path), 5).tolist(),
                 }
                 for c in self.shortcuts
             ],

@@ -15,9 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rr1plan.checks import Array, Value, of_kind, read_only
+from rr1plan.checks import Array, Value, number_from_zero, of_kind, positive_number, read_only
 from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError
 from rr1plan.path import Path
+from rr1plan.retiming.check_limits import check_limits
 from rr1plan.retiming.path_blends import Curve, blend_sizes, clean, curves
 from rr1plan.retiming.path_speed import make_grid
 from rr1plan.robot.joint_limits import Limits
@@ -87,20 +89,53 @@ class PhasePlane(Value):
         return f"PhasePlane({len(self.switches)} switching points, {self.duration:.3f} s)"
 
 
-def path_grid(path: Path, scene: Scene, *, max_blend: float = 0.4) -> PathGrid:
-    """The grid of a path with certified blends.
+def phase_plane(
+    path: Path,
+    scene: Scene,
+    *,
+    max_blend: float = 0.4,
+    velocity_scale: float = 1.0,
+    acceleration_scale: float = 1.0,
+) -> PhasePlane:
+    """How fast a path may be passed, and its fastest motion from rest to rest.
 
     Args:
-        path: A path of arms of the scene.
+        path: A path of arms of the scene, of at least two different waypoints.
         scene: The scene, which certifies blends and gives limits.
         max_blend: Largest distance from a corner to the beginning of its blend [rad]; 0 stops at every corner.
+        velocity_scale: Share of the velocity limits to use, above 0.
+        acceleration_scale: Share of the acceleration limits to use, above 0.
+
+    Raises:
+        UnknownNameError: a joint's arm is not in the scene.
+        InputError: a number out of range, a path that does not move, or a joint without limits.
     """
+    velocity, acceleration = (
+        positive_number("velocity_scale", velocity_scale),
+        positive_number("acceleration_scale", acceleration_scale),
+    )
+    grid = path_grid(path, scene, max_blend=max_blend)
+    limits = scene.limits(_arms(path))
+    return fastest_motion(grid, velocity * limits.velocity, acceleration * limits.acceleration)
+
+
+def path_grid(path: Path, scene: Scene, *, max_blend: float = 0.4) -> PathGrid:
+    """The grid of a path with certified blends; for arguments and errors see `phase_plane`."""
     of_kind("path", path, Path)
     of_kind("scene", scene, Scene)
-    arms = tuple(dict.fromkeys(name.split("/", 1)[0] for name in path.joint_names))
+    arms, largest = _arms(path), number_from_zero("max_blend", max_blend)
+    checker, limits = CollisionChecker(scene, arms), scene.limits(arms)
+    if path.joint_names != checker.joint_names:
+        raise InputError(f"the path moves {', '.join(path.joint_names)}, expected {', '.join(checker.joint_names)}")
     points = clean(path.waypoints)
-    sizes = blend_sizes(points, max_blend, CollisionChecker(scene, arms)) if max_blend > 0.0 else np.zeros(len(points))
-    return grid_of(curves(points, sizes), scene.limits(arms))
+    if len(points) < 2:
+        raise InputError("the path does not move, expected two different waypoints")
+    check_limits(path.joint_names, points, limits)
+    return grid_of(curves(points, blend_sizes(points, largest, checker)), limits)
+
+
+def _arms(path: Path) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name.split("/", 1)[0] for name in path.joint_names))
 
 
 def grid_of(parts: list[Curve], limits: Limits) -> PathGrid:
@@ -118,7 +153,7 @@ def grid_of(parts: list[Curve], limits: Limits) -> PathGrid:
     return PathGrid(s, positions, begin, end, bend, tuple(stops))
 
 
-def phase_plane(grid: PathGrid, velocity: Array, acceleration: Array) -> PhasePlane:
+def fastest_motion(grid: PathGrid, velocity: Array, acceleration: Array) -> PhasePlane:
     """The limit curve and the fastest motion from rest to rest.
 
     Args:
@@ -149,7 +184,7 @@ def phase_plane(grid: PathGrid, velocity: Array, acceleration: Array) -> PhasePl
     for i in range(n):
         a, b, c = rows[i]
         u[i] = min(((c - b * x[i]) / a)[a > 0.0].min(), (reach[i + 1] - x[i]) / (2.0 * delta[i]))
-        x[i + 1] = max(0.0, x[i] + 2.0 * delta[i] * u[i])
+        x[i + 1] = min(max(0.0, x[i] + 2.0 * delta[i] * u[i]), reach[i + 1])
     speed = np.sqrt(x)
     times = np.concatenate([[0.0], np.cumsum(2.0 * delta / (speed[:-1] + speed[1:]))])
     found = (np.sqrt(limit), np.sqrt(reach), speed, u, times)

@@ -50,7 +50,7 @@ function phasePlane(grid, velocity, acceleration) {
   const x = new Float64Array(n + 1), u = new Float64Array(n), times = new Float64Array(n + 1);
   for (let i = 0; i < n; i++) {
     u[i] = Math.min(...rows[i].filter(([a]) => a > 0).map(([a, b, c]) => (c - b * x[i]) / a), (reach[i + 1] - x[i]) / (2 * delta[i]));
-    x[i + 1] = Math.max(0, x[i] + 2 * delta[i] * u[i]);
+    x[i + 1] = Math.min(Math.max(0, x[i] + 2 * delta[i] * u[i]), reach[i + 1]);
     times[i + 1] = times[i] + (2 * delta[i]) / (Math.sqrt(x[i]) + Math.sqrt(x[i + 1]));
   }
   const small = 1e-6 * Math.max(1, ...u.map(Math.abs)), sign = Array.from(u, (v) => (Math.abs(v) < small ? 0 : Math.sign(v)));

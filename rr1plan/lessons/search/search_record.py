@@ -35,7 +35,7 @@ EVENTS = (SAMPLE, BLOCKED, REFUSED, VERTEX, EDGE, PARENT, CLOSED, FOUND)
 """
 
 
-class Event(NamedTuple):
+class SearchEvent(NamedTuple):
     """One event; see `EVENTS`."""
 
     kind: str
@@ -61,7 +61,7 @@ class SearchRecord(Value):
     planner: str
     vertices: Array
     sides: Array
-    steps: tuple[tuple[Event, ...], ...]
+    steps: tuple[tuple[SearchEvent, ...], ...]
     edges_checked: Array
     costs: Array
     paths: tuple[tuple[int, Array], ...]
@@ -98,8 +98,8 @@ class Recorder:
         self.vertices: list[Array] = []
         self.sides: list[int] = []
         self.best = np.inf
-        self._events: list[Event] = []
-        self._steps: list[tuple[Event, ...]] = []
+        self._events: list[SearchEvent] = []
+        self._steps: list[tuple[SearchEvent, ...]] = []
         self._checks: list[int] = []
         self._costs: list[float] = []
         self._paths: list[tuple[int, Array]] = []
@@ -107,7 +107,7 @@ class Recorder:
 
     def add(self, kind: str, vertex: int = -1, parent: int = -1, point: Array | None = None) -> None:
         """Record an event."""
-        self._events.append(Event(kind, vertex, parent, None if point is None else read_only(np.array(point))))
+        self._events.append(SearchEvent(kind, vertex, parent, None if point is None else read_only(np.array(point))))
 
     def add_vertex(self, q: Array, parent: int = -1, side: int = 0) -> int:
         """Record a new vertex and return its number."""

@@ -23,17 +23,23 @@ class _Tree:
 
     def __init__(self, note: Recorder, root: Array, side: int = 0) -> None:
         self.note, self.side = note, side
-        self.members = [note.add_vertex(root, side=side)]
-        self.parents = {self.members[0]: -1}
+        self.members: list[int] = []
+        self.parents: dict[int, int] = {}
+        self._points = np.empty((64, len(root)))  # doubled on demand
+        self.add(root, -1)
 
     def points(self) -> Array:
-        return np.array([self.note.vertices[v] for v in self.members])
+        """The members' configurations, shape (n, nq)."""
+        return self._points[: len(self.members)]
 
     def nearest(self, q: Array) -> int:
         return self.members[int(np.argmin(self.note.space.distance(self.points(), q)))]
 
     def add(self, q: Array, parent: int) -> int:
         vertex = self.note.add_vertex(q, parent, self.side)
+        if len(self.members) == len(self._points):
+            self._points = np.concatenate([self._points, np.empty_like(self._points)])
+        self._points[len(self.members)] = q
         self.members.append(vertex)
         self.parents[vertex] = parent
         return vertex
