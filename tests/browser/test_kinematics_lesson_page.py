@@ -1,4 +1,4 @@
-"""The page of the lesson about kinematics: its live numbers against Pinocchio's, the other elbow, the map of |det J|."""
+"""The page of the lesson about kinematics: live numbers against Pinocchio's, the other elbow, the map of |det J|."""
 
 from __future__ import annotations
 
@@ -78,7 +78,8 @@ def test_the_other_elbow_reaches_the_same_point(page: Any, lesson: KinematicsLes
 
 
 def test_what_is_drawn_belongs_to_the_step(page: Any) -> None:
-    visible = "[RR1.arm.frames[0][0].visible, RR1.arm.twinBars[0].visible, RR1.arm.columns[0].visible, RR1.arm.velocity.visible, RR1.arm.force.visible]"
+    names = ("frames[0][0]", "twinBars[0]", "columns[0]", "velocity", "force")
+    visible = f"[{', '.join(f'RR1.arm.{name}.visible' for name in names)}]"
     expected = {
         0: [True, False, False, False, False],
         2: [False, True, False, False, False],
