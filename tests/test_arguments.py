@@ -257,6 +257,7 @@ def calls(folder: Path) -> dict[str, Call]:
     shown = dict.fromkeys(("trajectory", "path", "problem", "report", "replay", "options"))
     live = {"port": None, "open_browser": False, "quiet": True}
     picture = rp.cspace(scene, problem, resolution=8)
+    lesson = rp.lesson("workspace")
     pose_goal = rp.PoseGoal("tool", [0.3, 0.2, 0.0])
 
     crate = rp.Obstacle([rp.Geometry("crate", rp.Box((0.1, 0.1, 0.1)), np.eye(4))], [0, 0, 2], mass=1.0, friction=0.5)
@@ -289,6 +290,9 @@ def calls(folder: Path) -> dict[str, Call]:
 
     def shown_picture(**options: Any) -> None:
         picture.show(**options).close()
+
+    def shown_lesson(**options: Any) -> None:
+        lesson.show(**options).close()
 
     def in_viewer(verb: str, **options: Any) -> None:
         own = rp.ViewOptions(panels=[rp.Panel("own", "Own")])
@@ -819,6 +823,23 @@ def calls(folder: Path) -> dict[str, Call]:
         "CSpace.save_html": (picture.save_html, {"file": folder / "o.html", "trajectory": None, "options": None}),
         "CSpace.show": (shown_picture, live | {"trajectory": None, "options": None}),
         "CSpace.with_result": (picture.with_result, {"result": motion.result}),
+        "lesson": (rp.lesson, {"name": "workspace", "scene": None, "problem": None}),
+        "LessonStep": (rp.LessonStep, {"name": "a", "title": "A", "text": "<p>a</p>", "q": q}),
+        "Lesson.figure": (lesson.figure, {"width": 13.0}),
+        **{
+            f"Lesson.save_{kind}": (getattr(lesson, f"save_{kind}"), {"file": folder / f"l.{kind}"})
+            for kind in ("png", "svg")
+        },
+        "Lesson.save_html": (lesson.save_html, {"file": folder / "l.html", "options": None}),
+        "Lesson.show": (shown_lesson, live | {"options": None}),
+        "planar_arm": (
+            rp.planar_arm,
+            {"joints": "RR", "lengths": (1.0, 0.8), "width": 0.08, "limits": [(-1.0, 1.0), None], "name": "mine"},
+        ),
+        "polygon_prism": (
+            rp.polygon_prism,
+            {"corners": [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], "height": 0.2, "color": (1.0, 0.0, 0.0, 1.0)},
+        ),
         "save_mjcf": (rp.save_mjcf, {"file": folder / "o.xml", "scene": scene}),
         "save_rosbag": (
             rp.save_rosbag,
@@ -901,7 +922,7 @@ _NOT_CALLED = {
         "PairProposal",
         "BodyMotion",
     ),
-    *("SequencePlan", "SequenceReplay", "CarriedObject"),
+    *("SequencePlan", "SequenceReplay", "CarriedObject", "Lesson"),
     *("ReplayRecord", "CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
     *("Progress", "SearchTree", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
     *("AddedMotion", "Dependency", "Node", "PlanExecution", "Part", "Part.until", "PlanGraph", "PlanGraph.from_dict"),

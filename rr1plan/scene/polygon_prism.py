@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, near_array, positive_length
 from rr1plan.errors import InputError
-from rr1plan.robot import Color, Geometry
-from rr1plan.shapes import Mesh
+from rr1plan.robot import Geometry
+from rr1plan.shapes import Color, Mesh
 from rr1plan.shapes.convex_hulls import convex_hull
 
 _FLAT = 1e-9  # twice the area of corners in a line, relative to the square of the polygon's size

@@ -383,6 +383,37 @@ def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixtu
     assert "reach_over_crate" in capsys.readouterr().out
 
 
+def test_lessons_are_listed_and_written(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["lesson", "--json"]) == OK
+    assert [row["name"] for row in answer(capsys)] == list(rp.lesson_names())
+    assert run(["lesson", "workspace", "--html", "a.html", "--figure", "a.svg", "--json"]) == OK
+    assert answer(capsys)["files"] == {"page": "a.html", "figure": "a.svg"}
+    assert Path("a.html").stat().st_size > 100_000
+    assert Path("a.svg").read_text().rstrip().endswith("</svg>")
+    own = ["--scene", "planar2r_no_path", "--query", "no_way"]
+    assert run(["lesson", "no_path", *own, "--figure", "b.png"]) == OK
+    assert Path("b.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["wrkspace"], "Did you mean 'workspace'"),
+        (["workspace", "--query", "no_way"], "--query has no effect without --scene"),
+        (["workspace", "--html", "a.html", "--port", "80"], "--port has no effect with --html"),
+        (["workspace", "--figure", "a.pdf"], "does not end in .png or .svg"),
+        (["workspace", "--scene", "rr1_table", "--figure", "a.png"], "needs an arm of two joints"),
+        (["no_path", "--scene", "planar2r_no_path", "--figure", "a.png"], "(on the command line: --query)"),
+    ],
+)
+def test_a_lesson_refuses_what_it_cannot_be_about(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["lesson", *arguments]) == BAD_INPUT
+    assert said in capsys.readouterr().err
+    assert list(Path().glob("*")) == []
+
+
 def test_an_optional_package_names_its_extra(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,13 +18,15 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, of_kind
 from rr1plan.errors import InputError
 from rr1plan.files.file_access import write_text
+from rr1plan.model.flat_arm import flat_arm
 from rr1plan.path import Path
 from rr1plan.playback.cspace.cspace_colors import layer_colors
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace.cspace_images import SELF
 from rr1plan.playback.cspace.cspace_verdict import tone, verdict
-from rr1plan.playback.cspace.search_trees import DrawnTree
+from rr1plan.playback.cspace.reach_outline import reach_of
 from rr1plan.playback.outlines import silhouette
+from rr1plan.playback.search_trees import DrawnTree
 from rr1plan.playback.simulation.replay import Replay
 from rr1plan.playback.viewer.html_page import page_html
 from rr1plan.playback.viewer.page_document import Document, first_camera, pack_array, view_document
@@ -106,7 +108,10 @@ def page_parts(
         "Configuration space",
         html=_asset("cspace.html"),
         css=_asset("cspace.css"),
-        script=_asset("cspace_picture.js") + _asset("cspace_workspace.js") + _asset("cspace.js"),
+        script=_asset("cspace_picture.js")
+        + _asset("flat_arm.js")
+        + _asset("cspace_workspace.js")
+        + _asset("cspace.js"),
         data=_data(cspace, names),
         width=520,
     )
@@ -216,30 +221,23 @@ def _configuration(grid: CSpaceGrid, q: Any) -> Array:
 
 
 def _planar(grid: CSpaceGrid) -> dict[str, Any] | None:
-    """The arm as two bars in the plane, or None when it is not that: base, bars at zero, turning senses."""
+    """The arm as two joints in a horizontal plane (see `FlatArm`) and what it reaches, or None when it is not that."""
     arm = grid.scene.arms[grid.arm]
-    robot = arm.robot
-    joints = [robot.joint(name) for name in grid.joint_names]
-    if len(robot.joint_names) != 2 or any(joint.kind == "prismatic" for joint in joints):
+    flat = flat_arm(arm) if arm.robot.joint_names == grid.joint_names else None
+    if flat is None:
         return None
-    zero = {name: arm.base @ T for name, T in robot.link_poses(_configuration(grid, (0.0, 0.0))).items()}
-    axes = np.array([zero[joint.child][:3, :3] @ joint.axis for joint in joints])
-    if np.abs(axes[:, 2]).min() < 1.0 - 1e-9:
-        return None
-    base, elbow, tool = (zero[link][:3, 3] for link in (joints[0].child, joints[1].child, robot.tool))
-    senses = np.sign(axes[:, 2])
-    bars = [complex(*(b - a)[:2]) for a, b in ((base, elbow), (elbow, tool))]
-    trial = (0.7, -1.1)
-    turned = np.exp(1j * senses[0] * trial[0]) * (bars[0] + np.exp(1j * senses[1] * trial[1]) * bars[1])
-    there = (arm.base @ robot.link_poses(_configuration(grid, trial))[robot.tool])[:2, 3] - base[:2]
-    if abs(turned - complex(*there)) > 1e-9 or min(abs(bar) for bar in bars) < 1e-9:
-        return None
+    reach = reach_of(flat, arm.robot.limits)
     return {
-        "base": base.tolist(),
-        "bars": [[bar.real, bar.imag] for bar in bars],
-        "senses": senses.tolist(),
-        "height": float(tool[2]),
-        "names": _names(grid, float(tool[2])),
+        "kinds": flat.kinds,
+        "base": [flat.base.real, flat.base.imag, flat.height],
+        "bars": [[bar.real, bar.imag] for bar in flat.bars],
+        "senses": list(flat.senses),
+        "slides": [[slide.real, slide.imag] for slide in flat.slides],
+        "height": flat.height,
+        "rims": [rim.round(6).tolist() for rim in reach.rims],
+        "center": reach.center.tolist(),
+        "radius": reach.radius,
+        "names": _names(grid, flat.height),
     }
 
 

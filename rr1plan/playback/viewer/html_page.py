@@ -2,7 +2,7 @@
 
 The page may not load anything from anywhere: its content security policy names the hashes of
 its own scripts and nothing else, so neither a request nor a script smuggled in by a name in a
-file can run. Data stands in `<script type="application/json">` with every "<" escaped.
+file can run. A page that plans by itself may compile WebAssembly besides. Data stands in `<script type="application/json">` with every "<" escaped.
 """
 
 from __future__ import annotations
@@ -21,23 +21,25 @@ from typing import Any
 
 from rr1plan.checks import finite_array
 from rr1plan.errors import BackendError, InputError, MissingPackageError
+from rr1plan.kernels.wasm_core import core_script
+from rr1plan.playback.viewer.live_page import LiveAccess
 from rr1plan.playback.viewer.page_document import Document
+from rr1plan.playback.viewer.page_planner import page_modules
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 
 _SCRIPTS = (
-    "math.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js", "player.js",
-    "conflicts.js", "controls.js", "live.js", "main.js",
+    "math.js", "referee.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js", "player.js",
+    "conflicts.js", "controls.js", "overlays.js", "plot_curves.js", "plots.js", "live.js", "main.js",
 )  # fmt: skip
 
 
-def page_html(document: Document, options: ViewOptions | None = None, *, live: bool = False, version: int = 0) -> str:
+def page_html(document: Document, options: ViewOptions | None = None, *, live: LiveAccess | None = None) -> str:
     """The page as text.
 
     Args:
         document: What `view_document` made.
         options: The panels, the first view, and whether the motion runs; title and spheres are in the document.
-        live: The page asks the server it came from for updates.
-        version: Of the document, so that the server knows whether the page has the newest.
+        live: The program that the page follows; None for a page by itself.
 
     Raises:
         InputError: data JSON cannot hold.
@@ -46,18 +48,19 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: b
     """
     options = checked_options(options)
     panels = options.panels
+    plans = plans_by_itself(document)
     scripts = [_meshcat(), _script(panels)]
     settings = {
-        "live": live,
-        "version": version,
+        "live": None if live is None else live._asdict(),
         "view": options.view,
         "play": options.play,
         "panels": [{"name": p.name, "data": p.data} for p in panels],
+        "modules": page_modules() if plans else None,
     }
     slots = {
         "TITLE": html.escape(document["title"]),
-        "POLICY": html.escape(_policy(scripts, live)),
-        "STYLE": _asset("page.css") + "".join(_sealed(p.css, "style") for p in panels),
+        "POLICY": html.escape(_policy(scripts, live, plans)),
+        "STYLE": _asset("page.css") + _asset("plots.css") + "".join(_sealed(p.css, "style") for p in panels),
         "PANELS": "".join(_panel_html(p) for p in panels),
         "DOCUMENT": json_for_html(document),
         "SETTINGS": json_for_html(settings),
@@ -67,10 +70,25 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: b
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda m: slots[m.group(1)], _asset("page.html"))
 
 
+def plans_by_itself(document: Document) -> bool:
+    """Whether the page of a document carries the planners' kernels."""
+    return "missing" not in (document.get("planner") or {"missing": ""})
+
+
+def planner_script() -> str:
+    """The page's planner as a script of its own, which defines `PagePlanner`."""
+    return "\n".join([_core_script(), _asset("referee.js"), _asset("planner.js")])
+
+
+def _core_script() -> str:
+    """The binding of the kernels as a function `loadCore`; in a page it is no module."""
+    return f"const loadCore = (() => {{\n{core_script().replace('export async', 'async')}\nreturn load;\n}})();\n"
+
+
 def embed_html(text: str, height: int = 600) -> str:
-    """A page inside a notebook's page."""
+    """A page inside a notebook, kept apart from it so that browsers do not draw it while it is out of sight."""
     style = f"width:100%;height:{int(height)}px;border:0;border-radius:8px"
-    return f'<iframe srcdoc="{html.escape(text)}" style="{style}"></iframe>'
+    return f'<iframe srcdoc="{html.escape(text)}" sandbox="allow-scripts allow-downloads" style="{style}"></iframe>'
 
 
 def json_for_html(value: Any) -> str:
@@ -118,7 +136,7 @@ def _meshcat() -> str:
 
 
 def _script(panels: Sequence[Panel]) -> str:
-    parts = [_without_comments(_asset(name)) for name in _SCRIPTS]
+    parts = [_without_comments(text) for text in (_core_script(), *map(_asset, _SCRIPTS))]
     mounts = [f"mounts[{json.dumps(p.name)}] = function (viewer, root, data) {{\n{p.script}\n}};" for p in panels]
     body = "\n".join([*parts[:-1], *mounts, parts[-1]])
     return _sealed(f"(function () {{\n'use strict';\nconst mounts = {{}};\n{body}\n}})();\n", "script")
@@ -143,10 +161,10 @@ def _panel_html(panel: Panel) -> str:
     return f'<section class="panel" id="panel-{panel.name}" style="{width}">{head}{panel.html}</section>'
 
 
-def _policy(scripts: Sequence[str], live: bool) -> str:
+def _policy(scripts: Sequence[str], live: LiveAccess | None, plans: bool) -> str:
     hashes = [base64.b64encode(hashlib.sha256(s.encode("utf-8")).digest()).decode("ascii") for s in scripts]
-    allowed = " ".join(f"'sha256-{h}'" for h in hashes)
-    connect = "'self'" if live else "'none'"
+    allowed = " ".join([*(f"'sha256-{h}'" for h in hashes), *(["'wasm-unsafe-eval'"] if plans else [])])
+    connect = "'none'" if live is None else live.address or "'self'"
     return (
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
         f"img-src data: blob:; connect-src {connect}; base-uri 'none'; form-action 'none'"

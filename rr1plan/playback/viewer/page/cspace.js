@@ -126,7 +126,7 @@ class Lesson {
 
   fillTools() {
     part(".grow").hidden = !this.tree.length;
-    this.tools.elbow.hidden = !this.workspace;
+    this.tools.elbow.hidden = !this.workspace || data.planar.kinds === "PP";
     Object.assign(this.reach, { max: this.tree.length, step: 1, value: this.tree.length });
     const thinned = data.tree && data.tree.explored > this.tree.length;
     this.tools.tree.title = `What the planner explored (T)${thinned ? `: ${this.tree.length} of ${data.tree.explored} edges are drawn` : ""}`;
@@ -227,7 +227,7 @@ class Lesson {
     }
     if (this.workspace) {
       this.workspace.follow(q);
-      this.tools.elbow.disabled = Math.abs(this.workspace.bend(q)) < 1e-6;
+      this.tools.elbow.disabled = Math.abs(this.workspace.side(q)) < 1e-6 || this.place(this.workspace.twin(q)).outside;
     }
     this.draw();
   }
@@ -416,7 +416,7 @@ class Lesson {
       this.drawMotion(pen);
       const [u, v] = q2().map((x, axis) => share(axis, wrapped(axis, x)));
       this.drawHairs(pen, u, v);
-      if (this.workspace && Math.abs(this.workspace.bend(q2())) > 0.02) {
+      if (this.workspace && Math.abs(this.workspace.side(q2())) > 0.02) {
         const twin = this.workspace.twin(q2()).map((x, axis) => share(axis, wrapped(axis, x)));
         this.around(twin, (x, y) => disc(pen, x, y, 5.5 * unit, "rgba(255,255,255,.75)", ACCENT, 2 * unit));
       }
