@@ -73,8 +73,8 @@ def test_speeds_are_those_of_toppra(path: rp.Path, problem: rp.Problem) -> None:
     limit, speed = toppra_speeds(grid)
     assert len(grid.s) > 150
     np.testing.assert_allclose(plane.limit[:, 0], limit[:-1], rtol=1e-4)
-    # TOPPRA checks accelerations at gridpoints, here both ends of each interval count: the results differ by an interval
-    # where the second derivative jumps.
+    # TOPPRA checks accelerations at gridpoints, here both ends of each interval count: the results differ by an
+    # interval where the second derivative jumps.
     apart = np.abs(plane.speed - speed) / speed.max()
     assert (apart > 1e-4).mean() < 0.3
     assert apart.max() < 0.05

@@ -186,7 +186,7 @@ def test_questions_that_the_planners_do_not_take(problem: rp.Problem) -> None:
     somewhere = rp.Problem(scene, [0.2, -0.9], rp.PoseGoal("tool", [-1.25, 0.75, 0.0]))
     with pytest.raises(rp.InputError, match="the goal is a PoseGoal, expected a JointGoal"):
         rp.grow_prm(somewhere)
-    with pytest.raises(rp.InputError, match="goal_bias is 1.5, expected 0 to 1"):
+    with pytest.raises(rp.InputError, match=r"goal_bias is 1\.5, expected 0 to 1"):
         rp.grow_rrt(problem, goal_bias=1.5)
     with pytest.raises(rp.InputError, match="cells"):
         rp.search_lattice(problem, cells=3)
