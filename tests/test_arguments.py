@@ -91,6 +91,33 @@ _LABELS = {("transforms.as_pose", "name"), ("Robot.configuration", "name")}
 _ROBOT_NAMES = {("Calibration", "robot")}
 
 
+def teaching_calls() -> dict[str, Call]:
+    """Those of what lessons compute."""
+    robot = rp.load_robot("planar2r")
+    scene, q = rp.Scene().with_arm("arm", robot), np.zeros(2)
+    problem = rp.Problem(scene, "home", [0.5, 0.5])
+    path = rp.Path(scene.joint_names(), [[0.0, 0.0], [0.5, 0.5]])
+    table, motion = rp.dh_table(robot), rp.seven_phases(1.0, 2.0, 8.0, 80.0)
+    grown = {"problem": problem, "step": 0.3, "samples": 3, "rng": 0}
+    return {
+        "dh_table": (rp.dh_table, {"robot": robot}),
+        "DhRow.matrix": (table.rows[0].matrix, {"value": 0.3}),
+        "DhTable.frames": (table.frames, {"q": q}),
+        "DhTable.pose": (table.pose, {"q": q}),
+        "seven_phases": (rp.seven_phases, {"distance": 1.0, "velocity": 2.0, "acceleration": 8.0, "jerk": 80.0}),
+        "SevenPhases.state": (motion.state, {"times": [0.0, 0.1]}),
+        "phase_plane": (
+            rp.phase_plane,
+            {"path": path, "scene": scene, "max_blend": 0.1, "velocity_scale": 1.0, "acceleration_scale": 1.0},
+        ),
+        "search_lattice": (rp.search_lattice, {"problem": problem, "cells": 12, "weight": 1.0}),
+        "grow_rrt": (rp.grow_rrt, grown | {"goal_bias": 0.1}),
+        "grow_rrt_connect": (rp.grow_rrt_connect, grown),
+        "grow_rrt_star": (rp.grow_rrt_star, grown | {"goal_bias": 0.1}),
+        "grow_prm": (rp.grow_prm, {"problem": problem, "neighbors": 3, "longest": 1.0, "samples": 3, "rng": 0}),
+    }
+
+
 def calibration_calls(folder: Path) -> dict[str, Call]:
     """Those of calibrations."""
     robot = rp.load_robot("planar2r")
@@ -680,6 +707,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "JointStateBroadcaster": (broadcast, {"joint_names": arm_names, "to": folder / "states.jsonl", "rate": 50.0}),
         "JointStateBroadcaster.attach": (rp.JointStateBroadcaster(arm_names, print).attach, {"sim": simulation}),
         **calibration_calls(folder),
+        **teaching_calls(),
         **mirror_calls(scene, trajectory, folder),
         "JointGoal": (rp.JointGoal, {"q": q}),
         "PoseGoal": (
@@ -895,6 +923,7 @@ _NOT_CALLED = {
     ),
     *("HasPage", "HasPage.page_content"),
     *("CommandPlan", "SerialPort", "SerialPort.read", "SerialPort.write", "Telemetry", "open_serial_port"),
+    *("DhRow", "DhTable", "PathGrid", "PhasePlane", "SearchEvent", "SearchRecord", "SearchRecord.count", "SevenPhases"),
     *("Disagreement", "SampledContact", "SecondOpinion", "VariedReplays", "Calibration", "JointCalibration"),
     "ExperimentReport",
     *("Margin", "Report", "Report.from_dict", "Violation", "Path.trusted", "Trajectory.trusted", "Robot"),

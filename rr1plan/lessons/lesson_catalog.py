@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 LESSONS = {
     "workspace": ("WorkspaceLesson", "Workspace"),
     "configuration_space": ("ConfigurationSpaceLesson", "Configuration space"),
+    "kinematics": ("KinematicsLesson", "Kinematics"),
     "no_path": ("NoPathLesson", "No free path although both ends are free"),
+    "planning": ("PlanningLesson", "Planning step by step"),
+    "motion": ("MotionLesson", "From path to motion"),
 }
 
 

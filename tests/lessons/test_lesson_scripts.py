@@ -32,12 +32,38 @@ CLAIMS: dict[str, tuple[str, ...]] = {
         r"PP: \d\d% free, closed: \(False, False\)",
         r"disc: 1[01]\.\d% of the cells, without a strip",
     ),
+    "03_kinematics": (
+        r"joint2 +0\.7000",
+        r"frame 2 at \[0\.997 1\.169\]",
+        r"elbow (left|right): .* degrees",
+        r"bend 0\.00 rad: .*\|det J\| 0\.000",
+        r"bend 1\.57 rad: .*\|det J\| 0\.700",
+        r"03_kinematics\.svg",
+    ),
     "04_no_path": (
         r"start free: True, goal free: True",
         r"No path exists: .* proven by certified cells",
         r"RRT-Connect: timeout, \d\d+ edges",
         r"without above: found",
         r"without below: found",
+    ),
+    "05_planning": (
+        r"Dijkstra +\d+ vertices, +\d{4} edges checked, .* path 5\.16 rad",
+        r"A\* +\d+ vertices, +\d{3} edges checked, .* path 5\.16 rad",
+        r"PRM +\d+ vertices",
+        r"0 vertex",
+        r"1 sample",
+        r"step 1\.20 rad: +\d+ edges checked",
+        r"05_planning\.svg",
+    ),
+    "06_motion": (
+        r"planned \d\.\d\d rad, shortened \d\.\d\d rad",
+        r"blends up to 0\.00 rad: 3\.\d+ s",
+        r"blends up to 0\.40 rad: 2\.\d+ s",
+        r"phase plane (\d\.\d\d)\d s, retime \1",
+        r"one joint: 0\.950 s, phases of \[0\.1 ",
+        r"jerk limit +640 rad/s³: 0\.86",
+        r"06_motion\.svg",
     ),
 }
 

@@ -20,6 +20,7 @@ class Lesson {
     this.live = null;
     this.torus = null;
     this.phase = makePhase();
+    this.overlays = [];  // f(pen, lesson), drawn above the cells and below the marks
     this.wireTools();
     this.wireCanvas();
     this.wireKeys();
@@ -697,6 +698,16 @@ class Lesson {
     pen.stroke();
   }
 
+  /** A polyline of joint values, also over the seams. */
+  trace(pen, values) {
+    for (const copy of wrappedCopies(values.map((q) => q.map((v, axis) => share(axis, v))))) this.line(pen, copy);
+  }
+
+  /** The joint values b, by whole turns as near to a as they come. */
+  near(a, b) {
+    return b.map((v, axis) => (data.periodic[axis] ? v + 2 * Math.PI * Math.round((a[axis] - v) / (2 * Math.PI)) : v));
+  }
+
   drawTree(pen) {
     const dense = this.tree.length > 800;
     pen.lineWidth = (dense ? 0.8 : 1.4) * this.unit;
@@ -740,6 +751,7 @@ class Lesson {
     pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
     pen.drawImage(this.still, 0, 0);
     this.inside(pen, () => {
+      for (const overlay of this.overlays) overlay(pen, this);
       this.drawMotion(pen);
       const [u, v] = q2().map((x, axis) => share(axis, wrapped(axis, x)));
       this.drawHairs(pen, u, v);
