@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from rr1plan.checks import Seed, as_generator, finite_number, known_name, true_or_false
+from rr1plan.checks import Seed, as_generator, as_seed, finite_number, known_name, true_or_false
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.collision.convex.convex_bodies import cut_meshes
 from rr1plan.errors import CancelledError, InputError
@@ -21,6 +21,7 @@ from rr1plan.planners import chosen_planner, plan
 from rr1plan.planners.goal_configurations import joint_goals
 from rr1plan.planners.shortcut import shorten as shorten_path
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
+from rr1plan.planning_constants import CONSTANTS
 from rr1plan.retiming import retime, retiming_names
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
@@ -28,15 +29,12 @@ from rr1plan.validation import validate
 
 # Imports faster than this [s] only look up modules that are already loaded.
 _NO_IMPORTS = 0.01
-_MARGIN = 0.002  # [m]
 _MANY_ARMS, _ANYTIME = "many_arms", "many_arms_anytime"
 MANY_ARMS_PLANNERS = (_MANY_ARMS, _ANYTIME)
 """Planners that plan a path for each arm and schedule them; they make trajectories, not paths."""
 _LEAVES_PATHS = "ruckig_direct"
 # Up to this many arms are planned in their joint space unless a planner is named.
 _PLANNED_AS_ONE = 2
-# Shortcut attempts before retiming: milliseconds of computation save seconds of motion.
-_SHORTCUTS = 48
 
 
 def plan_motion(
@@ -86,29 +84,30 @@ def plan_motion(
     """
     imports = import_clock.read_once()
     seconds = {"imports": imports} if imports > _NO_IMPORTS else {}
-    generator = as_generator(rng)
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
     planner = default_planner(problem, retiming) if planner is None else planner
     if isinstance(planner, str) and planner in MANY_ARMS_PLANNERS:
         check_many_arms_retiming(planner, retiming)
+        generator = as_generator(rng)
         return _plan_many_arms(problem, planner, retiming, torque_limits, seconds, margin, budget, generator, progress)
+    seed = as_seed(rng)
     chosen = chosen_planner(planner)
     shorten, torque_limits = true_or_false("shorten", shorten), true_or_false("torque_limits", torque_limits)
     try:
         with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
-            margin = affordable_margin(problem, (problem.margin or _MARGIN) if margin is None else margin)
+            margin = affordable_margin(problem, (problem.margin or CONSTANTS.margin) if margin is None else margin)
             roomy = problem.with_margin(margin)
             with checker_from_pool(problem.scene, problem.arms, margin) as motions:
                 motions.warm_up()
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), chosen.name), seconds)
     with _timed(seconds, "plan"):
-        result = plan(roomy, planner=chosen, budget=budget, rng=generator, progress=progress)
+        result = plan(roomy, planner=chosen, budget=budget, rng=seed, progress=progress)
         if margin > 0.0 and result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
             margin = 0.0
-            result = plan(problem.with_margin(0.0), planner=chosen, budget=budget, rng=generator, progress=progress)
+            result = plan(problem.with_margin(0.0), planner=chosen, budget=budget, rng=seed, progress=progress)
     if result.path is None:
         return MotionPlan(problem, result, seconds, margin)
     path, trajectory, report = result.path, None, None
@@ -117,7 +116,10 @@ def plan_motion(
         try:
             if shorten and not chosen.keeps_shape:
                 with _timed(seconds, "shorten", progress):
-                    path = shorten_path(path, problem.scene, checker=motions, iterations=_SHORTCUTS, rng=generator)
+                    stream = seed ^ CONSTANTS.shortcut_stream
+                    path = shorten_path(
+                        path, problem.scene, checker=motions, iterations=CONSTANTS.shortcuts, rng=stream
+                    )
             for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
                 with _timed(seconds, "retime", progress):
                     trajectory = retime(
@@ -250,7 +252,7 @@ def affordable_margin(problem: Problem, margin: float) -> float:
         if goals is not None:
             rest = min(rest, max(checker.moving_clearance(q, margin) for q in goals))
     clearance = margin + rest
-    return next((part for part in (margin * 0.5**k for k in range(6)) if 2.0 * part <= clearance), 0.0)
+    return next((part for part in (margin * 0.5**k for k in range(CONSTANTS.margin_halvings + 1)) if 2.0 * part <= clearance), 0.0)
 
 
 @contextmanager

@@ -33,6 +33,7 @@ from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, E
 from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
 from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs
 from rr1plan.errors import InputError
+from rr1plan.binding.memory_image import Root
 from rr1plan.path import Path
 from rr1plan.scene import Scene
 from rr1plan.transforms import as_pose
@@ -176,18 +177,27 @@ class CollisionChecker(CoalChecker):
         """What compiled planners pass to the edge check: the addresses of tables and scratch memory."""
         return self._kernel.context
 
-    def memory_image(self) -> bytes:
+    def memory_image(self, **roots: Root) -> bytes:
         """The collision tables and new scratch memory for `core.wasm`, with which pages certify edges.
 
         Equal scenes have equal images. `rr1plan/kernels/core.js` places one in memory, with the names `scene` and
-        `scratch`.
+        `scratch`; `padding` and `bare_padding`, what pairs of solids have to keep with and without the margin [m]; and
+        `pair_owner`, the index in `pairs` of each of them.
+
+        Args:
+            **roots: Further structs and arrays for the image, by name.
 
         Raises:
             InputError: two elements that do not move are in contact, which no kernel looks at.
         """
         if not self.static_is_free:
             raise InputError(f"no edge is free: {' and '.join(self._names(-1))} are in contact, and neither moves")
-        return self._make_kernel(ExactKernel(self.tables, self.nq)).memory_image()
+        return self._make_kernel(ExactKernel(self.tables, self.nq)).memory_image(
+            padding=("double", self.tables.padding),
+            bare_padding=("double", self._bare_padding),
+            pair_owner=("int64_t", self.solid_owner),
+            **roots,
+        )
 
     @cached_property
     def _kernel(self) -> EdgeKernel:

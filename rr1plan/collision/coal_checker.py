@@ -92,14 +92,14 @@ class CoalChecker:
     def _forget_places(self) -> None:
         """Drop cached values that depend on obstacle poses, except the kernels' tables."""
         self._geometry = None
-        for name in ("_left_out", "_whole", "_moving", "_standing", "_static", "static_is_free"):
+        for name in ("omitted_clearance", "_whole", "_moving", "_standing", "_static", "static_is_free"):
             self.__dict__.pop(name, None)
 
     def _keep_margin(self, margin: float) -> None:
         """Change the margin; the geometry must be the same for both."""
         np.add(self._bare_padding, margin, out=self._kept_padding)
         self.margin = margin
-        for name in ("_left_out", "_whole", "_moving"):
+        for name in ("omitted_clearance", "_whole", "_moving"):
             self.__dict__.pop(name, None)
 
     # ---- what it is about ----------------------------------------------------------------
@@ -245,7 +245,7 @@ class CoalChecker:
         q = self.checked(q)
         most = most if type(most) is float and most > 0.0 else finite_number("most", most)
         least = self.exact_kernel.least_clearance(q, self._static_clearance(most))
-        return least if least <= self._left_out else self._whole.clearance(q, most)
+        return least if least <= self.omitted_clearance else self._whole.clearance(q, most)
 
     def moving_clearance(self, q: ArrayLike, most: float = np.inf) -> float:
         """Like `clearance`, of the pairs that move against each other.
@@ -260,7 +260,7 @@ class CoalChecker:
         q = self.checked(q)
         most = most if type(most) is float and most > 0.0 else finite_number("most", most)
         least = self.exact_kernel.least_clearance(q, most)
-        return least if least <= self._left_out else self._whole.moving_clearance(q, most)
+        return least if least <= self.omitted_clearance else self._whole.moving_clearance(q, most)
 
     # ---- for the kernels -----------------------------------------------------------
 
@@ -316,8 +316,8 @@ class CoalChecker:
     # ---- inside ---------------------------------------------------------------------------
 
     @cached_property
-    def _left_out(self) -> float:
-        """Pairs that `pairs` omits keep more than this distance beyond their padding [m]."""
+    def omitted_clearance(self) -> float:
+        """Pairs that `pairs` omits keep more than this distance beyond their padding and the margin [m]."""
         return self.geometry.least_gap - max((self.scene.padding, *self.scene.pair_padding.values())) - self.margin
 
     @cached_property

@@ -263,30 +263,6 @@ class ContactCells:
                 blocked[rows], still[rows, k] = _look_at(*sides, reach)
         return blocked, still
 
-    def travels(self, centers: Array, half: Array, near: Mask) -> Array:
-        """Largest approach of the solids of each pair between a cell's center and any point of the cell.
-
-        Args:
-            centers: Of the cells [rad or m], shape (n, 2).
-            half: Half their size [rad or m], shape (2,).
-            near: The pairs to look at, shape (n, pairs); for others the answer may be 0.
-
-        Returns:
-            Upper bounds [m], shape (n, pairs).
-        """
-        placed, total = self.plane.place(centers), np.zeros(near.shape)
-        of_side: dict[tuple[int, tuple[int, ...]], Array] = {}
-        for k, pair in enumerate(self._pairs):
-            if not near[:, k].any():
-                continue
-            for solid, side in zip(self._solids[k], pair[:2], strict=True):
-                if side.joints and (solid, side.joints) not in of_side:
-                    body = self._body(side, placed, len(centers), half, 0.0)
-                    of_side[solid, side.joints] = body.most_travel()
-                if side.joints:
-                    total[:, k] += of_side[solid, side.joints]
-        return total
-
     def _body(self, side: _Side, placed: Placed, count: int, half: Array, margin: float) -> _Body:
         R, p = placed.rotations[side.joint], placed.positions[side.joint]
         rotation = np.broadcast_to(R @ side.placement[:3, :3], (count, 3, 3))

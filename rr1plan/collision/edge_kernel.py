@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rr1plan.binding.memory_image import Root
 from rr1plan.checks import Array
 from rr1plan.collision.tables.edge_tables import EdgeTables, PaddedPairs, edge_scratch, pair_struct, scene_struct
 from rr1plan.collision.tables.exact_tables import ExactTables, exact_scratch, exact_struct
@@ -183,12 +184,12 @@ class EdgeKernel:
         self._library.rr1_certify_edges(*self.context, begins, ends, len(begins), statuses)
         return statuses
 
-    def memory_image(self) -> bytes:
-        """The scene's tables and the scratch memory for `core.wasm`, named `scene` and `scratch`."""
+    def memory_image(self, **roots: Root) -> bytes:
+        """The scene's tables and the scratch memory for `core.wasm`, named `scene` and `scratch`, and further roots."""
         for scratch, names in ((self._scratch, _LISTS), (self._exact.scratch, ("queue",))):
             for name in names:
                 scratch.part(name)[:] = 0
-        return memory_image(scene=self._scene, scratch=self._scratch)
+        return memory_image(scene=self._scene, scratch=self._scratch, **roots)
 
     def scratch_bytes(self) -> bytes:
         """All directions and frames that the last calls left behind, to compare libraries by."""

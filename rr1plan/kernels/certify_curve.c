@@ -57,8 +57,7 @@ INLINE void ready_body(int64_t body, int64_t seen, const ExactTables *exact, Exa
 }
 
 // Place both bodies of a pair for the interval of number `seen`; how far they move against each other, at most [m].
-INLINE double place_pair(int64_t p, int64_t seen, const ExactTables *exact, ExactScratch *scratch) {
-    const ExactPair *pair = &exact->pairs[p];
+INLINE double place_pair(const ExactPair *pair, int64_t seen, const ExactTables *exact, ExactScratch *scratch) {
     double moved = 0.0;
     for (int side = 0; side < 2; side++) {
         int64_t body = side ? pair->other : pair->body;
@@ -144,7 +143,7 @@ static EdgeResult halve(const Curve *curve, double tolerance, Queue *queue, cons
         double half = 0.5 * interval.half;
         for (int64_t k = 0; k < run; k++) {
             int64_t pair = queue_at(queue, first + k)->pair;
-            double moved = place_pair(pair, seen, exact, scratch);
+            double moved = place_pair(&exact->pairs[pair], seen, exact, scratch);
             int status = judge_pair(pair, moved, tolerance, exact, scratch, done);
             if (status == PAIR_OPEN) {
                 if (queue->tail - queue->head == queue->size)

@@ -148,7 +148,7 @@ static int refuse(int64_t status, int64_t pair, const TimedInterval *at, TimedSc
 // Test two bodies on an interval, both arms being placed, and list them if they stay open; 0 if they are refused.
 static int test_bodies(int64_t p, TimedInterval *at, const TimedScene *scene, TimedScratch *scratch) {
     Counters done = {0, 0, 0, 0};
-    double moved = place_pair(p, at->seen, scene->exact, scratch->exact);
+    double moved = place_pair(&scene->exact->pairs[p], at->seen, scene->exact, scratch->exact);
     int status = judge_pair(p, moved, scene->tolerance, scene->exact, scratch->exact, &done);
     if (status == EDGE_FREE) return 1;
     if (status != PAIR_OPEN) {
@@ -174,7 +174,7 @@ static int test_groups(int64_t p, const SliceBox *slice, TimedInterval *at, cons
     double gap = slice_distance(&fine->centers[own], slice) - exact->shapes[own].ball_radius;
     if (gap >= padding + travel * SLACK + ROUNDING) return 1;
     place_arm(pair->arm, at->middle, at->half, at->seen, scene, scratch);
-    double moved = place_pair(p, at->seen, exact, fine), enough = padding + moved * SLACK + ROUNDING;
+    double moved = place_pair(&exact->pairs[p], at->seen, exact, fine), enough = padding + moved * SLACK + ROUNDING;
     if (quick_gap(exact->pairs[p].body, exact->pairs[p].other, enough, exact, fine) >= enough) return 1;
     if (moved < BODIES_BELOW) {
         for (int64_t k = pair->first_child; k < pair->last_child; k++) {

@@ -16,6 +16,7 @@
 #include "distance.c"
 #include "certify_curve.c"
 #include "clearance.c"
+#include "raster.c"
 #include "pair_lists.c"
 #include "place_solids.c"
 #include "map_distances.c"

@@ -9,6 +9,13 @@ static double polyline_distance(const double *points, int64_t nq, int64_t a, int
     return sqrt_number(square);
 }
 
+// Length of a polyline, shape (count, nq).
+EXPORT double rr1_polyline_length(const double *points, int64_t count, int64_t nq) {
+    double length = 0.0;
+    for (int64_t i = 0; i + 1 < count; i++) length += polyline_distance(points, nq, i, i + 1);
+    return length;
+}
+
 // Whether the points between two of them are on the line from one to the other, in this order.
 static int is_straight(const double *points, int64_t nq, const int64_t *index, int64_t first, int64_t last,
                        double tolerance) {

@@ -12,7 +12,7 @@ from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.model.kinematic_chain import Chain
 
 # Weight of orientation errors [m/rad], about the size of an arm.
-_METERS_PER_RADIAN = 0.3
+METERS_PER_RADIAN = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Target:
         struct = CStruct("IkTarget")
         struct.value.lower[:], struct.value.upper[:] = self.lower.tolist(), self.upper.tolist()
         if self.rotation is not None:
-            struct.value.rotation[:], struct.value.weight = self.rotation.ravel().tolist(), _METERS_PER_RADIAN
+            struct.value.rotation[:], struct.value.weight = self.rotation.ravel().tolist(), METERS_PER_RADIAN
         return struct
 
 

@@ -19,12 +19,12 @@ from rr1plan.transforms import rotation_from_quaternion
 
 # Share of the goal's tolerance that solutions use, and the share of a second search. Both leave room for the
 # rounding errors of other implementations of forward kinematics.
-_SHARE, _WHOLE = 0.9, 1.0 - 1e-6
+SHARE, WHOLE = 0.9, 1.0 - 1e-6
 # A second search runs if the error of a descent is below this multiple of the tolerance.
-_NEAR = 2.0
+NEAR = 2.0
 # Distance from the faces of a region, and position tolerance of a flat region [m].
 _REGION_MARGIN, _REGION_TOLERANCE = 1e-6, 1e-9
-_DISTINCT, _DISTINCT_REDUNDANT = 1e-3, 0.2
+DISTINCT, DISTINCT_REDUNDANT = 1e-3, 0.2
 # Starts between two returns to Python, e.g. for Ctrl-C.
 _CHUNK = 256
 _CAPACITY = 16
@@ -75,11 +75,11 @@ class IkSearch:
         self.rejected: list[Array] = []
         if separation is None:
             fixed = int((self.target.lower == self.target.upper).sum()) + 3 * (self.target.rotation is not None)
-            separation = _DISTINCT_REDUNDANT if robot.nq > fixed else _DISTINCT
+            separation = DISTINCT_REDUNDANT if robot.nq > fixed else DISTINCT
         tolerance = goal.position_tolerance if isinstance(goal, PoseGoal) else _REGION_TOLERANCE
-        self._whole = _WHOLE * tolerance, _WHOLE * goal.orientation_tolerance
-        self.position_tolerance = _SHARE * tolerance
-        self.orientation_tolerance = _SHARE * goal.orientation_tolerance
+        self._whole = WHOLE * tolerance, WHOLE * goal.orientation_tolerance
+        self.position_tolerance = SHARE * tolerance
+        self.orientation_tolerance = SHARE * goal.orientation_tolerance
         self._state, self._seeds = state, seeds
         self._solutions, self._nearest = np.empty((_CAPACITY, robot.nq)), seeds[0].copy()
         lower, upper, corner, extent, wraps = _joint_rows(robot)
@@ -106,6 +106,11 @@ class IkSearch:
         )
         self._last = self._tried_before = 0
         self._is_widened = False
+
+    @property
+    def struct(self) -> CStruct:
+        """The search as the kernels read it, for pages that search by themselves."""
+        return self._struct
 
     @property
     def tried(self) -> int:
@@ -152,7 +157,7 @@ class IkSearch:
         """Whether a descent ended so close to the goal that the whole tolerance may suffice."""
         position, orientation = self._whole
         weight = self.target.struct.value.weight
-        near: bool = self._struct.value.nearest_squared <= _NEAR**2 * (position**2 + (weight * orientation) ** 2)
+        near: bool = self._struct.value.nearest_squared <= NEAR**2 * (position**2 + (weight * orientation) ** 2)
         return near
 
     def _widen(self) -> None:

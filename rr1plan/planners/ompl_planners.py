@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, of_kind, true_or_false
-from rr1plan.planners.joint_space import Space, with_copies
+from rr1plan.model.joint_space import Space, with_copies
 from rr1plan.planners.ompl_query import Answer, Question, Watch
 from rr1plan.planners.planning_query import STRAIGHT_LINES, Query
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback

@@ -12,7 +12,7 @@ from rr1plan.collision.checker_pool import acquire_checker, release_checker
 from rr1plan.kernels.planner_kernels import constants, load_library
 from rr1plan.path import Path
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
-from rr1plan.planners.joint_space import Space, joint_space
+from rr1plan.model.joint_space import Space, joint_space
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
@@ -130,7 +130,7 @@ class Query:
 
     def _has_plain_ends(self) -> bool:
         """Whether all goals are configurations, and the start and at least one goal are valid (one kernel call)."""
-        space, goals = joint_space(self.problem), self._joint_goals
+        space, goals = joint_space(self.problem.scene, self.problem.arms), self._joint_goals
         # The kernel skips pairs without relative motion; if one of them collides, no edge is free.
         if goals is None or not space.is_shared or not self.motion.static_is_free:
             return False

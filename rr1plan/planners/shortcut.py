@@ -22,12 +22,11 @@ from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.path import Path
+from rr1plan.planning_constants import CONSTANTS
 from rr1plan.scene import Scene
 
 _MOST_ITERATIONS = 1_000_000
 _MOST_SMOOTH = 10
-# Consecutive unsuccessful shortcuts after which the search stops.
-_PATIENCE = 30
 # Steps of the compiled loop between two clock readings.
 _CHUNK = 128
 # Attempts to cut a corner, each at half the distance of the one before.
@@ -82,8 +81,9 @@ def shorten(
     points = shortener.waypoints()
     for _ in range(smooth):
         points = shortener.cut_corners(points)
-    result = Path.trusted(path.joint_names, points)
-    return result if result.length <= path.length else path
+    # Rounding may make a path longer whose waypoints are on a line.
+    before, after = (load_library().rr1_polyline_length(rows, *rows.shape) for rows in (path.waypoints, points))
+    return Path.trusted(path.joint_names, points) if after <= before else path
 
 
 class _Shortener:
@@ -116,7 +116,7 @@ class _Shortener:
         while not (over or done):
             over = self._expired()
             steps = 0 if over else _CHUNK
-            done = bool(call(self._path, self._state, steps, iterations, _PATIENCE, *self._checker.context))
+            done = bool(call(self._path, self._state, steps, iterations, CONSTANTS.shortcut_patience, *self._checker.context))
         self._checker.edges_checked += self._path.value.edges
 
     def waypoints(self) -> Array:

@@ -14,10 +14,9 @@ from rr1plan.kernels.planner_kernels import CStruct, address_of, constants, load
 from rr1plan.kernels.random_state import RandomState, random_state
 from rr1plan.planners.planning_query import NO_LIMIT, Pace, Query
 from rr1plan.planning import SearchTree
+from rr1plan.planning_constants import CONSTANTS
 
-_STEP = 0.06  # longest edge of a tree, as a share of the space's diagonal
 _SHORTEST = 1e-4  # smallest allowed step, as a share of the diagonal
-_DOMAIN = 0.3  # sampling radius around vertices with a blocked edge, as a share of the diagonal
 _CAPACITY = 256  # initial capacity of each tree in vertices
 _SLICE = 500  # samples before the first search for further goals; the number doubles for each later one
 
@@ -40,7 +39,7 @@ class TreeSearch:
     def __init__(self, query: Query, step: float = 0.0) -> None:
         self.query = query
         diagonal = query.space.diagonal
-        self._step, self._domain = step or _STEP * diagonal, _DOMAIN * diagonal
+        self._step, self._domain = step or CONSTANTS.tree_step * diagonal, CONSTANTS.tree_domain * diagonal
         if self._step < _SHORTEST * diagonal:
             raise InputError(f"range is {step:g}, expected at least {_SHORTEST * diagonal:.3g} for these joints")
         self.state = random_state(query.seed)

@@ -21,15 +21,13 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, Value
 from rr1plan.kernels.planner_kernels import load_library
+from rr1plan.planning_constants import CONSTANTS
 
-DUPLICATE = 1e-9
+DUPLICATE = CONSTANTS.duplicate
 """Waypoints closer than this to another one or to the line between their neighbors are dropped [rad]."""
 
-HALVINGS = 8
+HALVINGS = CONSTANTS.blend_halvings
 """Number of halvings of a blend after which the motion stops at its corner."""
-
-_REVERSAL = 1e-3
-_SMALLEST = 1e-8
 
 
 class CurveChecker(Protocol):
@@ -75,11 +73,11 @@ def blend_sizes(points: Array, max_blend: float, checker: CurveChecker | None) -
         checker: Certifies blends; None for a curve that needs no certificate.
     """
     sizes = np.empty(len(points))
-    length = load_library().rr1_largest_blends(points, *points.shape, max_blend, _REVERSAL, _SMALLEST, sizes)
+    length = load_library().rr1_largest_blends(points, *points.shape, max_blend, CONSTANTS.blend_reversal, CONSTANTS.smallest_blend, sizes)
     if checker is not None:
         for i, size in enumerate(sizes.tolist()):
             if size > 0.0:
-                sizes[i] = _certified_size(points, i, size, _SMALLEST * length, checker)
+                sizes[i] = _certified_size(points, i, size, CONSTANTS.smallest_blend * length, checker)
     return sizes
 
 

@@ -19,7 +19,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.playback.cspace.cspace_cells import label_components, widest_spot
 from rr1plan.playback.cspace.cspace_grid import LIMITS, compute_grid
-from rr1plan.playback.cspace.cspace_images import SELF
+from rr1plan.playback.cspace.cspace_raster import SELF
 from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
 from rr1plan.playback.outlines import bounding_radius, silhouette
 from rr1plan.scene.model_library import load_problems

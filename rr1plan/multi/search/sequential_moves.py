@@ -23,7 +23,7 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import are_apart
-from rr1plan.planners.joint_space import Space
+from rr1plan.model.joint_space import Space
 from rr1plan.planners.tree_search import Trees
 
 # Random configurations that are compared for a retreat, and how far it should be from the ends of other arms [m].

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid
-from rr1plan.playback.cspace.cspace_images import SELF
+from rr1plan.playback.cspace.cspace_raster import SELF
 
 if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery

@@ -1,6 +1,6 @@
 """The configuration space of two joints on a grid: each obstacle's image, free space and its components.
 
-`cspace_images.py` computes the images. Components of free space are joined across the seams of the torus.
+`cspace_raster.py` computes the images. Components of free space are joined across the seams of the torus.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rr1plan.checks import Array, Value, finite_array, items_of, known_name, rea
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.playback.cspace.cspace_cells import Mask, label_components, shortest_way, widest_spot
-from rr1plan.playback.cspace.cspace_images import Images
+from rr1plan.playback.cspace.cspace_raster import CSpaceRaster
 from rr1plan.robot import Joint
 from rr1plan.scene import Scene
 
@@ -187,7 +187,7 @@ def compute_grid(
     spans = [(robot.joint(robot.joint_names[c]), float(limits.lower[c]), float(limits.upper[c])) for c in columns]
     axes, periodic, inside = zip(*(_axis(*span, resolution) for span in spans), strict=True)
     checker = CollisionChecker(scene, (arm,))
-    layers = Images(checker, scene.arms[arm].q, columns, axes, progress).compute()
+    layers = CSpaceRaster(checker, scene.arms[arm].q, columns, axes).images(progress)
     outside = ~(inside[0][:, None] & inside[1][None, :])
     if outside.any():
         layers[LIMITS] = outside

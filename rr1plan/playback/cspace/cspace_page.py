@@ -21,7 +21,7 @@ from rr1plan.files.file_access import write_text
 from rr1plan.path import Path
 from rr1plan.playback.cspace.cspace_colors import layer_colors
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid
-from rr1plan.playback.cspace.cspace_images import SELF
+from rr1plan.playback.cspace.cspace_raster import SELF
 from rr1plan.playback.cspace.cspace_verdict import tone, verdict
 from rr1plan.playback.cspace.search_trees import DrawnTree
 from rr1plan.playback.outlines import silhouette

@@ -26,7 +26,7 @@ from rr1plan.model import Kinematics, solve_ik
 from rr1plan.planning import PlanResult, SearchTree
 from rr1plan.playback.cspace.cspace_decomposition import Decomposition, decompose
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, compute_grid, two_joints
-from rr1plan.playback.cspace.cspace_images import layer_of
+from rr1plan.playback.cspace.cspace_raster import layer_of
 from rr1plan.playback.cspace.cspace_targets import CellTargets, off_by
 from rr1plan.playback.cspace.search_trees import DrawnTree, drawn_tree
 from rr1plan.progress import ProgressCallback, fraction_callback

@@ -2,7 +2,7 @@
 
 The page may not load anything from anywhere: its content security policy names the hashes of
 its own scripts and nothing else, so neither a request nor a script smuggled in by a name in a
-file can run. Data stands in `<script type="application/json">` with every "<" escaped.
+file can run. A page that plans by itself may compile WebAssembly besides. Data stands in `<script type="application/json">` with every "<" escaped.
 """
 
 from __future__ import annotations
@@ -21,11 +21,13 @@ from typing import Any
 
 from rr1plan.checks import finite_array
 from rr1plan.errors import BackendError, InputError, MissingPackageError
+from rr1plan.kernels.wasm_core import core_script
 from rr1plan.playback.viewer.page_document import Document
+from rr1plan.playback.viewer.page_planner import page_module
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 
 _SCRIPTS = (
-    "math.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js", "player.js",
+    "math.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js", "player.js",
     "conflicts.js", "controls.js", "live.js", "main.js",
 )  # fmt: skip
 
@@ -46,6 +48,7 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: b
     """
     options = checked_options(options)
     panels = options.panels
+    plans = plans_by_itself(document)
     scripts = [_meshcat(), _script(panels)]
     settings = {
         "live": live,
@@ -53,10 +56,11 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: b
         "view": options.view,
         "play": options.play,
         "panels": [{"name": p.name, "data": p.data} for p in panels],
+        "module": page_module() if plans else None,
     }
     slots = {
         "TITLE": html.escape(document["title"]),
-        "POLICY": html.escape(_policy(scripts, live)),
+        "POLICY": html.escape(_policy(scripts, live, plans)),
         "STYLE": _asset("page.css") + "".join(_sealed(p.css, "style") for p in panels),
         "PANELS": "".join(_panel_html(p) for p in panels),
         "DOCUMENT": json_for_html(document),
@@ -65,6 +69,21 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: b
         "SCRIPT": scripts[1],
     }
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda m: slots[m.group(1)], _asset("page.html"))
+
+
+def plans_by_itself(document: Document) -> bool:
+    """Whether the page of a document carries the planners' kernels."""
+    return "missing" not in (document.get("planner") or {"missing": ""})
+
+
+def planner_script() -> str:
+    """The page's planner as a script of its own, which defines `PagePlanner`."""
+    return f"{_core_script()}\n{_asset('planner.js')}"
+
+
+def _core_script() -> str:
+    """The binding of the kernels as a function `loadCore`; in a page it is no module."""
+    return f"const loadCore = (() => {{\n{core_script().replace('export async', 'async')}\nreturn load;\n}})();\n"
 
 
 def embed_html(text: str, height: int = 600) -> str:
@@ -118,7 +137,7 @@ def _meshcat() -> str:
 
 
 def _script(panels: Sequence[Panel]) -> str:
-    parts = [_without_comments(_asset(name)) for name in _SCRIPTS]
+    parts = [_without_comments(text) for text in (_core_script(), *map(_asset, _SCRIPTS))]
     mounts = [f"mounts[{json.dumps(p.name)}] = function (viewer, root, data) {{\n{p.script}\n}};" for p in panels]
     body = "\n".join([*parts[:-1], *mounts, parts[-1]])
     return _sealed(f"(function () {{\n'use strict';\nconst mounts = {{}};\n{body}\n}})();\n", "script")
@@ -143,9 +162,9 @@ def _panel_html(panel: Panel) -> str:
     return f'<section class="panel" id="panel-{panel.name}" style="{width}">{head}{panel.html}</section>'
 
 
-def _policy(scripts: Sequence[str], live: bool) -> str:
+def _policy(scripts: Sequence[str], live: bool, plans: bool) -> str:
     hashes = [base64.b64encode(hashlib.sha256(s.encode("utf-8")).digest()).decode("ascii") for s in scripts]
-    allowed = " ".join(f"'sha256-{h}'" for h in hashes)
+    allowed = " ".join([*(f"'sha256-{h}'" for h in hashes), *(["'wasm-unsafe-eval'"] if plans else [])])
     connect = "'self'" if live else "'none'"
     return (
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "

@@ -20,6 +20,7 @@ from rr1plan.checks import Array, known_name, number_array, of_kind
 from rr1plan.path import Path
 from rr1plan.playback.simulation.replay import BodyMotion, Replay
 from rr1plan.playback.viewer.camera import choose_camera
+from rr1plan.playback.viewer.page_planner import page_planner
 from rr1plan.playback.viewer.page_shapes import ShapeTable
 from rr1plan.playback.viewer.view_options import ViewOptions, checked_options
 from rr1plan.report import Report
@@ -64,7 +65,7 @@ def view_document(
         problem: As in `save_html`.
         report: As in `save_html`.
         replay: As in `save_html`.
-        options: The title, and whether spheres are shown; the rest of them is for `page_html`.
+        options: The title, and whether spheres are shown and a planner is carried; the rest is for `page_html`.
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene.
@@ -109,7 +110,15 @@ def view_document(
         "targets": [] if problem is None else _targets(problem),
         "report": None if report is None else _finite(report.to_dict()),
         "camera": first_camera(scene, motion, ghosts),
+        "planner": _planner(scene, problem, motion) if options.planner else None,
     }
+
+
+def _planner(scene: Scene, problem: Problem | None, motion: Trajectory | None) -> dict[str, Any]:
+    """The planner of the page, for the arms of the problem, or of the motion, or for all."""
+    if problem is not None:
+        return page_planner(scene, problem.arms, problem.margin)
+    return page_planner(scene, None if motion is None else motion.arms)
 
 
 def with_moving_objects(document: Document, times: Array, poses: Mapping[str, Array]) -> Document:

@@ -14,13 +14,16 @@
 //                                                 spheres, bodyspheres, linkspheres (those that contain each link, fine to coarse)
 //   viewer.look(direction, whole)                 frame the arms (or everything), seen from a direction of the world
 //   viewer.add(name, object3d)  viewer.redraw()   put something of three.js (viewer.THREE) into the world, z up
+//   viewer.planner                                plans in the page (`planner.js`); null before it is loaded and without one
+//   viewer.noPlanner                              why there is none; empty while it is loading and where none was wanted
+//   viewer.on("planner", f)                       f(planner, reason) once it is loaded, or known to be missing
 //   viewer.unpack(packed)                         {values, shape} of an array sent with rr1plan's `pack`
 
 class Viewer {
   constructor() {
     this.THREE = THREE;
     this.unpack = unpack;
-    this.listeners = { change: [], load: [], data: [] };
+    this.listeners = { change: [], load: [], data: [], planner: [] };
     this.panelData = {};
     this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres"]);
     this.byArm = true;
@@ -64,6 +67,22 @@ class Viewer {
     this.show();
     if (!keep || !this.framed) this.look();
     for (const f of this.listeners.load) f(doc);
+    this.loadPlanner(doc);
+  }
+
+  async loadPlanner(doc) {
+    this.planner = null;
+    this.noPlanner = "";
+    if (!doc.planner) return;
+    let planner = null, reason = "";
+    try {
+      planner = await PagePlanner.load({ ...doc.planner, module: settings.module });
+    } catch (error) {
+      reason = error.message;
+    }
+    if (doc !== this.document) return; // another one was loaded meanwhile
+    [this.planner, this.noPlanner] = [planner, reason];
+    for (const f of this.listeners.planner) f(planner, reason);
   }
 
   /** Puts new data into the objects that panels hold, by the name of the panel. */

@@ -2,8 +2,9 @@
 
 const ARRAYS = { f4: Float32Array, f8: Float64Array, u4: Uint32Array };
 
-/** A packed array: {values, shape}. */
+/** A packed array: {values, shape}; one that is made in the page is that already. */
 function unpack(packed) {
+  if (packed.values) return packed;
   const text = atob(packed.data);
   const bytes = new Uint8Array(text.length);
   for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);

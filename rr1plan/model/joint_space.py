@@ -9,6 +9,7 @@ were certified.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -20,6 +21,7 @@ from rr1plan.errors import InputError
 from rr1plan.model.joint_turns import rotary
 from rr1plan.robot import Robot
 from rr1plan.robot.joint_limits import Limits
+from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 
 _WINDOW = 2.5 * np.pi  # half the width of the interval of an unrolled joint [rad]
@@ -49,7 +51,7 @@ class Space:
         Raises:
             InputError: a joint without limits that is not continuous.
         """
-        space = joint_space(problem)
+        space = joint_space(problem.scene, problem.arms)
         return space._widened(problem, goals, unrolled=space.continuous & ~space.wraps)
 
     @staticmethod
@@ -59,7 +61,7 @@ class Space:
         Raises:
             InputError: a joint without limits that is not continuous.
         """
-        space = joint_space(problem)
+        space = joint_space(problem.scene, problem.arms)
         return space._widened(problem, goals, unrolled=space.continuous)
 
     def _widened(self, problem: Problem, goals: Array, unrolled: NDArray[np.bool_]) -> Space:
@@ -114,10 +116,9 @@ class Space:
         return full
 
 
-def joint_space(problem: Problem) -> Space:
-    """Joint limits of a problem's columns; cached for all scenes with the same robots."""
-    arms = problem.scene.arms
-    return _joint_space(tuple([arms[name].robot for name in problem.arms]))
+def joint_space(scene: Scene, arms: Sequence[str]) -> Space:
+    """Joint limits of the columns of some arms; cached for all scenes with the same robots."""
+    return _joint_space(tuple([scene.arms[name].robot for name in arms]))
 
 
 @lru_cache(maxsize=64)
@@ -130,7 +131,7 @@ def _joint_space(robots: tuple[Robot, ...]) -> Space:
 
 def with_copies(problem: Problem, goals: Array) -> Array:
     """Goals and their copies one turn away in joints that wrap, nearest to the start first, shape (k, nq)."""
-    space = joint_space(problem)
+    space = joint_space(problem.scene, problem.arms)
     turns = np.where(goals > problem.start, -2.0 * np.pi, 2.0 * np.pi)
     chosen = _choices(tuple(np.flatnonzero(space.wraps).tolist()), len(problem.start))
     copies = (goals + chosen[:, None] * turns).reshape(-1, len(problem.start))[: 16 * _MOST_GOALS]

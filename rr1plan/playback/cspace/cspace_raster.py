@@ -1,0 +1,114 @@
+"""The image of each obstacle in the plane of two joints, on a grid of cells: `kernels/raster.c` and its tables.
+
+Every cell is one configuration, its center; it belongs to an image where the compiled kernel finds a pair of solids in
+contact (Lozano-Perez 1983 for the picture). Pages rasterize with the same kernel and the same tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.collision import CollisionChecker
+from rr1plan.kernels.planner_kernels import CStruct, constants, load_library
+from rr1plan.playback.cspace.cspace_cells import Mask
+from rr1plan.scene import Scene
+
+SELF = "self-collision"
+_STRIP = 32  # rows between reports of progress
+
+
+class CSpaceRaster:
+    """Computes the image of every obstacle. It keeps scratch memory: give each thread its own.
+
+    Args:
+        checker: Of the arm whose two joints move.
+        configuration: The arm's configuration, shape (nq,) [rad or m]; two of its columns are replaced.
+        columns: Those two.
+        axes: Values at the cell centers of each of them, shapes (n,) and (m,).
+
+    Attributes:
+        ranges: For each obstacle, other arm and `SELF` that the arm may touch the first and the last of its pairs.
+        struct: The `RasterTables`.
+
+    Raises:
+        InputError: a half-space or a point cloud that would be checked against another one.
+    """
+
+    def __init__(
+        self, checker: CollisionChecker, configuration: Array, columns: tuple[int, int], axes: tuple[Array, Array]
+    ) -> None:
+        self.checker = checker
+        self.shape = (len(axes[0]), len(axes[1]))
+        pairs = checker.pair_tables
+        # Pairs that do not move against each other are in contact in all cells or in none.
+        fixed = np.flatnonzero(~pairs.surfaceless[pairs.static].all(axis=1))
+        rows = np.concatenate([pairs.moving_rows, pairs.static_rows[fixed]])
+        owners = np.concatenate([pairs.moving_owner, pairs.static_owner[fixed]])
+        padding = np.concatenate([checker.solid_padding, checker.padding[pairs.static_owner[fixed]]])
+        arm = checker.arms[0]
+        layer_of_pair = [layer_of(checker.scene, pair, arm) for pair in checker.pairs]
+        names = list(dict.fromkeys(layer_of_pair))
+        layers = np.array([names.index(name) for name in layer_of_pair], np.int64)[owners]
+        order = np.argsort(layers, kind="stable")
+        ends = np.searchsorted(layers[order], np.arange(len(names) + 1)).tolist()
+        self.ranges = {name: (first, last) for name, first, last in zip(names, ends, ends[1:], strict=False)}
+        self.struct = CStruct(
+            "RasterTables",
+            pair_count=len(rows),
+            first=np.array(axes[0]),
+            second=np.array(axes[1]),
+            configuration=np.array(configuration, dtype=np.float64),
+            pairs=np.ascontiguousarray(rows[order]),
+            padding=np.ascontiguousarray(padding[order]),
+        )
+        self.struct.value.columns[:] = columns
+        self.struct.value.counts[:] = self.shape
+        self.struct.give_room(directions=len(rows), open=constants()["RASTER_LEVELS"] * len(rows))
+
+    def image(self, layer: str, report: Callable[[float], None] | None = None) -> Mask:
+        """The cells in which the arm touches an obstacle, shape (n, m).
+
+        Args:
+            layer: A key of `ranges`.
+            report: Called now and then with the fraction done, 0 to 1.
+        """
+        cells = np.zeros(self.shape, np.uint8)
+        exact = self.checker.exact_kernel
+        for first in range(0, self.shape[0], _STRIP):
+            if report is not None:
+                report(first / self.shape[0])
+            last = min(first + _STRIP, self.shape[0])
+            load_library().rr1_raster_pairs(
+                exact.struct, exact.scratch, self.struct, *self.ranges[layer], first, last, cells
+            )
+        return cells.view(np.bool_)
+
+    def images(self, progress: Callable[[float], None] | None = None) -> dict[str, Mask]:
+        """The cells that each obstacle (and `SELF`, if anywhere) makes impossible, shape (n, m).
+
+        Args:
+            progress: Called now and then with the fraction done, 0 to 1.
+        """
+        found: dict[str, Mask] = {}
+        for done, name in enumerate(self.ranges):
+
+            def report(part: float, done: int = done) -> None:
+                if progress is not None:
+                    progress((done + part) / len(self.ranges))
+
+            found[name] = self.image(name, report)
+        for pair in self.checker.static_contacts:
+            found[layer_of(self.checker.scene, pair, self.checker.arms[0])] = np.ones(self.shape, np.bool_)
+        return {name: mask for name, mask in found.items() if mask.any() or name != SELF}
+
+
+def layer_of(scene: Scene, pair: tuple[str, str], arm: str) -> str:
+    """The layer that a contact of an arm belongs to: the obstacle, the other arm, or self-collision."""
+    for name in pair:
+        if name in scene.obstacles:
+            return name
+    others = [owner for owner in map(scene.owner, pair) if owner != arm]
+    return f"{others[-1]}" if others else SELF

@@ -1,0 +1,168 @@
+"""What a page needs to plan by itself: the module of the kernels, and the tables of its scene.
+
+`page/planner.js` runs the same kernels as `plan_motion` in the same order, with the same constants. A page whose planner
+is left out contains the reason instead:
+
+- More than two arms move. They are planned one by one and scheduled (`plan_many_arms`), which pages do not do; the joint
+  space of all of them is too large for RRT-Connect, and their tables have megabytes.
+- A joint that moves has no limit of position, velocity or acceleration.
+- The scene cannot be checked for collisions, or things that do not move are in contact.
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rr1plan.binding.memory_image import Root
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.errors import InputError
+from rr1plan.kernels.planner_kernels import CStruct
+from rr1plan.kernels.random_state import random_state
+from rr1plan.kernels.wasm_core import core_module
+from rr1plan.model.ik_descent import METERS_PER_RADIAN
+from rr1plan.model.ik_search import DISTINCT, DISTINCT_REDUNDANT, NEAR, SHARE, WHOLE, IkSearch
+from rr1plan.model.joint_space import Space, joint_space
+from rr1plan.model.kinematic_chain import chain_of
+from rr1plan.planning_constants import CONSTANTS
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import PoseGoal
+
+_MOST_ARMS = 2
+
+
+def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float = 0.0) -> dict[str, Any]:
+    """The data of `PagePlanner.load` in `page/planner.js`, but for the module; kept with the scene.
+
+    Args:
+        scene: The scene.
+        arms: The arms that the page plans for (default: all).
+        margin: Distance to keep beyond the scene's padding, at most [m] (0: the default of `plan_motion`).
+
+    Returns:
+        Plain values that JSON can hold; `{"missing": reason}` where the page cannot plan.
+
+    Raises:
+        UnknownNameError: no such arm.
+    """
+    names, margin = scene.arm_names(arms) if scene.arms else (), margin or CONSTANTS.margin
+    key = "page planner", names, margin
+    if key not in scene.kept:
+        reason = _why_missing(scene, names)
+        try:
+            scene.kept[key] = {"missing": reason} if reason else _planner_data(scene, names, margin)
+        except InputError as error:
+            scene.kept[key] = {"missing": str(error)}
+    data: dict[str, Any] = scene.kept[key]
+    return data
+
+
+def page_module() -> str:
+    """The module of the kernels, deflated, as base64.
+
+    Raises:
+        InstallationError: it is not built.
+    """
+    return _packed(core_module())
+
+
+def _packed(data: bytes) -> str:
+    return base64.b64encode(zlib.compress(data, 9)).decode("ascii")
+
+
+def _why_missing(scene: Scene, arms: tuple[str, ...]) -> str:
+    """Why a page cannot plan for these arms; empty if it can."""
+    if not arms:
+        return "no arm moves"
+    if len(arms) > _MOST_ARMS:
+        return f"{len(arms)} arms move, and pages plan for {_MOST_ARMS} at most"
+    limits, space = scene.limits(arms), joint_space(scene, arms)
+    for kind, limited in (
+        ("position", np.isfinite(space.extent) | space.wraps),
+        ("velocity", np.isfinite(limits.velocity)),
+        ("acceleration", np.isfinite(limits.acceleration)),
+    ):
+        if not limited.all():
+            return f"joint {scene.joint_names(arms)[int(np.argmin(limited))]!r} has no {kind} limit"
+    return ""
+
+
+def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[str, Any]:
+    space, known = joint_space(scene, arms), scene.joint_names()
+    with checker_from_pool(scene, arms, margin) as checker:
+        searches = _searches(checker)
+        image = checker.memory_image(**_rows(checker, space), **{name: search.struct for name, search in searches})
+        rules = checker.geometry.rules
+        reach = checker.omitted_clearance + checker.margin
+        return {
+            "image": _packed(image),
+            "columns": [known.index(name) for name in checker.joint_names],
+            "joints": list(checker.joint_names),
+            "elements": list(rules.names),
+            "pairs": rules.checked.tolist(),
+            "obstacles": {
+                name: {"object": number, "pose": scene.obstacles[name].pose.ravel().tolist()}
+                for name, number in checker.object_numbers.items()
+            },
+            "frames": [_frame(scene, name, search, checker) for name, search in searches],
+            "margin": margin,
+            "reach": reach if np.isfinite(reach) else None,
+            "tree_step": CONSTANTS.tree_step * space.diagonal,
+            "tree_domain": CONSTANTS.tree_domain * space.diagonal,
+            "constants": CONSTANTS._asdict(),
+        }
+
+
+def _rows(checker: CollisionChecker, space: Space) -> dict[str, Root]:
+    """Bounds of the joint space, and the limits of timing."""
+    velocity, acceleration = (np.ascontiguousarray(row) for row in (checker.limits.velocity, checker.limits.acceleration))
+    rates = CStruct(
+        "RateLimits",
+        velocity=velocity,
+        acceleration=acceleration,
+        inverse_velocity=1.0 / velocity,
+        inverse_acceleration=1.0 / acceleration,
+    )
+    rows: dict[str, Root] = {
+        name: ("double", np.ascontiguousarray(getattr(space, name))) for name in ("lower", "upper", "extent")
+    }
+    return rows | {"can_move": ("uint8_t", np.array([space.can_move], np.uint8)), "rates": rates}
+
+
+def _searches(checker: CollisionChecker) -> list[tuple[str, IkSearch]]:
+    """A search for inverse kinematics of the tool of each arm, by its name in the image."""
+    scene, first, searches = checker.scene, 0, []
+    for arm in checker.arms:
+        robot = scene.arms[arm].robot
+        chain = chain_of(checker.model.arm_model, f"{arm}/{robot.tool}", first)
+        goal = PoseGoal("tool", np.eye(4))
+        seeds = np.clip(scene.arms[arm].q, robot.limits.lower, robot.limits.upper)[None]
+        search = IkSearch(chain, robot, goal, seeds, random_state(0))
+        for name in ("solutions", "nearest", "memory"):
+            search.struct.part(name)[:] = 0.0  # equal scenes have equal images
+        searches.append((f"tool of {arm}", search))
+        first += robot.nq
+    return searches
+
+
+def _frame(scene: Scene, name: str, search: IkSearch, checker: CollisionChecker) -> dict[str, Any]:
+    """A frame for inverse kinematics, and what the search depends on by the kind of its target."""
+    arm = name.removeprefix("tool of ")
+    robot, goal = scene.arms[arm].robot, PoseGoal("tool", np.eye(4))
+    before = checker.arms[: checker.arms.index(arm)]
+    tolerances = np.array([goal.position_tolerance, goal.orientation_tolerance])
+    return {
+        "name": f"{arm}/{robot.tool}",
+        "arm": arm,
+        "search": name,
+        "first": sum(scene.arms[other].robot.nq for other in before),
+        "weight": METERS_PER_RADIAN,
+        "tolerances": [(share * tolerances).tolist() for share in (SHARE, WHOLE)],
+        "separations": [DISTINCT_REDUNDANT if robot.nq > fixed else DISTINCT for fixed in (3, 6)],
+        "near": NEAR**2,
+    }
