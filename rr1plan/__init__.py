@@ -81,6 +81,10 @@ if TYPE_CHECKING:
     from rr1plan.hardware.control_box_frames import BoxCommand as BoxCommand
     from rr1plan.hardware.control_box_frames import Telemetry as Telemetry
     from rr1plan.hardware.telemetry_states import read_telemetry as read_telemetry
+    from rr1plan.lessons.lesson import Lesson as Lesson
+    from rr1plan.lessons.lesson import LessonStep as LessonStep
+    from rr1plan.lessons.lesson_catalog import lesson as lesson
+    from rr1plan.lessons.lesson_catalog import lesson_names as lesson_names
     from rr1plan.mirror.corridor import Corridor as Corridor
     from rr1plan.mirror.corridor import CorridorPosition as CorridorPosition
     from rr1plan.mirror.corridor import certified_corridor as certified_corridor
@@ -199,6 +203,7 @@ if TYPE_CHECKING:
     from rr1plan.robot.disabled_collisions import PairProposal as PairProposal
     from rr1plan.robot.disabled_collisions import propose_disabled_collisions as propose_disabled_collisions
     from rr1plan.robot.joint_limits import Limits as Limits
+    from rr1plan.robot.planar_arm import planar_arm as planar_arm
     from rr1plan.saved_motion import load_motion as load_motion
     from rr1plan.scene import Arm as Arm
     from rr1plan.scene import Attachment as Attachment
@@ -315,6 +320,8 @@ _EXPORTS = {
     "rr1plan.hardware.control_box": ("BoxChannel", "ControlBox", "load_control_box"),
     "rr1plan.hardware.control_box_frames": ("BoxCommand", "Telemetry"),
     "rr1plan.hardware.telemetry_states": ("read_telemetry",),
+    "rr1plan.lessons.lesson": ("Lesson", "LessonStep"),
+    "rr1plan.lessons.lesson_catalog": ("lesson", "lesson_names"),
     "rr1plan.mirror.corridor": ("Corridor", "CorridorPosition", "certified_corridor"),
     "rr1plan.mirror.joint_states": ("StateMessage", "StreamError", "read_states"),
     "rr1plan.mirror.mirror": ("Mirror",),
@@ -379,6 +386,7 @@ _EXPORTS = {
     "rr1plan.robot.contact_bands": ("ContactBand",),
     "rr1plan.robot.disabled_collisions": ("PairProposal", "propose_disabled_collisions"),
     "rr1plan.robot.joint_limits": ("Limits",),
+    "rr1plan.robot.planar_arm": ("planar_arm",),
     "rr1plan.saved_motion": ("load_motion",),
     "rr1plan.scene": ("Arm", "Attachment", "Obstacle", "Scene", "scene_differences"),
     "rr1plan.scene.loose_bodies": ("load_body", "stack_bodies"),

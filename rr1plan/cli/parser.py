@@ -255,6 +255,21 @@ def _cspace(parser: Parser) -> None:
     parser.details = lambda: f"{_planners()}\n\n{_EXIT_CODES}"
 
 
+def _lesson(parser: Parser) -> None:
+    parser.add_argument("lesson", metavar="LESSON", nargs="?", help="a lesson, by name (default: list them)")
+    parser.add_argument("--scene", help="your own arm and obstacles: a shipped scene or a scene file")
+    parser.add_argument("--query", help="with --scene: a query of that scene, by name, for lessons that have one")
+    parser.add_argument("--html", type=_file_of(".html"), metavar="FILE.html", help="write the page, for offline use")
+    parser.add_argument(
+        "--figure", type=_file_of(".png", ".svg"), metavar="FILE", help="write the picture for slides: .png or .svg"
+    )
+    parser.add_argument("--port", type=_count, help="port of the page on this machine (default: the next free one)")
+    parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
+    parser.needs("--query", "--scene")
+    for file in ("--html", "--figure"):
+        parser.excludes(file, "--port", "--no-browser")
+
+
 def _experiment(parser: Parser) -> None:
     parser.add_argument(
         "experiment",
@@ -357,6 +372,17 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         ),
         _cspace,
     ),
+    "lesson": (
+        "lesson_command.lesson",
+        "list the lessons, open one, or write its page and its figure for slides",
+        (
+            "rr1plan lesson",
+            "rr1plan lesson workspace",
+            "rr1plan lesson workspace --html workspace.html --figure workspace.svg",
+            "rr1plan lesson workspace --scene planar2r_path",
+        ),
+        _lesson,
+    ),
     "experiment": (
         "experiment.experiment",
         "measure the simulator and the viewer, beside the figures of the thesis",
@@ -395,7 +421,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
 
 
 # Commands that list things where nothing is named.
-_LISTS = ("robots", "scenes")
+_LISTS = ("robots", "scenes", "lesson")
 
 
 def _planners() -> str:

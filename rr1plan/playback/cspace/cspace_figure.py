@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
 # Letters that are read from the last row when the picture fills a slide.
-_STYLE = {
+STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 14,
     "axes.titlesize": 15,
@@ -35,7 +35,7 @@ _STYLE = {
 
 def draw(cspace: CSpaceQuery, width: float) -> Figure:
     """The whole picture as a matplotlib figure."""
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure(figsize=(width, 0.56 * width), layout="constrained", facecolor="white")
         FigureCanvasAgg(figure)
         left, right = figure.subplots(1, 2)
@@ -52,7 +52,7 @@ def save(cspace: CSpaceQuery, file: FilePath, kind: str, dpi: int) -> FilePath:
     """Write the picture as "png", "svg" or "pdf", atomically; the same picture gives the same bytes."""
     buffer = io.BytesIO()
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         draw(cspace, 13.0).savefig(buffer, format=kind, dpi=dpi, metadata=metadata)
     return write_bytes(file, buffer.getvalue())
 

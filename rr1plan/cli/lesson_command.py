@@ -1,0 +1,52 @@
+"""`lesson`: pages and figures for the lecture hall."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from typing import Any
+
+import rr1plan as rp
+from rr1plan.checks import known_name
+from rr1plan.cli.console import Console
+from rr1plan.cli.plan import named_query
+from rr1plan.files.file_access import check_writable
+from rr1plan.lessons.lesson_catalog import LESSONS
+from rr1plan.scene.model_library import load_scene
+
+
+def lesson(options: Namespace, console: Console) -> int:
+    """List the lessons; or open one, or write its page and its figure."""
+    if options.lesson is None:
+        console.table(("lesson", "title"), [(name, title) for name, (_, title) in LESSONS.items()])
+        console.names(list(LESSONS))
+        console.result([{"name": name, "title": title} for name, (_, title) in LESSONS.items()])
+        return 0
+    known_name("lesson", options.lesson, LESSONS)
+    for file in filter(None, (options.html, options.figure)):
+        check_writable(file)
+    with console.progress(f"computing {options.lesson}"):
+        made = rp.lesson(options.lesson, *_own(options))
+    if options.html is None and options.figure is None:
+        live: dict[str, Any] = {"port": options.port, "open_browser": not options.no_browser, "quiet": True}
+        with made.show(**live) as viewer:
+            console.say(f"page: {viewer.url}  (close it or press Ctrl-C to end)")
+            console.result({"url": viewer.url})
+            viewer.wait()
+        return 0
+    files = {}
+    if options.html is not None:
+        files["page"] = made.save_html(options.html)
+    if options.figure is not None:
+        save = made.save_png if options.figure.lower().endswith(".png") else made.save_svg
+        files["figure"] = save(options.figure)
+    for kind, file in files.items():
+        console.say(f"{kind}: {file}")
+    console.result({"lesson": options.lesson, "files": {kind: str(file) for kind, file in files.items()}})
+    return 0
+
+
+def _own(options: Namespace) -> tuple[rp.Scene | None, rp.Problem | None]:
+    """The scene and the query that were named."""
+    if options.query is not None:
+        return None, named_query(options.scene, options.query)
+    return (None if options.scene is None else load_scene(options.scene)), None

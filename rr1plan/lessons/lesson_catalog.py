@@ -1,0 +1,51 @@
+"""The lessons by name."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from rr1plan.checks import known_name, of_kind
+from rr1plan.errors import InputError
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
+
+if TYPE_CHECKING:
+    from rr1plan.lessons.lesson import Lesson
+
+# In the order of a course: of each lesson its class, in the module `<name>_lesson`, and its title.
+LESSONS = {
+    "workspace": ("WorkspaceLesson", "Workspace"),
+}
+
+
+def lesson_names() -> tuple[str, ...]:
+    """The names of the lessons, in the order of a course."""
+    return tuple(LESSONS)
+
+
+def lesson(name: str, scene: Scene | None = None, problem: Problem | None = None) -> Lesson:
+    """A lesson about the lesson's own arm and obstacles, or about yours.
+
+    Args:
+        name: One of `lesson_names()`.
+        scene: Your scene (default: the problem's, or the lesson's own), for most lessons with one arm of two joints,
+            e.g. a `planar_arm`.
+        problem: Your query in that scene, for lessons that have one.
+
+    Returns:
+        A value that draws itself: `show`, `save_html`, `save_png`, `save_svg`.
+
+    Raises:
+        UnknownNameError: no such lesson.
+        InputError: a scene or a problem that the lesson cannot be about; the message says what it needs.
+    """
+    kind, _ = LESSONS[known_name("lesson", name, LESSONS)]
+    of_kind("scene", scene, Scene, optional=True)
+    of_kind("problem", problem, Problem, optional=True)
+    if problem is not None and scene is not None and problem.scene is not scene:
+        raise InputError("the problem is about another scene; give its own, or leave out scene")
+    made: Lesson = getattr(import_module(f"rr1plan.lessons.{name}_lesson"), kind)(
+        problem.scene if problem is not None else scene, problem
+    )
+    return made

@@ -1,0 +1,73 @@
+"""The page of a lesson: the viewer's page with the lesson's panels, and its steps below the workspace."""
+
+from __future__ import annotations
+
+import html
+import os
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path as FilePath
+
+from rr1plan.checks import true_or_false
+from rr1plan.files.file_access import write_text
+from rr1plan.lessons.lesson import Lesson
+from rr1plan.playback.viewer.html_page import page_html
+from rr1plan.playback.viewer.live_viewer import Viewer, open_viewer
+from rr1plan.playback.viewer.page_document import Document
+from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
+
+
+def save_page(lesson: Lesson, file: str | os.PathLike[str], options: ViewOptions | None) -> FilePath:
+    """Write a lesson as one self-contained page; see `Lesson.save_html`."""
+    return write_text(file, page_html(*_page_parts(lesson, options)))
+
+
+def show_page(
+    lesson: Lesson, options: ViewOptions | None, *, port: int | None, open_browser: bool, quiet: bool
+) -> Viewer:
+    """Open a lesson live in the browser of this machine; see `Lesson.show`."""
+    open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
+    return open_viewer(_LessonViewer(lesson, options, port), open_browser, quiet)
+
+
+class _LessonViewer(Viewer):
+    """A live page of a lesson."""
+
+    def __init__(self, lesson: Lesson, options: ViewOptions | None, port: int | None) -> None:
+        document, options = _page_parts(lesson, options)
+        self._open(lesson.scene, document, options, port)
+
+
+def _page_parts(lesson: Lesson, options: ViewOptions | None) -> tuple[Document, ViewOptions]:
+    """The document of the page, and the options with all panels."""
+    options = checked_options(options)
+    document, panels = lesson._page(options)
+    if options.title is None:
+        document["title"] = lesson.title
+    # The steps come last, so that their script finds the other panels.
+    return document, replace(options, panels=(*panels, *options.panels, _steps_panel(lesson)))
+
+
+def _steps_panel(lesson: Lesson) -> Panel:
+    articles = "".join(
+        f'<article data-step="{html.escape(step.name)}" hidden><h3>{html.escape(step.title)}</h3>{step.text}</article>'
+        for step in lesson.steps
+    )
+    return Panel(
+        "steps",
+        lesson.title,
+        html=_asset("lesson.html").replace("{{ARTICLES}}", articles),
+        css=_asset("lesson.css") + _own_asset(lesson.name, "css"),
+        script=_asset("lesson.js") + _own_asset(lesson.name, "js") + "steps.begin();\n",
+        data={"poses": [step.q for step in lesson.steps], "own": lesson._data()},
+    )
+
+
+def _own_asset(name: str, suffix: str) -> str:
+    """The script ("js") or style ("css") of a lesson, empty where it has none."""
+    file = files("rr1plan.lessons") / "page" / f"{name}_lesson.{suffix}"
+    return file.read_text(encoding="utf-8") if file.is_file() else ""
+
+
+def _asset(name: str) -> str:
+    return (files("rr1plan.lessons") / "page" / name).read_text(encoding="utf-8")

@@ -1,0 +1,94 @@
+// Regions of the plane that the tool reaches in two ways, in one, in none, by the cells of the configuration space.
+
+const [TWICE, ONCE] = data.own.colors;
+const SIDE = 300;  // points along each side of the map
+
+class ReachMap {
+  constructor() {
+    const { THREE } = viewer;
+    this.space = viewer.panelData.cspace;
+    this.canvas = document.createElement("canvas");
+    this.canvas.width = this.canvas.height = SIDE;
+    this.texture = new THREE.CanvasTexture(this.canvas);
+    this.texture.encoding = THREE.sRGBEncoding;
+    const { base, height } = this.space.planar;
+    this.span = 1.02 * viewer.lesson.arm.outer;
+    const material = new THREE.MeshBasicMaterial({ map: this.texture, transparent: true, depthWrite: false });
+    this.plane = new THREE.Mesh(new THREE.PlaneGeometry(2 * this.span, 2 * this.span), material);
+    // Below the arm, so that links and obstacles are not tinted.
+    this.plane.position.set(base[0], base[1], height - 0.08 * this.span);
+    this.plane.visible = false;
+    viewer.add("reach", this.plane);
+    this.corner = steps.corner("reach");
+    this.corner.innerHTML = '<b></b><span><i class="twice"></i>reached in two ways</span><span><i class="once"></i>in one way</span><span><i class="never"></i>not at all</span>';
+    this.ignored = null;
+    viewer.on("change", () => this.read());
+    viewer.on("data", () => this.paint());
+  }
+
+  /** Counts with all layers but those for which ignore(layer) is true; null hides the map. */
+  show(ignore) {
+    this.ignored = ignore;
+    this.plane.visible = ignore !== null;
+    this.paint();
+    this.read();
+  }
+
+  /** Bits of the layers that count. */
+  mask() {
+    return this.space.layers.reduce((bits, layer, k) => (this.ignored(layer) ? bits : bits | (1 << k)), 0);
+  }
+
+  /** In how many ways the tool reaches a point. */
+  count(x, y, mask) {
+    const { arm, cells } = viewer.lesson, { base, low, high } = { ...this.space, base: this.space.planar.base };
+    const far = Math.hypot(x - base[0], y - base[1]);
+    if (far > arm.outer || far < arm.inner) return 0;
+    let ways = 0;
+    for (const side of [1, -1]) {
+      const [u, v] = arm.solve(x, y, side).map((q, axis) => (q - low[axis]) / (high[axis] - low[axis]));
+      const cell = cells.at(u, v);
+      if (cell >= 0 && !(cells.bits[cell] & mask)) ways += 1;
+    }
+    return ways;
+  }
+
+  paint() {
+    if (!this.ignored) return;
+    const pen = this.canvas.getContext("2d"), image = pen.createImageData(SIDE, SIDE), mask = this.mask();
+    const { base } = this.space.planar, colors = { 1: hex(ONCE), 2: hex(TWICE) };
+    for (let j = 0; j < SIDE; j++) {
+      for (let i = 0; i < SIDE; i++) {
+        const x = base[0] + this.span * ((2 * i + 1) / SIDE - 1), y = base[1] + this.span * (1 - (2 * j + 1) / SIDE);
+        const ways = this.count(x, y, mask), at = 4 * (j * SIDE + i);
+        if (!ways) continue;
+        // Hatched where there is one way, so that no reader depends on colors.
+        const stripe = ways === 1 && (i + j) % 9 < 2;
+        image.data.set(stripe ? [190, 120, 40, 190] : [...colors[ways], 190], at);
+      }
+    }
+    pen.putImageData(image, 0, 0);
+    this.texture.needsUpdate = true;
+    viewer.redraw();
+  }
+
+  /** Says in how many ways the tool is where it is. */
+  read() {
+    if (!this.ignored) { this.corner.hidden = true; return; }
+    this.corner.hidden = false;
+    const [x, y] = viewer.lesson.arm.tool(this.space.columns.map((column) => viewer.q[column]));
+    const ways = this.count(x, y, this.mask());
+    this.corner.querySelector("b").textContent = `tool at (${signed(x)}, ${signed(y)}) m: ${["in no way", "in one way", "in two ways"][ways]}`;
+  }
+}
+
+const hex = (color) => [1, 3, 5].map((k) => parseInt(color.slice(k, k + 2), 16));
+const signed = (v) => v.toFixed(2).replace("-", "−");
+
+const map = new ReachMap();
+const isLimit = (layer) => layer.kind === "limits";
+steps.reset = () => map.show(null);
+steps.on("elbows", () => map.show(() => true));
+steps.on("limits", () => map.show((layer) => !isLimit(layer)));
+steps.on("obstacles", () => map.show(() => false));
+steps.on("question", () => map.show(() => false));
