@@ -41,8 +41,8 @@ _SEED = 0
 PATHS: dict[str, tuple[ArrayLike, ArrayLike]] = {
     "take_turns": ([[1.2, -2.5], [0.0, -0.7], [-1.2, 2.5]], [[1.5, -2.2], [-0.3, -0.8], [-1.5, 2.2]]),
     "back_up": (
-        [[-0.3, 0.0], [-0.8, 1.5], [0.1, -2.1], [-0.7, 0.7]],
-        [[0.1, -1.6], [-0.3, 2.1], [0.7, 1.8], [0.4, 2.1]],
+        [[-0.6, 0.0], [0.6, 0.0]],
+        [[1.6, -2.4], [0.5, 0.0], [1.6, -2.4], [-1.6, -2.4], [-0.5, 0.0], [-1.6, -2.4]],
     ),
     "swap_sides": ([[0.2, 0.0], [-0.2, 0.0]], [[0.2, 0.0], [-0.2, 0.0]]),
 }
@@ -211,7 +211,7 @@ def _backing(pair: PathPair) -> tuple[_Schedule, ...]:
     curve = fastest_curve(pair, back_up=True)
     if curve is None:
         raise InputError("the arms do not get past each other on these paths")
-    text = _words("An arm comes out of the other one's way backwards, on its own path, and goes on later", curve)
+    text = _words("Left makes room, goes back on its path to make room again, and then goes on", curve)
     return (
         _Schedule("at_once", "Both at once", "Neither waits, and they touch.", "bad", unscheduled_curve(pair)),
         _Schedule("back_up", "Back up", text, "good", curve),
@@ -292,9 +292,10 @@ def _steps(
         (
             "back_up",
             "Sometimes an arm must back up",
-            "<p>Here every curve that only rises runs into a dead end: each arm comes into the other one's way before the "
-            "other can pass. A curve that falls for a while gets through. Falling means that an arm goes <b>back</b> on "
-            "its path and comes again.</p>",
+            "<p>The right arm reaches out low, folds, and reaches out high. Left swings from low to high. It has to be high "
+            "for the first, low for the second, and high in the end: every curve that only rises runs into a dead end, "
+            "whoever waits. The curve that gets through turns back to the left for a while: the left arm goes <b>back</b> "
+            "on its path and comes again.</p>",
         ),
         (
             "barrier",
