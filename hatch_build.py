@@ -4,9 +4,9 @@
 
 The compiler is `ziglang`, a wheel that needs nothing else on the machine, or that of the environment variable CC. One
 library is made for each level of the processor, and `rr1plan/kernels/planner_kernels.py` chooses at run time.
-The planners' kernels are also compiled to a WebAssembly module, `core.wasm`, which only pages need. That is always done
-by ziglang, because few other compilers have the target. With CC set and no ziglang that works, a warning says that the
-module is not built.
+The kernels are also compiled to WebAssembly modules, `core.wasm` and `referee.wasm`, which only pages need. That is
+always done by ziglang, because few other compilers have the target. With CC set and no ziglang that works, a warning says
+that the modules are not built.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ WASM = (
     *("-Wl,--no-entry", "-Wl,--export-dynamic", "-Wl,--export=__heap_base"),
     *("-Wl,-z,stack-size=1048576",),
 )
-CORE = ROOT / "rr1plan/kernels/built/core.wasm"
+# The module of each unit, for pages.
+MODULES = {UNITS[0]: ROOT / "rr1plan/kernels/built/core.wasm", UNITS[1]: UNITS[1].with_name("built") / "referee.wasm"}
 VARIANTS = {"x86_64": ("x86_64_v2", "x86_64_v3", "x86_64_v4"), "aarch64": ("aarch64",)}
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
 # What wheels call processors where that is not what compilers do.
@@ -126,10 +127,10 @@ def compile_kernels(unit: Path, out: Path, *flags: str, compiler: list[str] | No
 
 
 def build_all(warn: Callable[[str], object]) -> list[Path]:
-    """Compile the variants for this machine's kind of processor, and `core.wasm`.
+    """Compile the variants for this machine's kind of processor, and the modules for pages.
 
     Args:
-        warn: Is given the reason where `core.wasm` cannot be made.
+        warn: Is given the reason where the modules cannot be made.
 
     Raises:
         RuntimeError: an unknown system or processor, or a compiler that failed.
@@ -139,7 +140,7 @@ def build_all(warn: Callable[[str], object]) -> list[Path]:
     files = []
     # Compilers are processes of their own: as many run side by side as there are processors.
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        core = pool.submit(compile_kernels, UNITS[0], CORE, *WASM, compiler=zig())
+        modules = [pool.submit(compile_kernels, *pair, *WASM, compiler=zig()) for pair in MODULES.items()]
         running = []
         for unit in UNITS:
             for variant in VARIANTS[machine()]:
@@ -148,12 +149,13 @@ def build_all(warn: Callable[[str], object]) -> list[Path]:
     for library in running:
         library.result()
     try:
-        core.result()
-        files.append(CORE)
+        for module in modules:
+            module.result()
+        files += MODULES.values()
     except RuntimeError as error:
         if not own_compiler():
             raise
-        warn(f"core.wasm is not built: CC is set, and ziglang does not work: {error}")
+        warn(f"core.wasm and referee.wasm are not built: CC is set, and ziglang does not work: {error}")
     return files
 
 

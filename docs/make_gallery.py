@@ -30,9 +30,7 @@ def main() -> None:
     gallery.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
         work = Path(scratch)
-        for example in sorted(EXAMPLES.glob("[0-9]*.py")):
-            print(f"{example.name}", flush=True)
-            subprocess.run([sys.executable, str(example)], cwd=work, check=True, stdout=subprocess.DEVNULL)
+        run_examples(work)
         for page in sorted(work.glob("*.html")):
             screenshot(gallery / f"{page.stem}.png", page, size=SIZE, time=_moment(work, page))
         for picture in sorted(work.glob("*.png")):
@@ -40,6 +38,17 @@ def main() -> None:
         for name in SCENES:
             page = save_html(work / f"{name}.html", load_scene(name))
             screenshot(gallery / f"{name}.png", page, size=SIZE, bare=True)
+
+
+def run_examples(folder: Path) -> None:
+    """Run all examples in a folder, where they write their pages.
+
+    Raises:
+        CalledProcessError: one failed.
+    """
+    for example in sorted(EXAMPLES.glob("[0-9]*.py")):
+        print(example.name, flush=True)
+        subprocess.run([sys.executable, str(example)], cwd=folder, check=True, stdout=subprocess.DEVNULL)
 
 
 def _moment(work: Path, page: Path) -> float | None:

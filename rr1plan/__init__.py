@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from rr1plan.export.controller_rules import check_joint_trajectory as check_joint_trajectory
     from rr1plan.export.csv_files import load_csv as load_csv
     from rr1plan.export.csv_files import save_csv as save_csv
+    from rr1plan.export.glb_files import save_glb as save_glb
     from rr1plan.export.plan_files import save_motion as save_motion
     from rr1plan.export.robot_formats import save_mjcf as save_mjcf
     from rr1plan.export.robot_formats import save_rosbag as save_rosbag
@@ -151,10 +152,10 @@ if TYPE_CHECKING:
     from rr1plan.playback.cspace.configuration_space import cspace as cspace
     from rr1plan.playback.cspace.cspace_decomposition import Decomposition as Decomposition
     from rr1plan.playback.cspace.cspace_grid import CSpaceGrid as CSpaceGrid
-    from rr1plan.playback.cspace.search_trees import DrawnTree as DrawnTree
     from rr1plan.playback.schedules.coordination_diagram import CoordinationDiagram as CoordinationDiagram
     from rr1plan.playback.schedules.timeline import Timeline as Timeline
     from rr1plan.playback.schedules.timeline import timeline as timeline
+    from rr1plan.playback.search_trees import DrawnTree as DrawnTree
     from rr1plan.playback.simulation.arm_variation import ArmVariation as ArmVariation
     from rr1plan.playback.simulation.controllers import Controller as Controller
     from rr1plan.playback.simulation.controllers import ForwardPositionController as ForwardPositionController
@@ -181,6 +182,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer import ViewOptions as ViewOptions
     from rr1plan.playback.viewer import pack_array as pack_array
     from rr1plan.playback.viewer import save_html as save_html
+    from rr1plan.playback.viewer import save_video as save_video
     from rr1plan.playback.viewer import screenshot as screenshot
     from rr1plan.playback.viewer import show as show
     from rr1plan.progress import Progress as Progress
@@ -192,7 +194,6 @@ if TYPE_CHECKING:
     from rr1plan.retiming import retime as retime
     from rr1plan.retiming import retiming_names as retiming_names
     from rr1plan.retiming.path_blends import CurveChecker as CurveChecker
-    from rr1plan.robot import Color as Color
     from rr1plan.robot import Geometry as Geometry
     from rr1plan.robot import Inertial as Inertial
     from rr1plan.robot import Joint as Joint
@@ -221,6 +222,7 @@ if TYPE_CHECKING:
     from rr1plan.scene.model_library import scene_names as scene_names
     from rr1plan.scene.placement import place_grid as place_grid
     from rr1plan.scene.placement import place_ring as place_ring
+    from rr1plan.scene.polygon_prism import polygon_prism as polygon_prism
     from rr1plan.scene.problem import Goal as Goal
     from rr1plan.scene.problem import JointGoal as JointGoal
     from rr1plan.scene.problem import PoseGoal as PoseGoal
@@ -244,6 +246,7 @@ if TYPE_CHECKING:
     from rr1plan.sequences.stages import SequenceStage as SequenceStage
     from rr1plan.shapes import Box as Box
     from rr1plan.shapes import Capsule as Capsule
+    from rr1plan.shapes import Color as Color
     from rr1plan.shapes import Cylinder as Cylinder
     from rr1plan.shapes import HalfSpace as HalfSpace
     from rr1plan.shapes import Mesh as Mesh
@@ -311,6 +314,7 @@ _EXPORTS = {
     "rr1plan.experiments.run_experiments": ("ExperimentReport", "run_experiments"),
     "rr1plan.export.controller_rules": ("check_joint_trajectory",),
     "rr1plan.export.csv_files": ("load_csv", "save_csv"),
+    "rr1plan.export.glb_files": ("save_glb",),
     "rr1plan.export.plan_files": ("save_motion",),
     "rr1plan.export.robot_formats": ("save_mjcf", "save_rosbag"),
     "rr1plan.export.ros_trajectories": ("load_joint_trajectory", "save_joint_trajectory"),
@@ -357,9 +361,9 @@ _EXPORTS = {
     "rr1plan.playback.cspace.configuration_space": ("CSpace", "cspace"),
     "rr1plan.playback.cspace.cspace_decomposition": ("Decomposition",),
     "rr1plan.playback.cspace.cspace_grid": ("CSpaceGrid",),
-    "rr1plan.playback.cspace.search_trees": ("DrawnTree",),
     "rr1plan.playback.schedules.coordination_diagram": ("CoordinationDiagram",),
     "rr1plan.playback.schedules.timeline": ("Timeline", "timeline"),
+    "rr1plan.playback.search_trees": ("DrawnTree",),
     "rr1plan.playback.simulation.arm_variation": ("ArmVariation",),
     "rr1plan.playback.simulation.controllers": (
         "Controller",
@@ -377,12 +381,21 @@ _EXPORTS = {
     "rr1plan.playback.simulation.simulation": ("Simulation",),
     "rr1plan.playback.simulation.state_broadcaster": ("JointStateBroadcaster",),
     "rr1plan.playback.simulation.trajectory_controller": ("Execution", "ExecutionStatus", "JointTrajectoryController"),
-    "rr1plan.playback.viewer": ("Panel", "ViewOptions", "Viewer", "pack_array", "save_html", "screenshot", "show"),
+    "rr1plan.playback.viewer": (
+        "Panel",
+        "ViewOptions",
+        "Viewer",
+        "pack_array",
+        "save_html",
+        "save_video",
+        "screenshot",
+        "show",
+    ),
     "rr1plan.progress": ("Progress", "ProgressCallback"),
     "rr1plan.report": ("Margin", "Report", "Violation"),
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),
     "rr1plan.retiming.path_blends": ("CurveChecker",),
-    "rr1plan.robot": ("Color", "Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
+    "rr1plan.robot": ("Geometry", "Inertial", "Joint", "Link", "Mimic", "Robot"),
     "rr1plan.robot.contact_bands": ("ContactBand",),
     "rr1plan.robot.disabled_collisions": ("PairProposal", "propose_disabled_collisions"),
     "rr1plan.robot.joint_limits": ("Limits",),
@@ -400,6 +413,7 @@ _EXPORTS = {
         "scene_names",
     ),
     "rr1plan.scene.placement": ("place_grid", "place_ring"),
+    "rr1plan.scene.polygon_prism": ("polygon_prism",),
     "rr1plan.scene.problem": ("Goal", "JointGoal", "PoseGoal", "Problem", "RegionGoal"),
     "rr1plan.sequences.pick_and_place": ("pick_and_place", "top_grasps"),
     "rr1plan.sequences.plan_sequence": ("plan_sequence",),
@@ -410,7 +424,7 @@ _EXPORTS = {
     "rr1plan.sequences.sequence_replay": ("CarriedObject", "SequenceReplay"),
     "rr1plan.sequences.simulate_sequence": ("simulate_sequence",),
     "rr1plan.sequences.stages": ("SequenceStage",),
-    "rr1plan.shapes": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
+    "rr1plan.shapes": ("Box", "Capsule", "Color", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
     "rr1plan.shapes.convex_decomposition": ("convex_pieces",),
     "rr1plan.shapes.mesh_files": ("load_mesh",),
     "rr1plan.shapes.point_cloud_files": ("load_point_cloud",),

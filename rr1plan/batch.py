@@ -89,6 +89,7 @@ class PlanFailure(Value):
 
 
 Answer = MotionPlan | PlanResult | PlanFailure
+"""The answer of `plan_many` to one problem."""
 
 
 def plan_many(

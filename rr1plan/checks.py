@@ -17,6 +17,7 @@ from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.errors import shown as shown
 
 Array = NDArray[np.float64]
+"""Any array of float64."""
 # Beyond this [m] distances are less accurate than a micrometer, and Coal returns wrong ones (or none).
 FARTHEST = 1e4
 # A whole turn [rad], rounded up.
@@ -29,6 +30,7 @@ _LONGEST_PATH = 4095
 # Most entries in a repr: numbers or names of a list, entries of other lists.
 _MOST_NUMBERS, _MOST_ENTRIES = 8, 2
 Seed = np.random.Generator | int | None
+"""A generator, the seed of a new one, or None for a random seed."""
 
 
 def _in_brief(value: Any) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, TypedDict, TypeVar
 
 from rr1plan.checks import check_text, counted, known_name
 from rr1plan.errors import InputError, NoPlanError
+from rr1plan.notebook_view import NotebookView
 from rr1plan.path import Path
 from rr1plan.planning import PlanResult, PlanStatus
 from rr1plan.report import Report
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.schedules.timeline import Timeline
     from rr1plan.playback.simulation.replay import Replay
     from rr1plan.playback.viewer import Viewer, ViewOptions
+    from rr1plan.playback.viewer.page_document import Document
 
 _T = TypeVar("_T")
 _DEGREES = {0: "constant", 1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
@@ -37,7 +39,7 @@ class _Content(TypedDict):
 
 
 @dataclass(frozen=True, eq=False)
-class MotionPlan:
+class MotionPlan(NotebookView):
     """Result of `plan_motion`: the planner's result, path, trajectory and report.
 
     Asking a plan that failed for its path, trajectory or report raises `NoPlanError` with the
@@ -161,6 +163,14 @@ class MotionPlan:
 
         return save_html(file, self.scene, **self._content(), replay=replay, options=self._page_options(options))
 
+    def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
+        """The document of the motion's page, and its options with all panels."""
+        from rr1plan.playback.viewer.page_document import view_document
+        from rr1plan.playback.viewer.view_options import checked_options
+
+        options = checked_options(self._page_options(options))
+        return view_document(self.scene, **self._content(), options=options), options
+
     def timeline(self) -> Timeline:
         """The time line: when each arm moves and rests, which arms it waits for, and contacts that the referee found.
 
@@ -212,12 +222,15 @@ class MotionPlan:
         numbers = {arm: k for k, arm in enumerate(self.scene.arms)}
         return CoordinationDiagram(names, (numbers[one], numbers[two]), **vars(pair_timing(first, second)))
 
-    def _page_options(self, options: ViewOptions | None) -> ViewOptions | None:
-        """The options of a page; a plan of many arms has its time line beside it."""
+    def _page_options(self, options: ViewOptions | None) -> ViewOptions:
+        """The options of a page, with the planner's tree; a plan of many arms has its time line beside it."""
+        from rr1plan.playback.viewer.view_options import checked_options, with_panel
+
+        options = checked_options(options)
+        if options.tree is None and self.problem is not None:
+            options = replace(options, tree=self.result.tree)
         if self.many_arms is None or self._trajectory is None:
             return options
-        from rr1plan.playback.viewer.view_options import with_panel
-
         return with_panel(options, self.timeline().panel())
 
     def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:

@@ -26,8 +26,8 @@ class Progress:
     best_cost: float | None = None
 
 
-# It may return False to cancel the work.
 ProgressCallback = Callable[[Progress], bool | None]
+"""Called with the state of long work; False cancels it."""
 
 
 def fraction_callback(stage: str, progress: ProgressCallback | None) -> Callable[[float], None] | None:

@@ -28,13 +28,14 @@ from rr1plan.checks import (
     whole_number,
 )
 from rr1plan.errors import InputError
+from rr1plan.notebook_view import NotebookView
 from rr1plan.path import MOST_SAMPLES, check_joint_names
 
 _MOST_DERIVATIVE = 100
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory(Value):
+class Trajectory(Value, NotebookView):
     """Position as a function of time: q(t) = sum_k coefficients[i, k] (t - breaks[i])^k on piece i.
 
     Outside its time span a trajectory is constant (derivatives are zero).

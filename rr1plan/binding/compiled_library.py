@@ -90,6 +90,23 @@ class KernelLibrary:
             raise InstallationError(f"no compiled kernels for {platform.machine()} in {self.folder}; {HOW_TO_BUILD}")
         return self.load(self.variant_file(self.variants[0]))
 
+    def module(self, name: str) -> bytes:
+        """A WebAssembly module of the kernels, for pages.
+
+        Args:
+            name: Name of its file.
+
+        Raises:
+            InstallationError: it is not built, or was built from other headers.
+        """
+        file = self.folder / name
+        if not file.is_file():
+            raise InstallationError(f"no {file}; with ziglang installed, {HOW_TO_BUILD}")
+        module = file.read_bytes()
+        if self.sources.declarations.encode() not in module:
+            raise InstallationError(f"{file} was built from other headers; {HOW_TO_BUILD}")
+        return module
+
 
 def _unloadable(file: Path, error: Exception) -> InstallationError:
     return InstallationError(f"the compiled kernels {file} cannot be loaded: {error}; {HOW_TO_BUILD}")

@@ -157,6 +157,25 @@ def _play(parser: Parser) -> None:
     _topic(parser)
     parser.add_argument("--mode", choices=("dynamic", "kinematic"), default="dynamic", help="(%(default)s)")
     parser.add_argument("--timestep", type=_positive, default=0.002, help="step of the simulator [s] (%(default)s)")
+    _video(parser, "what the simulation did")
+    parser.needs("--size", "--video")
+    parser.needs("--bare", "--video")
+    parser.different_files("motion", "--video")
+
+
+def _video(parser: Parser, of: str) -> None:
+    """The options of videos and of pictures."""
+    parser.add_argument(
+        "--video", type=_file_of(".mp4", ".gif", ".webp"), metavar="FILE", help=f"film {of} (.mp4, .gif or .webp)"
+    )
+    parser.add_argument("--fps", type=_positive, default=30.0, help="pictures per second of the video (%(default)g)")
+    parser.add_argument("--speed", type=_positive, default=1.0, help="speed of the video (%(default)g)")
+    parser.add_argument(
+        "--size", type=_count, nargs=2, default=(1280, 800), metavar=("W", "H"), help="its size [px] (1280 800)"
+    )
+    parser.add_argument("--bare", action="store_true", help="without the cards around the picture")
+    parser.needs("--fps", "--video")
+    parser.needs("--speed", "--video")
 
 
 def _send(parser: Parser) -> None:
@@ -217,10 +236,21 @@ def _view(parser: Parser) -> None:
     parser.add_argument("--port", type=_count, help="port of the page on this machine (default: the next free one)")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
     parser.add_argument("--html", type=_named_file, metavar="FILE", help="write an offline page instead of serving one")
+    parser.add_argument("--png", type=_file_of(".png"), metavar="FILE", help="write a picture (needs Chromium)")
+    parser.add_argument("--time", type=_finite, metavar="T", help="its moment of the motion [s] (default: the start)")
+    _video(parser, "the motion")
+    parser.add_argument(
+        "--glb", type=_file_of(".glb"), metavar="FILE", help="write an animated 3-D model, for Blender, Unity or VR"
+    )
     parser.add_argument("--spheres", action="store_true", help="show the spheres that contain each link")
     _view_from(parser, "of the page")
-    parser.excludes("--html", "--port", "--no-browser")
-    parser.different_files("what", "--html")
+    files = ("--html", "--png", "--video", "--glb")
+    for option in files:
+        parser.excludes(option, "--port", "--no-browser")
+    parser.needs("--time", "--png")
+    parser.needs("--size", "--png", "--video")
+    parser.needs("--bare", "--png", "--video")
+    parser.different_files("what", *files)
 
 
 def _cspace(parser: Parser) -> None:
@@ -335,7 +365,11 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     "play": (
         "saved_motions.play",
         "replay a saved motion in MuJoCo",
-        ("rr1plan play motion.json", "rr1plan play motion.json --mode kinematic"),
+        (
+            "rr1plan play motion.json",
+            "rr1plan play motion.json --mode kinematic",
+            "rr1plan play motion.json --video motion.mp4",
+        ),
         _play,
     ),
     "send": (
@@ -350,7 +384,12 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     "view": (
         "view.view",
         "look at a scene or a saved motion in the browser",
-        ("rr1plan view rr1_shelf", "rr1plan view motion.json --html motion.html"),
+        (
+            "rr1plan view rr1_shelf",
+            "rr1plan view motion.json --html motion.html",
+            "rr1plan view motion.json --video motion.gif --size 640 400 --fps 20 --bare",
+            "rr1plan view motion.json --png start.png --glb motion.glb",
+        ),
         _view,
     ),
     "mirror": (

@@ -8,6 +8,7 @@ from typing import Any
 import rr1plan as rp
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console, milliseconds
+from rr1plan.cli.picture_files import check_files, write_files
 from rr1plan.cli.plan import named_query, page_options, summary, told_to, words
 from rr1plan.cli.saved_motions import saved_motion, say_changes
 from rr1plan.errors import InputError
@@ -64,19 +65,11 @@ def demo(options: Namespace, console: Console) -> int:
 
 
 def view(options: Namespace, console: Console) -> int:
-    """A scene or a saved motion in the browser, or as one offline page."""
-    look = page_options(options)
-    if options.html is not None:
-        check_writable(options.html)
+    """A scene or a saved motion in the browser, or as files."""
+    look, in_files = page_options(options), check_files(options)
     scene, motion = _what(options, console)
-    if options.html is not None:
-        page = (
-            rp.save_html(options.html, scene, options=look)
-            if motion is None
-            else motion.save_html(options.html, options=look)
-        )
-        console.say(f"page: {page}")
-        console.result({"page": str(page)})
+    if in_files:
+        write_files(scene, motion, options, look, console)
         return 0
     live: dict[str, Any] = {"port": options.port, "open_browser": not options.no_browser, "quiet": True}
     with rp.show(scene, options=look, **live) if motion is None else motion.show(options=look, **live) as viewer:

@@ -303,6 +303,15 @@ class CoalChecker:
         whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
         return self._placed(q).distance(pair)[0]
 
+    def solid_points(self, q: ArrayLike, pair: int) -> tuple[Array, Array]:
+        """The nearest points of one pair in `solid_pairs`, in the world [m], shape (3,) each.
+
+        Raises:
+            InputError: wrong shape or not finite, or no pair of that number.
+        """
+        whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
+        return self._placed(q).distance(pair)[1:]
+
     def checked(self, q: ArrayLike) -> Array:
         """The configuration q as an array of finite numbers, shape (nq,).
 

@@ -1,4 +1,4 @@
-// The planners' kernels (core.wasm) for JavaScript, in pages and in Node.
+// The kernels (core.wasm, referee.wasm) for JavaScript, in pages and in Node.
 //
 //     const core = await load(module);                 // the bytes of core.wasm
 //     const { scene, scratch } = core.place(image);    // tables made by Python's `CollisionChecker.memory_image`
@@ -27,7 +27,7 @@ const ADDRESS = Symbol("address");
 
 /** Start a module; `module` is an ArrayBuffer or a view of one. */
 export async function load(module) {
-  const { instance } = await WebAssembly.instantiate(module, {});
+  const { instance } = await WebAssembly.instantiate(module, { math: Math });
   return new Core(instance.exports);
 }
 

@@ -7,8 +7,6 @@ tables of its scene (`CollisionChecker.memory_image`).
 from __future__ import annotations
 
 from rr1plan.binding import memory_image as images
-from rr1plan.binding.compiled_library import HOW_TO_BUILD
-from rr1plan.errors import InstallationError
 from rr1plan.kernels.planner_kernels import LIBRARY, SOURCES
 
 
@@ -18,13 +16,7 @@ def core_module() -> bytes:
     Raises:
         InstallationError: it is not built, or was built from other headers.
     """
-    file = LIBRARY.folder / "core.wasm"
-    if not file.is_file():
-        raise InstallationError(f"no {file}; with ziglang installed, {HOW_TO_BUILD}")
-    module = file.read_bytes()
-    if SOURCES.declarations.encode() not in module:
-        raise InstallationError(f"{file} was built from other headers; {HOW_TO_BUILD}")
-    return module
+    return LIBRARY.module("core.wasm")
 
 
 def core_script() -> str:

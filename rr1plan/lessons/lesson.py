@@ -64,6 +64,7 @@ class Lesson(ABC):
     """
 
     name: ClassVar[str]
+    _aspect: ClassVar[float] = 0.56  # of the figure: height / width
     scene: Scene
     steps: tuple[LessonStep, ...]
 
@@ -111,7 +112,7 @@ class Lesson(ABC):
         if positive_number("width", width) > _WIDEST:
             raise InputError(f"width is {width:g} inches, expected at most {_WIDEST:g}")
         with rc_context(STYLE):
-            figure = Figure(figsize=(width, 0.56 * width), layout="constrained", facecolor="white")
+            figure = Figure(figsize=(width, self._aspect * width), layout="constrained", facecolor="white")
             FigureCanvasAgg(figure)
             self._draw(figure)
         return figure

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 # In the order of a course: of each lesson its class, in the module `<name>_lesson`, and its title.
 LESSONS = {
     "workspace": ("WorkspaceLesson", "Workspace"),
+    "configuration_space": ("ConfigurationSpaceLesson", "Configuration space"),
+    "no_path": ("NoPathLesson", "No free path although both ends are free"),
     "continuous_checking": ("ContinuousCheckingLesson", "Continuous checking"),
     "two_arms": ("TwoArmsLesson", "Two 2R arms"),
     "six_joints": ("SixJointsLesson", "Six joints"),

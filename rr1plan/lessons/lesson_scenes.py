@@ -6,8 +6,10 @@ from rr1plan.errors import InputError
 from rr1plan.model.flat_arm import FlatArm, flat_arm
 from rr1plan.robot.planar_arm import planar_arm
 from rr1plan.scene import Scene
+from rr1plan.scene.polygon_prism import polygon_prism
 from rr1plan.scene.problem import Problem
 from rr1plan.shapes import Box, Cylinder
+from rr1plan.transforms import as_pose, rotation_about
 
 
 def two_link_scene() -> Scene:
@@ -18,6 +20,23 @@ def two_link_scene() -> Scene:
         .with_arm("arm", robot, q=(0.5, 0.9))
         .with_obstacle("disc", Cylinder(0.16, 0.2), (1.0, -0.75, 0.0), color=(0.71, 0.33, 0.29, 1.0))
         .with_obstacle("plate", Box((0.5, 0.16, 0.2)), (-0.35, 1.1, 0.0), color=(0.29, 0.48, 0.65, 1.0))
+    )
+
+
+def polygon_scene() -> Scene:
+    """A 2R arm that turns without limits, among a disc, a turned box, a triangle and a concave polygon."""
+    box = as_pose((-0.62, 0.82, 0.0)).copy()
+    box[:3, :3] = rotation_about([0.0, 0.0, 1.0], 0.6)
+    corner = [(-1.2, -0.5), (-0.85, -0.5), (-0.85, -0.62), (-1.08, -0.62), (-1.08, -0.9), (-1.2, -0.9)]
+    return (
+        Scene(name="polygons")
+        .with_arm("arm", planar_arm("RR", (1.0, 0.7)), q=(0.3, 0.8))
+        .with_obstacle("disc", Cylinder(0.15, 0.2), (0.25, 0.72, 0.0), color=(0.71, 0.33, 0.29, 1.0))
+        .with_obstacle("box", Box((0.36, 0.2, 0.2)), box, color=(0.29, 0.48, 0.65, 1.0))
+        .with_obstacle(
+            "triangle", polygon_prism([(0.75, -1.2), (1.2, -1.05), (0.85, -0.75)], color=(0.49, 0.42, 0.62, 1.0))
+        )
+        .with_obstacle("corner", polygon_prism(corner, color=(0.85, 0.71, 0.29, 1.0)))
     )
 
 

@@ -9,10 +9,8 @@ so they use the same robot. The forward kinematics here is a reference in NumPy;
 from rr1plan.robot.check_robot import check_robot
 from rr1plan.robot.robot import Robot
 from rr1plan.robot.robot_parts import Geometry, Inertial, Joint, JointKind, Link, Mimic
-from rr1plan.shapes import Color
 
 __all__ = [
-    "Color",
     "Geometry",
     "Inertial",
     "Joint",

@@ -12,9 +12,9 @@ import numpy as np
 
 from rr1plan.checks import Array, read_only
 from rr1plan.errors import FormatError, InputError
-from rr1plan.robot import Color, Geometry, Inertial, Link
+from rr1plan.robot import Geometry, Inertial, Link
 from rr1plan.robot.mjcf_model import CompiledDocument
-from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
+from rr1plan.shapes import Box, Capsule, Color, Cylinder, HalfSpace, Mesh, Shape, Sphere
 from rr1plan.shapes.convex_decomposition import Convexity, convex_shapes
 from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import rotation_from_quaternion

@@ -27,13 +27,14 @@ from rr1plan.checks import (
     shown,
 )
 from rr1plan.errors import InputError
+from rr1plan.notebook_view import NotebookView
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.robot_parts import Joint, Link
 from rr1plan.shapes.content_digest import feed_digest
 
 
 @dataclass(frozen=True, eq=False)
-class Robot(Value):
+class Robot(Value, NotebookView):
     """Description of an arm. Build it with `rr1plan.load_robot`.
 
     Args:

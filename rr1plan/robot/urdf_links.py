@@ -9,10 +9,10 @@ import numpy as np
 from rr1plan.checks import Array, read_only
 from rr1plan.errors import FormatError, InputError
 from rr1plan.files.xml_reader import Element
-from rr1plan.robot import Color, Geometry, Inertial, Link
+from rr1plan.robot import Geometry, Inertial, Link
 from rr1plan.robot.mesh_lookup import MeshLookup
 from rr1plan.robot.urdf_joints import read_origin
-from rr1plan.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from rr1plan.shapes import Box, Capsule, Color, Cylinder, Shape, Sphere
 from rr1plan.shapes.convex_decomposition import Convexity, convex_shapes
 from rr1plan.shapes.mesh_files import MeshPart, read_mesh
 

@@ -25,6 +25,7 @@ from rr1plan.checks import (
     shown,
 )
 from rr1plan.errors import InputError
+from rr1plan.notebook_view import NotebookView
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.transforms import as_pose, quaternion_from_rotation, rotation_from_quaternion, unit_quaternion
@@ -150,12 +151,13 @@ class RegionGoal(Value):
 
 
 Goal = JointGoal | PoseGoal | RegionGoal
+"""Any goal of an arm."""
 # What a problem takes as the goal of an arm: a goal, a configuration's name or numbers, or a list of those.
 GoalLike = Goal | ArrayLike | Sequence[Goal | ArrayLike]
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Problem(Value):
+class Problem(Value, NotebookView):
     """A planning problem.
 
     Args:

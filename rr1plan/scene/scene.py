@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 
 from rr1plan.checks import check_text, finite_number, items_of, known_name, of_kind
 from rr1plan.errors import InputError
-from rr1plan.robot import Color, Geometry, Robot
+from rr1plan.robot import Geometry, Robot
 from rr1plan.scene.scene_content import SceneContent
 from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, pair, posed_shapes
-from rr1plan.shapes import HalfSpace, PointCloud, Shape
+from rr1plan.shapes import Color, HalfSpace, PointCloud, Shape
 from rr1plan.transforms import as_pose, identity, inverse
 
 

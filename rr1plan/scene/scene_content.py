@@ -25,6 +25,7 @@ from rr1plan.checks import (
     shown,
 )
 from rr1plan.errors import InputError
+from rr1plan.notebook_view import NotebookView
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
 from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, pair
@@ -32,7 +33,7 @@ from rr1plan.shapes.content_digest import feed_digest
 
 
 @dataclass(frozen=True, eq=False)
-class SceneContent(Value):
+class SceneContent(Value, NotebookView):
     """Content of a `Scene` and queries of it."""
 
     arms: Mapping[str, Arm] = field(default_factory=dict)

@@ -20,8 +20,8 @@ import numpy as np
 
 from rr1plan.checks import Array, known_name, read_only, resolved_path
 from rr1plan.files.checked_tables import Table, is_number
-from rr1plan.robot import Color, Geometry
-from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from rr1plan.robot import Geometry
+from rr1plan.shapes import Box, Capsule, Color, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, convex_shapes
 from rr1plan.shapes.convex_hulls import bounds_its_hull
 from rr1plan.shapes.mesh_files import joined_mesh, read_mesh

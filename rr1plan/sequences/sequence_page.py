@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path as FilePath
 
@@ -62,7 +63,8 @@ def page_parts(
         trajectory=trajectory,
         report=motion.report,
         replay=None if replay is None else replay.replay,
-        options=options,
+        # What is held changes from stage to stage, and with it what may be touched.
+        options=replace(options, clearances=False),
     )
     if replay is None and names:
         times = trajectory.sample_times(_FRAME)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from rr1plan.checks import Array, counted, finite_array, known_name, true_or_false
 from rr1plan.errors import NoPlanError
 from rr1plan.export.plan_files import save_sequence_document
+from rr1plan.notebook_view import NotebookView
 from rr1plan.planning import PlanStatus
 from rr1plan.report import Report
 from rr1plan.scene import Scene
@@ -22,11 +23,12 @@ from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from rr1plan.playback.viewer import Viewer, ViewOptions
+    from rr1plan.playback.viewer.page_document import Document
     from rr1plan.sequences.sequence_replay import SequenceReplay
 
 
 @dataclass(frozen=True, eq=False)
-class SequencePlan:
+class SequencePlan(NotebookView):
     """Result of `plan_sequence`, or a sequence from a file.
 
     Asking a plan that failed for its trajectory or report raises `NoPlanError` with the reason; look at `found` first.
@@ -185,6 +187,12 @@ class SequencePlan:
         from rr1plan.sequences.sequence_page import save_sequence_html
 
         return save_sequence_html(file, self._motion, replay, options)
+
+    def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
+        """The document of the motion's page, and its options with the panel of the stages."""
+        from rr1plan.sequences.sequence_page import page_parts
+
+        return page_parts(self._motion, None, options)
 
     def save(self, file: str | FilePath, *, embed: bool = False) -> FilePath:
         """Write scene, trajectory, stages and report to one JSON file; read it with `rr1plan.load_sequence`.

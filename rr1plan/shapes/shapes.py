@@ -202,3 +202,4 @@ Color = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0..1."""
 
 Shape = Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh | PointCloud
+"""Any shape of a link or an obstacle."""

@@ -30,11 +30,11 @@ from rr1plan.validation.moving_scene import MovingScene, moving_scene
 from rr1plan.validation.referee_kernels import load_library
 from rr1plan.validation.torque_checks import check_torques
 
-_MOST_SEARCHES = 400_000
+MOST_SEARCHES = 400_000
 # The smallest clearance is found to this [m], or this share of it.
 _TOLERANCE, _SHARE = 2e-4, 0.05
 # Positions beyond this [rad or m] are no motion of an arm, and cost digits.
-_FARTHEST = 1e6
+FARTHEST = 1e6
 # A speed beyond 100 times its limit, or times 10 rad/s (or m/s) where it has none, is no motion of an arm.
 _ABSURD, _FAST = 100.0, 10.0
 
@@ -94,7 +94,7 @@ def validate(
     columns, found = moving.columns, extremes(motion.breaks, motion.coefficients)
     judgment = Judgment(columns, found, motion.breaks, motion.coefficients)
     # Few searches for a motion that is far too fast, which is refused whatever it hits.
-    most_searches = _MOST_SEARCHES // 50 if judgment.is_absurd(_ABSURD, _FAST) else _MOST_SEARCHES
+    most_searches = MOST_SEARCHES // 50 if judgment.is_absurd(_ABSURD, _FAST) else MOST_SEARCHES
     options = ProofOptions(tolerance, most_searches, clearance, share)
     _check_collisions(findings, moving, motion, options, progress)
     _name_unchecked_links(findings, scene)
@@ -145,7 +145,7 @@ def certify_path(
     if not _check_values(findings, trajectory):
         return _no_motion(findings)
     moving, motion = moving_scene(scene, trajectory.joint_names), _motion_of(trajectory)
-    options = ProofOptions(tolerance, _MOST_SEARCHES, clearance, share)
+    options = ProofOptions(tolerance, MOST_SEARCHES, clearance, share)
     _check_collisions(findings, moving, motion, options, progress)
     _name_unchecked_links(findings, scene)
     found = extremes(motion.breaks, motion.coefficients)
@@ -234,7 +234,7 @@ def _makes_motion(breaks: Array, coefficients: Array) -> bool:
     if breaks.dtype != np.float64 or coefficients.dtype != np.float64:
         return False
     native = load_library()
-    return bool(native.rr1_makes_motion(breaks, len(breaks), coefficients, *coefficients.shape, _FARTHEST))
+    return bool(native.rr1_makes_motion(breaks, len(breaks), coefficients, *coefficients.shape, FARTHEST))
 
 
 def _no_motion(findings: Findings) -> Report:
@@ -254,10 +254,10 @@ def _check_reach(findings: Findings, trajectory: Trajectory) -> bool:
             power = power * widths
         reach = reach.max(axis=0)
     for name, value in zip(trajectory.joint_names, reach.tolist(), strict=True):
-        if not value <= _FARTHEST:
-            message = f"{name} has terms that add up to more than {_FARTHEST:.0e}, which is no motion of an arm"
-            findings.violations.append(Violation("finite", (name,), None, min(value, 1e308), _FARTHEST, message))
-    return bool((reach <= _FARTHEST).all())
+        if not value <= FARTHEST:
+            message = f"{name} has terms that add up to more than {FARTHEST:.0e}, which is no motion of an arm"
+            findings.violations.append(Violation("finite", (name,), None, min(value, 1e308), FARTHEST, message))
+    return bool((reach <= FARTHEST).all())
 
 
 def _check_collisions(

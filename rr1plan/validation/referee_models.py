@@ -79,6 +79,8 @@ class ArmTables:
         moving_planes: Those that a joint carries.
         own_checked: Which pairs of its elements must not touch, shape (elements, elements) of 0 and 1; symmetric. None
             where no pair of them is checked.
+        placement: What `rr1_fill_bodies` takes: shapes of the bodies, shape (n, 14), their poses in their elements and
+            the poses of the elements, shapes (16 n,).
     """
 
     links: tuple[str, ...]
@@ -90,6 +92,7 @@ class ArmTables:
     planes: tuple[int, ...]
     moving_planes: tuple[int, ...]
     own_checked: NDArray[np.uint8] | None
+    placement: tuple[Array, Array, Array]
 
 
 def arm_tables(robot: Robot, held: tuple[HeldThing, ...]) -> ArmTables:
@@ -139,7 +142,7 @@ def _build(content: _Content) -> ArmTables:
     on = np.repeat(np.array([carriers[link][0] for link, _, _ in elements], dtype=np.int64), counts)
     depth = np.array([len(chain) for chain in chains], dtype=np.int64)[on]
     own_checked = _own_checked(links, content)
-    shapes, bodies = _bodies(geometries, poses, first)
+    shapes, bodies, placement = _bodies(geometries, poses, first)
     table = bodies.part("bodies")
     table[:, LINK], table[:, DEPTH], table[:, FIRST_JOINT] = on, depth, np.cumsum(depth) - depth
     model = RefereeStruct(
@@ -157,7 +160,7 @@ def _build(content: _Content) -> ArmTables:
     )
     planes = _half_spaces(shapes, first)
     moving = tuple(i for i in planes if depth[first[i]] > 0)
-    return ArmTables(links, shapes, bodies, model, len(counts), int(depth.max(initial=0)), planes, moving, own_checked)
+    return ArmTables(links, shapes, bodies, model, len(counts), int(depth.max(initial=0)), planes, moving, own_checked, placement)
 
 
 def _joined(poses: Iterable[Array]) -> Array:
@@ -221,17 +224,17 @@ def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
     """The model of all obstacles of a scene: elements of a single link at the world's origin."""
     parts = [(obstacle.geometries, obstacle.pose) for obstacle in obstacles]
     first = _starts([len(geometries) for geometries, _ in parts])
-    shapes, bodies = _bodies([geometry for some, _ in parts for geometry in some], [pose for _, pose in parts], first)
+    shapes, bodies, placement = _bodies([geometry for some, _ in parts for geometry in some], [pose for _, pose in parts], first)
     model = RefereeStruct(
         "RefereeModel", bodies=bodies, element_bodies=first, element_count=len(parts), base_element=-1
     )
-    return ArmTables((), shapes, bodies, model, len(parts), 0, _half_spaces(shapes, first), (), None)
+    return ArmTables((), shapes, bodies, model, len(parts), 0, _half_spaces(shapes, first), (), None, placement)
 
 
 def _bodies(
     geometries: Sequence[Geometry], poses: Iterable[Array], first: Table
-) -> tuple[tuple[Shape, ...], RefereeStruct]:
-    """Shapes, and bodies as the kernels read them, on link 0, with their corners and trees.
+) -> tuple[tuple[Shape, ...], RefereeStruct, tuple[Array, Array, Array]]:
+    """Shapes, bodies as the kernels read them, on link 0, with their corners and trees, and their `placement`.
 
     Args:
         geometries: The shapes of all elements, in their frames.
@@ -243,8 +246,8 @@ def _bodies(
         -1, _ROW.size // 8
     )
     table, sizes = np.empty((len(shapes), 7), dtype=np.int64), np.empty((len(shapes), 23))
-    frames = _joined([geometry.pose for geometry in geometries])
-    columns = load_library().rr1_fill_bodies(rows, frames, _joined(poses), first, len(first) - 1, table, sizes)
+    frames, elements = _joined([geometry.pose for geometry in geometries]), _joined(poses)
+    columns = load_library().rr1_fill_bodies(rows, frames, elements, first, len(first) - 1, table, sizes)
     arrays = {"bodies": table, "sizes": sizes}
     if columns:
         made = [point_body(shape) for shape in shapes if isinstance(shape, (Mesh, PointCloud))]
@@ -254,4 +257,5 @@ def _bodies(
             table[table[:, SHAPE] >= SURFACE, FIRST_NODE] = _starts([len(tree.nodes) for tree in trees])[:-1]
             arrays["boxes"] = np.concatenate([tree.boxes for tree in trees])
             arrays["nodes"] = np.concatenate([tree.nodes for tree in trees])
-    return shapes, RefereeStruct("RefereeBodies", body_count=len(shapes), corner_count=columns, **arrays)
+    bodies = RefereeStruct("RefereeBodies", body_count=len(shapes), corner_count=columns, **arrays)
+    return shapes, bodies, (rows, frames, elements)

@@ -209,7 +209,7 @@ def test_the_simulated_shadow_is_where_the_replay_was(calm: Any, two_arms: rp.Sc
     calm.ask("RR1.setShown('replay', true), RR1.seek(1.5)")
     tool = two_arms.arms["left"].robot.tool
     at = calm.ask(
-        "n => Array.from(RR1.world.replayPoses.slice(16 * n, 16 * n + 16))",
+        "n => Array.from(RR1.world.followers.replay.poses.slice(16 * n, 16 * n + 16))",
         two_arms.arms["left"].robot.link_names.index(tool),
     )
     calm.ask("RR1.setShown('replay', false)")

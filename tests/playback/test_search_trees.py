@@ -7,7 +7,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.planning import SearchTree
-from rr1plan.playback.cspace.search_trees import drawn_tree, trees_of
+from rr1plan.playback.search_trees import drawn_tree, trees_of
 
 START, GOAL = np.array([0.0, 0.0]), np.array([5.0, 5.0])
 

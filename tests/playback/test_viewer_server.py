@@ -41,8 +41,14 @@ async def close(connection: WebSocketClientConnection) -> None:
         message = await asyncio.wait_for(connection.read_message(), 20)
 
 
-async def listen(viewer: Viewer, count: int, version: str = "1", **headers: str) -> list[Any]:
-    request = HTTPRequest(f"{viewer.url.replace('http', 'ws')}updates?version={version}", headers=headers)
+def updates(viewer: Viewer, version: str = "1", token: str | None = None) -> str:
+    """The address of a viewer's messages."""
+    known = viewer._page.token if token is None else token
+    return f"{viewer.url.replace('http', 'ws')}updates?version={version}&token={known}"
+
+
+async def listen(viewer: Viewer, count: int, version: str = "1", token: str | None = None, **headers: str) -> list[Any]:
+    request = HTTPRequest(updates(viewer, version, token), headers=headers)
     connection = await websocket_connect(request)
     try:
         return [await asyncio.wait_for(connection.read_message(), 20) for _ in range(count)]
@@ -76,7 +82,7 @@ def test_a_foreign_host_name_is_refused(viewer: Viewer, host: str) -> None:
 
 def test_a_page_of_another_origin_is_refused(viewer: Viewer) -> None:
     with pytest.raises(HTTPClientError, match="403"):
-        asyncio.run(listen(viewer, 1, Origin="http://evil.example"))
+        asyncio.run(listen(viewer, 1, token="guessed", Origin="http://evil.example"))
 
 
 def test_late_joiners_get_the_newest_document_and_configuration(viewer: Viewer, rr1_table: rp.Scene) -> None:
@@ -93,7 +99,7 @@ def test_a_slow_page_gets_the_newest_configuration(viewer: Viewer, rr1_table: rp
     home = rr1_table.configuration()
 
     async def follow() -> np.ndarray:
-        connection = await websocket_connect(f"{viewer.url.replace('http', 'ws')}updates?version=1")
+        connection = await websocket_connect(updates(viewer))
         for i in range(500):
             viewer.update(home + i)
         while True:
@@ -139,7 +145,7 @@ def test_sliders_of_pages_are_heard_and_anything_else_is_not(viewer: Viewer) -> 
     odd += ['{"type": "slider", "column": 0, "value": 1e300}', '{"type": "slider", "column": 0, "value": NaN}']
 
     async def tell() -> None:
-        connection = await websocket_connect(f"{viewer.url.replace('http', 'ws')}updates?version=1")
+        connection = await websocket_connect(updates(viewer))
         for message in (*odd, *sent):
             await connection.write_message(message)
         while len(heard) < 2:
@@ -188,7 +194,7 @@ def test_wait_ends_with_close_and_with_its_timeout(viewer: Viewer) -> None:
 async def look(viewer: Viewer, times: int, away: float) -> None:
     """A page that is opened, and loaded again `times` - 1 times."""
     for _ in range(times):
-        connection = await websocket_connect(f"{viewer.url.replace('http', 'ws')}updates?version=1")
+        connection = await websocket_connect(updates(viewer))
         await asyncio.sleep(0.05)
         connection.close()
         await asyncio.sleep(away)
@@ -210,7 +216,7 @@ def test_a_page_that_is_loaded_again_does_not_end_wait(viewer: Viewer, monkeypat
     looker.start()
     assert not viewer.wait(0.7)
     looker.join()
-    assert viewer._server.visits == 3
+    assert viewer._page.visits == 3
 
 
 @pytest.mark.parametrize("timeout", [-1.0, float("nan"), "long"])

@@ -3,6 +3,8 @@
 //   steps.on(name, enter)    enter() is called whenever the step of that name is entered
 //   steps.reset = f          f() is called before every step, and undoes what steps have shown
 //   steps.corner(name)       an element in a corner of the workspace, for a legend or numbers
+//   steps.overlay(draw)      draw(pen, at) draws over the square of the configuration space, again after resizing and by
+//                            .paint(): at(q) is the point [px] of two joint values;  .show(on) shows or hides it
 //   steps.go(index)          enter a step;  steps.index, steps.name: the present one
 //
 // On the page it is RR1.steps.
@@ -39,6 +41,8 @@ class Steps {
     return corner;
   }
 
+  overlay(draw) { return new Overlay(draw); }
+
   /** Enters the first step, or the one that the page's address names. */
   begin() {
     const wish = Number(new URLSearchParams(location.hash.slice(1)).get("step"));
@@ -59,6 +63,37 @@ class Steps {
     if (data.poses[index]) viewer.setQ(data.poses[index]);
     if (this.hooks[this.name]) this.hooks[this.name]();
     viewer.redraw();
+  }
+}
+
+/** A canvas over the square of the configuration space. */
+class Overlay {
+  constructor(draw) {
+    this.draw = draw;
+    this.canvas = document.createElement("canvas");
+    Object.assign(this.canvas, { className: "overlay", hidden: true });
+    this.canvas.setAttribute("aria-hidden", "true");
+    const plot = viewer.lesson.canvas.parentElement;
+    plot.append(this.canvas);
+    new ResizeObserver(() => this.paint()).observe(plot);
+  }
+
+  show(on) {
+    this.canvas.hidden = !on;
+    this.paint();
+  }
+
+  paint() {
+    if (this.canvas.hidden) return;
+    const { canvas, plot, ratio } = viewer.lesson, { low, high } = viewer.panelData.cspace;
+    this.canvas.width = canvas.width;
+    this.canvas.height = canvas.height;
+    const pen = this.canvas.getContext("2d");
+    pen.beginPath();
+    pen.rect(plot.x, plot.y, plot.size, plot.size);
+    pen.clip();
+    const at = (q) => [plot.x + (plot.size * (q[0] - low[0])) / (high[0] - low[0]), plot.y + plot.size * (1 - (q[1] - low[1]) / (high[1] - low[1]))];
+    this.draw(pen, at, ratio);
   }
 }
 

@@ -21,10 +21,10 @@ from rr1plan.multi.scenarios.endpoint_sampling import (
     sample_configurations,
     tool_in_box,
 )
-from rr1plan.robot import Color, Geometry, Robot
+from rr1plan.robot import Geometry, Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
-from rr1plan.shapes.shapes import Box, HalfSpace
+from rr1plan.shapes.shapes import Box, Color, HalfSpace
 from rr1plan.transforms import pose
 
 _ATTEMPTS = 10

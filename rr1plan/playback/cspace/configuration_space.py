@@ -18,6 +18,7 @@ from rr1plan.checks import (
     whole_number,
 )
 from rr1plan.errors import InputError
+from rr1plan.notebook_view import NotebookView
 from rr1plan.planning import PlanResult
 from rr1plan.playback.cspace.cspace_query import CSpaceQuery, compute_query
 from rr1plan.progress import ProgressCallback
@@ -29,13 +30,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rr1plan.playback.viewer.live_viewer import Viewer
+    from rr1plan.playback.viewer.page_document import Document
     from rr1plan.playback.viewer.view_options import ViewOptions
 
 _WIDEST = 100.0  # [inch]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CSpace(CSpaceQuery):
+class CSpace(CSpaceQuery, NotebookView):
     """The configuration space of two joints with a query and its answer, as figures and pages.
 
     `CSpaceQuery` lists what it holds.
@@ -131,6 +133,14 @@ class CSpace(CSpaceQuery):
         from rr1plan.playback.cspace.cspace_page import save_page
 
         return save_page(self, file, trajectory=trajectory, options=options)
+
+    def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
+        """The document of the page, and its options with the panel of the configuration space."""
+        from rr1plan.playback.cspace.cspace_page import page_parts
+        from rr1plan.playback.viewer.view_options import with_panel
+
+        document, panel = page_parts(self, options=options)
+        return document, with_panel(options, panel)
 
     def show(
         self,

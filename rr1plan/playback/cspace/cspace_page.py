@@ -23,8 +23,8 @@ from rr1plan.playback.cspace.cspace_colors import layer_colors
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace.cspace_raster import SELF
 from rr1plan.playback.cspace.cspace_verdict import tone, verdict
-from rr1plan.playback.cspace.search_trees import DrawnTree
 from rr1plan.playback.outlines import silhouette
+from rr1plan.playback.search_trees import DrawnTree
 from rr1plan.playback.simulation.replay import Replay
 from rr1plan.playback.viewer.html_page import page_html
 from rr1plan.playback.viewer.page_document import Document, first_camera, pack_array, view_document

@@ -28,7 +28,7 @@ from rr1plan.playback.cspace.cspace_decomposition import Decomposition, decompos
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, compute_grid, two_joints
 from rr1plan.playback.cspace.cspace_raster import layer_of
 from rr1plan.playback.cspace.cspace_targets import CellTargets, off_by
-from rr1plan.playback.cspace.search_trees import DrawnTree, drawn_tree
+from rr1plan.playback.search_trees import DrawnTree, drawn_tree
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Goal, JointGoal, Problem

@@ -14,7 +14,7 @@ from rr1plan.checks import Array
 from rr1plan.playback.cspace.cspace_colors import GOAL, INK, START, end_tints, layer_colors
 from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
 from rr1plan.playback.cspace.cspace_lines import along, gradient, write_name
-from rr1plan.playback.cspace.search_trees import DrawnTree
+from rr1plan.playback.search_trees import DrawnTree
 
 if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
@@ -43,8 +43,8 @@ def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Arr
     return np.asarray(image.transpose(1, 0, 2))
 
 
-def draw_torus(axes: Any, cspace: CSpaceQuery) -> None:
-    """Draw it."""
+def draw_torus(axes: Any, cspace: CSpaceQuery, note: bool = True) -> None:
+    """Draw it; with a note that dashed edges meet, for which narrow axes have no room."""
     grid = cspace.grid
     axes.set_title("configuration space", loc="left", color=INK)
     extent = [*_edges(grid.axes[0]), *_edges(grid.axes[1])]
@@ -65,7 +65,7 @@ def draw_torus(axes: Any, cspace: CSpaceQuery) -> None:
     for name, spot in grid.name_spots().items():
         write_name(axes, name, spot, colors[name])
     _draw_ends(axes, cspace)
-    _draw_seams(axes, grid)
+    _draw_seams(axes, grid, note)
     axes.set(xlim=extent[:2], ylim=extent[2:])
     for k, (axis, name, turns) in enumerate(zip((axes.xaxis, axes.yaxis), grid.joint_names, grid.turns, strict=True)):
         axis.set_label_text(rf"$\theta_{k + 1}$ {name} [rad]" if turns else rf"$d_{k + 1}$ {name} [m]")
@@ -135,13 +135,13 @@ def _draw_ends(axes: Any, cspace: CSpaceQuery) -> None:
         mark(cspace.start, "start", START, marker="o", markersize=12)
 
 
-def _draw_seams(axes: Any, grid: CSpaceGrid) -> None:
+def _draw_seams(axes: Any, grid: CSpaceGrid, note: bool) -> None:
     """Say which edges of the picture are the same place."""
     for axis, (closes, sides) in enumerate(zip(grid.periodic, (("left", "right"), ("bottom", "top")), strict=True)):
         for side in sides:
             axes.spines[side].set_linestyle((0, (5, 3)) if closes else "-")
             axes.spines[side].set_linewidth(1.4 if closes else 1.0)
-        if closes:
+        if closes and note:
             spot = (
                 {"xy": (1.0, 1.015), "ha": "right"}
                 if axis == 0

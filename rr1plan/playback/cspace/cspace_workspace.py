@@ -28,11 +28,15 @@ def draw_workspace(axes: Any, cspace: CSpaceQuery) -> None:
     reach = _draw_reach(axes, cspace)
     colors = layer_colors(grid)
     for name, obstacle in scene.obstacles.items():
+        color, centers = colors.get(name, "#999999"), []
         for g in obstacle.geometries:
             if not isinstance(g.shape, HalfSpace):
-                corners, color = silhouette(g.shape, obstacle.pose @ g.pose), colors.get(name, "#999999")
-                axes.add_patch(Polygon(corners, facecolor=color, edgecolor="none", zorder=2))
-                write_name(axes, name, corners.mean(axis=0), color)
+                corners = silhouette(g.shape, obstacle.pose @ g.pose)
+                # An edge as thin as a hair closes the seams between the pieces of an obstacle.
+                axes.add_patch(Polygon(corners, facecolor=color, edgecolor=color, linewidth=0.3, zorder=2))
+                centers.append(corners.mean(axis=0))
+        if centers:
+            write_name(axes, name, np.mean(centers, axis=0), color)
     for q, color, alpha in _configurations(cspace):
         _draw_arm(axes, grid, q, color, alpha)
     if cspace.path is not None:

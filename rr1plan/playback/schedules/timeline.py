@@ -74,7 +74,7 @@ def timeline(
         trajectory: The motion; its columns are joints of the scene.
         scene: The scene.
         report: The referee's verdict, whose collisions are marked.
-        waits: For whom arms wait; `Wait`s of a plan. A rest that none of them overlaps has no reason.
+        waits: For whom arms wait; `Wait` values of a plan. A rest that none of them overlaps has no reason.
         undelayed: How long the path of an arm takes without waiting [s], where that is known.
 
     Raises:

@@ -22,24 +22,24 @@ from typing import Any
 from rr1plan.checks import finite_array
 from rr1plan.errors import BackendError, InputError, MissingPackageError
 from rr1plan.kernels.wasm_core import core_script
+from rr1plan.playback.viewer.live_page import LiveAccess
 from rr1plan.playback.viewer.page_document import Document
-from rr1plan.playback.viewer.page_planner import page_module
+from rr1plan.playback.viewer.page_planner import page_modules
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 
 _SCRIPTS = (
-    "math.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js", "player.js",
-    "conflicts.js", "controls.js", "live.js", "main.js",
+    "math.js", "referee.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js", "player.js",
+    "conflicts.js", "controls.js", "overlays.js", "plot_curves.js", "plots.js", "live.js", "main.js",
 )  # fmt: skip
 
 
-def page_html(document: Document, options: ViewOptions | None = None, *, live: bool = False, version: int = 0) -> str:
+def page_html(document: Document, options: ViewOptions | None = None, *, live: LiveAccess | None = None) -> str:
     """The page as text.
 
     Args:
         document: What `view_document` made.
         options: The panels, the first view, and whether the motion runs; title and spheres are in the document.
-        live: The page asks the server it came from for updates.
-        version: Of the document, so that the server knows whether the page has the newest.
+        live: The program that the page follows; None for a page by itself.
 
     Raises:
         InputError: data JSON cannot hold.
@@ -51,17 +51,16 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: b
     plans = plans_by_itself(document)
     scripts = [_meshcat(), _script(panels)]
     settings = {
-        "live": live,
-        "version": version,
+        "live": None if live is None else live._asdict(),
         "view": options.view,
         "play": options.play,
         "panels": [{"name": p.name, "data": p.data} for p in panels],
-        "module": page_module() if plans else None,
+        "modules": page_modules() if plans else None,
     }
     slots = {
         "TITLE": html.escape(document["title"]),
         "POLICY": html.escape(_policy(scripts, live, plans)),
-        "STYLE": _asset("page.css") + "".join(_sealed(p.css, "style") for p in panels),
+        "STYLE": _asset("page.css") + _asset("plots.css") + "".join(_sealed(p.css, "style") for p in panels),
         "PANELS": "".join(_panel_html(p) for p in panels),
         "DOCUMENT": json_for_html(document),
         "SETTINGS": json_for_html(settings),
@@ -78,7 +77,7 @@ def plans_by_itself(document: Document) -> bool:
 
 def planner_script() -> str:
     """The page's planner as a script of its own, which defines `PagePlanner`."""
-    return f"{_core_script()}\n{_asset('planner.js')}"
+    return "\n".join([_core_script(), _asset("referee.js"), _asset("planner.js")])
 
 
 def _core_script() -> str:
@@ -87,9 +86,9 @@ def _core_script() -> str:
 
 
 def embed_html(text: str, height: int = 600) -> str:
-    """A page inside a notebook's page."""
+    """A page inside a notebook, kept apart from it so that browsers do not draw it while it is out of sight."""
     style = f"width:100%;height:{int(height)}px;border:0;border-radius:8px"
-    return f'<iframe srcdoc="{html.escape(text)}" style="{style}"></iframe>'
+    return f'<iframe srcdoc="{html.escape(text)}" sandbox="allow-scripts allow-downloads" style="{style}"></iframe>'
 
 
 def json_for_html(value: Any) -> str:
@@ -162,10 +161,10 @@ def _panel_html(panel: Panel) -> str:
     return f'<section class="panel" id="panel-{panel.name}" style="{width}">{head}{panel.html}</section>'
 
 
-def _policy(scripts: Sequence[str], live: bool, plans: bool) -> str:
+def _policy(scripts: Sequence[str], live: LiveAccess | None, plans: bool) -> str:
     hashes = [base64.b64encode(hashlib.sha256(s.encode("utf-8")).digest()).decode("ascii") for s in scripts]
     allowed = " ".join([*(f"'sha256-{h}'" for h in hashes), *(["'wasm-unsafe-eval'"] if plans else [])])
-    connect = "'self'" if live else "'none'"
+    connect = "'none'" if live is None else live.address or "'self'"
     return (
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
         f"img-src data: blob:; connect-src {connect}; base-uri 'none'; form-action 'none'"

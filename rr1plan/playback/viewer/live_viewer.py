@@ -29,8 +29,9 @@ from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.playback.simulation.replay import Replay
 from rr1plan.playback.viewer.html_page import embed_html, page_html
+from rr1plan.playback.viewer.live_page import LiveAccess
 from rr1plan.playback.viewer.page_document import Document, view_document
-from rr1plan.playback.viewer.page_server import PageServer
+from rr1plan.playback.viewer.page_server import serve_page
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 from rr1plan.report import Report
 from rr1plan.scene import Scene
@@ -81,23 +82,27 @@ class Viewer:
         self._ended = threading.Event()
         page_html(document, options)
         self._on_slider: SliderCallback | None = None
-        self._server = PageServer(self._html, port, self._hear)
-        self._server.set_document(document)
+        self._server, self._page = serve_page(self._html, self._hear, port)
+        self._page.set_document(document)
 
     @property
     def url(self) -> str:
         """Address of the page, for browsers of this machine."""
-        return self._server.url
+        return self._page.url
 
     @property
     def pages(self) -> int:
         """Number of connected pages."""
-        return self._server.pages
+        return self._page.pages
 
     @property
     def closed(self) -> bool:
         """Whether the page is no longer served."""
-        return not self._server.running
+        return not self._server.has(self._page)
+
+    def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
+        """The document that the pages show, and their options."""
+        return self._document, self._options if options is None else options
 
     def load(
         self,
@@ -127,7 +132,7 @@ class Viewer:
         """Send another document to the pages, and the data of these panels to the panels of the same names."""
         known = {panel.name: panel for panel in (*self._options.panels, *panels)}
         data = {panel.name: panel.data for panel in panels}
-        self._server.set_document({**document, "panels": data} if data else document)
+        self._page.set_document({**document, "panels": data} if data else document)
         self._scene, self._document = scene, document
         self._options = replace(self._options, panels=tuple(known.values()))
 
@@ -148,7 +153,7 @@ class Viewer:
             }
             q = np.concatenate([configurations.get(name, arm.q) for name, arm in self._scene.arms.items()])
         values = finite_array("q", q, (len(self._document["columns"]),))
-        self._server.set_frame(values.astype("<f8").tobytes())
+        self._page.set_frame(values.astype("<f8").tobytes())
 
     def update_panel(self, name: str, data: Mapping[str, object]) -> None:
         """Put new entries into the data of a panel, whose script hears of it by `viewer.on("data", ...)`.
@@ -163,7 +168,7 @@ class Viewer:
         """
         known_name("panel", name, [panel.name for panel in self._options.panels])
         of_kind("data", data, Mapping)
-        self._server.update_panel(name, dict(data))
+        self._page.update_panel(name, dict(data))
 
     def on_slider(self, callback: SliderCallback | None) -> None:
         """Hear when somebody moves a slider of a joint on a page, with the mouse or with the arrow keys.
@@ -190,11 +195,11 @@ class Viewer:
 
     def play(self) -> None:
         """Start the clock of the motion."""
-        self._server.command("play")
+        self._page.command("play")
 
     def pause(self) -> None:
         """Stop the clock."""
-        self._server.command("pause")
+        self._page.command("pause")
 
     def seek(self, t: float) -> None:
         """Show a moment of the motion [s].
@@ -202,7 +207,7 @@ class Viewer:
         Raises:
             InputError: not a finite number.
         """
-        self._server.command("seek", finite_number("t", t))
+        self._page.command("seek", finite_number("t", t))
 
     def set_speed(self, speed: float) -> None:
         """Set the playback speed as a multiple of real time.
@@ -210,7 +215,7 @@ class Viewer:
         Raises:
             InputError: not a number above zero.
         """
-        self._server.command("speed", positive_number("speed", speed))
+        self._page.command("speed", positive_number("speed", speed))
 
     def wait(self, timeout: float | None = None) -> bool:
         """Keep the program alive until the page has been opened and closed again, or Ctrl-C, or `close`.
@@ -229,12 +234,12 @@ class Viewer:
         if timeout is not None and finite_number("timeout", timeout) < 0.0:
             raise InputError(f"timeout is {timeout}, expected a time >= 0 [s]")
         began = monotonic()
-        visits_before = self._server.visits - self.pages
+        visits_before = self._page.visits - self.pages
         try:
             while True:
                 now = monotonic()
-                opened = self._server.visits > visits_before
-                if opened and not self.pages and now - self._server.last_sign > _RELOAD:
+                opened = self._page.visits > visits_before
+                if opened and not self.pages and now - self._page.last_sign > _RELOAD:
                     return True
                 left = _TICK if timeout is None else began + timeout - now
                 if self._ended.wait(max(0.0, min(_TICK, left))):
@@ -246,7 +251,7 @@ class Viewer:
 
     def close(self) -> None:
         """Stop serving the page; may be called more than once."""
-        self._server.close()
+        self._page.close()
         self._ended.set()
 
     def __enter__(self) -> Viewer:
@@ -261,11 +266,11 @@ class Viewer:
         return f"<Viewer {'closed' if self.closed else self.url}>"
 
     def _repr_html_(self) -> str:
-        """In a notebook: the page itself, without a server, so that it works far from this machine too."""
-        return embed_html(page_html(self._document, self._options))
+        """In a notebook: the page, which follows the program where it can reach it, and works without it elsewhere."""
+        return embed_html(self._html(self._page.access(from_elsewhere=True)))
 
-    def _html(self, version: int) -> str:
-        return page_html(self._document, self._options, live=True, version=version)
+    def _html(self, access: LiveAccess) -> str:
+        return page_html(self._document, self._options, live=access)
 
 
 _SomeViewer = TypeVar("_SomeViewer", bound=Viewer)
@@ -296,8 +301,10 @@ def show(
         report: As in `save_html`.
         replay: As in `save_html`.
         options: As in `save_html`.
-        port: First port to try, the next free one is taken; None: 7000.
-        open_browser: Open the page in a browser, where there is a screen.
+        port: First port to try, the next free one is taken; None: at 7000 or the next free port, all viewers of the
+            program at one port.
+        open_browser: Open the page in a browser, where there is a screen; not from a notebook, where the viewer shows
+            itself.
         quiet: Do not print the address, which is `Viewer.url`.
 
     Raises:
@@ -324,7 +331,7 @@ def open_viewer(viewer: _SomeViewer, open_browser: bool, quiet: bool) -> _SomeVi
     """Print the address of a viewer's page and open it in a browser, where there is a screen; returns the viewer."""
     if not quiet:
         print(f"page: {viewer.url}", flush=True)  # noqa: T201  (a script has no other way to say where its page is)
-    if open_browser and _has_screen():
+    if open_browser and _has_screen() and "ipykernel" not in sys.modules:
         webbrowser.open(viewer.url)
     return viewer
 

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path as FilePath
 from time import monotonic
-from typing import Any
+from typing import Any, TypeVar
 
-from rr1plan.checks import file_path, finite_number
+from rr1plan.checks import file_path, finite_number, true_or_false
 from rr1plan.errors import BackendError, InputError, MissingPackageError
-from rr1plan.files.file_access import check_writable, write_bytes
-from rr1plan.playback.viewer.html_page import check_size
+from rr1plan.files.file_access import check_writable, write_bytes, write_text
+from rr1plan.playback.viewer.html_page import check_size, page_html
 from rr1plan.playback.viewer.live_viewer import Viewer
+from rr1plan.playback.viewer.page_content import HasPage, page_content
+from rr1plan.robot import Robot
+from rr1plan.scene import Scene
+from rr1plan.scene.problem import Problem
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # A browser that draws without a graphics card and speaks to nobody.
@@ -34,6 +40,9 @@ _FLAGS = [
 ]
 _PATIENCE = 90.0  # [s] for a page to come up, drawn by a busy processor
 
+Page = str | os.PathLike[str] | Viewer | HasPage | Scene | Robot | Problem
+_T = TypeVar("_T")
+
 
 def find_browser() -> str | None:
     """The file of a Chromium on this machine, or None."""
@@ -51,7 +60,7 @@ def open_browser(size: tuple[int, int] = (1280, 800)) -> Iterator[Any]:
     try:
         from playwright.sync_api import Error, sync_playwright
     except ImportError as error:
-        raise MissingPackageError("playwright", "taking a picture of the page", "dev") from error
+        raise MissingPackageError("playwright", "taking a picture of the page", "video") from error
     binary = find_browser()
     if binary is None:
         raise MissingPackageError("chromium", "taking a picture of the page (a browser of the system)")
@@ -75,7 +84,7 @@ def open_browser(size: tuple[int, int] = (1280, 800)) -> Iterator[Any]:
 
 def screenshot(
     file: str | os.PathLike[str],
-    page: str | os.PathLike[str] | Viewer,
+    page: Page,
     *,
     size: tuple[int, int] = (1280, 800),
     time: float | None = None,
@@ -85,7 +94,8 @@ def screenshot(
 
     Args:
         file: The picture to write.
-        page: A page that `save_html` wrote, or a live viewer.
+        page: A page that `save_html` wrote, a live viewer, or a value that has a page: a scene, a robot, a problem, a
+            motion, a sequence plan or a C-space.
         size: Width and height [px].
         time: The moment of the motion [s]; None takes it as it opens, at the start.
         bare: Without the cards around the picture, which then shows all that stands in the scene.
@@ -96,21 +106,61 @@ def screenshot(
     Raises:
         InputError: no such page, a picture's name that does not end in .png, one that cannot be written, or a size or
             time that makes no sense.
-        MissingPackageError: playwright or a Chromium is not installed.
+        NoPlanError: a plan without a motion.
+        MissingPackageError: playwright or a Chromium is not installed (extra `video`).
         BackendError: the browser does not start, or the page does not.
     """
     file = file_path(file)
     if file.suffix.lower() != ".png":
         raise InputError(f"cannot save {str(file)!r} as PNG, expected a name that ends in .png")
     check_writable(file)
-    if time is not None:
-        time = finite_number("time", time)
-    url = page.url if isinstance(page, Viewer) else _file_url(page)
-    with open_browser(check_size(size)) as context:
-        tab = context.pages[0]
-        open_page(tab, url + ("#bare" if bare else ""))
-        settle_page(tab, time, whole=bare)
-        return write_bytes(file, tab.screenshot(type="png"))
+    moment = None if time is None else finite_number("time", time)
+    bare = true_or_false("bare", bare)
+
+    def take() -> bytes:
+        with opened_page(page, check_size(size), bare) as tab:
+            settle_page(tab, moment, whole=bare)
+            return bytes(tab.screenshot(type="png"))
+
+    return write_bytes(file, outside_event_loop(take))
+
+
+@contextmanager
+def opened_page(page: Page, size: tuple[int, int], bare: bool = False) -> Iterator[Any]:
+    """A page in a tab of a headless browser, as playwright's page.
+
+    Args:
+        page: As in `screenshot`.
+        size: Width and height of the window [px].
+        bare: Without the cards.
+
+    Raises:
+        InputError: no such page.
+        NoPlanError: a plan without a motion.
+        MissingPackageError: playwright or a Chromium is not installed.
+        BackendError: the browser does not start, or the page does not.
+    """
+    with tempfile.TemporaryDirectory(prefix="rr1plan-page-") as folder:
+        if isinstance(page, Viewer):
+            url = page.url
+        elif isinstance(page, str | os.PathLike):
+            url = _file_url(page)
+        else:
+            url = _file_url(write_text(FilePath(folder) / "page.html", page_html(*page_content(page))))
+        with open_browser(size) as context:
+            tab = context.pages[0]
+            open_page(tab, url + "#bare" * bare)
+            yield tab
+
+
+def outside_event_loop(work: Callable[[], _T]) -> _T:
+    """Do work that drives the browser: in a thread where an event loop runs in this one, as in notebooks."""
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return work()
+    with ThreadPoolExecutor(1) as threads:
+        return threads.submit(work).result()
 
 
 def open_page(page: Any, url: str) -> None:

@@ -17,9 +17,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, known_name, number_array, of_kind
+from rr1plan.errors import InputError
 from rr1plan.path import Path
+from rr1plan.planning import SearchTree
+from rr1plan.playback.search_trees import drawn_tree
 from rr1plan.playback.simulation.replay import BodyMotion, Replay
 from rr1plan.playback.viewer.camera import choose_camera
+from rr1plan.playback.viewer.motion_samples import (
+    clearance_samples,
+    torque_samples,
+    tracking_errors,
+    violation_places,
+)
 from rr1plan.playback.viewer.page_planner import page_planner
 from rr1plan.playback.viewer.page_shapes import ShapeTable
 from rr1plan.playback.viewer.view_options import ViewOptions, checked_options
@@ -35,6 +44,7 @@ _LARGEST_TRACK = 600_000  # numbers; a longer motion is sent as samples, 60 a se
 _SAMPLE_RATE = 60.0
 _PATH_SPEED = 1.0  # [rad/s] at which a path without times is shown
 _MOST_GHOSTS = 4
+_RATES = ("velocity", "acceleration", "jerk", "effort")
 
 
 def pack_array(array: ArrayLike, dtype: str = "f4") -> dict[str, Any]:
@@ -44,6 +54,12 @@ def pack_array(array: ArrayLike, dtype: str = "f4") -> dict[str, Any]:
         plain = array if isinstance(array, np.ndarray) and array.dtype.kind in "iuf" else number_array("array", array)
         values: NDArray[Any] = np.ascontiguousarray(plain, dtype="<" + dtype)
     return {"dtype": dtype, "shape": list(values.shape), "data": base64.b64encode(values.tobytes()).decode("ascii")}
+
+
+def unpack_array(packed: Mapping[str, Any]) -> NDArray[Any]:
+    """An array as `pack_array` packed it."""
+    values: NDArray[Any] = np.frombuffer(base64.b64decode(packed["data"]), dtype="<" + packed["dtype"])
+    return values.reshape(packed["shape"])
 
 
 def view_document(
@@ -65,11 +81,12 @@ def view_document(
         problem: As in `save_html`.
         report: As in `save_html`.
         replay: As in `save_html`.
-        options: The title, and whether spheres are shown and a planner is carried; the rest is for `page_html`.
+        options: The title, spheres, the motion to compare, the tree, the clearances and whether a planner is carried; the
+            rest is for `page_html`.
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene.
-        InputError: no scene, or something else in the place of the others.
+        InputError: no scene, something else in the place of the others, or a tree of other joints.
     """
     of_kind("scene", scene, Scene)
     of_kind("trajectory", trajectory, Trajectory, optional=True)
@@ -103,12 +120,15 @@ def view_document(
             for name, a in scene.attachments.items()
         ],
         "shapes": shapes.rows,
-        "track": None if motion is None else _track(motion, scene) | {"timed": trajectory is not None or path is None},
+        "track": None if motion is None else _shown_track(motion, scene, trajectory, path),
         "replay": None if replay is None else _track(_replayed(replay), scene) | {"summary": _summary(replay)},
         "path": None if path is None else _waypoints(path, scene),
         "ghosts": ghosts,
         "targets": [] if problem is None else _targets(problem),
         "report": None if report is None else _finite(report.to_dict()),
+        "compare": [_compared(name, other, scene, options) for name, other in options.compare.items()],
+        "samples": _samples(scene, trajectory, options) | _findings(scene, trajectory, report, replay),
+        "tree": None if options.tree is None else _tree(options.tree, scene, problem, path),
         "camera": first_camera(scene, motion, ghosts),
         "planner": _planner(scene, problem, motion) if options.planner else None,
     }
@@ -173,6 +193,7 @@ def _robot(robot: Robot, shapes: ShapeTable, spheres: bool) -> dict[str, Any]:
         "names": list(robot.joint_names),
         "kinds": [robot.joint(name).kind for name in robot.joint_names],
         "limits": [[low if np.isfinite(low) else None, up if np.isfinite(up) else None] for low, up in bounds],
+        "rates": {name: _finite(getattr(robot.limits, name).tolist()) for name in _RATES},
         "visuals": _link_parts(robot, index, shapes, "visuals"),
         "collisions": _link_parts(robot, index, shapes, "collisions"),
         "spheres": _spheres({link.name: link.collisions for link in robot.links}) if spheres else None,
@@ -282,6 +303,13 @@ def _track(trajectory: Trajectory, scene: Scene) -> dict[str, Any]:
     }
 
 
+def _shown_track(motion: Trajectory, scene: Scene, trajectory: Trajectory | None, path: Path | None) -> dict[str, Any]:
+    """The motion of the page; the pieces of a replay or of a path say nothing of velocities."""
+    track = _track(motion, scene)
+    exact = track["exact"] and trajectory is not None
+    return track | {"timed": trajectory is not None or path is None, "exact": exact}
+
+
 def _sampled(trajectory: Trajectory) -> Trajectory:
     most = max(2, _LARGEST_TRACK // (2 * len(trajectory.joint_names)))
     dt = max(1.0 / _SAMPLE_RATE, trajectory.duration / most)
@@ -322,6 +350,48 @@ def _summary(replay: Replay) -> dict[str, Any]:
 
 def _waypoints(path: Path, scene: Scene) -> dict[str, Any]:
     return {"columns": _columns(path.joint_names, scene), "waypoints": pack_array(path.waypoints)}
+
+
+def _compared(name: str, other: Trajectory, scene: Scene, options: ViewOptions) -> dict[str, Any]:
+    return {"name": name, **_track(other, scene), "samples": _samples(scene, other, options)}
+
+
+def _samples(scene: Scene, trajectory: Trajectory | None, options: ViewOptions) -> dict[str, Any]:
+    """What the page plots of a motion beside its polynomials."""
+    if trajectory is None or not trajectory.duration:
+        return {"torque": None, "clearance": None}
+    columns = _columns(trajectory.joint_names, scene)
+    return {
+        "torque": torque_samples(scene, trajectory, columns, pack_array),
+        "clearance": clearance_samples(scene, trajectory, pack_array, thorough=options.clearances),
+    }
+
+
+def _findings(
+    scene: Scene, trajectory: Trajectory | None, report: Report | None, replay: Replay | None
+) -> dict[str, Any]:
+    """Tracking errors of a replay, and where the violations of a report are."""
+    return {
+        "error": None if replay is None else tracking_errors(replay, _columns(replay.joint_names, scene), pack_array),
+        "places": [] if report is None or trajectory is None else violation_places(scene, trajectory, report),
+    }
+
+
+def _tree(tree: SearchTree, scene: Scene, problem: Problem | None, path: Path | None) -> dict[str, Any]:
+    """The edges of a search tree that are drawn, and whose they are: 0 the start's, 1 a goal's."""
+    names = scene.joint_names(problem.arms if problem is not None else None)
+    if tree.vertices.shape[1] != len(names):
+        raise InputError(f"the tree has {tree.vertices.shape[1]} columns, expected one for each of {', '.join(names)}")
+    start = None if problem is None else problem.start
+    goals = [] if path is None or path.joint_names != names else [path.waypoints[-1]]
+    drawn = drawn_tree(tree, start, goals)
+    return {
+        "columns": _columns(names, scene),
+        "vertices": pack_array(drawn.vertices),
+        "edges": pack_array(drawn.edges, "u4"),
+        "sides": pack_array(drawn.sides, "u4"),
+        "explored": drawn.explored,
+    }
 
 
 # ---- the question ------------------------------------------------------------------------

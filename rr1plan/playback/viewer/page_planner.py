@@ -1,6 +1,7 @@
-"""What a page needs to plan by itself: the module of the kernels, and the tables of its scene.
+"""What a page needs to plan by itself: the modules of the kernels, and the tables of its scene.
 
-`page/planner.js` runs the same kernels as `plan_motion` in the same order, with the same constants. A page whose planner
+`page/planner.js` runs the same kernels as `plan_motion` in the same order, with the same constants, and has the motion
+proven by the referee (`page/referee.js`). A page whose planner
 is left out contains the reason instead:
 
 - More than two arms move. They are planned one by one and scheduled (`plan_many_arms`), which pages do not do; the joint
@@ -14,6 +15,7 @@ from __future__ import annotations
 import base64
 import zlib
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -32,12 +34,13 @@ from rr1plan.model.kinematic_chain import chain_of
 from rr1plan.planning_constants import CONSTANTS
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import PoseGoal
+from rr1plan.validation.wasm_referee import referee_image, referee_module
 
 _MOST_ARMS = 2
 
 
 def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float = 0.0) -> dict[str, Any]:
-    """The data of `PagePlanner.load` in `page/planner.js`, but for the module; kept with the scene.
+    """The data of `PagePlanner.load` in `page/planner.js`, but for the modules; kept with the scene.
 
     Args:
         scene: The scene.
@@ -62,13 +65,14 @@ def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float 
     return data
 
 
-def page_module() -> str:
-    """The module of the kernels, deflated, as base64.
+@cache
+def page_modules() -> dict[str, str]:
+    """The modules of the kernels, deflated, as base64.
 
     Raises:
-        InstallationError: it is not built.
+        InstallationError: they are not built.
     """
-    return _packed(core_module())
+    return {"core": _packed(core_module()), "referee": _packed(referee_module())}
 
 
 def _packed(data: bytes) -> str:
@@ -97,10 +101,12 @@ def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[st
     with checker_from_pool(scene, arms, margin) as checker:
         searches = _searches(checker)
         image = checker.memory_image(**_rows(checker, space), **{name: search.struct for name, search in searches})
+        referee, names = referee_image(scene, checker.joint_names)
         rules = checker.geometry.rules
         reach = checker.omitted_clearance + checker.margin
         return {
             "image": _packed(image),
+            "referee": {"image": _packed(referee), **names},
             "columns": [known.index(name) for name in checker.joint_names],
             "joints": list(checker.joint_names),
             "elements": list(rules.names),

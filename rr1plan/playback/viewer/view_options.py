@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from rr1plan.checks import check_text, items_of, of_kind, shown, true_or_false, whole_number
 from rr1plan.errors import InputError
+from rr1plan.planning import SearchTree
 from rr1plan.playback.viewer.camera import check_view
+from rr1plan.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,16 @@ class ViewOptions:
         play: The motion runs from the start.
         planner: The page carries the planners' kernels and can plan by itself, where one or two arms move; it is
             about 0.2 MB larger.
+        compare: Another motion of the same arms by its name, e.g. {"anytime": other.trajectory}: drawn as a ghost
+            beside the motion of the page, its curves dashed beside those of that motion, both on one clock.
+        tree: What the planner explored (`PlanResult.tree`), drawn as the paths of the tools; pages of a `MotionPlan`
+            take that of their planner. Its columns are the joints of the arms of the page's problem, or of all arms.
+        clearances: Sample the clearances along the motion at 120 instants (True) or not at all (False); None: as many
+            as about 0.1 s of processor time allow, which is none for many arms.
 
     Raises:
         UnknownNameError: no view of that name.
-        InputError: a view that is not a direction, or panels of the same name.
+        InputError: a view that is not a direction, panels of the same name, or more than one motion to compare.
     """
 
     title: str | None = None
@@ -75,6 +84,9 @@ class ViewOptions:
     panels: Sequence[Panel] = ()
     play: bool = True
     planner: bool = True
+    compare: Mapping[str, Trajectory] = field(default_factory=dict)
+    tree: SearchTree | None = None
+    clearances: bool | None = None
 
     def __post_init__(self) -> None:
         if self.title is not None:
@@ -90,6 +102,19 @@ class ViewOptions:
         object.__setattr__(self, "panels", panels)
         object.__setattr__(self, "play", true_or_false("play", self.play))
         object.__setattr__(self, "planner", true_or_false("planner", self.planner))
+        of_kind("tree", self.tree, SearchTree, optional=True)
+        if self.clearances is not None:
+            object.__setattr__(self, "clearances", true_or_false("clearances", self.clearances))
+        self._check_compare()
+
+    def _check_compare(self) -> None:
+        of_kind("compare", self.compare, Mapping)
+        for name, motion in self.compare.items():
+            check_text("a name in compare", name)
+            of_kind(f"compare[{name!r}]", motion, Trajectory)
+        if len(self.compare) > 1:
+            raise InputError(f"compare has {len(self.compare)} motions, expected one beside that of the page")
+        object.__setattr__(self, "compare", MappingProxyType(dict(self.compare)))
 
 
 def checked_options(options: ViewOptions | None) -> ViewOptions:

@@ -2,8 +2,7 @@
 #ifndef RR1_REFEREE_SIMD_H
 #define RR1_REFEREE_SIMD_H
 
-#include <math.h>
-#include <stdint.h>
+#include "referee_library.h"
 
 typedef double eight __attribute__((vector_size(64)));
 typedef int64_t eight_integers __attribute__((vector_size(64)));

@@ -1,15 +1,16 @@
-// Contacts found by the report or the simulation: red links, and red marks on the time line.
+// Violations of the report and contacts of the simulation: red links, and red marks on the time line.
 
 const LEAST_SHOWN = 0.1; // [s] before and after the moment of a contact of which nothing else is known
 
 class Conflicts {
-  constructor(doc, player) {
+  constructor(doc, player, kinematics) {
     const { start, end } = player, half = Math.max(LEAST_SHOWN, 0.01 * (end - start));
-    const found = doc.report ? doc.report.violations.filter((v) => v.kind === "collision" && v.time !== null) : [];
+    const violations = doc.report ? doc.report.violations.map((v, i) => ({ ...v, place: doc.samples.places[i] || null })) : [];
+    const found = violations.filter((v) => v.time !== null);
     const simulated = doc.replay ? doc.replay.summary.contacts : [];
     this.all = [
-      ...found.map(({ subject, time }) => ({ subject, time, from: time - half, to: time + half })),
-      ...simulated.map(({ pair, first, last }) => ({ subject: pair, time: first, from: first - half / 2, to: last + half / 2, simulated: true })),
+      ...found.map((v) => ({ ...v, elements: v.subject.map((name) => kinematics.elementOf(name)), from: v.time - half, to: v.time + half })),
+      ...simulated.map(({ pair, first, last }) => ({ kind: "collision", subject: pair, elements: pair, place: null, time: first, from: first - half / 2, to: last + half / 2, simulated: true })),
     ].sort((a, b) => a.time - b.time);
     this.now = [];
     this.shown = null;
@@ -26,24 +27,29 @@ class Conflicts {
 
   /** The elements that touch now. */
   elements() {
-    return this.now.flatMap(({ subject }) => subject);
+    return this.now.flatMap(({ elements }) => elements);
   }
 
-  /** The pairs in contact now as text; the first two if there are more. */
+  /** The violations now as text; the first two if there are more. */
   words() {
-    return namesOf(this.now.map(({ subject }) => subject.join(" and ")), 2, ", ");
+    return namesOf(this.now.map(nameOf), 2, ", ");
   }
 
   /** Marks {time, subject, title} for a time line of a length [s]; marks closer than a fraction of it are merged. */
   marks(length, spacing = 0.006) {
     const marks = [];
-    for (const { subject, time, simulated } of this.all) {
-      const name = `${subject.join(" and ")} at ${seconds(time)}${simulated ? " (simulated)" : ""}`, last = marks[marks.length - 1];
+    for (const conflict of this.all) {
+      const { subject, time, simulated } = conflict, name = `${nameOf(conflict)} at ${seconds(time)}${simulated ? " (simulated)" : ""}`, last = marks[marks.length - 1];
       if (last && time - last.time <= spacing * length) { last.names.push(name); last.subject.push(...subject); }
       else marks.push({ time, subject: [...subject], names: [name] });
     }
     return marks.map(({ time, subject, names }) => ({ time, subject, title: namesOf(names, 6, "\n") }));
   }
+}
+
+/** The elements that touch, or the joint and the limit that it violates. */
+function nameOf({ kind, subject }) {
+  return kind === "collision" ? subject.join(" and ") : [subject.join(" and "), kind].filter(Boolean).join(" ");
 }
 
 function namesOf(names, most, between) {

@@ -4,6 +4,7 @@ const ICONS = {
   play: "M8 5.5v13l11-6.5z",
   pause: "M7 5h3.6v14H7zM13.4 5H17v14h-3.6z",
   loop: "M7 7h9.2l-2-2 1.4-1.4L20 8l-4.4 4.4-1.4-1.4 2-2H9v3H7zM17 17H7.8l2 2-1.4 1.4L4 16l4.4-4.4 1.4 1.4-2 2H15v-3h2z",
+  plots: "M4 4h2v14h14v2H4zM8 15.2l3.4-4.6 3 2.4L18.6 7l1.6 1.2-5.4 7.6-3.1-2.4-2.1 2.9z",
   home: "M4 4h6v2H6v4H4zM14 4h6v6h-2V6h-4zM4 14h2v4h4v2H4zM18 14h2v6h-6v-2h4z",
 };
 
@@ -51,6 +52,8 @@ class Controls {
     const { viewer } = this;
     find("loop").append(icon("loop"));
     find("home").append(icon("home"));
+    find("plotter").append(icon("plots"));
+    find("plotter").onclick = () => viewer.plots.toggle();
     find("play").onclick = () => viewer.toggle();
     find("scrub").oninput = (event) => {
       const time = Number(event.target.value);
@@ -76,6 +79,8 @@ class Controls {
       l: () => viewer.setLoop(!viewer.player.loop),
       r: () => viewer.look(null, viewer.framed === "near"),
       h: () => this.fold(),
+      g: () => viewer.plots.toggle(),
+      n: () => viewer.nextConflict(),
     };
     window.addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey) return;
@@ -141,11 +146,12 @@ class Controls {
     const facts = find("facts");
     const rows = [];
     const margins = doc.report ? doc.report.margins : {};
-    if (doc.track) rows.push(doc.track.timed ? ["Duration", seconds(this.viewer.duration)] : ["Path", "no times yet, steady speed"]);
+    if (doc.track) rows.push(doc.track.timed ? ["Duration", seconds(this.viewer.player.track.end - this.viewer.player.track.start)] : ["Path", "no times yet, steady speed"]);
     if (margins.clearance) rows.push(["Clearance", length(margins.clearance.value)]);
     if (margins.self_clearance) rows.push(["Self clearance", length(margins.self_clearance.value)]);
     const around = this.viewer.world.spheres.summary();
     if (around) rows.push(["Spheres", around]);
+    for (const other of doc.compare) rows.push([other.name, seconds(this.viewer.others.get("compare").end - this.viewer.others.get("compare").start)]);
     if (doc.replay) {
       const { worst_error: worst, tracked, contacts, mode } = doc.replay.summary;
       rows.push(["MuJoCo", `${mode === "dynamic" ? `${tracked ? "" : "motion not followed, "}off by ${worst.toExponential(1)} rad at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contact${contacts.length > 1 ? "s" : ""}` : "no contact"}`]);
@@ -199,7 +205,8 @@ class Controls {
     const { viewer } = this;
     const names = {
       robots: "Robot", obstacles: "Obstacles", start: "Start", goal: "Goal", toolpath: "Tool path",
-      path: "Waypoints", replay: "Simulated", collisions: "Collision shapes",
+      path: "Waypoints", replay: "Simulated", compare: doc.compare.map(({ name }) => name)[0], collisions: "Collision shapes",
+      frames: "Frames", toolspeed: "Tool speed", nearest: "Clearance lines", tree: "Search tree",
       spheres: "Spheres", bodyspheres: "Body spheres", linkspheres: "Link spheres",
     };
     const chips = Object.entries(names).filter(([layer]) => viewer.hasLayer(layer)).map(([layer, label]) => {
@@ -299,12 +306,13 @@ class Controls {
     this.refreshJoints();
   }
 
-  /** How many arms there are, and how fast they are drawn; only of many arms, and a few times a second. */
+  /** How many arms there are, how fast they are drawn and the clock runs; only of many arms, and a few times a second. */
   refreshHud(now) {
     const { kinematics, player, pace } = this.viewer, arms = kinematics.arms.length;
     if (now - (this.hudAt || 0) < 300) return;
     this.hudAt = now;
     const rate = player.playing && pace.rate ? [`${pace.rate.toFixed(pace.rate < 10 ? 1 : 0)} frames/s`] : [];
+    if (rate.length && player.realTimeFactor !== null) rate.push(`${player.realTimeFactor.toFixed(2)} × real time`);
     find("hud").textContent = arms > MANY ? [`${arms} arms`, ...(player.track ? [seconds(player.time)] : []), ...rate].join(" · ") : "";
   }
 

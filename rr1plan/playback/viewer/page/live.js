@@ -1,25 +1,50 @@
 // A page that follows a running Python program: the newest configuration wins, older ones are dropped.
 
+const AGAIN = 1000; // [ms] between two tries to reach the program
+const TRIES = 30; // of a page elsewhere, e.g. in a notebook, whose program may never come back
+
 class Live {
-  constructor(viewer, version) {
+  /** access: token, version of the document, and the address of updates for a page that does not come from there. */
+  constructor(viewer, access) {
     this.viewer = viewer;
-    this.version = version;
+    this.access = access;
+    this.version = access.version;
     this.newest = null;
     this.ended = false;
+    this.reached = false;
+    this.tries = 0;
     this.connect();
   }
 
   connect() {
-    const url = `${location.protocol.replace("http", "ws")}//${location.host}/updates?version=${this.version}`;
-    const socket = (this.socket = new WebSocket(url));
+    const { token, address } = this.access, query = new URLSearchParams({ version: this.version, token });
+    const own = `${location.protocol.replace("http", "ws")}//${location.host}${location.pathname}updates`;
+    const socket = (this.socket = new WebSocket(`${address || own}?${query}`));
     socket.binaryType = "arraybuffer";
-    socket.onopen = () => this.viewer.controls.status("");
-    socket.onmessage = (message) => this.take(message.data);
-    socket.onclose = () => {
-      if (this.ended) return;
-      this.viewer.controls.status("The program is not answering; trying again");
-      setTimeout(() => this.connect(), 1000);
+    socket.onopen = () => {
+      this.reached = true;
+      this.tries = 0;
+      this.viewer.controls.status("");
     };
+    socket.onmessage = (message) => this.take(message.data);
+    socket.onclose = () => this.lost();
+  }
+
+  /** Tries again; a page elsewhere that never reached the program stays as it is, as it does in exported notebooks. */
+  lost() {
+    if (this.ended || (this.access.address && !this.reached)) return;
+    this.tries += 1;
+    if (this.access.address && this.tries > TRIES) {
+      this.end();
+      return;
+    }
+    this.viewer.controls.status("The program is not answering; trying again");
+    setTimeout(() => this.connect(), AGAIN);
+  }
+
+  end() {
+    this.ended = true;
+    this.viewer.controls.status("The program has ended; the page stays usable");
   }
 
   take(data) {
@@ -33,7 +58,9 @@ class Live {
       seek: () => viewer.seek(message.value),
       speed: () => viewer.setSpeed(message.value),
       panels: () => viewer.fillPanels(message.value),
-      end: () => { this.ended = true; viewer.controls.status("The program has ended; the page stays usable"); },
+      // The page is of an earlier program, which was at the same address.
+      reload: () => { this.ended = true; location.reload(); },
+      end: () => this.end(),
     };
     if (Object.hasOwn(acts, message.type)) acts[message.type]();
   }

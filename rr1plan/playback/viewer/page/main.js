@@ -10,8 +10,10 @@
 //   viewer.on("data", f)                          f() when the program has put other data into the panels' `data`
 //   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column after column
 //   viewer.poses(q)                               the same for any q: {"arm/link": 16 numbers}
-//   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, collisions,
-//                                                 spheres, bodyspheres, linkspheres (those that contain each link, fine to coarse)
+//   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, compare, collisions,
+//                                                 spheres, bodyspheres, linkspheres (those that contain each link, fine to coarse),
+//                                                 frames, toolspeed, tree, nearest (see overlays.js)
+//   viewer.plots.toggle()                         the curves under the scene (see plots.js)
 //   viewer.look(direction, whole)                 frame the arms (or everything), seen from a direction of the world
 //   viewer.add(name, object3d)  viewer.redraw()   put something of three.js (viewer.THREE) into the world, z up
 //   viewer.planner                                plans in the page (`planner.js`); null before it is loaded and without one
@@ -25,11 +27,13 @@ class Viewer {
     this.unpack = unpack;
     this.listeners = { change: [], load: [], data: [], planner: [] };
     this.panelData = {};
-    this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres"]);
+    this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres", ...OVERLAYS]);
     this.byArm = true;
     this.stage = makeStage(find("pane"));
     this.stage.onResize = () => this.frame();
     this.controls = new Controls(this);
+    this.overlays = new Overlays(this);
+    this.plots = new Plots(this);
     this.frames = 0;
     this.meshcat = this.stage.meshcat;
   }
@@ -50,20 +54,23 @@ class Viewer {
     this.joints = doc.columns;
     this.limits = this.kinematics.arms.flatMap((a) => a.robot.limits);
     const track = doc.track ? new Track(doc.track) : null;
-    this.replayTrack = doc.replay ? new Track(doc.replay) : null;
+    const others = [["replay", doc.replay], ...doc.compare.map((row) => ["compare", row])].filter(([, row]) => row);
+    this.others = new Map(others.map(([kind, row]) => [kind, new Track(row)]));
     const speed = this.player ? this.player.speed : 1;
-    this.player = new Player(track);
+    this.player = new Player(track, [...this.others.values()]);
     this.player.speed = speed;
     this.manual = false;
     this.touched = [];
-    this.conflicts = new Conflicts(doc, this.player);
+    this.conflicts = new Conflicts(doc, this.player, this.kinematics);
     this.lastDirection = this.preferred || doc.camera.direction;
     this.q = this.kinematics.rest();
     if (track) track.at(track.start, this.q);
     this.world = new World(doc, this.kinematics);
     this.build(track);
     this.fillPanels(doc.panels);
+    this.overlays.load();
     this.controls.load(doc);
+    this.plots.load();
     this.show();
     if (!keep || !this.framed) this.look();
     for (const f of this.listeners.load) f(doc);
@@ -76,7 +83,7 @@ class Viewer {
     if (!doc.planner) return;
     let planner = null, reason = "";
     try {
-      planner = await PagePlanner.load({ ...doc.planner, module: settings.module });
+      planner = await PagePlanner.load({ ...doc.planner, modules: settings.modules });
     } catch (error) {
       reason = error.message;
     }
@@ -95,7 +102,8 @@ class Viewer {
   build(track) {
     const { world, kinematics, document: doc } = this;
     const samples = [kinematics.rest(), this.q];
-    if (track) for (let i = 0; i <= 12; i++) samples.push(track.at(track.start + (i / 12) * (track.end - track.start), kinematics.rest()));
+    const steps = this.pace.many ? 4 : 12;
+    if (track) for (let i = 0; i <= steps; i++) samples.push(track.at(track.start + (i / steps) * (track.end - track.start), kinematics.rest()));
     else for (const { arm, q } of doc.ghosts) samples.push(kinematics.standing(arm, q));
     this.extent = { ...world.extent(samples), target: doc.camera.target };
     const radius = this.extent.near.getSize(new THREE.Vector3()).length() / 2;
@@ -105,6 +113,9 @@ class Viewer {
       this.toolPath.setTubes(this.pace.least().tubes);
       world.group("toolpath").add(this.toolPath.group);
     } else this.toolPath = null;
+    for (const other of this.others.has("compare") ? [this.others.get("compare")] : []) {
+      world.group("compare").add(motionLines(kinematics, other, GHOSTS.compare));
+    }
     if (doc.path) world.group("path").add(waypointLines(kinematics, doc.path, 1.6 * thin));
     if (doc.targets.length) world.group("goal").add(targetMarks(doc.targets, 2 * thin));
     this.paint();
@@ -156,9 +167,11 @@ class Viewer {
     this.shownAt = performance.now();
     if (this.conflicts.at(this.manual ? null : player.time)) this.paint();
     world.updateBodies(player.time);
-    if (this.replayTrack) world.updateReplay(this.replayTrack.at(player.time, this.kinematics.rest()));
+    for (const [kind, track] of this.others) world.updateFollower(kind, track.at(player.time, this.kinematics.rest()));
     if (this.toolPath) this.toolPath.show(this.manual ? 1 : player.fraction);
+    this.overlays.follow();
     this.controls.refresh();
+    this.plots.follow();
     this.redraw();
     for (const f of this.listeners.change) f(this.q, player.time, this.manual);
   }
@@ -209,11 +222,17 @@ class Viewer {
 
   /** Goes to a moment and paints some elements red. */
   point(time, elements) {
-    this.touched = elements;
+    this.touched = elements.map((name) => this.kinematics.elementOf(name));
     this.paint();
     this.pause();
     if (time !== null) this.seek(time);
     this.redraw();
+  }
+
+  /** Goes to the next violation or contact, after the last one to the first. */
+  nextConflict() {
+    const { all } = this.conflicts, next = all.find(({ time }) => time > this.time + 1e-6) || all[0];
+    if (next) this.point(next.time, next.elements);
   }
 
   /** Frames the arms and what is near them, or with whole everything; null keeps the direction. */
@@ -243,6 +262,7 @@ class Viewer {
       this.setQuality(this.pace.at(now, this.moves(now)));
       this.controls.refreshHud(now);
       this.stage.draw();
+      this.overlays.label();
       this.frames += 1;
     };
     requestAnimationFrame(frame);
@@ -276,7 +296,7 @@ for (const panel of settings.panels) {
   viewer.panelData[panel.name] = panel.data;
   mounts[panel.name](viewer, find(`panel-${panel.name}`), panel.data);
 }
-if (settings.live) viewer.live = new Live(viewer, settings.version);
+if (settings.live) viewer.live = new Live(viewer, settings.live);
 const wishes = new URLSearchParams(location.hash.slice(1));
 if (wishes.has("bare")) document.body.classList.add("bare");
 viewer.run();

@@ -77,6 +77,37 @@ class Kinematics {
     return arm.firstLink + arm.robot.tool;
   }
 
+  /** The element that a joint ("arm/joint") moves, "arm/link"; other names stay. */
+  elementOf(name) {
+    for (const arm of this.arms) {
+      const column = arm.robot.names.findIndex((joint) => `${arm.name}/${joint}` === name);
+      if (column < 0) continue;
+      const joint = arm.robot.joints.find((one) => one.column === column && one.factor === 1) || arm.robot.joints.find((one) => one.column === column);
+      return `${arm.name}/${arm.robot.links[joint.child]}`;
+    }
+    return name;
+  }
+
+  /** The speed of an arm's tool [m/s] at poses, for joint velocities qd: the sum of what each joint contributes. */
+  toolSpeed(arm, qd, poses) {
+    const { robot, firstLink, firstColumn } = arm, sum = [0, 0, 0], tool = 16 * this.toolIndex(arm) + 12;
+    for (let child = robot.tool; ;) {
+      const joint = robot.joints.find((one) => one.child === child);
+      if (!joint) break;
+      const at = 16 * (firstLink + joint.child), rate = joint.column < 0 ? 0 : joint.factor * qd[firstColumn + joint.column];
+      if (rate && joint.kind > 0) {
+        const axis = [0, 1, 2].map((r) => poses[at + r] * joint.axis[0] + poses[at + 4 + r] * joint.axis[1] + poses[at + 8 + r] * joint.axis[2]);
+        const arm = [0, 1, 2].map((r) => poses[tool + r] - poses[at + 12 + r]);
+        for (let r = 0; r < 3; r++) {
+          const a = (r + 1) % 3, b = (r + 2) % 3;
+          sum[r] += rate * (joint.kind === 1 ? axis[r] : axis[a] * arm[b] - axis[b] * arm[a]);
+        }
+      }
+      child = joint.parent;
+    }
+    return Math.hypot(...sum);
+  }
+
   /** Poses of one arm's links into poses, at 16 * its first link. */
   forward(arm, q, poses) {
     const first = arm.firstLink;
@@ -130,4 +161,24 @@ class Track {
     }
     return q;
   }
+
+  /** The coefficients of a derivative of one slot on piece i, lowest power first. */
+  derived(i, slot, order) {
+    const { coefficients, terms, width } = this, out = [];
+    for (let k = order; k < terms; k++) {
+      let factor = 1;
+      for (let n = k; n > k - order; n--) factor *= n;
+      out.push(factor * coefficients[(i * terms + k) * width + slot]);
+    }
+    return out;
+  }
+
+  /** A derivative of one slot at a time; zero beyond the ends, and at a break that of the piece that begins there. */
+  rate(t, slot, order) {
+    if (order > 0 && (t < this.start || t > this.end)) return 0;
+    const time = Math.min(Math.max(t, this.start), this.end), i = this.piece(time);
+    return horner(this.derived(i, slot, order), time - this.breaks[i]);
+  }
 }
+
+const horner = (coefficients, x) => coefficients.reduceRight((value, c) => value * x + c, 0);

@@ -1,6 +1,6 @@
 // A planner in the page: the kernels of `core.wasm` in the order of `plan_motion`, with the same constants.
 //
-//   const planner = await PagePlanner.load(data)    data: what Python's `page_planner` made, with the module; rejects
+//   const planner = await PagePlanner.load(data)    data: what Python's `page_planner` made, with the modules; rejects
 //                                                   with the reason where the browser cannot run it
 //   planner.columns  .joints                        columns of viewer.q that it moves, and their names; every q below
 //                                                   has these columns only
@@ -17,7 +17,7 @@
 //       path       {columns, waypoints: {values, shape}} as found, and `shortened` after shortcuts
 //       track      {columns, breaks, coefficients, exact, timed}, for `new Track(...)`; null without a path
 //       retiming   "blend", or "stop" where blends are not proven
-//       certified  whether the timed motion is proven free of contact, and `certifiedBy` what proved it
+//       certified  whether the referee (`referee.js`) has proven the timed motion; if not, `fault` tells why
 //       margin, iterations, seconds: {plan, shorten, retime, certify}
 //
 // The same seed gives the same path and the same timing as `plan_motion(problem, rng=seed)`, to the last bit.
@@ -46,8 +46,11 @@ class PagePlanner {
     if (typeof WebAssembly !== "object") throw new Error("this browser has no WebAssembly");
     if (!WebAssembly.validate(SIMD_PROBE)) throw new Error("this browser has no WebAssembly SIMD");
     if (typeof DecompressionStream !== "function") throw new Error("this browser cannot decompress the planner");
-    const [module, image] = await Promise.all([inflate(data.module), inflate(data.image)]);
-    return new PagePlanner(data, await loadCore(module), image);
+    const { core, referee } = data.modules;
+    const packed = [core, data.image, referee, data.referee.image];
+    const [module, image, refereeModule, refereeImage] = await Promise.all(packed.map(inflate));
+    const cores = await Promise.all([module, refereeModule].map(loadCore));
+    return new PagePlanner(data, cores[0], image, new PageReferee(data.referee, cores[1], refereeImage));
   }
 
   #core;
@@ -56,8 +59,11 @@ class PagePlanner {
   #margin; // of the tables now [m]
   #poses; // of moved obstacles, by name
 
-  constructor(data, core, image) {
+  #referee;
+
+  constructor(data, core, image, referee) {
     this.#data = data;
+    this.#referee = referee;
     this.#core = core;
     this.#memory = core.place(image);
     this.#poses = new Map(Object.entries(data.obstacles).map(([name, { pose }]) => [name, Float64Array.from(pose)]));
@@ -119,6 +125,7 @@ class PagePlanner {
     const rows = transposed(pose);
     if (!rows.every(Number.isFinite)) throw new TypeError(`the pose of ${name} is not finite`);
     this.#core.call("rr1_move_object", this.scene, this.scratch, this.#data.obstacles[name].object, rows);
+    this.#referee.moveObstacle(name, rows);
     this.#poses.set(name, rows);
   }
 
@@ -213,8 +220,8 @@ class PagePlanner {
       throw new TypeError(`margin is ${margin}, expected 0 to ${this.#data.margin} m`);
     }
     const answer = {
-      status: "found", reason: "", path: null, shortened: null, track: null, retiming: null, certified: false,
-      certifiedBy: null, margin: 0, iterations: 0, seconds: {},
+      status: "found", reason: "", path: null, shortened: null, track: null, retiming: null, certified: false, fault: "",
+      margin: 0, iterations: 0, seconds: {},
     };
     let last = began;
     const stage = (name) => {
@@ -238,8 +245,8 @@ class PagePlanner {
         answer.retiming = method;
         answer.track = this.#asTrack(motion);
         stage("retime");
-        answer.certified = this.#certify(motion);
-        answer.certifiedBy = "kernels";
+        answer.fault = this.#referee.findFault(motion, start, goal);
+        answer.certified = answer.fault === "";
         stage("certify");
         if (answer.certified) break;
       }
@@ -407,27 +414,10 @@ class PagePlanner {
     const certified = (i, size) => {
       for (let k = 0; k < blend_halvings && size >= smallest_blend * length; k++, size *= 0.5) {
         core.call("rr1_blend", points.subarray((i - 1) * nq, (i + 2) * nq), nq, size, blend);
-        if (this.#curveIsFree(blend, 3, 2 * size)) return size;
+        const status = core.call("rr1_certify_parabola", this.scene, this.scratch, blend, 3, 2 * size);
+        if (status === core.constants.EDGE_FREE) return size;
       }
       return 0;
     };
     return largest.values.slice().map((size, i) => (size > 0 ? certified(i, size) : 0));
-  }
-
-  #curveIsFree(coefficients, terms, duration) {
-    const core = this.#core, kernel = terms > 3 ? "rr1_certify_curve" : "rr1_certify_parabola";
-    return core.call(kernel, this.scene, this.scratch, coefficients, terms, duration) === core.constants.EDGE_FREE;
-  }
-
-  /** Whether every piece of a timed motion is certified free with the padding of the scene. */
-  #certify({ breaks, coefficients, terms }) {
-    this.#keepMargin(0);
-    const size = terms * this.columns.length;
-    if (breaks.length === 1) return this.#curveIsFree(coefficients, 1, 0);
-    for (let i = 0; i + 1 < breaks.length; i++) {
-      const piece = coefficients.subarray(i * size, (i + 1) * size);
-      if (!this.#curveIsFree(piece, terms, breaks[i + 1] - breaks[i])) return false;
-    }
-    return true;
-  }
-}
+  }}

@@ -1,21 +1,27 @@
 // The clock: where in the motion we are, and whether it runs.
 
+const LONGEST_STEP = 0.25; // [s] by which one frame advances the clock, however late it is
+
 class Player {
-  constructor(track) {
+  /** track: the motion, or null; others: motions on the same clock. */
+  constructor(track, others = []) {
     this.track = track;
     this.start = track ? track.start : 0;
-    this.end = track ? track.end : 0;
+    this.end = track ? Math.max(track.end, ...others.map((other) => other.end)) : 0;
     this.time = this.start;
     this.playing = false;
     this.speed = 1;
     this.loop = true;
+    this.pacing = { clock: 0, wall: 0 };
     this.last = null;
     this.rest = null;
     this.pause = this.pause.bind(this);
   }
 
+  /** How much of the motion is done. */
   get fraction() {
-    return this.end > this.start ? (this.time - this.start) / (this.end - this.start) : 1;
+    const { start, end } = this.track || this;
+    return end > start ? Math.min((this.time - start) / (end - start), 1) : 1;
   }
 
   play() {
@@ -23,6 +29,7 @@ class Player {
     if (this.time >= this.end) this.time = this.start;
     this.playing = true;
     this.last = this.rest = null;
+    this.pacing = { clock: 0, wall: 0 };
   }
 
   pause() {
@@ -37,14 +44,25 @@ class Player {
   /** Advances the clock to now [ms]; true if it advanced. */
   tick(now) {
     if (!this.playing) return false;
-    const passed = this.last === null ? 0 : Math.min((now - this.last) / 1000, 0.25);
+    const wall = this.last === null ? 0 : (now - this.last) / 1000, passed = Math.min(wall, LONGEST_STEP);
     this.last = now;
     this.time += passed * this.speed;
+    this.count(passed * this.speed, wall);
     if (this.time >= this.end) {
       if (this.loop && this.waited(now)) { this.time = this.start; this.rest = null; }
       else { this.time = this.end; if (!this.loop) this.playing = false; }
     }
     return true;
+  }
+
+  /** How fast the clock runs [s/s], over about the last second; null before it has run. */
+  get realTimeFactor() {
+    return this.pacing.wall > 0 ? this.pacing.clock / this.pacing.wall : null;
+  }
+
+  count(clock, wall) {
+    const fade = Math.exp(-wall);
+    this.pacing = { clock: fade * this.pacing.clock + clock, wall: fade * this.pacing.wall + wall };
   }
 
   /** A repeated motion stands still at its end for a moment, so that the eye can follow. */

@@ -62,7 +62,6 @@ class Stage {
     this.meshcat = new MeshCat.Viewer(pane, false, renderer);
     this.fine = Math.min(window.devicePixelRatio || 1, 2);
     this.quality = FEW_ARMS[0];
-    renderer.setPixelRatio(this.fine);
     pane.appendChild(renderer.domElement);
     this.renderer = renderer;
     this.meshcat.set_3d_pane_size = () => this.resize();
@@ -72,7 +71,7 @@ class Stage {
     this.addCamera();
     this.addLights();
     new ResizeObserver(() => { this.resize(); if (!this.turned && this.onResize) this.onResize(); }).observe(pane);
-    this.resize();
+    this.fitLens();
   }
 
   /** An environment map: a room of soft lamps, reflected by all surfaces. */
@@ -242,12 +241,12 @@ class Stage {
       const box = find(id).getBoundingClientRect(), card = getComputedStyle(find(id)).boxShadow !== "none";
       return box.width && card ? box : null;
     };
-    const [head, side, bar] = ["headline", "side", "bar"].map(covered);
+    const [head, side, bar] = ["headline", "side", "bar"].map(covered), plots = covered("plots");
     const x = (at) => (2 * (at - pane.left)) / (pane.width || 1) - 1, y = (at) => 1 - (2 * (at - pane.top)) / (pane.height || 1);
     const gap = 14; // [px] to cards and to the edges of the window
     const room = {
       left: x(pane.left + gap), right: x((side || { left: pane.right }).left - gap),
-      bottom: y((bar || { top: pane.bottom }).top - gap), top: y(pane.top + gap),
+      bottom: y((plots || bar || { top: pane.bottom }).top - gap), top: y(pane.top + gap),
     };
     const beside = head ? [{ left: x(head.right + gap) }, { top: y(head.bottom + gap) }] : [{}];
     const below = side ? [{}, { right: x(pane.right - gap), top: y(side.bottom + gap) }] : [{}];
@@ -257,10 +256,17 @@ class Stage {
   }
 
   resize() {
-    const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1;
     this.fitLens();
-    this.renderer.setSize(width, height);
+    this.fitPicture();
     this.meshcat.set_dirty();
+  }
+
+  /** Gives the picture as many pixels as the window and the quality ask for; another number of them is another memory. */
+  fitPicture() {
+    const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1, ratio = this.fine * this.quality.pixels;
+    const { x, y } = this.renderer.getSize(new THREE.Vector2());
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
+    if (x !== width || y !== height) this.renderer.setSize(width, height);
   }
 
   /** Draws as much as a level of `pace.js` says. */
@@ -275,7 +281,7 @@ class Stage {
     this.room.intensity = quality.rich ? 0 : 0.85;
     renderer.shadowMap.autoUpdate = quality.shadows === "moving";
     if (this.shade) this.shade.visible = quality.shadows !== "none";
-    if (renderer.getPixelRatio() !== this.fine * quality.pixels) renderer.setPixelRatio(this.fine * quality.pixels);
+    this.fitPicture();
     meshcat.set_dirty();
   }
 

@@ -47,10 +47,11 @@ class ToolPath {
     this.sides = many > MANY ? 4 : 7;
     this.pieces = Math.max(2, Math.min(most, Math.ceil(60 * (track.end - track.start))));
     const rows = [];
-    for (let i = 0; i <= this.pieces; i++) {
-      rows.push(track.at(track.start + (i / this.pieces) * (track.end - track.start), kinematics.rest()));
-    }
-    this.lines = toolLines(kinematics, track.columns, rows).map(({ arm, points }) => ({ points, color: light(armColor(kinematics.arms.indexOf(arm))) }));
+    this.kinematics = kinematics;
+    this.track = track;
+    this.times = Array.from({ length: this.pieces + 1 }, (_, i) => track.start + (i / this.pieces) * (track.end - track.start));
+    for (const t of this.times) rows.push(track.at(t, kinematics.rest()));
+    this.lines = toolLines(kinematics, track.columns, rows).map(({ arm, points }) => ({ arm, points, color: light(armColor(kinematics.arms.indexOf(arm))) }));
     this.group = new THREE.Group();
     this.drawn = {};
     this.done = 0;
@@ -95,7 +96,34 @@ class ToolPath {
   }
 
   colors(sides) {
-    return this.lines.flatMap(({ points, color }) => Array(points.length * sides).fill(color.toArray()).flat());
+    return this.lines.flatMap(({ points, color, speeds }) => points.flatMap((_, i) => (
+      Array(sides).fill((this.bySpeed ? light(speedColor(speeds[i] / (this.fastest || 1))) : color).toArray()).flat())));
+  }
+
+  /** Colors by the speed of the tool, or by arm. */
+  setBySpeed(on) {
+    if (on === Boolean(this.bySpeed)) return;
+    this.bySpeed = on;
+    if (on && this.fastest === undefined) this.measureSpeeds();
+    for (const [kind, { part }] of Object.entries(this.drawn)) {
+      part.attributes.color.copyArray(this.colors(kind === "tubes" ? this.sides : 1)).needsUpdate = true;
+    }
+  }
+
+  /** The speed of each tool [m/s] at the ends of all pieces, and the largest of all. */
+  measureSpeeds() {
+    const { kinematics, track } = this, poses = new Float64Array(16 * kinematics.links), q = kinematics.rest();
+    for (const line of this.lines) line.speeds = new Float64Array(this.times.length);
+    this.times.forEach((t, i) => {
+      const rates = kinematics.rest().fill(0);
+      track.at(t, q);
+      track.columns.forEach((column, slot) => { rates[column] = track.rate(t, slot, 1); });
+      for (const { arm, speeds } of this.lines) {
+        kinematics.forward(arm, q, poses);
+        speeds[i] = kinematics.toolSpeed(arm, rates, poses);
+      }
+    });
+    this.fastest = Math.max(0, ...this.lines.map(({ speeds }) => Math.max(...speeds)));
   }
 
   paths(Kind, attributes, indices, perPiece, faint, bright) {
@@ -118,6 +146,15 @@ class ToolPath {
     const drawn = this.drawn[this.kind];
     if (drawn) drawn.part.setDrawRange(0, drawn.count * Math.round(fraction * this.pieces));
   }
+}
+
+/** The paths of the tools along another motion, as thin lines of one color. */
+function motionLines(kinematics, track, rgb) {
+  const pieces = Math.max(2, Math.min(200, Math.ceil(60 * (track.end - track.start)), Math.floor(6000 / kinematics.arms.length)));
+  const rows = Array.from({ length: pieces + 1 }, (_, i) => track.at(track.start + (i / pieces) * (track.end - track.start), kinematics.rest()));
+  const group = new THREE.Group(), material = new THREE.LineBasicMaterial({ color: light(rgb) });
+  for (const { points } of toolLines(kinematics, track.columns, rows)) group.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), material));
+  return group;
 }
 
 /** A path without times: thin dark lines of the tools, a dot at each waypoint. */

@@ -4,7 +4,7 @@ const LINK_GREY = [0.77, 0.79, 0.82];
 const OBSTACLE = [0.58, 0.65, 0.74];
 const HELD = [0.96, 0.73, 0.27];
 const TOUCHED = [0.86, 0.08, 0.2], FADED = 0.82;
-const GHOSTS = { start: [0.25, 0.47, 0.85], goal: [0.1, 0.62, 0.42], replay: [0.62, 0.3, 0.78] };
+const GHOSTS = { start: [0.25, 0.47, 0.85], goal: [0.1, 0.62, 0.42], replay: [0.62, 0.3, 0.78], compare: [0, 0.57, 0.63] };
 const IDENTITY = identity();
 
 /** Colors of arms, those of `arm_colors.py`, for color-blind eyes too; beyond ten they are spread around the wheel. */
@@ -28,7 +28,8 @@ class World {
     this.layers = {};
     this.filled = new Set();
     this.linkBodies = new Map();
-    this.detail = { levels: new Int8Array(kinematics.arms.length), version: 1 };
+    // Nothing of an arm is made before the camera stands: full detail would be made for nothing.
+    this.detail = { levels: new Int8Array(kinematics.arms.length).fill(-1), version: 1 };
     this.reach = kinematics.arms.map((arm) => this.reachOf(arm));
     this.lens = { eye: new THREE.Vector3(), frustum: new THREE.Frustum(), ball: new THREE.Sphere(), view: new THREE.Matrix4() };
     const rest = kinematics.rest();
@@ -254,11 +255,16 @@ class World {
       });
       if (items.length) this.still.push({ bodies: this.ghost(kind, items), poses });
     }
-    const track = this.doc.replay;
-    if (!track) return;
-    const moved = this.kinematics.arms.filter((a) => track.columns.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
-    this.replay = this.ghost("replay", moved.flatMap((arm) => this.ghostItems("replay", arm, arm.firstLink)));
-    this.replayPoses = Float64Array.from(this.poses);
+    this.followers = {};
+    if (this.doc.replay) this.addFollower("replay", this.doc.replay);
+    for (const other of this.doc.compare) this.addFollower("compare", other);
+  }
+
+  /** The arms of another motion on the same clock. */
+  addFollower(kind, { columns }) {
+    const moved = this.kinematics.arms.filter((a) => columns.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
+    const bodies = this.ghost(kind, moved.flatMap((arm) => this.ghostItems(kind, arm, arm.firstLink)));
+    this.followers[kind] = { bodies, poses: Float64Array.from(this.poses) };
   }
 
   /** An arm of one color, its poses from the first link on. */
@@ -279,10 +285,11 @@ class World {
     this.place();
   }
 
-  updateReplay(q) {
-    if (!this.replay || !this.layers.replay.visible) return;
-    this.kinematics.forwardAll(q, this.replayPoses);
-    this.replay.update(this.replayPoses, this.detail);
+  updateFollower(kind, q) {
+    if (!this.layers[kind].visible) return;
+    const { bodies, poses } = this.followers[kind];
+    this.kinematics.forwardAll(q, poses);
+    bodies.update(poses, this.detail);
   }
 
   /** Puts what is shown of the arms to where their links are. */
@@ -362,14 +369,20 @@ class World {
 
   /** Boxes of the world: `near`, the arms along the motion and what stands near them, and `whole`; what to frame of near. */
   extent(samples) {
-    const arms = new THREE.Box3(), poses = new Float64Array(this.poses.length), links = [];
+    const arms = new THREE.Box3(), poses = new Float64Array(this.poses.length), point = new THREE.Vector3();
+    const boxes = this.kinematics.arms.map(() => new THREE.Box3()), many = this.kinematics.arms.length > 12, links = [];
     for (const q of samples) {
       this.kinematics.forwardAll(q, poses);
-      for (let i = 0; i < poses.length; i += 16) {
-        links.push([poses[i + 12], poses[i + 13], poses[i + 14]]);
-        arms.expandByPoint(new THREE.Vector3(...links[links.length - 1]));
-      }
+      this.kinematics.arms.forEach(({ firstLink, robot }, k) => {
+        for (let i = 16 * firstLink; i < 16 * (firstLink + robot.links.length); i += 16) {
+          boxes[k].expandByPoint(point.fromArray(poses, i + 12));
+          if (!many) links.push(point.toArray());
+        }
+      });
     }
+    for (const box of boxes) arms.union(box);
+    // Of many arms the corners of the box around each count: framing looks at all of them dozens of times.
+    if (many) for (const box of boxes) links.push(...cornersOf(box).map((corner) => corner.slice(0, 3)));
     const whole = this.obstacleBox();
     if (arms.isEmpty() && whole.isEmpty()) whole.set(new THREE.Vector3(-0.5, -0.5, 0), new THREE.Vector3(0.5, 0.5, 0.5));
     const near = arms.isEmpty() ? whole.clone() : arms.clone(), around = new THREE.Box3();
@@ -383,7 +396,7 @@ class World {
       near.union(around);
     }
     // The start, the middle and the end; of very many arms the start alone.
-    const instants = [1, samples.length >> 1, samples.length - 1].slice(0, this.kinematics.arms.length > 12 ? 1 : 3);
+    const instants = [1, samples.length >> 1, samples.length - 1].slice(0, many ? 1 : 3);
     const bodies = instants.flatMap((i) => this.bodyCorners(samples[i]));
     const framed = arms.isEmpty() ? cornersOf(near) : [...links.map((p) => [...p, Math.min(0.08 * size, 0.2)]), ...bodies, ...cornersOf(around)];
     return { near, framed, whole: whole.union(near), floor: this.floor === null ? Math.min(0, lowest) : this.floor };

@@ -1,0 +1,92 @@
+"""Pages, pictures, videos and 3-D models that `view` and `play` write."""
+
+from __future__ import annotations
+
+import tempfile
+from argparse import Namespace
+from pathlib import Path
+from typing import Any
+
+import rr1plan as rp
+from rr1plan.cli.console import Console
+from rr1plan.cli.plan import told_to
+from rr1plan.files.file_access import check_writable
+from rr1plan.motion_plan import MotionPlan
+from rr1plan.sequences.sequence_plan import SequencePlan
+from rr1plan.sequences.sequence_replay import SequenceReplay
+
+_VIEW_FILES = {"html": "page", "png": "picture", "video": "video", "glb": "3-D model"}
+
+
+def check_files(options: Namespace) -> bool:
+    """Whether files are asked for rather than a live page.
+
+    Raises:
+        InputError: one cannot be written.
+    """
+    asked = [file for name in _VIEW_FILES if (file := getattr(options, name)) is not None]
+    for file in asked:
+        check_writable(file)
+    return bool(asked)
+
+
+def write_files(
+    scene: rp.Scene,
+    motion: MotionPlan | SequencePlan | None,
+    options: Namespace,
+    look: rp.ViewOptions | None,
+    console: Console,
+) -> None:
+    """Write the files that `view` was asked for, of a motion or of a scene alone."""
+    what: Any = scene if motion is None else motion
+    with tempfile.TemporaryDirectory(prefix="rr1plan-page-") as folder:
+        target = Path(folder) / "page.html" if options.html is None else options.html
+        page = rp.save_html(target, scene, options=look) if motion is None else motion.save_html(target, options=look)
+        if options.png is not None:
+            with console.progress("taking a picture"):
+                rp.screenshot(options.png, page, size=_size(options), time=options.time, bare=options.bare)
+        if options.video is not None:
+            _film(page, options, console)
+    if options.glb is not None:
+        with console.progress("writing the 3-D model"):
+            rp.save_glb(options.glb, what)
+    for name, text in _VIEW_FILES.items():
+        if getattr(options, name) is not None:
+            console.say(f"{text}: {getattr(options, name)}")
+    console.result(
+        {text: str(file) for name, text in _VIEW_FILES.items() if (file := getattr(options, name)) is not None}
+    )
+
+
+def film_replay(
+    motion: MotionPlan | SequencePlan, replay: rp.Replay | rp.SequenceReplay, options: Namespace, console: Console
+) -> None:
+    """Write a video of what the simulation did."""
+    with tempfile.TemporaryDirectory(prefix="rr1plan-page-") as folder:
+        target = Path(folder) / "page.html"
+        if isinstance(motion, SequencePlan):
+            assert isinstance(replay, SequenceReplay)
+            page = motion.save_html(target, replay=replay)
+        else:
+            assert not isinstance(replay, SequenceReplay)
+            page = rp.save_html(target, motion.scene, replay=replay)
+        _film(page, options, console)
+    console.say(f"video: {options.video}")
+
+
+def _film(page: Path, options: Namespace, console: Console) -> None:
+    with console.progress("filming") as advance:
+        rp.save_video(
+            options.video,
+            page,
+            size=_size(options),
+            fps=options.fps,
+            speed=options.speed,
+            bare=options.bare,
+            progress=told_to(advance),
+        )
+
+
+def _size(options: Namespace) -> tuple[int, int]:
+    width, height = options.size
+    return width, height

@@ -1,0 +1,263 @@
+"""One page that a server shows to any number of browsers: what it holds, and what its browsers say.
+
+Only who has the page's token can follow it and act on it. The token stands in the page, which other websites cannot
+read: the server refuses names that are not this machine's, and browsers keep pages of different origins apart.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import secrets
+import threading
+from collections.abc import Callable
+from time import monotonic
+from typing import Any, NamedTuple
+
+from tornado.web import HTTPError, RequestHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
+
+from rr1plan.errors import InputError
+
+logger = logging.getLogger(__name__)
+
+_LONGEST_MESSAGE = 10_000  # of a page
+
+
+class LiveAccess(NamedTuple):
+    """How a page finds the program that it follows.
+
+    Args:
+        token: The page's token.
+        version: Of the document in it, so that the server knows whether the page has the newest.
+        address: Where its updates come from; None: from where the page itself comes from.
+    """
+
+    token: str
+    version: int
+    address: str | None = None
+
+
+class LivePage:
+    """What a page shows, and the browsers that show it. `PageServer.add` makes one.
+
+    Args:
+        url: Address of the page, which ends in "/".
+        html: Gives the text of the page for an access to it.
+        hear: Called with what a browser has sent, as parsed from JSON.
+        run: Calls a function in the thread of the server; it raises `InputError` when that has ended.
+        end: Takes the page off its server.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        html: Callable[[LiveAccess], str],
+        hear: Callable[[object], None] | None,
+        run: Callable[[Callable[[], Any]], None],
+        end: Callable[[], None],
+    ) -> None:
+        self.url = url
+        self.token = secrets.token_urlsafe(16)
+        self.close = end
+        self._html = html
+        self._hear = hear
+        self._run = run
+        self._clients: set[UpdatesHandler] = set()
+        self.visits = 0  # browsers that have opened the page so far
+        self.last_sign = 0.0  # [s] of the monotonic clock, when the page was last asked for or a browser went away
+        self._lock = threading.Lock()
+        self._version = 0
+        self._document = ""
+        self._frame: bytes | None = None
+
+    @property
+    def pages(self) -> int:
+        """Number of connected browsers."""
+        return len(self._clients)
+
+    def access(self, *, from_elsewhere: bool = False) -> LiveAccess:
+        """The access of a page that is made now, by the server or elsewhere, as in a notebook."""
+        address = self.url.replace("http", "ws", 1) + "updates" if from_elsewhere else None
+        return LiveAccess(self.token, self._version, address)
+
+    # ---- what the program does -----------------------------------------------------------
+
+    def set_document(self, document: dict[str, Any]) -> None:
+        """Replace what the page shows."""
+        with self._lock:
+            self._version += 1
+            self._frame = None
+            message = {"type": "document", "version": self._version, "value": document}
+            self._document = text = json.dumps(message, allow_nan=False)
+        self._run(lambda: self.tell(text))
+
+    def set_frame(self, frame: bytes) -> None:
+        """Show a configuration (float64, little endian)."""
+        with self._lock:
+            self._frame = frame
+        self._run(self._spread)
+
+    def update_panel(self, name: str, data: dict[str, Any]) -> None:
+        """Put new entries into the data of a panel.
+
+        Raises:
+            InputError: data that JSON cannot hold.
+        """
+        try:
+            text = json.dumps({"type": "panels", "value": {name: data}}, allow_nan=False)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise InputError(f"the page cannot hold this data: {error}") from error
+        self._run(lambda: self.tell(text))
+
+    def command(self, name: str, value: float | None = None) -> None:
+        """Play, pause, seek or change the speed in all browsers."""
+        text = json.dumps({"type": name, "value": value}, allow_nan=False)
+        with self._lock:
+            self._frame = None
+        self._run(lambda: self.tell(text))
+
+    # ---- in the server's thread ----------------------------------------------------------
+
+    def tell(self, text: str) -> None:
+        """Send a message to all browsers."""
+        for client in tuple(self._clients):
+            client.tell(text)
+
+    def _spread(self) -> None:
+        for client in tuple(self._clients):
+            client.spread()
+
+    def end(self) -> None:
+        """Say goodbye to all browsers."""
+        self.tell(json.dumps({"type": "end"}))
+        for client in tuple(self._clients):
+            client.close()
+
+    def html(self) -> str:
+        """The page as it is now."""
+        text = self._html(self.access())
+        self.last_sign = monotonic()
+        return text
+
+    def knows(self, token: str) -> bool:
+        """Whether a token is that of this page."""
+        return secrets.compare_digest(token.encode(), self.token.encode())
+
+    def welcome(self, client: UpdatesHandler, version: str) -> None:
+        """Take in a browser: it gets the document if it has an older one, and the newest configuration."""
+        self._clients.add(client)
+        self.visits += 1
+        with self._lock:
+            late = version != str(self._version)
+            document, frame = self._document, self._frame
+        if late:
+            client.tell(document)
+        if frame is not None:
+            client.spread()
+
+    def dismiss(self, client: UpdatesHandler) -> None:
+        """Forget a browser."""
+        if client in self._clients:
+            self._clients.discard(client)
+            self.last_sign = monotonic()
+
+    def newest(self) -> bytes | None:
+        """The configuration to show now."""
+        with self._lock:
+            return self._frame
+
+    def hear(self, message: str | bytes) -> None:
+        """Pass on what a browser has sent; what cannot be read is logged."""
+        if self._hear is None:
+            return
+        try:
+            self._hear(json.loads(message[:_LONGEST_MESSAGE]))
+        except Exception:  # a callback of the caller's own must not end the server
+            logger.exception("a message of a page could not be handled")
+
+
+class PageHandler(RequestHandler):
+    """The page itself."""
+
+    def initialize(self, find: Callable[[str, str | None], LivePage | None]) -> None:
+        """Take the function that finds a page by the host of a request and its number."""
+        self.find = find
+
+    def get(self, number: str | None = None) -> None:
+        """Send the page, which no other website may frame or read."""
+        page = self.find(self.request.host, number)
+        if page is None:
+            raise HTTPError(404)
+        self.set_header("Cache-Control", "no-store")
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Referrer-Policy", "no-referrer")
+        self.set_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.set_header("Content-Security-Policy", "frame-ancestors 'none'")
+        self.finish(page.html())
+
+
+class UpdatesHandler(WebSocketHandler):
+    """Messages to and from one browser."""
+
+    def initialize(self, find: Callable[[str, str | None], LivePage | None]) -> None:
+        """Take the function that finds a page by the host of a request and its number."""
+        self.find = find
+        self.sending = False
+        self.wanted = False
+
+    def prepare(self) -> None:
+        """Find the page; a browser of another origin has to know its token."""
+        page = self.find(self.request.host, self.path_args[0])
+        if page is None:
+            raise HTTPError(404)
+        self.page = page
+        self.trusted = page.knows(self.get_query_argument("token", ""))
+
+    def check_origin(self, origin: str) -> bool:
+        """A page of this server, or one that knows the token, as in a notebook."""
+        return self.trusted or origin == f"http://{self.request.host}"
+
+    def open(self, *_args: str, **_kwargs: str) -> None:
+        """Welcome the browser; one that shows a page of an earlier program is to load the page again."""
+        if self.trusted:
+            self.page.welcome(self, self.get_query_argument("version", ""))
+        else:
+            self.tell(json.dumps({"type": "reload"}))
+            self.close()
+
+    def on_message(self, message: str | bytes) -> None:
+        """Pass on what the browser has sent."""
+        if self.trusted:
+            self.page.hear(message)
+
+    def on_close(self) -> None:
+        """Forget the browser."""
+        self.page.dismiss(self)
+
+    def tell(self, text: str) -> None:
+        """Send a message."""
+        try:
+            self.write_message(text)
+        except WebSocketClosedError:
+            self.page.dismiss(self)
+
+    def spread(self) -> None:
+        """Send the newest configuration, now or when the one on its way has arrived."""
+        self.wanted = True
+        if not self.sending:
+            self.sending = True
+            asyncio.get_running_loop().create_task(self._send())
+
+    async def _send(self) -> None:
+        try:
+            while self.wanted:
+                self.wanted = False
+                frame = self.page.newest()
+                if frame is not None:
+                    await self.write_message(frame, binary=True)
+        except WebSocketClosedError:
+            self.page.dismiss(self)
+        finally:
+            self.sending = False

@@ -1,0 +1,172 @@
+// Curves over time of one arm: exact derivatives of the polynomials of its motion, values that were sampled in Python.
+
+const DEGREES = 180 / Math.PI;
+/** What can be plotted; order: the derivative of the position; samples: a name in the document's samples. */
+const QUANTITIES = {
+  clearance: { label: "Clearance", samples: "clearance" },
+  position: { label: "Position", order: 0, unit: "" },
+  velocity: { label: "Velocity", order: 1, unit: "/s" },
+  acceleration: { label: "Acceleration", order: 2, unit: "/s²" },
+  jerk: { label: "Jerk", order: 3, unit: "/s³" },
+  torque: { label: "Torque", samples: "torque", limit: "effort" },
+  error: { label: "Tracking error", samples: "error" },
+};
+/** Distinct for color-blind readers, and dark enough for thin lines on white. */
+const CURVES = ["#d4450c", "#1f6fd0", "#00724f", "#a4630a", "#7b3fa0", "#0b8793", "#c0307a", "#5b4636", "#4a58b8", "#667080"];
+const DASHES = { compare: [7, 4], replay: [2, 3] };
+
+/** A number with three digits that count, without an exponent. */
+function shortNumber(value) {
+  const size = Math.abs(value);
+  if (!Number.isFinite(value)) return "–";
+  return (size < 1e-4 ? 0 : Number(value.toPrecision(3)) + 0).toLocaleString("en", { maximumFractionDigits: 6, useGrouping: false }).replace("-", "−");
+}
+
+/**
+ * A curve over time.
+ * name: of its joint; mark, color: what tells it from others; motion: null, or the name of the motion beside that of the page; dash: of its line; bounds: [low, high]
+ * of what is allowed, null where there is none; unit; at(t): its value; points(width): {times, values} to draw it that wide [px].
+ */
+class PolynomialCurve {
+  constructor(track, slot, order, scale, bounds) {
+    Object.assign(this, { track, slot, order, scale, bounds });
+  }
+
+  at(t) {
+    return this.scale * this.track.rate(t, this.slot, this.order);
+  }
+
+  /** Both ends of every piece, so that jumps are upright, and as many points between them as a picture this wide shows. */
+  points(width) {
+    const { track, slot, order, scale } = this, times = [], values = [], { breaks } = track, span = track.end - track.start || 1;
+    for (let i = 0; i < track.pieces; i++) {
+      const coefficients = track.derived(i, slot, order), long = (breaks[i + 1] ?? breaks[i]) - breaks[i];
+      const steps = coefficients.length < 3 ? 1 : Math.min(Math.max(Math.ceil((0.5 * width * long) / span), 4), 400);
+      for (let k = 0; k <= steps; k++) {
+        times.push(breaks[i] + (k / steps) * long);
+        values.push(scale * horner(coefficients, (k / steps) * long));
+      }
+    }
+    return thinned(times, values, width);
+  }
+}
+
+class SampledCurve {
+  constructor(times, values, bounds) {
+    Object.assign(this, { times, values, bounds });
+  }
+
+  at(t) {
+    const { times, values } = this, last = times.length - 1;
+    if (t <= times[0]) return values[0];
+    if (t >= times[last]) return values[last];
+    let low = 0, high = last;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (times[middle] <= t) low = middle; else high = middle;
+    }
+    return values[low] + ((t - times[low]) / (times[high] - times[low])) * (values[high] - values[low]);
+  }
+
+  points(width) {
+    return thinned(this.times, this.values, width);
+  }
+}
+
+/** Of very many points the first, lowest, highest and last in each column of pixels, which draw the same line. */
+function thinned(times, values, width) {
+  const count = times.length;
+  if (count <= 8 * width) return { times, values };
+  const out = { times: [], values: [] }, columns = 2 * width, span = times[count - 1] - times[0];
+  for (let i = 0; i < count;) {
+    const column = Math.floor(((times[i] - times[0]) / span) * columns), kept = [i, i, i, i];
+    for (; i < count && Math.floor(((times[i] - times[0]) / span) * columns) === column; i++) {
+      if (values[i] < values[kept[1]]) kept[1] = i;
+      if (values[i] > values[kept[2]]) kept[2] = i;
+      kept[3] = i;
+    }
+    for (const k of [...new Set(kept)].sort((a, b) => a - b)) { out.times.push(times[k]); out.values.push(values[k]); }
+  }
+  return out;
+}
+
+/** The motions of a page and what can be plotted of them. */
+class PlotSource {
+  constructor(viewer) {
+    const { document: doc, player, others } = viewer;
+    this.kinematics = viewer.kinematics;
+    this.motions = [];
+    if (player.track && doc.track.timed) this.motions.push({ kind: "plan", name: null, track: player.track, exact: doc.track.exact, samples: doc.samples });
+    else if (doc.samples.error) this.motions.push({ kind: "plan", name: null, track: null, exact: false, samples: doc.samples });
+    for (const row of doc.compare) this.motions.push({ kind: "compare", name: row.name, track: others.get("compare"), exact: row.exact, samples: row.samples });
+    if (others.has("replay")) this.motions.push({ kind: "replay", name: "simulated", track: others.get("replay"), exact: false, samples: {} });
+    this.unpacked = new Map();
+  }
+
+  /** The arms of which something moves. */
+  arms() {
+    const columns = new Set(this.motions.flatMap(({ track, samples }) => [...(track ? track.columns : []), ...(samples.error ? samples.error.columns : [])]));
+    return this.kinematics.arms.filter((arm) => arm.robot.names.some((_, i) => columns.has(arm.firstColumn + i)));
+  }
+
+  quantities(arm) {
+    return Object.keys(QUANTITIES).filter((key) => this.curves(arm, key).length > 0);
+  }
+
+  /** The curves of a quantity of an arm: of each joint, or of its clearances; the motion of the page first. */
+  curves(arm, key) {
+    const { order, samples } = QUANTITIES[key];
+    return this.motions.flatMap((motion) => {
+      const found = order !== undefined ? this.derivatives(arm, key, motion) : samples === "clearance" ? this.clearances(arm, motion) : this.samples(arm, key, motion);
+      return found.map((curve) => Object.assign(curve, { motion: motion.name, dash: DASHES[motion.kind] || [] }));
+    });
+  }
+
+  derivatives(arm, key, { kind, track, exact }) {
+    const { order, unit } = QUANTITIES[key];
+    // A motion that was sent as samples has no derivatives.
+    if (!track || (order > 0 && !exact) || (kind === "replay" && this.motions.length === 1 && order > 0)) return [];
+    return arm.robot.names.flatMap((name, i) => {
+      const slot = track.columns.indexOf(arm.firstColumn + i), straight = arm.robot.kinds[i] === "prismatic", scale = straight ? 1000 : DEGREES;
+      if (slot < 0) return [];
+      const limit = order > 0 ? arm.robot.rates[key][i] : null, [low, high] = order > 0 ? [limit === null ? null : -limit, limit] : arm.robot.limits[i];
+      const bounds = low === null || high === null ? null : [scale * low, scale * high];
+      return [Object.assign(new PolynomialCurve(track, slot, order, scale, bounds), { name, mark: String(i + 1), color: CURVES[i % CURVES.length], unit: (straight ? "mm" : "°") + unit })];
+    });
+  }
+
+  samples(arm, key, { samples }) {
+    const sent = samples[QUANTITIES[key].samples];
+    if (!sent) return [];
+    const { times, values, width } = this.unpack(sent, sent.columns.length);
+    return arm.robot.names.flatMap((name, i) => {
+      const slot = sent.columns.indexOf(arm.firstColumn + i), straight = arm.robot.kinds[i] === "prismatic", torque = key === "torque";
+      if (slot < 0) return [];
+      const scale = torque ? 1 : straight ? 1000 : DEGREES, limit = torque ? arm.robot.rates.effort[i] : null;
+      const own = Float64Array.from(times, (_, k) => scale * values[k * width + slot]);
+      const unit = torque ? (straight ? "N" : "Nm") : straight ? "mm" : "°";
+      return [Object.assign(new SampledCurve(times, own, limit === null ? null : [-limit, limit]), { name, mark: String(i + 1), color: CURVES[i % CURVES.length], unit })];
+    });
+  }
+
+  clearances(arm, { samples }) {
+    const sent = samples.clearance, k = sent ? sent.arms.indexOf(arm.name) : -1;
+    if (k < 0) return [];
+    const { times, values, width } = this.unpack(sent, 2 * sent.arms.length);
+    return ["to surroundings", "to itself"].flatMap((name, own) => {
+      const millimeters = Float64Array.from(times, (_, i) => 1000 * values[i * width + 2 * k + own]);
+      return millimeters.some(Number.isFinite) ? [Object.assign(new SampledCurve(times, millimeters, [0, null]), { name, mark: "ES"[own], color: CURVES[7 + own], unit: "mm" })] : [];
+    });
+  }
+
+  unpack(sent, width) {
+    if (!this.unpacked.has(sent)) this.unpacked.set(sent, { times: unpack(sent.times).values, values: unpack(sent.values).values, width });
+    return this.unpacked.get(sent);
+  }
+
+  remark(key) {
+    const { samples, exact, track } = this.motions[0] || { samples: {} };
+    if (key === "torque" && samples.torque) return samples.torque.remark;
+    return key === "position" && track && !exact ? "sent as samples, without derivatives" : "";
+  }
+}

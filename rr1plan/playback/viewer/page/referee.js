@@ -1,0 +1,102 @@
+// The referee in the page: `validate` for a motion, by the kernels of `referee.wasm`, which share no code with the planners'.
+//
+//   const referee = new PageReferee(data, core, image)      data and image: made by Python's `referee_image`
+//   referee.moveObstacle(name, rows)                         T_world_object, 16 numbers, row after row
+//   referee.findFault(motion, start, goal)                   why a motion is not proven; empty if it is
+//       motion: {breaks, coefficients, terms}; start and goal: configurations it has to begin and end with
+//
+// A motion is proven if it has no contact in continuous time, keeps the limits of position, velocity and acceleration
+// between samples too, neither jumps nor kinks, and goes from rest at the start to rest at the goal.
+
+// Start and goal count as reached within this [rad or m].
+const SAME = 1e-9;
+// Intervals between two looks at what is found.
+const INTERVALS = 512;
+
+class PageReferee {
+  #core;
+  #memory;
+  #data;
+  #pristine; // the bytes of a search before it begins
+  #block = null; // memory of searches, which need not be zero
+
+  constructor(data, core, image) {
+    this.#data = data;
+    this.#core = core;
+    this.#memory = core.place(image);
+    this.#pristine = this.#bytes(this.#memory.search, "RefereeSearch").slice();
+  }
+
+  #bytes(struct, kind) {
+    return new Uint8Array(this.#core.buffer, this.#core.addressOf(struct), this.#core.declarations.structs[kind].size);
+  }
+
+  moveObstacle(name, rows) {
+    const core = this.#core, { obstacle_model, obstacle_shapes, obstacle_frames, obstacle_poses } = this.#memory;
+    obstacle_poses.values.set(rows, 16 * this.#data.obstacles.indexOf(name));
+    const bodies = core.at("RefereeBodies", obstacle_model.bodies);
+    // Only sizes depend on poses; the rows of bodies contain more than the kernel fills in.
+    core.scoped(() => core.call(
+      "rr1_fill_bodies", obstacle_shapes, obstacle_frames, obstacle_poses, obstacle_model.element_bodies,
+      obstacle_model.element_count, core.array("RefereeBody", bodies.body_count), bodies.sizes,
+    ));
+  }
+
+  findFault(motion, start, goal) {
+    const { breaks, coefficients, terms } = motion, core = this.#core, nq = start.length;
+    const pieces = coefficients.length / terms / nq, search = this.#memory.search;
+    this.#bytes(search, "RefereeSearch").set(this.#pristine);
+    const shape = { break_count: breaks.length, piece_count: pieces, terms, column_count: nq };
+    Object.assign(search, shape);
+    const size = core.call("rr1_size_search", search) / 8;
+    if (!this.#block || this.#block.length < size) this.#block = core.array("double", 2 * size);
+    return core.scoped(() => {
+      const times = core.array("double", breaks), numbers = core.array("double", coefficients);
+      if (!core.call("rr1_makes_motion", times, breaks.length, numbers, pieces, terms, nq, this.#data.farthest)) {
+        return "the numbers make no motion";
+      }
+      Object.assign(search, { breaks: times, coefficients: numbers });
+      return this.#judge(search, times, numbers, start, goal) || this.#findContact(search);
+    });
+  }
+
+  /** What is wrong with limits, continuity, rest, start or goal. */
+  #judge(search, times, numbers, start, goal) {
+    const core = this.#core, c = core.constants;
+    const { break_count, piece_count, terms, column_count: nq } = search;
+    const peaks = core.array("Peaks", 4 * nq), jumps = core.array("Jump", 3 * nq), end = core.array("double", 4 * nq);
+    const scratch = core.array("double", terms * (c.EXTREMES_DEPTH + 24 + 4 * terms));
+    core.call("rr1_find_extremes", times, break_count, numbers, piece_count, terms, nq, peaks, jumps, end, scratch);
+    const tightest = core.array("Tightest", c.TIGHTEST_ROWS), allowed = core.array("double", 3 * nq);
+    const flaws = core.call(
+      "rr1_judge_columns", break_count, numbers, piece_count, terms, nq, peaks, jumps, end, this.#memory.limits,
+      tightest, allowed, core.array("int64_t", nq),
+    );
+    const differ = (one, two) => one.some((value, j) => !(Math.abs(value - two[j]) <= SAME));
+    const first = numbers.values.subarray(0, nq), last = end.values.subarray(0, nq);
+    const faults = [
+      [flaws & (c.FLAW_ABOVE | c.FLAW_BELOW), "a joint leaves its position limits"],
+      [flaws & c.FLAW_VELOCITY, "a joint exceeds its velocity limit"],
+      [flaws & c.FLAW_ACCELERATION, "a joint exceeds its acceleration limit"],
+      [flaws & (c.FLAW_POSITION_JUMP | c.FLAW_VELOCITY_JUMP), "a joint jumps"],
+      [flaws & (c.FLAW_START | c.FLAW_END), "the motion does not begin and end at rest"],
+      [differ(first, start), "the motion does not begin at the start"],
+      [differ(last, goal), "the motion does not end at the goal"],
+    ];
+    return faults.find(([wrong]) => wrong)?.[1] ?? "";
+  }
+
+  /** The first contact found in continuous time, or what cannot be told from one. */
+  #findContact(search) {
+    const core = this.#core;
+    core.call("rr1_begin_search", search, this.#block);
+    while (search.stage !== core.constants.SEARCH_DONE) {
+      core.call("rr1_prove_motion", search, INTERVALS);
+      if (!search.marked_count) continue;
+      const { a, b, mark } = core.at("ElementPair", search.marked);
+      const [one, two] = [a, b].map((element) => this.#data.elements[element]);
+      return `${one} and ${two} ${mark === core.constants.PAIR_TOUCHES ? "touch" : "come too near to tell from contact"}`;
+    }
+    return "";
+  }
+}

@@ -1,0 +1,117 @@
+"""Videos of the page: every picture is drawn at its own moment of the motion, however long that takes."""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import check_callback, file_path, positive_number, true_or_false
+from rr1plan.errors import InputError
+from rr1plan.files.file_access import check_writable, write_bytes
+from rr1plan.playback.viewer.html_page import check_size
+from rr1plan.playback.viewer.page_capture import Page, opened_page, outside_event_loop, settle_page
+from rr1plan.playback.viewer.video_files import FASTEST, Picture, video_bytes
+from rr1plan.progress import ProgressCallback, fraction_callback
+from rr1plan.progress_bar import library_bar
+
+_MOST_FRAMES = 20_000
+# Shows a moment at full quality, which very many arms otherwise get only a while after they have moved. The page draws
+# in its own callback of the next frame, before this one; with the frame after that the picture has been composed.
+_DRAW = """(time) => {
+  RR1.pause(); RR1.seek(time); RR1.shownAt = -Infinity; RR1.redraw();
+  return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(RR1.time))));
+}"""
+
+
+def save_video(
+    file: str | os.PathLike[str],
+    page: Page,
+    *,
+    size: tuple[int, int] = (1280, 800),
+    fps: float = 30.0,
+    speed: float = 1.0,
+    bare: bool = False,
+    progress: ProgressCallback | None = None,
+) -> FilePath:
+    """A video of a motion: MP4, GIF or WebP, filmed from its page by a browser without a window.
+
+    A picture is taken at every multiple of `speed / fps` seconds of the motion, and one at its end, so a slow machine
+    takes longer and gives the same video.
+
+    Args:
+        file: The file, whose name ends in .mp4, .gif or .webp; written whole or not at all. GIF and WebP repeat.
+        page: A page that `save_html` wrote, a live viewer, or a value that has a page: a motion, a sequence plan or a
+            C-space with a path.
+        size: Width and height [px]; even numbers for MP4.
+        fps: Pictures per second: at most 120, in WebP 60, in GIF 50.
+        speed: Multiple of real time.
+        bare: Without the cards around the picture.
+        progress: Called after each picture; False cancels. Without it a bar is drawn on a terminal.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: no such page, a page without a motion, another suffix, a file that cannot be written, a size or rate
+            that makes no sense, or more than 20,000 pictures.
+        NoPlanError: a plan without a motion.
+        CancelledError: `progress` returned False.
+        MissingPackageError: playwright, PyAV or a Chromium is not installed (extra `video`).
+        BackendError: the browser does not start, or the page does not.
+    """
+    file = file_path(file)
+    suffix = file.suffix.lower()
+    if suffix not in FASTEST:
+        raise InputError(f"cannot save {str(file)!r} as a video, expected a name that ends in {', '.join(FASTEST)}")
+    check_writable(file)
+    fps, speed, size = positive_number("fps", fps), positive_number("speed", speed), check_size(size)
+    if fps > FASTEST[suffix]:
+        raise InputError(f"fps is {fps:g}, expected at most {FASTEST[suffix]:g} in {suffix} files")
+    if suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
+        raise InputError(f"size is {size[0]} x {size[1]}, expected even numbers of pixels for MP4")
+    bare = true_or_false("bare", bare)
+    check_callback("progress", progress)
+
+    def film() -> bytes:
+        with opened_page(page, size, bare) as tab, library_bar("filming") as advance:
+            settle_page(tab)
+            tell = advance if progress is None else fraction_callback("film", progress)
+            return video_bytes(suffix, _PageFrames(tab, speed / fps, tell), fps)
+
+    return write_bytes(file, outside_event_loop(film))
+
+
+class _PageFrames:
+    """Pictures of a page's motion at steps of time [s]."""
+
+    def __init__(self, tab: Any, step: float, advance: Callable[[float], None] | None) -> None:
+        from PIL import Image
+
+        self._decode = Image.open
+        start, end = tab.evaluate("[RR1.player.start, RR1.player.end]")
+        if end <= start:
+            raise InputError("the page has no motion, expected one to film; screenshot takes a picture of it")
+        count = int(np.ceil((end - start) / step - 1e-9)) + 1
+        if count > _MOST_FRAMES:
+            raise InputError(f"the video has {count} pictures, expected at most {_MOST_FRAMES}; lower fps, raise speed")
+        self._times = np.minimum(start + step * np.arange(count), end).tolist()
+        self._tab, self._advance = tab, advance
+        self._session = tab.context.new_cdp_session(tab)
+
+    def __len__(self) -> int:
+        return len(self._times)
+
+    def __getitem__(self, index: int) -> Picture:
+        self._tab.evaluate(_DRAW, self._times[index])
+        if self._advance is not None:
+            self._advance((index + 1) / len(self))
+        # As PNG of little compression, which takes a third of the time.
+        taken = self._session.send("Page.captureScreenshot", {"format": "png", "optimizeForSpeed": True})
+        picture: Picture = np.asarray(self._decode(io.BytesIO(base64.b64decode(taken["data"]))).convert("RGB"))
+        return picture

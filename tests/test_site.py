@@ -1,0 +1,76 @@
+"""The documentation site: Sphinx builds it without a warning, and no link in it is broken."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+import rr1plan as rp
+
+pytest.importorskip("sphinx", reason="sphinx is not installed")
+
+DOCS = Path(__file__).parent.parent / "docs"
+
+
+class Page(HTMLParser):
+    """The links of a page, and the names that links can lead to."""
+
+    def __init__(self, file: Path) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.anchors = {""}
+        self.feed(file.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note what a tag links to, or is called."""
+        for name, value in attrs:
+            if value and name in ("href", "src"):
+                self.links.append(value)
+            elif value and name == "id":
+                self.anchors.add(value)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, with pictures instead of the pages of examples."""
+    out = tmp_path_factory.mktemp("site")
+    command = [sys.executable, str(DOCS / "make_site.py"), str(out), "--no-pages"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.strip() == str(out / "index.html")
+    return out
+
+
+def test_no_link_is_broken(site: Path) -> None:
+    pages = {file.resolve(): Page(file) for file in site.rglob("*.html")}
+    assert len(pages) > 40
+    broken, checked = [], 0
+    for file, page in pages.items():
+        for link in page.links:
+            parts = urlsplit(link)
+            if parts.scheme or parts.netloc:
+                continue
+            target = (file.parent / unquote(parts.path)).resolve() if parts.path else file
+            checked += 1
+            if not target.is_file() or (target in pages and unquote(parts.fragment) not in pages[target].anchors):
+                broken.append(f"{file.relative_to(site)}: {link}")
+    assert broken == []
+    assert checked > 1000
+
+
+def test_the_reference_has_every_public_name(site: Path) -> None:
+    anchors = set[str]().union(*(Page(file).anchors for file in (site / "api").glob("*.html")))
+    missing = {name for name in rp.__all__ if f"rr1plan.{name}" not in anchors and name != "__version__"}
+    assert missing in (set(), {"transforms"})
+    assert "module-rr1plan.transforms" in anchors
+
+
+def test_all_pages_of_the_documentation_are_in_the_site(site: Path) -> None:
+    written = {file.relative_to(DOCS).with_suffix(".html") for file in DOCS.rglob("*.md")}
+    assert len(written) > 15
+    assert {page for page in written if not (site / page).is_file()} == set()
