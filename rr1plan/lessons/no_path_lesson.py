@@ -111,25 +111,23 @@ def _steps(picture: CSpace, cells: Decomposition) -> tuple[LessonStep, ...]:
             "ends",
             "Both ends are free",
             """<p>The arm stands at the start and touches nothing. Click the star: at the goal it touches nothing
-            either.
-            Inverse kinematics, a collision check and a look at the workspace find no fault.</p>
+            either. Inverse kinematics, a collision check and a look at the workspace find no fault.</p>
             <p>Is there a motion from one to the other?</p>""",
             start,
         ),
         LessonStep(
             "by-hand",
             "Try it by hand",
-            """<p>Drag the point from the start to the star without entering a color. The two sliders and the tool move
-            the arm too.</p>
+            """<p>Drag the point from the start to the star without entering a color. The two sliders and the tool
+            move the arm too.</p>
             <p>Where do you get stuck, and which obstacles stop you?</p>""",
             start,
         ),
         LessonStep(
             "components",
             "Free space falls apart",
-            f"""<p>Configurations that a path can join form a <b>component</b>. Here free space has {parts} of them, one
-            tint
-            each. Start and goal are in different ones.</p>
+            f"""<p>Configurations that a path can join form a <b>component</b>. Here free space has {parts} of them,
+            one tint each. Start and goal are in different ones.</p>
             <p>A path cannot change its component: it is a connected set, and the components are not connected.</p>""",
             start,
         ),
@@ -144,21 +142,20 @@ def _steps(picture: CSpace, cells: Decomposition) -> tuple[LessonStep, ...]:
         LessonStep(
             "planner",
             "A planner can only give up",
-            """<p>RRT-Connect grew a tree from the start and one from the goal. Each fills its component, and they never
-            meet. Press <i>Grow</i>.</p>
-            <p>Such planners are <b>probabilistically complete</b>: if there is a path, they find it sooner or later. If
-            there is none, they run until their budget ends, and that proves nothing.</p>""",
+            """<p>RRT-Connect grew a tree from the start and one from the goal. Each fills its component, and they
+            never meet. Press <i>Grow</i>.</p>
+            <p>Such planners are <b>probabilistically complete</b>: if there is a path, they find it sooner or later.
+            If there is none, they run until their budget ends, and that proves nothing.</p>""",
             start,
         ),
         LessonStep(
             "proof",
             "Cells prove it",
-            f"""<p>Cut the square into {size} × {size} cells. A dark cell is <b>blocked as a whole</b>: one link is so
-            deep in
-            one obstacle that no configuration of the cell brings it out. That is a bound, not a sample.</p>
-            <p>Light cells are all that can be entered from the start without crossing a dark one, corners included. No
-            goal
-            is among them. So <b>no path exists</b>, at any resolution.</p>""",
+            f"""<p>Cut the square into {size} × {size} cells. A dark cell is <b>blocked as a whole</b>: one link is
+            so deep in one obstacle that no configuration of the cell brings it out. That is a bound, not a
+            sample.</p>
+            <p>Light cells are all that can be entered from the start without crossing a dark one, corners included.
+            No goal is among them. So <b>no path exists</b>, at any resolution.</p>""",
             start,
         ),
     )

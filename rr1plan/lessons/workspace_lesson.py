@@ -118,8 +118,8 @@ def _steps(arm: FlatArm) -> tuple[LessonStep, ...]:
         LessonStep(
             "elbows",
             "Two elbows for one point",
-            """<p>A point inside the annulus is reached <b>twice</b>, with the elbow on the left or on the right. On the
-            rims both solutions are one: the arm is straight or folded, it is singular.</p>
+            """<p>A point inside the annulus is reached <b>twice</b>, with the elbow on the left or on the right. On
+            the rims both solutions are one: the arm is straight or folded, it is singular.</p>
             <p>The hollow ring in the configuration space is the other solution. Press <kbd>E</kbd> to go there: the
             tool stays where it is.</p>""",
             (0.5, 0.9),
@@ -127,25 +127,25 @@ def _steps(arm: FlatArm) -> tuple[LessonStep, ...]:
         LessonStep(
             "limits",
             "Joint limits take solutions away",
-            """<p>A joint with limits forbids the gray margins of the configuration space. Points whose one solution is
-            in there are reached <b>once</b>, points with both in there never.</p>
+            """<p>A joint with limits forbids the gray margins of the configuration space. Points whose one solution
+            is in there are reached <b>once</b>, points with both in there never.</p>
             <p>Drag the tool from blue to striped and press <kbd>E</kbd>: the arm would leave its limits.</p>""",
             (0.5, 0.9),
         ),
         LessonStep(
             "obstacles",
             "So do obstacles",
-            """<p>A solution in which a link touches an obstacle does not count either. An obstacle therefore takes more
-            of the workspace than its own area: it has a <b>shadow</b>, which no link passes.</p>
-            <p>Reached in two ways, in one, or in none: the boundaries are images of the boundaries in the configuration
-            space.</p>""",
+            """<p>A solution in which a link touches an obstacle does not count either. An obstacle therefore takes
+            more of the workspace than its own area: it has a <b>shadow</b>, which no link passes.</p>
+            <p>Reached in two ways, in one, or in none: the boundaries are images of the boundaries in the
+            configuration space.</p>""",
             (0.5, 0.9),
         ),
         LessonStep(
             "question",
             "Reached is not yet attainable",
-            """<p>A point counts here if the arm can <i>stand</i> there. Whether it can <i>get</i> there from where it
-            is now depends on how the free configurations hang together.</p>
+            """<p>A point counts here if the arm can <i>stand</i> there. Whether it can <i>get</i> there from where
+            it is now depends on how the free configurations hang together.</p>
             <p>Find two blue points between which the arm cannot move with the elbow on the same side. The lesson
             <i>Configuration space</i> shows why.</p>""",
             (-0.5, -0.9),

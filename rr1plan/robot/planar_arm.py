@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, check_text, items_of, known_name, number_array, positive_length
+from rr1plan.checks import Array, check_text, counted, items_of, known_name, number_array, positive_length
 from rr1plan.errors import InputError
 from rr1plan.robot.check_robot import check_robot
 from rr1plan.robot.joint_limits import Limits
@@ -41,8 +41,8 @@ def planar_arm(
 
     "RR" is the 2R arm of textbooks. "RP" turns a sleeve of the first length, from which a rod slides out. "PR" slides
     along x and carries a link that turns. "PP" is a gantry: its beam slides along x, above the plane, and its tool, a
-    round rod, along y. Base, beam and carriage never touch the arm itself; the base of arms that turn, and the rail of
-    "PR", lie below the plane, so obstacles may be up to two widths high (a box of height 2 * width at z = 0 is safe).
+    round rod, along y. Base and carriage are below the plane, the gantry's beam is above it, so that obstacles of up to
+    three widths in height, centered at z = 0, meet links and rod alone. The arm does not touch itself.
 
     Args:
         joints: "RR", "RP", "PR" or "PP".
@@ -54,11 +54,13 @@ def planar_arm(
 
     Raises:
         UnknownNameError: other joints.
-        InputError: a length or a width that is not above zero, limits that are no range or that leave no room, or a
-            travel without limits.
+        InputError: a length or a width that is not above zero, or limits that are no range.
     """
     known_name("pair of joints", joints, PLANAR_KINDS)
-    first, second = (positive_length("length", value) for value in items_of("lengths", lengths, "two lengths [m]"))
+    sizes = items_of("lengths", lengths, "two lengths [m]")
+    if len(sizes) != 2:
+        raise InputError(f"lengths has {counted(len(sizes), 'number')}, expected two [m]")
+    first, second = (positive_length("length", value) for value in sizes)
     width = positive_length("width", width)
     name = f"planar_{joints.lower()}" if name is None else name
     check_text("name", name)
@@ -126,10 +128,10 @@ def _parts(joints: str, first: float, second: float, width: float) -> _Parts:
         beam = _part(Box((0.6 * w, second + 3 * w, 0.4 * w)), (0.0, 0.5 * second, high + 0.4 * w), _DARK)
         rod = _part(Cylinder(0.5 * w, high + w), (0.0, 0.0, 0.5 * high), _ORANGE)
         return _Parts((rails, (beam,), (rod,)), (1.0, 2 * second, 1.0), ((0, 0, 0), (0, 0, 0), (0, 0, 0)), (_X, _Y))
-    below = (0.0, 0.0, -1.125 * w)
+    below = (0.0, 0.0, -2.0 * w)
     stand = _part(Cylinder(1.5 * w, 0.75 * w), below, _ALUMINUM)
     if joints == "PR":
-        rail = _part(Box((first + 2 * w, 0.4 * w, 0.4 * w)), (0.5 * first, 0.0, -2.0 * w), _ALUMINUM)
+        rail = _part(Box((first + 2 * w, 0.4 * w, 0.4 * w)), (0.5 * first, 0.0, -2.8 * w), _ALUMINUM)
         carriage = _part(Cylinder(w, 0.75 * w), below, _DARK)
         bodies = ((rail,), (carriage,), (_bar(0.0, second, w, _ORANGE),))
         return _Parts(bodies, (1.0, 1.0, 2 * second), ((0, 0, 0), (0, 0, 0), (second, 0, 0)), (_X, _X))

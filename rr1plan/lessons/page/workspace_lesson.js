@@ -72,6 +72,12 @@ class ReachMap {
     viewer.redraw();
   }
 
+  /** The same for many points, with the layers that count now. */
+  counts(points) {
+    const mask = this.mask();
+    return points.map(([x, y]) => this.count(x, y, mask));
+  }
+
   /** Says in how many ways the tool is where it is. */
   read() {
     if (!this.ignored) { this.corner.hidden = true; return; }
@@ -85,7 +91,7 @@ class ReachMap {
 const hex = (color) => [1, 3, 5].map((k) => parseInt(color.slice(k, k + 2), 16));
 const signed = (v) => v.toFixed(2).replace("-", "−");
 
-const map = new ReachMap();
+const map = steps.map = new ReachMap();
 const isLimit = (layer) => layer.kind === "limits";
 steps.reset = () => map.show(null);
 steps.on("elbows", () => map.show(() => true));

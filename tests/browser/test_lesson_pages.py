@@ -1,0 +1,93 @@
+"""Every lesson's page in a real browser: steps walked by keyboard and by buttons, joints moved, nothing loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.playback.viewer.page_capture import wait_until
+
+pytestmark = pytest.mark.browser
+
+READY = "Boolean(window.RR1 && RR1.ready && RR1.steps)"
+
+
+@pytest.fixture(scope="module", params=rp.lesson_names())
+def lesson(request: pytest.FixtureRequest) -> rp.Lesson:
+    return rp.lesson(request.param)
+
+
+@pytest.fixture(scope="module")
+def page_file(lesson: rp.Lesson, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return lesson.save_html(tmp_path_factory.mktemp("lesson") / f"{lesson.name}.html")
+
+
+@pytest.fixture
+def page(tab: Any, page_file: Path) -> Iterator[Any]:
+    tab.page.set_viewport_size({"width": 1280, "height": 720})
+    tab.open(page_file, READY)
+    yield tab
+    assert tab.complaints == []
+    assert [url for url in tab.requests if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+def test_arrow_keys_walk_all_steps(page: Any, lesson: rp.Lesson) -> None:
+    for step in lesson.steps:
+        assert page.ask("RR1.steps.name") == step.name
+        shown = page.ask("[...document.querySelectorAll('#panel-steps article')].filter((a) => !a.hidden).length")
+        assert shown == 1
+        assert page.ask("document.querySelector('#panel-steps article:not([hidden]) h3').textContent") == step.title
+        if step.q is not None and not page.ask("RR1.playing"):
+            np.testing.assert_allclose(page.ask("Array.from(RR1.q)"), step.q, atol=1e-6)
+        page.picture()
+        page.page.keyboard.press("ArrowRight")
+    assert page.ask("RR1.steps.index") == len(lesson.steps) - 1
+    for _ in lesson.steps:
+        page.page.keyboard.press("ArrowLeft")
+    assert page.ask("RR1.steps.index") == 0
+
+
+def test_buttons_walk_too_and_end_at_the_ends(page: Any, lesson: rp.Lesson) -> None:
+    back, fore = (page.page.locator(f"#panel-steps [data-move='{move}']") for move in (-1, 1))
+    assert back.is_disabled()
+    for _ in lesson.steps[1:]:
+        fore.click()
+    assert fore.is_disabled()
+    assert page.page.locator("#panel-steps output").inner_text() == f"{len(lesson.steps)} / {len(lesson.steps)}"
+
+
+def test_the_address_names_the_first_step(tab: Any, page_file: Path) -> None:
+    tab.open(f"{page_file.as_uri()}#step=3", READY)
+    assert tab.ask("RR1.steps.index") == 2
+
+
+def test_moving_a_joint_moves_the_arm_in_every_step(page: Any, lesson: rp.Lesson) -> None:
+    for _ in lesson.steps:
+        before = page.ask("RR1.q[0]")
+        page.ask("RR1.setJoint(0, RR1.q[0] + 0.05)")
+        assert page.ask("RR1.q[0]") == pytest.approx(before + 0.05, abs=1e-6)
+        page.page.keyboard.press("ArrowRight")
+
+
+@pytest.mark.parametrize("size", [(1440, 900), (800, 600), (390, 844)], ids=lambda s: f"{s[0]}x{s[1]}")
+def test_workspace_steps_and_panels_fit_in_the_window(page: Any, size: tuple[int, int]) -> None:
+    page.page.set_viewport_size({"width": size[0], "height": size[1]})
+    wait_until(page.page, f"innerWidth === {size[0]}")
+    page.picture()
+    boxes = page.ask(
+        "['stage', 'panel-steps', 'panels'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON())"
+    )
+    for box in boxes:
+        assert box["left"] >= 0
+        assert box["right"] <= size[0] + 0.5
+        assert box["bottom"] <= size[1] + 0.5
+        assert box["width"] >= 200
+        assert box["height"] >= 120
+    stage, steps, _ = boxes
+    assert stage["bottom"] <= steps["top"] + 0.5
+    assert page.ask("document.documentElement.scrollWidth") <= size[0]

@@ -1,0 +1,191 @@
+"""Lessons: their steps, figures and pages, teachers' own arms, and the numbers they state."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import rr1plan as rp
+from rr1plan.lessons.configuration_space_lesson import ConfigurationSpaceLesson
+from rr1plan.lessons.no_path_lesson import NoPathLesson
+from rr1plan.lessons.torus_picture import torus_image
+from rr1plan.lessons.workspace_lesson import WorkspaceLesson, solution_counts
+
+NAMES = rp.lesson_names()
+
+
+@pytest.fixture(scope="module")
+def lessons() -> dict[str, rp.Lesson]:
+    return {name: rp.lesson(name) for name in NAMES}
+
+
+def own_scene(joints: str = "RR") -> rp.Scene:
+    """What a teacher writes."""
+    arm = rp.planar_arm(joints, lengths=(0.8, 0.6), name="mine")
+    scene = rp.Scene(name="own").with_arm("arm", arm)
+    return scene.with_obstacle("wedge", rp.polygon_prism([(0.5, 0.5), (0.75, 0.45), (0.6, 0.8)]))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_lesson_has_steps_with_well_formed_text(name: str, lessons: dict[str, rp.Lesson]) -> None:
+    lesson = lessons[name]
+    assert lesson.name == name
+    assert len(lesson.steps) >= 4
+    assert len({step.name for step in lesson.steps}) == len(lesson.steps)
+    for step in lesson.steps:
+        page = ElementTree.fromstring(f"<div>{step.text}</div>")
+        words = "".join(page.itertext()).split()
+        assert 15 <= len(words) <= 150, f"{step.name} has {len(words)} words"
+        assert page.find("p") is not None
+        assert step.q is None or len(step.q) == len(lesson.scene.joint_names())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_lesson_draws_a_figure_for_slides(name: str, lessons: dict[str, rp.Lesson], tmp_path: Path) -> None:
+    png, svg = lessons[name].save_png(tmp_path / "a.png"), lessons[name].save_svg(tmp_path / "a.svg")
+    picture = np.asarray(Image.open(io.BytesIO(png.read_bytes())).convert("RGB"))
+    assert picture.shape[1] == 1950
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
+    assert svg.read_text().rstrip().endswith("</svg>")
+    assert lessons[name].figure(width=6.0).get_figwidth() == 6.0
+    with pytest.raises(rp.InputError, match=r"ends in \.svg"):
+        lessons[name].save_svg(tmp_path / "a.png")
+    with pytest.raises(rp.InputError, match="at most 100"):
+        lessons[name].figure(width=101)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_holds_every_step_and_loads_nothing(name: str, lessons: dict[str, rp.Lesson], tmp_path: Path) -> None:
+    text = lessons[name].save_html(tmp_path / "lesson.html").read_text()
+    for step in lessons[name].steps:
+        assert f'data-step="{step.name}"' in text
+        assert step.text in text
+    assert f"<title>{lessons[name].title}</title>" in text
+    assert "connect-src &#x27;none&#x27;" in text
+
+
+def test_a_live_page_is_served(lessons: dict[str, rp.Lesson]) -> None:
+    with lessons["workspace"].show(open_browser=False, quiet=True) as viewer:
+        assert viewer.url.startswith("http")
+
+
+# ---- a teacher's own -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("joints", ["RR", "RP", "PR", "PP"])
+@pytest.mark.parametrize("name", ["workspace", "configuration_space"])
+def test_lessons_take_arms_that_turn_and_slide(name: str, joints: str, tmp_path: Path) -> None:
+    lesson = rp.lesson(name, own_scene(joints))
+    assert lesson.scene.name == "own"
+    assert lesson.save_png(tmp_path / "a.png").stat().st_size > 10_000
+    assert lesson.save_html(tmp_path / "a.html").stat().st_size > 10_000
+
+
+def test_a_lesson_about_a_query_takes_one_without_a_path(tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RR", (1.0, 0.7)))
+    wall = rp.Cylinder(0.15, 0.2)
+    scene = scene.with_obstacle("left", wall, (0.0, 0.6, 0.0)).with_obstacle("right", wall, (0.0, -0.6, 0.0))
+    lesson = rp.lesson("no_path", problem=rp.Problem(scene, [0.0, 0.3], rp.JointGoal([3.0, 0.3])))
+    assert isinstance(lesson, NoPathLesson)
+    assert lesson.cells.proves_no_path
+    assert str(lesson.cells.resolution) in lesson.steps[-1].text
+    with pytest.raises(rp.InputError, match=r"free ends that no path joins, .* same component"):
+        rp.lesson("no_path", problem=rp.Problem(scene, [0.0, 0.3], rp.JointGoal([0.4, 0.3])))
+    with pytest.raises(rp.InputError, match="free ends"):
+        rp.lesson("no_path", problem=rp.Problem(scene, [np.pi / 2, 0.3], rp.JointGoal([0.4, 0.3])))
+
+
+def test_wrong_questions_are_refused() -> None:
+    scene = own_scene()
+    problem = rp.Problem(scene, [0.0, 0.0], rp.JointGoal([0.1, 0.0]))
+    with pytest.raises(rp.UnknownNameError, match="Did you mean 'workspace'"):
+        rp.lesson("work_space")
+    with pytest.raises(rp.InputError, match="arm of two joints in a horizontal plane, and arm 'rr1' is none"):
+        rp.lesson("workspace", rp.load_scene("rr1_table"))
+    with pytest.raises(rp.InputError, match="'workspace' has no query"):
+        rp.lesson("workspace", problem=problem)
+    with pytest.raises(rp.InputError, match="is about a query"):
+        rp.lesson("no_path", scene)
+    with pytest.raises(rp.InputError, match="about another scene"):
+        rp.lesson("workspace", own_scene(), problem)
+
+
+# ---- the numbers ---------------------------------------------------------------------------------
+
+
+def elbows(lengths: tuple[float, float], point: np.ndarray) -> list[np.ndarray]:
+    """Both configurations of a 2R arm by the intersection of two circles."""
+    a, c = lengths
+    far = np.linalg.norm(point)
+    along = (a**2 - c**2 + far**2) / (2 * far)
+    if a**2 < along**2:
+        return []
+    fore, up = point / far, np.array([-point[1], point[0]]) / far
+    found = []
+    for side in (1.0, -1.0):
+        elbow = along * fore + side * np.sqrt(a**2 - along**2) * up
+        first, second = np.arctan2(elbow[1], elbow[0]), np.arctan2(*(point - elbow)[::-1])
+        found.append(np.array([first, (second - first + np.pi) % (2 * np.pi) - np.pi]))
+    return found
+
+
+def test_counted_solutions_are_those_of_circles_and_coal(lessons: dict[str, rp.Lesson]) -> None:
+    lesson = lessons["workspace"]
+    assert isinstance(lesson, WorkspaceLesson)
+    grid, checker = lesson.picture.grid, rp.CollisionChecker(lesson.scene)
+    steps = [float(axis[1] - axis[0]) for axis in grid.axes]
+    points = np.random.default_rng(3).uniform(-1.75, 1.75, (700, 2))
+    counts = solution_counts(lesson.picture, lesson.arm, points)
+    seen = []
+    for point, count in zip(points, counts, strict=True):
+        solutions = elbows((1.0, 0.7), point)
+        around = [q + np.array([i, j]) * steps for q in solutions for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        free = [checker.within_limits(q) and checker.is_free(q) for q in around]
+        if any(len(set(free[k : k + 9])) > 1 for k in range(0, len(free), 9)):
+            continue  # the boundary of an image crosses the cell
+        assert count == sum(free[::9])
+        seen.append(count)
+    assert len(seen) > 600
+    assert min(np.bincount(seen, minlength=3)) > 50
+
+
+def test_layers_that_are_ignored_do_not_count(lessons: dict[str, rp.Lesson]) -> None:
+    lesson = lessons["workspace"]
+    assert isinstance(lesson, WorkspaceLesson)
+    names = tuple(lesson.picture.grid.layers)
+    points = np.random.default_rng(0).uniform(-1.8, 1.8, (2000, 2))
+    everything = solution_counts(lesson.picture, lesson.arm, points, names)
+    far = np.linalg.norm(points, axis=1)
+    np.testing.assert_array_equal(everything, np.where((far > 0.3) & (far < 1.7), 2, 0))
+    limited = solution_counts(lesson.picture, lesson.arm, points, ("disc", "plate"))
+    assert (limited <= everything).all()
+    assert (solution_counts(lesson.picture, lesson.arm, points) <= limited).all()
+    # The inner rim under the limit of the second joint, by the law of cosines.
+    inner = np.sqrt(1.0 + 0.49 + 2 * 0.7 * np.cos(2.3))
+    assert far[limited > 0].min() == pytest.approx(inner, abs=0.03)
+
+
+def test_images_of_the_own_obstacles_overlap_and_have_strips(lessons: dict[str, rp.Lesson]) -> None:
+    lesson = lessons["configuration_space"]
+    assert isinstance(lesson, ConfigurationSpaceLesson)
+    layers = lesson.picture.grid.layers
+    assert (layers["disc"] & layers["box"]).any()
+    assert [name for name, mask in layers.items() if mask.all(axis=1).any()] == ["disc", "box", "corner"]
+
+
+def test_a_torus_shows_the_colors_of_its_cells() -> None:
+    colors = np.ones((40, 80, 3))
+    colors[:, :40] = (1.0, 0.0, 0.0)  # first angle below zero: the left half
+    image = torus_image(colors, 200)
+    opaque = image[..., 3] > 0
+    red = opaque & (image[..., 0] > 2 * image[..., 1])
+    assert 0.45 < opaque.mean() < 0.75
+    left = np.argwhere(red)[:, 1]
+    assert (left < 102).mean() > 0.99
+    assert red.sum() == pytest.approx(opaque.sum() / 2, rel=0.03)
+    assert not opaque[image.shape[0] // 2, 100]  # the hole
