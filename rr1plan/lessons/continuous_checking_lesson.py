@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,11 +11,12 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.lessons.edge_intervals import EdgeInterval, halve_edge, sample_edge
 from rr1plan.lessons.lesson import Lesson, LessonStep
+from rr1plan.lessons.mathml import math, sub
+from rr1plan.lessons.picture_panels import picture_panel
 from rr1plan.lessons.planar_outlines import planar_data, view_data
 from rr1plan.playback.cspace.configuration_space import cspace
 from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.outlines import silhouette
-from rr1plan.playback.viewer.view_options import Panel
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_problems
 from rr1plan.scene.problem import JointGoal, Problem
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rr1plan.playback.viewer.page_document import Document
-    from rr1plan.playback.viewer.view_options import ViewOptions
+    from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 _INK, _SOFT, _FREE, _OPEN, _TOUCH, _SAMPLE = "#22262b", "#667080", "#14855a", "#e08a00", "#c2255c", "#2f66c8"
 _STEP = np.radians(12.0)
@@ -36,61 +36,60 @@ _STEPS = (
     (
         "steps",
         "A fixed step misses what fits between two samples",
-        "<p>The edge from <b>begin</b> to <b>end</b> is checked every 12°: nine configurations, all free. Between two of "
-        "them the arm goes through the plate. Many planners check edges like that, and most of the time nothing "
-        "happens.</p>"
-        "<p>Move the slider. What decides is not the plate, which is 4 mm thick, but the length of edge on which arm and "
-        "plate overlap: the width of both over the distance from the joint.</p>",
+        "<p>The edge from <b>begin</b> to <b>end</b> is checked every 12°: nine configurations, all free. "
+        "Between two of them the arm goes through the plate. Many planners check edges like that, and most of "
+        "the time nothing happens.</p><p>Move the slider. What decides is not the plate, which is 4 mm thick, "
+        "but the length of edge on which arm and plate overlap: the width of both over the distance from the "
+        "joint.</p>",
     ),
     (
         "small_steps",
         "No step is small enough for all edges",
-        "<p>Here the arm's tip touches the corner of the plate by less than a millimeter. A step of 1° needs 105 samples "
-        "and sees nothing; the part in contact is 0.6° long. Bend the elbow a little more and it gets shorter still, "
-        "down to nothing. So a fixed step is a wager: a coarse one misses contacts, a fine one costs time on every edge, "
-        "also on those that are far from everything.</p>",
+        "<p>Here the arm's tip touches the corner of the plate by less than a millimeter. A step of 1° needs 105 "
+        "samples and sees nothing; the part in contact is 0.6° long. Bend the elbow a little more and it gets "
+        "shorter still, down to nothing. So a fixed step is a wager: a coarse one misses contacts, a fine one "
+        "costs time on every edge, also on those that are far from everything.</p>",
     ),
     (
         "bound",
         "A distance proves an interval",
-        "<p>A joint that turns by <math><mi>Δ</mi><mi>θ</mi></math> moves no point of a link farther than "
-        "<math><mi>ℓ</mi><mo>⁢</mo><mi>Δ</mi><mi>θ</mi></math>, with the lever <math><mi>ℓ</mi></math>: how far the link "
-        "ever gets from the joint's axis. From the middle of this edge to its ends the links therefore move by no more "
-        "than <math display='block'><mi>bound</mi><mo>=</mo><munder><mo>∑</mo><mi>j</mi></munder><msub><mi>ℓ</mi>"
-        "<mi>j</mi></msub><mo>|</mo><mi>Δ</mi><msub><mi>θ</mi><mi>j</mi></msub><mo>|</mo><mo>/</mo><mn>2</mn></math> "
-        "They stay within the green outlines. The distance at the middle is more than that: the whole edge is free, "
-        "after <b>one</b> distance. The dashed diamond has all configurations that this distance proves.</p>",
+        f"""<p>A joint that turns by {math("Δ", "θ")} moves no point of a link farther than {math("ℓ", "Δ", "θ")}, with the
+        lever {math("ℓ")}: how far the link ever gets from the joint's axis. From the middle of this edge to its ends the
+        links therefore move by no more than {math("bound", "=", "∑", sub("ℓ", "j"), "|", "Δ", sub("θ", "j"), "|", "/", "2")}:
+        they stay within the green outlines. The distance at the middle is more than that, so the whole edge is free,
+        after <b>one</b> distance. The dashed diamond has all configurations that this distance proves.</p>""",
     ),
     (
         "halving",
         "Halve what is not proven",
-        "<p>Close to the plate the first interval is too long: the bound exceeds the distance. Each half has half the "
-        "bound, and a distance of its own. Press <b>Run</b>, or step with <kbd>.</kbd> and <kbd>,</kbd>: proven intervals "
-        "stay long where there is room and get short only beside the plate. This is <i>adaptive bisection</i>.</p>"
-        "<p>Below, the curve is the true distance, which nobody knows beforehand. The boxes sink below it.</p>",
+        "<p>Close to the plate the first interval is too long: the bound exceeds the distance. Each half has "
+        "half the bound, and a distance of its own. Press <b>Run</b>, or step with <kbd>.</kbd> and "
+        "<kbd>,</kbd>: proven intervals stay long where there is room and get short only beside the plate. This "
+        "is <i>adaptive bisection</i>.</p><p>Below, the curve is the true distance, which nobody knows "
+        "beforehand. The boxes sink below it.</p>",
     ),
     (
         "contact",
         "Long intervals first",
-        "<p>The same search on the edge through the plate. Intervals are looked at level by level, so configurations are "
-        "spread over the whole edge early, and a contact is soon hit: after 10 distances this one is decided. One "
-        "configuration in contact is proof that the edge is not free.</p>",
+        "<p>The same search on the edge through the plate. Intervals are looked at level by level, so "
+        "configurations are spread over the whole edge early, and a contact is soon hit: after 10 distances this "
+        "one is decided. One configuration in contact is proof that the edge is not free.</p>",
     ),
     (
         "grazing",
         "The answer has no gap",
-        "<p>The grazing edge, of which 105 samples saw nothing. Bisection goes on where it is tight and nowhere else, and "
-        "ends in the contact after 17 distances. Drag the ends of the edge and try to deceive it. Only where the "
-        "distance is below a micrometer nothing can be proven; such an edge is refused.</p>",
+        "<p>The grazing edge, of which 105 samples saw nothing. Bisection goes on where it is tight and nowhere "
+        "else, and ends in the contact after 17 distances. Drag the ends of the edge and try to deceive it. Only "
+        "where the distance is below a micrometer nothing can be proven; such an edge is refused.</p>",
     ),
     (
         "advancing",
         "Or advance as far as the distance allows",
-        "<p><i>Conservative advancement</i> uses the same bound from the begin on: each distance says how far the arm may "
-        "go before it has to look again. It finds the <i>first</i> contact, which bisection does not. Beside the plate "
-        "its steps get short; bisection looks from both sides and needs distances only at middles.</p>"
-        "<p>In rr1plan <code>edge_is_free</code> halves, eight intervals at a time, and <code>first_contact</code> tells "
-        "where an edge is first in contact.</p>",
+        "<p><i>Conservative advancement</i> uses the same bound from the begin on: each distance says how far "
+        "the arm may go before it has to look again. It finds the <i>first</i> contact, which bisection does "
+        "not. Beside the plate its steps get short; bisection looks from both sides and needs distances only at "
+        "middles.</p><p>In rr1plan <code>edge_is_free</code> halves, eight intervals at a time, and "
+        "<code>first_contact</code> tells where an edge is first in contact.</p>",
     ),
 )
 
@@ -117,7 +116,9 @@ class ContinuousCheckingLesson(Lesson):
     def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
         picture = cspace(self.scene)
         document, base = page_parts(picture, options=options)
-        columns = {key: base.data[key] for key in ("columns", "joints", "low", "high", "periodic", "size", "layers", "labels")}
+        columns = {
+            key: base.data[key] for key in ("columns", "joints", "low", "high", "periodic", "size", "layers", "labels")
+        }
         names = list(self.edges)
         keys = ["through", "grazing", "just_past", "far"] if not self._own else names
         presets = [
@@ -125,15 +126,7 @@ class ContinuousCheckingLesson(Lesson):
             for key, (name, (q0, q1)) in zip(keys, self.edges.items(), strict=True)
         ]
         data = {**columns, **planar_data(self.checker), "presets": presets, **view_data(self.scene)}
-        page = files("rr1plan.lessons") / "page"
-        cells = (files("rr1plan.playback.viewer") / "page" / "cspace_picture.js").read_text(encoding="utf-8")
-        parts = ("lesson_plot.js", "planar_distance.js", "continuous_checking.js")
-        script = "\n".join([cells, *((page / part).read_text(encoding="utf-8") for part in parts)])
-        html, css = ((page / f).read_text(encoding="utf-8") for f in ("continuous_checking.html", "lesson_panel.css"))
-        return document, (Panel("edge", "Configuration space", html=html, css=css, script=script, data=data, width=520),)
-
-    def _data(self) -> Any:
-        return None
+        return document, (picture_panel("edge", "Configuration space", ("planar_distance.js",), data),)
 
     # ---- the figure ------------------------------------------------------------------------
 
@@ -150,7 +143,9 @@ class ContinuousCheckingLesson(Lesson):
             for g in obstacle.geometries:
                 corners = silhouette(g.shape, obstacle.pose @ g.pose)
                 axes.fill(*corners.T, color="#b5534a", zorder=3)
-                axes.annotate(name, corners.mean(axis=0), xytext=(0, 9), textcoords="offset points", ha="center", zorder=9)
+                axes.annotate(
+                    name, corners.mean(axis=0), xytext=(0, 9), textcoords="offset points", ha="center", zorder=9
+                )
         for s, free in zip(found.fractions, found.free, strict=True):
             self._draw_arm(axes, q0 + s * (q1 - q0), _SAMPLE if free else _TOUCH, 0.45)
         words = "all free" if found.passes else f"{int((~found.free).sum())} in contact"
@@ -163,7 +158,9 @@ class ContinuousCheckingLesson(Lesson):
         arm = self.scene.arms[name]
         for link, T in arm.robot.link_poses(q).items():
             for g in arm.robot.link(link).collisions:
-                axes.fill(*silhouette(g.shape, arm.base @ T @ g.pose).T, color=color, alpha=alpha, linewidth=0, zorder=2)
+                axes.fill(
+                    *silhouette(g.shape, arm.base @ T @ g.pose).T, color=color, alpha=alpha, linewidth=0, zorder=2
+                )
 
     def _draw_intervals(self, axes: Axes, q0: Array, q1: Array) -> None:
         intervals = halve_edge(self.checker, q0, q1)
@@ -180,7 +177,7 @@ class ContinuousCheckingLesson(Lesson):
         axes.spines[["top", "right"]].set_visible(False)
         axes.fill([], [], color=_FREE, alpha=0.35, label="motion bound, proven free")
         axes.fill([], [], facecolor="none", edgecolor=_OPEN, linestyle="--", label="motion bound, to be halved")
-        axes.legend(loc="upper center", frameon=False, ncols=3, fontsize=11.5)
+        axes.figure.legend(loc="outside lower center", frameon=False, ncols=3, fontsize=12)
 
 
 def _draw_box(axes: Axes, interval: EdgeInterval, most: float) -> None:
@@ -192,7 +189,9 @@ def _draw_box(axes: Axes, interval: EdgeInterval, most: float) -> None:
     elif interval.bound < most:
         axes.fill(x, y, facecolor="none", edgecolor=_OPEN, linestyle="--", linewidth=1.0, zorder=2)
     color = {"free": _FREE, "halved": _OPEN}.get(interval.verdict, _TOUCH)
-    axes.plot(interval.middle, max(interval.distance, 0.0), "o", color=color, markeredgecolor="white", markersize=6, zorder=6)
+    axes.plot(
+        interval.middle, max(interval.distance, 0.0), "o", color=color, markeredgecolor="white", markersize=6, zorder=6
+    )
 
 
 def _goal(problem: Problem) -> Array:
@@ -205,4 +204,3 @@ def _goal(problem: Problem) -> Array:
     if len(problem.arms) != 1 or not isinstance(goals[0], JointGoal):
         raise InputError("the lesson is about an edge: the problem needs one arm and a goal in joint values")
     return goals[0].q
-

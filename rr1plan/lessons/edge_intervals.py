@@ -1,15 +1,16 @@
 """Three ways to check a straight edge in configuration space: at fixed steps, by halving, and by advancing.
 
-A joint that turns by an angle moves no point of a body farther than the angle times its lever, the largest distance that
-the body can ever have from the joint's axis. On an interval of an edge from its middle, two bodies therefore approach
-each other by no more than
+A joint that turns by an angle moves no point of a body farther than the angle times its lever, the largest distance
+that the body can ever have from the joint's axis. On an interval of an edge from its middle, two bodies therefore
+approach each other by no more than
 
     bound = sum of lever_j |q1_j - q0_j| times half the length of the interval,
 
 and an interval on which all distances at the middle exceed their bounds is free as a whole. The others are halved
 (adaptive bisection: Schwarzer, Saha and Latombe, Adaptive dynamic collision checking for single and multiple
-articulated robots in complex environments, IEEE Trans. Robotics 21, 2005), or the distance at one configuration says how
-far the next may be (conservative advancement: Mirtich, Impulse-based dynamic simulation of rigid body systems, 1996).
+articulated robots in complex environments, IEEE Trans. Robotics 21, 2005), or the distance at one configuration says
+how far the next may be (conservative advancement: Mirtich, Impulse-based dynamic simulation of rigid body systems,
+1996).
 
 These are plain implementations to learn from. `CollisionChecker.edge_is_free` decides the same with compiled kernels.
 """
@@ -116,8 +117,8 @@ def halve_edge(
         most: Number of intervals after which the search gives up with an undecided one.
 
     Returns:
-        All intervals in the order in which they were looked at, long ones first; the edge is free if none has the verdict
-        "contact" or "undecided".
+        All intervals in the order in which they were looked at, long ones first; the edge is free if none has the
+        verdict "contact" or "undecided".
 
     Raises:
         InputError: a wrong shape, or fewer than one interval.
@@ -196,9 +197,7 @@ def _clearances(checker: CollisionChecker, q: Array) -> Array:
     return checker.solid_distances(q) - checker.solid_padding - checker.tolerance
 
 
-def _decided(
-    checker: CollisionChecker, q0: Array, q1: Array, speeds: Array, begin: float, end: float
-) -> EdgeInterval:
+def _decided(checker: CollisionChecker, q0: Array, q1: Array, speeds: Array, begin: float, end: float) -> EdgeInterval:
     """An interval with its verdict."""
     distances = _clearances(checker, q0 + 0.5 * (begin + end) * (q1 - q0))
     bounds = 0.5 * (end - begin) * speeds

@@ -47,8 +47,8 @@ def free_share(
 ) -> FreeShare:
     """Estimate the share of configurations within the joint limits that are free, from uniform samples.
 
-    The interval is the exact one for a binomial count (Clopper and Pearson 1934). Its width shrinks with the root of the
-    number of samples and does not depend on the number of joints.
+    The interval is the exact one for a binomial count (Clopper and Pearson 1934). Its width shrinks with the root of
+    the number of samples and does not depend on the number of joints.
 
     Args:
         checker: Of arms whose joints all have limits; continuous joints are sampled over one turn.

@@ -42,8 +42,8 @@ class InverseSolution:
 def inverse_solutions(scene: Scene, arm: str, q: ArrayLike, *, rng: int = 0) -> tuple[InverseSolution, ...]:
     """Every configuration found with the tool where it is at q, joint limits and contacts set aside, q's own first.
 
-    A general arm of six revolute joints has 16 at most, and 8 at most if three of its axes meet in a point or are parallel
-    (Pieper 1968; Raghavan and Roth 1990). The search is numerical, with 1500 starts.
+    A general arm of six revolute joints has 16 at most, and 8 at most if three of its axes meet in a point or are
+    parallel (Pieper 1968; Raghavan and Roth 1990). The search is numerical, with 1500 starts.
 
     Args:
         scene: The scene.
@@ -59,9 +59,7 @@ def inverse_solutions(scene: Scene, arm: str, q: ArrayLike, *, rng: int = 0) -> 
     placed = scene.arms[known_name("arm", arm, scene.arms)]
     limits = placed.robot.limits
     turning = np.array([placed.robot.joint(name).kind != "prismatic" for name in placed.robot.joint_names])
-    wide = replace(
-        limits, lower=np.where(turning, -np.pi, limits.lower), upper=np.where(turning, np.pi, limits.upper)
-    )
+    wide = replace(limits, lower=np.where(turning, -np.pi, limits.lower), upper=np.where(turning, np.pi, limits.upper))
     free = Scene().with_arm(arm, placed.robot.with_limits(wide), placed.base)
     goal = PoseGoal("tool", Kinematics(free).pose(q))
     found = solve_ik(Kinematics(free), goal, seeds=q, attempts=_STARTS, rng=rng).solutions
@@ -79,14 +77,15 @@ def inverse_solutions(scene: Scene, arm: str, q: ArrayLike, *, rng: int = 0) -> 
 def self_motion(scene: Scene, arm: str, q: ArrayLike, *, axis: str = "z", step: float = 0.02) -> Array:
     """The curve of configurations that keep the tool's position and the direction of one of its axes.
 
-    Six joints and five conditions leave one dimension. The curve is followed both ways from q, along the null space of the
-    Jacobian's five rows, until a joint is at its limit, the arm is singular, or the curve closes.
+    Six joints and five conditions leave one dimension. The curve is followed both ways from q, along the null space
+    of the Jacobian's five rows, until a joint is at its limit, the arm is singular, or the curve closes.
 
     Args:
         scene: The scene.
         arm: An arm of six joints.
         q: Where to begin [rad], shape (6,).
-        axis: The axis of the tool around which it may turn: "z" leaves the yaw free, "x" and "y" a rod between the fingers.
+        axis: The axis of the tool around which it may turn: "z" leaves the yaw free, "x" and "y" a rod between the
+            fingers.
         step: Distance between two configurations [rad].
 
     Returns:

@@ -1,10 +1,10 @@
 """Schedules of two arms on given paths, as curves in their coordination diagram.
 
-A point of the diagram says how far each arm has come. Cells are blocked unless the arms are proven not to touch anywhere
-on the two segments (`multi/timing/coordination.py`); a schedule is a curve through free cells from the start of both paths
-to the end of both (O'Donnell and Lozano-Pérez, Deadlock-free and collision-free coordination of two robot manipulators,
-ICRA 1989). Here each arm moves along its path at 1 rad/s, waits, or backs up; the fastest curve comes from Dijkstra's
-algorithm on the cells.
+A point of the diagram says how far each arm has come. Cells are blocked unless the arms are proven not to touch
+anywhere on the two segments (`multi/timing/coordination.py`); a schedule is a curve through free cells from the start
+of both paths to the end of both (O'Donnell and Lozano-Pérez, Deadlock-free and collision-free coordination of two
+robot manipulators, ICRA 1989). Here each arm moves along its path at 1 rad/s, waits, or backs up; the fastest curve
+comes from Dijkstra's algorithm on the cells.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ from rr1plan.scene.problem import Problem
 
 _FORWARD = ((1, 1), (1, 0), (0, 1))
 _ALL = (*_FORWARD, (-1, 0), (0, -1), (1, -1), (-1, 1), (-1, -1))
-_TRAVEL = 1e-3  # what a radian of travel costs besides its time [s]: of equally fast curves the one that moves less is taken
+_TRAVEL = (
+    1e-3  # what a radian of travel costs besides its time [s]: of equally fast curves the one that moves less is taken
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +108,14 @@ def path_pair(scene: Scene, one: tuple[str, ArrayLike], two: tuple[str, ArrayLik
         InputError: a path that is not free by itself, or arms that touch at both starts or at both goals.
     """
     of_kind("scene", scene, Scene)
-    waypoints = {known_name("arm", name, scene.arms): finite_array("waypoints", q, (None, None)) for name, q in (one, two)}
+    waypoints = {
+        known_name("arm", name, scene.arms): finite_array("waypoints", q, (None, None)) for name, q in (one, two)
+    }
     if len(waypoints) < 2:
         raise InputError(f"both paths are of arm {one[0]!r}, expected two arms")
-    problem = Problem(scene, {name: q[0] for name, q in waypoints.items()}, {name: q[-1] for name, q in waypoints.items()})
+    problem = Problem(
+        scene, {name: q[0] for name, q in waypoints.items()}, {name: q[-1] for name, q in waypoints.items()}
+    )
     paths = []
     for name, q in waypoints.items():
         agent = Agent(problem, [name])
@@ -192,7 +198,7 @@ def can_get_out_of_the_way(scene: Scene, pair: PathPair, first: str, *, resoluti
 
 
 def _barred(pair: PathPair, first: int) -> NDArray[np.bool_]:
-    """Cells that a curve must not pass so that one arm is first: a ray from the middle of the largest blocked region."""
+    """Cells that a curve must not pass so that one arm is first: a ray from the largest blocked region."""
     labels = label_components(pair.blocked, (False, False))
     bars = np.zeros_like(pair.blocked)
     if labels.max(initial=0) == 0:
@@ -241,7 +247,7 @@ def _search(
 
 
 def _is_open(free: NDArray[np.bool_], i: int, j: int, a: int, b: int) -> bool:
-    """Whether the step from corner (i, j) by (a, b) stays in a free cell; corner (i, j) joins cells i, i + 1 and j, j + 1."""
+    """Whether the step from corner (i, j), where cells i, i + 1 and j, j + 1 meet, by (a, b) stays in a free cell."""
     rows = (i + (a > 0),) if a else (i, i + 1)
     columns = (j + (b > 0),) if b else (j, j + 1)
     return bool(free[np.ix_(rows, columns)].any())

@@ -1,4 +1,4 @@
-"""Flat scenes as a page computes with them: convex outlines with a radius, on links and on obstacles, and their pairs."""
+"""Flat scenes as a page computes with them: convex outlines with a radius, and pairs of elements."""
 
 from __future__ import annotations
 
@@ -61,7 +61,9 @@ def view_data(scene: Scene) -> dict[str, Any]:
     """
     arms = [flat_arm(arm) for arm in scene.arms.values()]
     circles = [(arm.base, sum(abs(bar) for bar in arm.bars)) for arm in arms if arm is not None]
-    corners = np.array([[at.real + s * r, at.imag + s * r] for at, reach in circles for s, r in ((-1, reach), (1, reach))])
+    corners = np.array(
+        [[at.real + s * r, at.imag + s * r] for at, reach in circles for s, r in ((-1, reach), (1, reach))]
+    )
     height = next(arm.height for arm in arms if arm is not None)
     return {"view": [(1.04 * corners.min(axis=0)).tolist(), (1.04 * corners.max(axis=0)).tolist()], "height": height}
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from matplotlib.colors import ListedColormap
 from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
-from rr1plan.lessons.lesson_panels import lesson_panel, pair_layers, slice_axes
 from rr1plan.lessons.lesson_scenes import refuse_problem
 from rr1plan.lessons.path_schedules import PairCurve, PathPair, fastest_curve, path_pair, unscheduled_curve
+from rr1plan.lessons.picture_panels import pair_layers, picture_panel, slice_axes
 from rr1plan.lessons.planar_outlines import view_data
 from rr1plan.planners import RrtConnect
 from rr1plan.planners.shortcut import shorten
@@ -34,8 +36,9 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 _INK, _SOFT, _BLOCKED, _ACCENT, _START, _GOAL = "#22262b", "#667080", "#c3cad5", "#e4500e", "#2f66c8", "#14855a"
-_FREE_CELLS, _PICTURE = "#ffffff", 240
+_PICTURE = 240  # cells of a slice in the figure
 _SEED = 0
+_GRAY = ListedColormap([_BLOCKED])
 
 # Of each arm a path that is free by itself.
 PATHS: dict[str, tuple[ArrayLike, ArrayLike]] = {
@@ -70,7 +73,8 @@ class TwoArmsLesson(Lesson):
         refuse_problem(self.name, problem)
         if scene is not None:
             raise InputError(
-                "lesson 'two_arms' is about two arms on paths of its own; rr1plan.lessons.path_schedules has diagrams of yours"
+                "lesson 'two_arms' is about two arms on paths of its own; rr1plan.lessons.path_schedules has "
+                "diagrams of yours"
             )
         self.scene = load_scene("planar2r_pair")
         self.arms: tuple[str, str] = ("left", "right")
@@ -97,14 +101,12 @@ class TwoArmsLesson(Lesson):
             "scenarios": [self._scenario(name) for name in PATHS],
             **view_data(self.scene),
         }
-        scripts = ("slice_raster.js", "two_arms.js")
-        return view_document(self.scene, options=options), (
-            lesson_panel("pair", "Two arms, four joints", "two_arms", scripts, data),
-        )
+        panel = picture_panel("pair", "Two arms, four joints", ("slice_raster.js",), data)
+        return view_document(self.scene, options=options), (panel,)
 
     def _arm(self, checker: CollisionChecker, name: str, number: int) -> dict[str, Any]:
         other = self.arms[1 - number]
-        layers = {other: arm_color(1 - number), **{o: "#6b9b5e" for o in self.scene.obstacles}}
+        layers = {other: arm_color(1 - number), **dict.fromkeys(self.scene.obstacles, "#6b9b5e")}
         axes = slice_axes(self.scene, name, (0, 1))
         return {
             "name": name,
@@ -132,16 +134,26 @@ class TwoArmsLesson(Lesson):
     # ---- the figure ------------------------------------------------------------------------
 
     def _draw(self, figure: Figure) -> None:
-        first, second, third = figure.subplots(1, 3)
-        pair = self.pairs["take_turns"]
-        curve = self.schedules["take_turns"][2].curve
+        above, below = figure.subplots(2, 3)
+        pair, curve = self.pairs["take_turns"], self.schedules["take_turns"][2].curve
         assert curve is not None
-        middle = int(np.searchsorted(curve.times, 0.4 * curve.duration))
-        self._draw_workspace(first, *(q[0] for q in pair.at(curve.places[middle : middle + 1])))
-        self._draw_slice(second, pair, curve, middle)
-        _draw_diagram(third, pair, self.schedules["take_turns"], curve.places[middle])
+        now = curve.places[int(np.searchsorted(curve.times, 0.4 * curve.duration))]
+        q = [rows[0] for rows in pair.at(now[None])]
+        self._draw_workspace(above[0], q)
+        for k in range(2):
+            self._draw_slice(above[1 + k], k, pair, q)
+        for axes, name in zip(below, PATHS, strict=True):
+            _draw_diagram(axes, self.pairs[name], self.schedules[name], now if name == "take_turns" else None)
+            axes.set_title(_TITLES[name].lower(), loc="left")
+        handles = {
+            line.get_label(): line
+            for axes in below
+            for line in axes.get_lines()
+            if not line.get_label().startswith("_")
+        }
+        figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=5, frameon=False, fontsize=12)
 
-    def _draw_workspace(self, axes: Axes, *configurations: Array) -> None:
+    def _draw_workspace(self, axes: Axes, configurations: Sequence[Array]) -> None:
         for k, (name, q) in enumerate(zip(self.arms, configurations, strict=True)):
             arm = self.scene.arms[name]
             for link, T in arm.robot.link_poses(q).items():
@@ -154,40 +166,43 @@ class TwoArmsLesson(Lesson):
         for obstacle in self.scene.obstacles.values():
             for g in obstacle.geometries:
                 axes.fill(*silhouette(g.shape, obstacle.pose @ g.pose).T, color="#6b9b5e", linewidth=0)
-        axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+        axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", ylim=(-1.5, 1.2))
         axes.set_title("workspace", loc="left")
         axes.spines[["top", "right"]].set_visible(False)
 
-    def _draw_slice(self, axes: Axes, pair: PathPair, curve: PairCurve, middle: int) -> None:
-        one, two = pair.at(curve.places)
-        grid = compute_grid(self.scene.with_configuration("right", two[middle]), "left", resolution=_PICTURE)
-        extent = (grid.axes[0][0], grid.axes[0][-1], grid.axes[1][0], grid.axes[1][-1])
-        for name, color in (("right", arm_color(1)), ("post", "#6b9b5e")):
-            if name in grid.layers:
-                axes.contourf(*grid.axes, grid.layers[name].T.astype(float), levels=(0.5, 1.5), colors=(color,), alpha=0.9)
-        axes.plot(*one.T, color="white", linewidth=5)
-        axes.plot(*one.T, color=_INK, linewidth=2)
-        axes.plot(*one[0], "o", color=_START, markersize=10, markeredgecolor="white")
-        axes.plot(*one[-1], "o", color=_GOAL, markersize=10, markeredgecolor="white")
-        axes.plot(*one[middle], "o", color=arm_color(0), markersize=13, markeredgecolor="white", markeredgewidth=2)
-        axes.set(xlim=extent[:2], ylim=extent[2:], xlabel="θ₁ of left [rad]", ylabel="θ₂ of left [rad]", box_aspect=1)
-        axes.set_title("slice: right stands still", loc="left")
+    def _draw_slice(self, axes: Axes, k: int, pair: PathPair, configurations: Sequence[Array]) -> None:
+        """The slice of arm k while the other one stands still, with its path."""
+        name, other = self.arms[k], self.arms[1 - k]
+        grid = compute_grid(self.scene.with_configuration(other, configurations[1 - k]), name, resolution=_PICTURE)
+        for layer, color in ((other, arm_color(1 - k)), ("post", "#6b9b5e")):
+            if layer in grid.layers:
+                axes.contourf(*grid.axes, grid.layers[layer].T.astype(float), levels=(0.5, 1.5), colors=(color,))
+        path = pair.configurations[k]
+        axes.plot(*path.T, color="white", linewidth=5)
+        axes.plot(*path.T, color=_INK, linewidth=2)
+        for q, color in ((path[0], _START), (path[-1], _GOAL), (configurations[k], arm_color(k))):
+            axes.plot(*q, "o", color=color, markersize=10, markeredgecolor="white", markeredgewidth=1.5)
+        axes.set(xlabel=f"θ₁ of {name} [rad]", ylabel="θ₂ [rad]", box_aspect=1)
+        axes.set_title(f"slice: {other} stands still", loc="left")
 
 
-def _draw_diagram(axes: Axes, pair: PathPair, schedules: tuple[_Schedule, ...], now: Array) -> None:
+def _draw_diagram(axes: Axes, pair: PathPair, schedules: Sequence[_Schedule], now: Array | None) -> None:
+    """The diagram of two paths with its schedules, and where both arms are now."""
     one, two = pair.lengths
     inner = np.where(pair.blocked[1:-1, 1:-1], 1.0, np.nan)
-    axes.pcolormesh(one, two, inner.T, color=_BLOCKED, shading="flat", rasterized=True)
+    axes.pcolormesh(one, two, inner.T, cmap=_GRAY, shading="flat", rasterized=True)
     styles = {"at_once": (_SOFT, ":"), "left_first": (arm_color(0), "-"), "right_first": (arm_color(1), "--")}
     for schedule in schedules:
         if schedule.curve is not None:
-            color, line = styles.get(schedule.name, (_INK, "-"))
-            label = f"{schedule.title.lower()}, {schedule.curve.duration:.1f} s"
-            axes.plot(*schedule.curve.places.T, color=color, linestyle=line, linewidth=3, label=label)
-    axes.plot(*now, "o", color=_INK, markersize=11, markeredgecolor="white", markeredgewidth=2, zorder=5)
-    axes.set(xlim=(0, one[-1]), ylim=(0, two[-1]), xlabel="path of left [rad]", ylabel="path of right [rad]", box_aspect=1)
-    axes.set_title("coordination diagram", loc="left")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), frameon=False, fontsize=12)
+            color, line = styles.get(schedule.name, (_ACCENT, "-"))
+            axes.plot(
+                *schedule.curve.places.T, color=color, linestyle=line, linewidth=2.6, label=schedule.title.lower()
+            )
+    if now is not None:
+        axes.plot(*now, "o", color=_INK, markersize=10, markeredgecolor="white", markeredgewidth=2, zorder=5)
+    axes.set(
+        xlim=(0, one[-1]), ylim=(0, two[-1]), xlabel="path of left [rad]", ylabel="path of right [rad]", box_aspect=1
+    )
 
 
 def _turns(pair: PathPair) -> tuple[_Schedule, ...]:
@@ -196,10 +211,16 @@ def _turns(pair: PathPair) -> tuple[_Schedule, ...]:
         raise InputError("the arms cannot take turns on these paths")
     return (
         _Schedule(
-            "at_once", "Both at once", "Neither waits: the curve leads through the blocked region.", "bad", unscheduled_curve(pair)
+            "at_once",
+            "Both at once",
+            "Neither waits: the curve leads through the blocked region.",
+            "bad",
+            unscheduled_curve(pair),
         ),
         _Schedule("left_first", "Left first", _words("Right waits until left has left the middle", left), "good", left),
-        _Schedule("right_first", "Right first", _words("Left waits until right has left the middle", right), "good", right),
+        _Schedule(
+            "right_first", "Right first", _words("Left waits until right has left the middle", right), "good", right
+        ),
     )
 
 
@@ -229,7 +250,7 @@ def _swap(scene: Scene, pair: PathPair) -> tuple[_Schedule, ...]:
     text = f"Planned in all four joints at once: both arms fold, and pass. {times[-1]:.1f} s."
     return (
         _Schedule(
-            "at_once", "Straight ahead", "The blocked region reaches from side to side.", "bad", unscheduled_curve(pair)
+            "at_once", "Both at once", "The blocked region reaches from side to side.", "bad", unscheduled_curve(pair)
         ),
         _Schedule("joint", "Plan both together", text, "good", None, np.array(path.waypoints), times),
     )
@@ -249,9 +270,7 @@ def _schedule_data(schedule: _Schedule) -> dict[str, Any]:
     }
 
 
-def _steps(
-    pairs: dict[str, PathPair], schedules: dict[str, tuple[_Schedule, ...]]
-) -> tuple[tuple[str, str, str], ...]:
+def _steps(pairs: dict[str, PathPair], schedules: dict[str, tuple[_Schedule, ...]]) -> tuple[tuple[str, str, str], ...]:
     left, right = (schedules["take_turns"][k].curve for k in (1, 2))
     assert left is not None
     assert right is not None
@@ -260,59 +279,62 @@ def _steps(
         (
             "slices",
             "Four joints make four dimensions",
-            "<p>Two arms of two joints have one configuration space of <b>four</b> dimensions: a point of it says where "
-            "both are. Nobody can draw that, but everybody can draw a <b>slice</b>: the right arm stands still, and the "
-            "left arm has a configuration space of two joints, in which the right arm is an obstacle like the post.</p>"
-            "<p>Click into the slice, or walk with the arrow keys. <b>right</b> shows the other slice.</p>",
+            "<p>Two arms of two joints have one configuration space of <b>four</b> dimensions: a point of it "
+            "says where both are. Nobody can draw that, but everybody can draw a <b>slice</b>: the right arm "
+            "stands still, and the left arm has a configuration space of two joints, in which the right arm is "
+            "an obstacle like the post.</p><p>Click into the slice, or walk with the arrow keys. <b>right</b> "
+            "shows the other slice.</p>",
         ),
         (
             "moving",
             "The other arm is an obstacle that moves",
-            "<p>Move the slider, or press <b>Run</b>: the right arm moves along its path, and its image sweeps through the "
-            "left arm's configuration space. The same slice at another time is another picture; its free components "
-            "merge and split. A path of the left arm is good if it is at a free point <i>at every time</i>.</p>",
+            "<p>Move the slider, or press <b>Run</b>: the right arm moves along its path, and its image sweeps "
+            "through the left arm's configuration space. The same slice at another time is another picture; its "
+            "free components merge and split. A path of the left arm is good if it is at a free point <i>at "
+            "every time</i>.</p>",
         ),
         (
             "diagram",
             "Two paths make a square",
             "<p>With both paths given, only two numbers are left: how far each arm has come. Each point of the "
             "<b>coordination diagram</b> is one pair of configurations; it is blocked where the arms touch "
-            "(O’Donnell and Lozano-Pérez 1989). Drag the point: the arms follow.</p>"
-            f"<p>The {cells} cells here are not sampled. A cell is free if the arms are proven not to touch anywhere on "
-            "the two segments.</p>",
+            f"(O’Donnell and Lozano-Pérez 1989). Drag the point: the arms follow.</p><p>The {cells} cells here "
+            "are not sampled. A cell is free if the arms are proven not to touch anywhere on the two "
+            "segments.</p>",
         ),
         (
             "orders",
             "A schedule is a curve",
-            "<p>From the lower left corner to the upper right one, without touching the blocked region. Where the curve "
-            "is level, right waits; where it rises straight, left waits. It may pass on either side: below, left goes "
-            f"first ({left.duration:.1f} s); above, right does ({right.duration:.1f} s). No curve can be bent into one "
-            "on the other side without crossing the region: the two orders are two classes of schedules.</p>",
+            "<p>From the lower left corner to the upper right one, without touching the blocked region. Where "
+            "the curve is level, right waits; where it rises straight, left waits. It may pass on either side: "
+            f"below, left goes first ({left.duration:.1f} s); above, right does ({right.duration:.1f} s). No "
+            "curve can be bent into one on the other side without crossing the region: the two orders are two "
+            "classes of schedules.</p>",
         ),
         (
             "back_up",
             "Sometimes an arm must back up",
-            "<p>The right arm reaches out low, folds, and reaches out high. Left swings from low to high. It has to be high "
-            "for the first, low for the second, and high in the end: every curve that only rises runs into a dead end, "
-            "whoever waits. The curve that gets through turns back to the left for a while: the left arm goes <b>back</b> "
-            "on its path and comes again.</p>",
+            "<p>The right arm reaches out low, folds, and reaches out high. Left swings from low to high. It has "
+            "to be high for the first, low for the second, and high in the end: every curve that only rises runs "
+            "into a dead end, whoever waits. The curve that gets through turns back to the left for a while: the "
+            "left arm goes <b>back</b> on its path and comes again.</p>",
         ),
         (
             "barrier",
             "And sometimes no schedule exists",
-            "<p>Both arms are stretched and swap sides. The blocked region is a barrier: whoever goes first, and whoever "
-            "waits or backs up, the arms meet. These paths have no schedule.</p>"
-            "<p><b>Prioritized planning</b> plans one arm alone and the other around its motion (Erdmann and Lozano-Pérez "
-            "1987). It fails here in both orders: alone, the first arm takes the straight path, stays stretched, and cuts "
-            "the other one's configuration space in two, at every time. Look at the slice.</p>",
+            "<p>Both arms are stretched and swap sides. The blocked region is a barrier: whoever goes first, and "
+            "whoever waits or backs up, the arms meet. These paths have no schedule.</p><p><b>Prioritized "
+            "planning</b> plans one arm alone and the other around its motion (Erdmann and Lozano-Pérez 1987). "
+            "It fails here in both orders: alone, the first arm takes the straight path, stays stretched, and "
+            "cuts the other one's configuration space in two, at every time. Look at the slice.</p>",
         ),
         (
             "joint",
             "Plan both together",
-            "<p>In the four joints of both arms there is a way: RRT-Connect finds it at once. One arm folds although it "
-            "would not need to if it were alone, and only a planner that moves both at the same time finds that. The "
-            "price is dimension: of four arms it has eight, of twelve RR1 seventy-two.</p>"
-            "<p>rr1plan therefore times paths of single arms where it can, and plans the few arms that are in each "
-            "other's way together.</p>",
+            "<p>In the four joints of both arms there is a way: RRT-Connect finds it at once. One arm folds "
+            "although it would not need to if it were alone, and only a planner that moves both at the same time "
+            "finds that. The price is dimension: of four arms it has eight, of twelve RR1 "
+            "seventy-two.</p><p>rr1plan therefore times paths of single arms where it can, and plans the few "
+            "arms that are in each other's way together.</p>",
         ),
     )

@@ -1,5 +1,5 @@
 // An arm of six joints: slices of its configuration space, inverse solutions, self-motion, the free share. Follows
-// cspace_picture.js, lesson_plot.js and slice_raster.js.
+// cspace_picture.js, picture_sketch.js and slice_raster.js.
 
 const part = (selector) => root.querySelector(selector);
 const CELLS = 200, BATCH = 500, Z = 1.96;
@@ -9,7 +9,7 @@ const degrees = (x) => `${((180 / Math.PI) * x).toFixed(0)}°`.replace("-", "−
 
 class SixJoints {
   constructor() {
-    root.classList.add("lesson-panel");
+    root.classList.add("picture-panel");
     document.body.classList.add("lesson");
     this.columns = [0, 1];
     this.axis = Object.keys(data.motions)[0];

@@ -1,5 +1,5 @@
 // Two arms: a slice of the configuration space of both, and the coordination diagram of their paths. Follows
-// cspace_picture.js, lesson_plot.js and slice_raster.js.
+// cspace_picture.js, picture_sketch.js and slice_raster.js.
 
 const part = (selector) => root.querySelector(selector);
 const CELLS = 220, BLOCKED = "#aab4c2";
@@ -75,7 +75,7 @@ const clamp01 = (x) => Math.min(Math.max(x, 0), 1);
 
 class TwoArms {
   constructor() {
-    root.classList.add("lesson-panel");
+    root.classList.add("picture-panel");
     document.body.classList.add("lesson");
     this.shown = 0; // the arm whose slice is shown
     this.places = null;
@@ -166,11 +166,12 @@ class TwoArms {
 
   run() {
     if (this.timer) { this.stop(); return; }
-    const end = this.schedule.times[this.schedule.times.length - 1];
+    // Short motions are slowed down, so that eyes can follow.
+    const end = this.schedule.times[this.schedule.times.length - 1], rate = Math.min(1, end / 4);
     if (this.time >= end) this.time = 0;
     let last = performance.now();
     const tick = (now) => {
-      this.setTime(this.time + Math.max(0, now - last) / 1000);
+      this.setTime(this.time + (rate * Math.max(0, now - last)) / 1000);
       last = now;
       this.timer = this.time < end ? requestAnimationFrame(tick) : null;
       if (!this.timer) this.stop();

@@ -12,26 +12,25 @@ from rr1plan.playback.viewer.view_options import Panel
 from rr1plan.scene import Scene
 
 
-def lesson_panel(name: str, title: str, stem: str, scripts: Sequence[str], data: Any) -> Panel:
-    """A panel made of `page/<stem>.html`, its scripts and its style.
+def picture_panel(name: str, title: str, scripts: Sequence[str], data: Any) -> Panel:
+    """A panel whose content, style and script are the files `page/<name>_panel.html`, `.css` (if any) and `.js`.
 
     Args:
         name: Name of the panel.
         title: Its headline.
-        stem: Of the files in `page`; `<stem>.css` may be missing.
-        scripts: Scripts after those that draw the picture of two joints.
-        data: For the scripts; with what the picture needs.
+        scripts: Files in `page` that its script needs, besides those that draw the picture of two joints.
+        data: For the scripts, with the axes of that picture (`slice_axes`).
     """
     page = files("rr1plan.lessons") / "page"
     picture = files("rr1plan.playback.viewer") / "page" / "cspace_picture.js"
-    parts = [picture, page / "lesson_plot.js", *(page / script for script in scripts)]
-    own = page / f"{stem}.css"
-    css = (page / "lesson_panel.css").read_text(encoding="utf-8")
+    parts = [picture, page / "picture_sketch.js", *(page / script for script in scripts), page / f"{name}_panel.js"]
+    own = page / f"{name}_panel.css"
     return Panel(
         name,
         title,
-        html=(page / f"{stem}.html").read_text(encoding="utf-8"),
-        css=css + (own.read_text(encoding="utf-8") if own.is_file() else ""),
+        html=(page / f"{name}_panel.html").read_text(encoding="utf-8"),
+        css=(page / "picture_panel.css").read_text(encoding="utf-8")
+        + (own.read_text(encoding="utf-8") if own.is_file() else ""),
         script="\n".join(part.read_text(encoding="utf-8") for part in parts),
         data=data,
         width=520,

@@ -1,4 +1,4 @@
-// A straight edge, checked at fixed steps, by halving and by advancing. Follows cspace_picture.js, lesson_plot.js and
+// A straight edge, checked at fixed steps, by halving and by advancing. Follows cspace_picture.js, picture_sketch.js and
 // planar_distance.js; `rr1plan/lessons/edge_intervals.py` has the same in Python.
 
 const part = (selector) => root.querySelector(selector);
@@ -86,7 +86,7 @@ class EdgeLesson {
     this.mode = "steps";
     this.shown = 0;
     this.cells = new Cells();
-    root.classList.add("lesson-panel");
+    root.classList.add("picture-panel");
     document.body.classList.add("lesson");
     this.pressMode = choices(part(".modes"), [["steps", "Fixed steps"], ["halve", "Halving"], ["advance", "Advancing"]], (name) => this.setMode(name));
     this.pressPreset = choices(part(".presets"), data.presets.map(({ name, title }) => [name, title]), (name) => this.setPreset(name));
@@ -105,7 +105,8 @@ class EdgeLesson {
     this.wire();
     lookFromAbove(data.view, data.height);
     this.setPreset(data.presets[0].name);
-    viewer.on("load", () => this.refresh());
+    viewer.add("outlines", this.outlines());
+    viewer.on("load", () => { viewer.add("outlines", this.outlines()); this.refresh(); });
   }
 
   setMode(mode) {
@@ -251,6 +252,16 @@ class EdgeLesson {
     return mesh;
   }
 
+  /** The obstacles' outlines, so that a thin plate is seen from above. */
+  outlines() {
+    const { THREE } = viewer, group = new THREE.Group();
+    for (const [name, parts] of Object.entries(data.outlines)) {
+      const layer = data.layers.find((row) => row.name === name);
+      if (layer) for (const outline of parts) group.add(this.flat({ ...outline, radius: outline.radius + 0.008 }, null, layer.color, 1, data.height));
+    }
+    return group;
+  }
+
   /** Everything that the links can reach in the interval, whatever way they take: the links, widened by the bound. */
   sweep(interval) {
     const { THREE } = viewer, group = new THREE.Group(), poses = viewer.poses(viewer.q);
@@ -372,7 +383,7 @@ class EdgeLesson {
   drawBars(pen, unit) {
     const { bars, edge, current } = this, { width, height } = bars.canvas;
     const left = 38 * unit, right = width - 8 * unit, top = 24 * unit, floor = height - 30 * unit;
-    const most = Math.max(0.12, Math.min(0.8, 1.15 * Math.max(...edge.curve)));
+    const most = Math.max(0.12, 1.06 * Math.max(...edge.curve));
     const x = (s) => left + s * (right - left), y = (v) => floor - (clamp(v, 0, most) / most) * (floor - top);
     bars.font(11);
     Object.assign(pen, { fillStyle: SOFT, strokeStyle: "#e3e7ec", lineWidth: bars.ratio, textBaseline: "middle", textAlign: "right" });
