@@ -32,6 +32,8 @@ _INK, _SOFT, _FREE, _OPEN, _TOUCH, _SAMPLE = "#22262b", "#667080", "#14855a", "#
 _STEP = np.radians(12.0)
 _TITLES = {"through": "Through the plate", "grazing": "Grazing it", "just_past": "Just past it", "far": "Far away"}
 
+_BOUND = math("bound", "=", "∑", sub("ℓ", "j"), "|", "Δ", sub("θ", "j"), "|", "/", "2")
+
 _STEPS = (
     (
         "steps",
@@ -53,10 +55,9 @@ _STEPS = (
     (
         "bound",
         "A distance proves an interval",
-        f"""<p>A joint that turns by {math("Δ", "θ")} moves no point of a link farther than {math("ℓ", "Δ", "θ")}, with the
-        lever {math("ℓ")}: how far the link ever gets from the joint's axis. From the middle of this edge to its ends the
-        links therefore move by no more than {math("bound", "=", "∑", sub("ℓ", "j"), "|", "Δ", sub("θ", "j"), "|", "/", "2")}:
-        they stay within the green outlines. The distance at the middle is more than that, so the whole edge is free,
+        f"""<p>A joint that turns by {math("Δ", "θ")} moves no point of a link farther than {math("ℓ", "Δ", "θ")}, with
+        the lever {math("ℓ")}: how far the link ever gets from the joint's axis. From the middle of this edge to its ends
+        the links therefore move by no more than {_BOUND}: they stay within the green outlines. The distance at the middle is more than that, so the whole edge is free,
         after <b>one</b> distance. The dashed diamond has all configurations that this distance proves.</p>""",
     ),
     (
@@ -142,9 +143,14 @@ class ContinuousCheckingLesson(Lesson):
         for name, obstacle in self.scene.obstacles.items():
             for g in obstacle.geometries:
                 corners = silhouette(g.shape, obstacle.pose @ g.pose)
-                axes.fill(*corners.T, color="#b5534a", zorder=3)
+                axes.fill(*corners.T, color=_SOFT if g.color is None else g.color, zorder=3)
                 axes.annotate(
-                    name, corners.mean(axis=0), xytext=(0, 9), textcoords="offset points", ha="center", zorder=9
+                    name,
+                    corners.mean(axis=0),
+                    xytext=(0, 9 if name == "plate" else -6),
+                    textcoords="offset points",
+                    ha="center",
+                    zorder=9,
                 )
         for s, free in zip(found.fractions, found.free, strict=True):
             self._draw_arm(axes, q0 + s * (q1 - q0), _SAMPLE if free else _TOUCH, 0.45)

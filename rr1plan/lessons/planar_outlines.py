@@ -18,7 +18,7 @@ _UPRIGHT = 1e-6
 
 
 def planar_data(checker: CollisionChecker) -> dict[str, Any]:
-    """Outlines of all elements that `checker` has in its pairs, in the frames of links, and the pairs with their levers.
+    """Outlines of all elements in the pairs of a checker, in the frames of links, and the pairs with their levers.
 
     Args:
         checker: Of a flat scene.

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _SELF = "self-collision"
 _FREE, _TOUCH, _OPEN = "#14855a", "#c2255c", "#e08a00"
 # Of RR1 in the shipped scene: its tool's pose has eight solutions; its self-motion touches something.
-touches._POSED, _TURNING = (0.21, 0.12, -0.43, -1.45, 2.19, -2.34), (-0.719, -0.057, -0.386, -0.358, 0.639, -0.315)
+_POSED, _TURNING = (0.21, 0.12, -0.43, -1.45, 2.19, -2.34), (-0.719, -0.057, -0.386, -0.358, 0.639, -0.315)
 _AXES = {"x": "around x", "y": "around y", "z": "yaw (z)"}
 _CELLS = 180  # of a slice in the figure
 _SAMPLES = 10_000
@@ -194,7 +194,7 @@ def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple
         LessonStep(
             "many",
             "Why nobody fills the grid",
-            f"""<p>There are 15 pairs of joints, and for each pair a slice for every value of four others. With 360 cells
+            f"""<p>There are 15 pairs of joints, and for each pair a slice for every value of four others. At 360 cells
             per joint two joints have 129 600 cells, which takes the page a few milliseconds. Six joints have
             360⁶ = 2.2 · 10¹⁵; at 50 µs each that is {years:,.0f} years.</p>
             <p>So planners for six joints never compute the configuration space. They ask single configurations and
@@ -204,7 +204,7 @@ def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple
         LessonStep(
             "solutions",
             f"One pose, {counted(len(solutions), 'solution')}",
-            f"""<p>The elbow of a 2R arm has two sides. A six-axis arm has a shoulder, an elbow and a wrist to turn over:
+            f"""<p>The elbow of a 2R arm has two sides. A six-axis arm has shoulder, elbow and wrist to turn over:
             this pose of the tool has {len(solutions)} solutions. {len(inside)} of them are within RR1's joint limits,
             and {len(valid)} free of contact. Keys <kbd>1</kbd> to <kbd>{len(solutions)}</kbd> go to them: the tool
             stays where it is.</p>

@@ -160,9 +160,8 @@ class TwoArmsLesson(Lesson):
                 for g in arm.robot.link(link).collisions:
                     corners = silhouette(g.shape, arm.base @ T @ g.pose)
                     axes.fill(*corners.T, color=arm_color(k), alpha=0.85, linewidth=0)
-            axes.annotate(
-                name, arm.base[:2, 3], xytext=(0, -26), textcoords="offset points", ha="center", color=arm_color(k)
-            )
+            x, y = arm.base[:2, 3].tolist()
+            axes.annotate(name, (x, y), xytext=(0, -26), textcoords="offset points", ha="center", color=arm_color(k))
         for obstacle in self.scene.obstacles.values():
             for g in obstacle.geometries:
                 axes.fill(*silhouette(g.shape, obstacle.pose @ g.pose).T, color="#6b9b5e", linewidth=0)
