@@ -57,15 +57,16 @@ _STEPS = (
         "A distance proves an interval",
         f"""<p>A joint that turns by {math("Δ", "θ")} moves no point of a link farther than {math("ℓ", "Δ", "θ")}, with
         the lever {math("ℓ")}: how far the link ever gets from the joint's axis. From the middle of this edge to its ends
-        the links therefore move by no more than {_BOUND}: they stay within the green outlines. The distance at the middle is more than that, so the whole edge is free,
-        after <b>one</b> distance. The dashed diamond has all configurations that this distance proves.</p>""",
+        the links therefore move by no more than {_BOUND}: they stay within the colored outlines. Where the distance at
+        the middle exceeds that, the whole edge is free, after <b>one</b> distance. The dashed diamond has all
+        configurations that this distance proves.</p>""",
     ),
     (
         "halving",
         "Halve what is not proven",
-        "<p>Close to the plate the first interval is too long: the bound exceeds the distance. Each half has "
+        "<p>Close to obstacles the first interval is too long: the bound exceeds the distance. Each half has "
         "half the bound, and a distance of its own. Press <b>Run</b>, or step with <kbd>.</kbd> and "
-        "<kbd>,</kbd>: proven intervals stay long where there is room and get short only beside the plate. This "
+        "<kbd>,</kbd>: proven intervals stay long where there is room and get short only beside obstacles. This "
         "is <i>adaptive bisection</i>.</p><p>Below, the curve is the true distance, which nobody knows "
         "beforehand. The boxes sink below it.</p>",
     ),
@@ -88,11 +89,21 @@ _STEPS = (
         "Or advance as far as the distance allows",
         "<p><i>Conservative advancement</i> uses the same bound from the begin on: each distance says how far "
         "the arm may go before it has to look again. It finds the <i>first</i> contact, which bisection does "
-        "not. Beside the plate its steps get short; bisection looks from both sides and needs distances only at "
+        "not. Beside obstacles its steps get short; bisection looks from both sides and needs distances only at "
         "middles.</p><p>In rr1plan <code>edge_is_free</code> halves, eight intervals at a time, and "
         "<code>first_contact</code> tells where an edge is first in contact.</p>",
     ),
 )
+
+# Of an edge of one's own: its first step, and those that state no numbers.
+_OWN_STEP = (
+    "steps",
+    "A fixed step misses what fits between two samples",
+    "<p>The edge from <b>begin</b> to <b>end</b> is checked at fixed steps. Move the slider: if parts of the "
+    "edge are in contact, a coarse step may miss them all. Which step is enough depends on the edge, and is not "
+    "known before.</p>",
+)
+_GENERAL = ("bound", "halving", "advancing")
 
 
 class ContinuousCheckingLesson(Lesson):
@@ -112,7 +123,8 @@ class ContinuousCheckingLesson(Lesson):
         if self.checker.nq != 2:
             raise InputError(f"the scene has {self.checker.nq} joints, expected one arm of two joints")
         self._own = problem is not None
-        self.steps = tuple(LessonStep(*step) for step in _STEPS)
+        steps = _STEPS if problem is None else (_OWN_STEP, *(step for step in _STEPS if step[0] in _GENERAL))
+        self.steps = tuple(LessonStep(*step) for step in steps)
 
     def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
         picture = cspace(self.scene)

@@ -123,7 +123,7 @@ def path_pair(scene: Scene, one: tuple[str, ArrayLike], two: tuple[str, ArrayLik
         if not checker.path_is_free(q):
             raise InputError(f"the path of arm {name!r} is not free, even without the other arm")
         paths.append(AgentPath(agent, Path(scene.joint_names([name]), q), checker))
-    found = coordination_diagram(*paths)
+    found = coordination_diagram(paths[0], paths[1])
     shape = (paths[0].cells, paths[1].cells)
     blocked = np.zeros(shape, np.bool_) if found is None else found.astype(np.bool_)
     points = [np.array([path.at(k) for k in range(path.segments + 1)]) for path in paths]

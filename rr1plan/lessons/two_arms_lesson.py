@@ -246,7 +246,7 @@ def _swap(scene: Scene, pair: PathPair) -> tuple[_Schedule, ...]:
     steps = np.diff(path.waypoints, axis=0)
     fastest = np.maximum(np.linalg.norm(steps[:, :2], axis=1), np.linalg.norm(steps[:, 2:], axis=1))
     times = np.concatenate([[0.0], np.cumsum(fastest)])
-    text = f"Planned in all four joints at once: both arms fold, and pass. {times[-1]:.1f} s."
+    text = f"Planned in all four joints at once: the arms make room for each other, and pass. {times[-1]:.1f} s."
     return (
         _Schedule(
             "at_once", "Both at once", "The blocked region reaches from side to side.", "bad", unscheduled_curve(pair)
@@ -330,9 +330,9 @@ def _steps(pairs: dict[str, PathPair], schedules: dict[str, tuple[_Schedule, ...
         (
             "joint",
             "Plan both together",
-            "<p>In the four joints of both arms there is a way: RRT-Connect finds it at once. One arm folds "
-            "although it would not need to if it were alone, and only a planner that moves both at the same time "
-            "finds that. The price is dimension: of four arms it has eight, of twelve RR1 "
+            "<p>In the four joints of both arms there is a way: RRT-Connect finds it at once. Both arms make "
+            "detours that neither needs when it is alone, and only a planner that moves both at the same time finds "
+            "them. The price is dimension: four arms have eight, twelve RR1 "
             "seventy-two.</p><p>rr1plan therefore times paths of single arms where it can, and plans the few "
             "arms that are in each other's way together.</p>",
         ),

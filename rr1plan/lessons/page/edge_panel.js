@@ -117,8 +117,9 @@ class EdgeLesson {
   }
 
   setPreset(name) {
-    const preset = data.presets.find((row) => row.name === name);
-    this.preset = name;
+    // A lesson about an edge of one's own has only that.
+    const preset = data.presets.find((row) => row.name === name) || data.presets[0];
+    this.preset = preset.name;
     this.setEdge(preset.start, preset.goal);
   }
 
