@@ -765,7 +765,8 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "ViewOptions": (
             rp.ViewOptions,
-            {"title": "x", "view": None, "spheres": False, "panels": (), "play": True},
+            {"title": "x", "view": None, "spheres": False, "panels": (), "play": True, "planner": True}
+            | {"compare": {"other": trajectory}, "tree": None, "clearances": None},
         ),
         "Viewer.load": (partial(in_viewer, "load"), {"scene": scene} | shown),
         "Viewer.update": (partial(in_viewer, "update"), {"q": q}),

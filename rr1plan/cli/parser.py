@@ -243,6 +243,7 @@ def _view(parser: Parser) -> None:
         "--glb", type=_file_of(".glb"), metavar="FILE", help="write an animated 3-D model, for Blender, Unity or VR"
     )
     parser.add_argument("--spheres", action="store_true", help="show the spheres that contain each link")
+    parser.add_argument("--compare", metavar="MOTION", help="another motion file, drawn beside the motion on one clock")
     _view_from(parser, "of the page")
     files = ("--html", "--png", "--video", "--glb")
     for option in files:
