@@ -56,9 +56,9 @@ _STEPS = (
         "bound",
         "A distance proves an interval",
         f"""<p>A joint that turns by {math("Δ", "θ")} moves no point of a link farther than {math("ℓ", "Δ", "θ")}, with
-        the lever {math("ℓ")}: how far the link ever gets from the joint's axis. From the middle of this edge to its ends
-        the links therefore move by no more than {_BOUND}: they stay within the colored outlines. Where the distance at
-        the middle exceeds that, the whole edge is free, after <b>one</b> distance. The dashed diamond has all
+        the lever {math("ℓ")}: how far the link ever gets from the joint's axis. From the middle of this edge to its
+        ends the links therefore move by no more than {_BOUND}: they stay within the colored outlines. Where the
+        distance at the middle exceeds that, the whole edge is free, after <b>one</b> distance. The dashed diamond has all
         configurations that this distance proves.</p>""",
     ),
     (
