@@ -57,15 +57,15 @@ _STEPS = (
         "A distance proves an interval",
         f"""<p>A joint that turns by {math("Δ", "θ")} moves no point of a link farther than {math("ℓ", "Δ", "θ")}, with
         the lever {math("ℓ")}: how far the link ever gets from the joint's axis. From the middle of this edge to its
-        ends the links therefore move by no more than {_BOUND}: they stay within the colored outlines. Where the
-        distance at the middle exceeds that, the whole edge is free, after <b>one</b> distance. The dashed diamond has all
-        configurations that this distance proves.</p>""",
+        ends the links therefore move by no more than {_BOUND}, and stay within the colored outlines. Where the
+        distance at the middle exceeds that, the whole edge is free, after <b>one</b> distance. The dashed diamond has
+        all configurations that this distance proves.</p>""",
     ),
     (
         "halving",
         "Halve what is not proven",
         "<p>Close to obstacles the first interval is too long: the bound exceeds the distance. Each half has "
-        "half the bound, and a distance of its own. Press <b>Run</b>, or step with <kbd>.</kbd> and "
+        "half the bound and another distance. Press <b>Run</b>, or step with <kbd>.</kbd> and "
         "<kbd>,</kbd>: proven intervals stay long where there is room and get short only beside obstacles. This "
         "is <i>adaptive bisection</i>.</p><p>Below, the curve is the true distance, which nobody knows "
         "beforehand. The boxes sink below it.</p>",
@@ -87,7 +87,7 @@ _STEPS = (
     (
         "advancing",
         "Or advance as far as the distance allows",
-        "<p><i>Conservative advancement</i> uses the same bound from the begin on: each distance says how far "
+        "<p><i>Conservative advancement</i> uses the same bound from the beginning on: each distance says how far "
         "the arm may go before it has to look again. It finds the <i>first</i> contact, which bisection does "
         "not. Beside obstacles its steps get short; bisection looks from both sides and needs distances only at "
         "middles.</p><p>In rr1plan <code>edge_is_free</code> halves, eight intervals at a time, and "

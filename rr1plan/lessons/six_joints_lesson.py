@@ -1,4 +1,4 @@
-"""Lesson "six_joints": what of the picture of two joints survives with six."""
+"""Lesson "six_joints": the picture of two joints, where there are six."""
 
 from __future__ import annotations
 

@@ -73,8 +73,7 @@ class TwoArmsLesson(Lesson):
         refuse_problem(self.name, problem)
         if scene is not None:
             raise InputError(
-                "lesson 'two_arms' is about two arms on paths of its own; rr1plan.lessons.path_schedules has "
-                "diagrams of yours"
+                "lesson 'two_arms' has two arms and their paths; rr1plan.lessons.path_schedules has diagrams of yours"
             )
         self.scene = load_scene("planar2r_pair")
         self.arms: tuple[str, str] = ("left", "right")

@@ -28,8 +28,8 @@ def test_all_solutions_hold_the_tool_and_are_judged(scene: rp.Scene) -> None:
         assert solution.within_limits == checker.within_limits(solution.q)
         assert bool(solution.touching) != checker.is_free(solution.q)
         assert solution.is_valid == (checker.within_limits(solution.q) and checker.is_free(solution.q))
-    apart = [np.abs(a.q - b.q).max() for k, a in enumerate(solutions) for b in solutions[:k]]
-    assert min(apart) > 0.01
+    gaps = [np.abs(a.q - b.q).max() for k, a in enumerate(solutions) for b in solutions[:k]]
+    assert min(gaps) > 0.01
 
 
 def test_a_whole_pose_leaves_a_planar_arm_one_solution() -> None:

@@ -305,8 +305,8 @@ class EdgeLesson {
     if (current.verdict === "contact") put(`Contact at ${(100 * current.where).toFixed(2)} % of the edge: ${names}. The edge is not free, and this configuration shows it.`, "bad");
     else if (current.verdict === "free") {
       const all = last ? ` All is proven: the edge is free, after ${this.list.length} distances.` : "";
-      put(`${share}: ${names} are ${cm(current.distance)} apart and approach each other by ${cm(current.bound)} at most. Proven free.${all}`, "good");
-    } else put(`${share}: ${names} are ${cm(current.distance)} apart but might approach each other by ${cm(current.bound)}. Not proven, so the interval is halved.`, "open");
+      put(`${share}: distance ${cm(current.distance)} between ${names}, which approach each other by ${cm(current.bound)} at most. Proven free.${all}`, "good");
+    } else put(`${share}: distance ${cm(current.distance)} between ${names}, which might approach each other by ${cm(current.bound)}. Not proven, so the interval is halved.`, "open");
   }
 
   stepWords() {

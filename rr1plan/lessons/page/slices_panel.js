@@ -195,9 +195,9 @@ class SixJoints {
     const q = this.q(), pairs = viewer.planner.contacts(q), inside = viewer.planner.withinLimits(q);
     const where = this.mode === "solutions" && this.solution() >= 0 ? `Solution ${this.solution() + 1}: ` : "";
     const touching = pairs.map(([a, b]) => `${a.split("/").pop()} and ${b.split("/").pop()}`).join(", ");
-    if (!inside) put(`${where}outside the joint limits${touching ? `, and in contact: ${touching}` : ""}.`, "bad");
-    else if (touching) put(`${where}in contact: ${touching}.`, "bad");
-    else put(`${where}free. Of this slice ${percent(1 - this.blocked, 0)} is free.`, "good");
+    if (!inside) put(`${where || "The arm is "}outside the joint limits${touching ? `, and in contact: ${touching}` : ""}.`, "bad");
+    else if (touching) put(`${where || "The arm is "}in contact: ${touching}.`, "bad");
+    else put(`${where || "The arm is "}free. Of this slice ${percent(1 - this.blocked, 0)} is free.`, "good");
   }
 
   draw(pen, unit) {
