@@ -77,8 +77,8 @@ def inverse_solutions(scene: Scene, arm: str, q: ArrayLike, *, rng: int = 0) -> 
 def self_motion(scene: Scene, arm: str, q: ArrayLike, *, axis: str = "z", step: float = 0.02) -> Array:
     """The curve of configurations that keep the tool's position and the direction of one of its axes.
 
-    Six joints and five conditions leave one dimension. The curve is traced from q in both directions, along the null space
-    of the Jacobian's five rows, until a joint is at its limit, the arm is singular, or the curve closes.
+    Six joints and five conditions leave one dimension. The curve is traced from q in both directions, along the null
+    space of the Jacobian's five rows, until a joint is at its limit, the arm is singular, or the curve closes.
 
     Args:
         scene: The scene.

@@ -19,11 +19,7 @@ class Diagram extends Sketch {
   }
 
   laid() {
-    const { unit } = this, left = Math.round(38 * unit), below = Math.round(25 * unit), rim = Math.round(8 * unit);
-    const size = this.canvas.width - left - rim;
-    this.plot = { x: left, y: rim, size };
-    this.canvas.height = rim + size + below;
-    this.canvas.style.height = `${this.canvas.height / this.ratio}px`;
+    this.makePlot();
     this.paint();
   }
 

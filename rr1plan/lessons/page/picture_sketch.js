@@ -29,6 +29,15 @@ class Sketch {
     this.draw(this.pen, this.unit);
   }
 
+  /** Makes the canvas fit a square with room for its axes: `plot`, in pixels. */
+  makePlot() {
+    const { unit } = this, left = Math.round(38 * unit), below = Math.round(25 * unit), rim = Math.round(8 * unit);
+    const size = this.canvas.width - left - rim;
+    this.plot = { x: left, y: rim, size };
+    this.canvas.height = rim + size + below;
+    this.canvas.style.height = `${this.canvas.height / this.ratio}px`;
+  }
+
   font(size, weight = 400) {
     this.pen.font = `${weight} ${size * this.unit}px ${getComputedStyle(root).fontFamily}`;
   }
@@ -50,11 +59,7 @@ class Square extends Sketch {
   }
 
   laid() {
-    const { unit } = this, left = Math.round(38 * unit), below = Math.round(25 * unit), rim = Math.round(8 * unit);
-    const size = this.canvas.width - left - rim;
-    this.plot = { x: left, y: rim, size };
-    this.canvas.height = rim + size + below;
-    this.canvas.style.height = `${this.canvas.height / this.ratio}px`;
+    this.makePlot();
     this.show(this.cells);
   }
 
