@@ -613,6 +613,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"experiments": ["latency"], "out": folder, "quick": True, "seed": 0, "arms": None}
             | {"progress": lambda _: False},
         ),
+        "save_figures": (rp.save_figures, {"out": folder, "names": ["no_path"], "progress": None}),
         "stack_bodies": (
             rp.stack_bodies,
             {"body": crate, "count": 3, "columns": (1, 1), "gap": 0.001, "pose": None, "prefix": "body"},

@@ -301,6 +301,11 @@ def _lesson(parser: Parser) -> None:
         parser.excludes(file, "--port", "--no-browser")
 
 
+def _figures(parser: Parser) -> None:
+    parser.add_argument("names", metavar="FIGURE", nargs="*", help="figures by name (default: all)")
+    parser.add_argument("--out", type=_named_file, required=True, metavar="DIR", help="folder for the files")
+
+
 def _experiment(parser: Parser) -> None:
     parser.add_argument(
         "experiment",
@@ -422,6 +427,12 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
             "rr1plan lesson workspace --scene planar2r_path",
         ),
         _lesson,
+    ),
+    "figures": (
+        "lesson_command.figures",
+        "write the figures of the lessons and the pictures of the README",
+        ("rr1plan figures --out figures", "rr1plan figures workspace no_path --out figures"),
+        _figures,
     ),
     "experiment": (
         "experiment.experiment",
