@@ -21,6 +21,9 @@ LESSONS = {
     "no_path": ("NoPathLesson", "No free path although both ends are free"),
     "planning": ("PlanningLesson", "Planning step by step"),
     "motion": ("MotionLesson", "From path to motion"),
+    "continuous_checking": ("ContinuousCheckingLesson", "Continuous checking"),
+    "two_arms": ("TwoArmsLesson", "Two 2R arms"),
+    "six_joints": ("SixJointsLesson", "Six joints"),
 }
 
 

@@ -65,6 +65,30 @@ CLAIMS: dict[str, tuple[str, ...]] = {
         r"jerk limit +640 rad/s³: 0\.86",
         r"06_motion\.svg",
     ),
+    "07_continuous_checking": (
+        r"through, step of 12°: 9 samples, free",
+        r"through, step of 3°: 32 samples, in contact",
+        r"through, halving: \d+ distances, in contact",
+        r"past, halving: \d\d distances, free",
+        r"far, halving: 1 distances, free",
+    ),
+    "08_two_arms": (
+        r"take turns: 1[67]% of the diagram is blocked",
+        r"left first: 9\.\d s",
+        r"right first: 7\.\d s",
+        r"swap sides: 6\d% of the diagram is blocked",
+        r"left first: no schedule",
+        r"right first: the other one can avoid it: False",
+        r"in all four joints: found",
+        r"proven valid: True",
+    ),
+    "09_six_joints": (
+        r"slice with the wrist at 34°: \d\d% free",
+        r"8 solutions, 2 within the limits, 1 free",
+        r"around z: \d+ configurations, 1 joints move, 100% free",
+        r"around y: \d+ configurations, 6 joints move, [45]\d% free",
+        r"75\.\d\d % free, 74\.\d\d to 76\.\d\d % with 95 % confidence \(10000 samples\)",
+    ),
 }
 
 
