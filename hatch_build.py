@@ -5,8 +5,8 @@
 The compiler is `ziglang`, a wheel that needs nothing else on the machine, or that of the environment variable CC. One
 library is made for each level of the processor, and `rr1plan/kernels/planner_kernels.py` chooses at run time.
 The kernels are also compiled to WebAssembly modules, `core.wasm` and `referee.wasm`, which only pages need. That is
-always done by ziglang, because few other compilers have the target. With CC set and no ziglang that works, a warning says
-that the modules are not built.
+always done by ziglang, because few other compilers have the target. With CC set and no ziglang that works, a warning
+says that the modules are not built.
 """
 
 from __future__ import annotations

@@ -82,6 +82,8 @@ if TYPE_CHECKING:
     from rr1plan.hardware.control_box_frames import BoxCommand as BoxCommand
     from rr1plan.hardware.control_box_frames import Telemetry as Telemetry
     from rr1plan.hardware.telemetry_states import read_telemetry as read_telemetry
+    from rr1plan.lessons.figure_set import figure_names as figure_names
+    from rr1plan.lessons.figure_set import save_figures as save_figures
     from rr1plan.lessons.lesson import Lesson as Lesson
     from rr1plan.lessons.lesson import LessonStep as LessonStep
     from rr1plan.lessons.lesson_catalog import lesson as lesson
@@ -324,6 +326,7 @@ _EXPORTS = {
     "rr1plan.hardware.control_box": ("BoxChannel", "ControlBox", "load_control_box"),
     "rr1plan.hardware.control_box_frames": ("BoxCommand", "Telemetry"),
     "rr1plan.hardware.telemetry_states": ("read_telemetry",),
+    "rr1plan.lessons.figure_set": ("figure_names", "save_figures"),
     "rr1plan.lessons.lesson": ("Lesson", "LessonStep"),
     "rr1plan.lessons.lesson_catalog": ("lesson", "lesson_names"),
     "rr1plan.mirror.corridor": ("Corridor", "CorridorPosition", "certified_corridor"),

@@ -252,7 +252,10 @@ def affordable_margin(problem: Problem, margin: float) -> float:
         if goals is not None:
             rest = min(rest, max(checker.moving_clearance(q, margin) for q in goals))
     clearance = margin + rest
-    return next((part for part in (margin * 0.5**k for k in range(CONSTANTS.margin_halvings + 1)) if 2.0 * part <= clearance), 0.0)
+    return next(
+        (part for part in (margin * 0.5**k for k in range(CONSTANTS.margin_halvings + 1)) if 2.0 * part <= clearance),
+        0.0,
+    )
 
 
 @contextmanager

@@ -617,6 +617,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"experiments": ["latency"], "out": folder, "quick": True, "seed": 0, "arms": None}
             | {"progress": lambda _: False},
         ),
+        "save_figures": (rp.save_figures, {"out": folder, "names": ["no_path"], "progress": None}),
         "stack_bodies": (
             rp.stack_bodies,
             {"body": crate, "count": 3, "columns": (1, 1), "gap": 0.001, "pose": None, "prefix": "body"},
@@ -769,7 +770,8 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "ViewOptions": (
             rp.ViewOptions,
-            {"title": "x", "view": None, "spheres": False, "panels": (), "play": True},
+            {"title": "x", "view": None, "spheres": False, "panels": (), "play": True, "planner": True}
+            | {"compare": {"other": trajectory}, "tree": None, "clearances": None},
         ),
         "Viewer.load": (partial(in_viewer, "load"), {"scene": scene} | shown),
         "Viewer.update": (partial(in_viewer, "update"), {"q": q}),

@@ -80,7 +80,7 @@ _UNTYPED = {
 _INTERNAL = {
     *(
         f"CollisionChecker.{name}"
-        for name in ("context", "exact_kernel", "fixed", "geometry", "model", "solids", "tables")
+        for name in ("context", "exact_kernel", "fixed", "geometry", "memory_image", "model", "solids", "tables")
     ),
     *("Scene.contact_rules", "Scene.kept", "Scene.kept_for_any_padding", "GroupResult"),
     *("ManyArmsResult.separated", "Schedule", "Schedule.occupancy", "Part", "Part.occupancy", "Route"),

@@ -84,11 +84,10 @@ def _collect(sources: KernelSources, root: Root, regions: dict[int, _Region]) ->
         if isinstance(given, CStruct):
             pointers = sources.pointers(kind)
             for field, target in given.targets.items():
-                if not isinstance(target, CStruct) and not target.size:
-                    # NumPy moves empty arrays, so that the pointer alone knows the address.
-                    place = getattr(given.value, field)
-                    if place:
-                        regions.setdefault(place, _Region(pointers[field], place, b""))
+                if not isinstance(target, CStruct) and target.size == 0:
+                    # NumPy does not keep the address of a part without items.
+                    at = getattr(given.value, field)
+                    regions.setdefault(at, _Region(pointers[field], at, b""))
                     continue
                 _collect(sources, target if isinstance(target, CStruct) else (pointers[field], target), regions)
     return kind, address, len(data) // sources.item_size(kind)

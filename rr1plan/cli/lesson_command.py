@@ -45,6 +45,22 @@ def lesson(options: Namespace, console: Console) -> int:
     return 0
 
 
+def figures(options: Namespace, console: Console) -> int:
+    """Write the figures of the lessons and the pictures of the README."""
+    with console.progress("figures") as advance:
+        made = rp.save_figures(
+            options.out, options.names or None, progress=lambda progress: advance(progress.fraction, progress.stage)
+        )
+    for files in made.values():
+        console.say("  ".join(map(str, files)))
+    if not options.names:
+        for name in rp.figure_names():
+            if name not in made:
+                console.warn(f"{name} is left out: it takes a browser (pip install 'rr1plan[video]' and Chromium)")
+    console.result({name: [str(file) for file in files] for name, files in made.items()})
+    return 0
+
+
 def _own(options: Namespace) -> tuple[rp.Scene | None, rp.Problem | None]:
     """The scene and the query that were named."""
     if options.query is not None:

@@ -243,6 +243,7 @@ def _view(parser: Parser) -> None:
         "--glb", type=_file_of(".glb"), metavar="FILE", help="write an animated 3-D model, for Blender, Unity or VR"
     )
     parser.add_argument("--spheres", action="store_true", help="show the spheres that contain each link")
+    parser.add_argument("--compare", metavar="MOTION", help="another motion file, drawn beside the motion on one clock")
     _view_from(parser, "of the page")
     files = ("--html", "--png", "--video", "--glb")
     for option in files:
@@ -298,6 +299,11 @@ def _lesson(parser: Parser) -> None:
     parser.needs("--query", "--scene")
     for file in ("--html", "--figure"):
         parser.excludes(file, "--port", "--no-browser")
+
+
+def _figures(parser: Parser) -> None:
+    parser.add_argument("names", metavar="FIGURE", nargs="*", help="figures by name (default: all)")
+    parser.add_argument("--out", type=_named_file, required=True, metavar="DIR", help="folder for the files")
 
 
 def _experiment(parser: Parser) -> None:
@@ -421,6 +427,12 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
             "rr1plan lesson workspace --scene planar2r_path",
         ),
         _lesson,
+    ),
+    "figures": (
+        "lesson_command.figures",
+        "write the figures of the lessons and the pictures of the README",
+        ("rr1plan figures --out figures", "rr1plan figures workspace no_path --out figures"),
+        _figures,
     ),
     "experiment": (
         "experiment.experiment",

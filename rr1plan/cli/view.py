@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import rr1plan as rp
@@ -11,7 +13,7 @@ from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.picture_files import check_files, write_files
 from rr1plan.cli.plan import named_query, page_options, summary, told_to, words
 from rr1plan.cli.saved_motions import saved_motion, say_changes
-from rr1plan.errors import InputError
+from rr1plan.errors import InputError, NoPlanError
 from rr1plan.export.csv_files import save_csv
 from rr1plan.export.motion_files import is_motion_file
 from rr1plan.export.plan_files import save_trajectory
@@ -68,6 +70,8 @@ def view(options: Namespace, console: Console) -> int:
     """A scene or a saved motion in the browser, or as files."""
     look, in_files = page_options(options), check_files(options)
     scene, motion = _what(options, console)
+    if options.compare is not None:
+        look = replace(look or rp.ViewOptions(), compare=_other(motion, options, console))
     if in_files:
         write_files(scene, motion, options, look, console)
         return 0
@@ -77,6 +81,17 @@ def view(options: Namespace, console: Console) -> int:
         console.result({"url": viewer.url})
         viewer.wait()
     return 0
+
+
+def _other(motion: object, options: Namespace, console: Console) -> dict[str, rp.Trajectory]:
+    """The motion to compare, by the name of its file."""
+    if motion is None:
+        raise InputError(f"{options.what} is a scene; --compare takes a motion beside another motion")
+    other = saved_motion(options.compare, options, console)
+    try:
+        return {Path(options.compare).stem: other.trajectory}
+    except NoPlanError as error:
+        raise InputError(f"{error}; only a motion with times can be compared") from error
 
 
 def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | rp.SequencePlan | None]:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rr1plan.binding.memory_image import Root
 from rr1plan.checks import (
     FARTHEST,
     Array,
@@ -33,7 +34,6 @@ from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, E
 from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
 from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs
 from rr1plan.errors import InputError
-from rr1plan.binding.memory_image import Root
 from rr1plan.path import Path
 from rr1plan.scene import Scene
 from rr1plan.transforms import as_pose

@@ -35,7 +35,7 @@ class MirrorPage:
         html, css, script = (_asset(f"mirror.{kind}") for kind in ("html", "css", "js"))
         data = {"joints": list(names), "state": None}
         panel = Panel("mirror", "Mirror", html=html, css=css, script=script, data=data, width=_WIDTH)
-        options = ViewOptions(title=f"{scene.name}: mirror", play=False, panels=(panel,))
+        options = ViewOptions(title=f"{scene.name}: mirror", play=False, panels=(panel,), planner=False)
         self.viewer = Viewer(scene, trajectory=plan, options=options, port=port)
         self._next_frame = self._next_panel = -math.inf
 

@@ -10,9 +10,9 @@ from rr1plan.checks import Array, Seed, as_seed, counted
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import acquire_checker, release_checker
 from rr1plan.kernels.planner_kernels import constants, load_library
+from rr1plan.model.joint_space import Space, joint_space
 from rr1plan.path import Path
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
-from rr1plan.model.joint_space import Space, joint_space
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem

@@ -73,7 +73,9 @@ def blend_sizes(points: Array, max_blend: float, checker: CurveChecker | None) -
         checker: Certifies blends; None for a curve that needs no certificate.
     """
     sizes = np.empty(len(points))
-    length = load_library().rr1_largest_blends(points, *points.shape, max_blend, CONSTANTS.blend_reversal, CONSTANTS.smallest_blend, sizes)
+    length = load_library().rr1_largest_blends(
+        points, *points.shape, max_blend, CONSTANTS.blend_reversal, CONSTANTS.smallest_blend, sizes
+    )
     if checker is not None:
         for i, size in enumerate(sizes.tolist()):
             if size > 0.0:

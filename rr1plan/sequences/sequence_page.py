@@ -64,7 +64,7 @@ def page_parts(
         report=motion.report,
         replay=None if replay is None else replay.replay,
         # What is held changes from stage to stage, and with it what may be touched.
-        options=replace(options, clearances=False),
+        options=replace(options, clearances=False, planner=False),
     )
     if replay is None and names:
         times = trajectory.sample_times(_FRAME)

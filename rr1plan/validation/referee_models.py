@@ -160,7 +160,9 @@ def _build(content: _Content) -> ArmTables:
     )
     planes = _half_spaces(shapes, first)
     moving = tuple(i for i in planes if depth[first[i]] > 0)
-    return ArmTables(links, shapes, bodies, model, len(counts), int(depth.max(initial=0)), planes, moving, own_checked, placement)
+    return ArmTables(
+        links, shapes, bodies, model, len(counts), int(depth.max(initial=0)), planes, moving, own_checked, placement
+    )
 
 
 def _joined(poses: Iterable[Array]) -> Array:
@@ -224,7 +226,9 @@ def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
     """The model of all obstacles of a scene: elements of a single link at the world's origin."""
     parts = [(obstacle.geometries, obstacle.pose) for obstacle in obstacles]
     first = _starts([len(geometries) for geometries, _ in parts])
-    shapes, bodies, placement = _bodies([geometry for some, _ in parts for geometry in some], [pose for _, pose in parts], first)
+    shapes, bodies, placement = _bodies(
+        [geometry for some, _ in parts for geometry in some], [pose for _, pose in parts], first
+    )
     model = RefereeStruct(
         "RefereeModel", bodies=bodies, element_bodies=first, element_count=len(parts), base_element=-1
     )

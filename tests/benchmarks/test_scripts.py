@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import rr1plan as rp
+from rr1plan.playback.viewer.page_capture import find_browser
 from rr1plan.scene.model_library import robot_folder
 
 
@@ -275,3 +276,16 @@ def test_what_takes_too_long_with_many_arms_is_told(script, tmp_path):
     assert script("many_instances").main(arguments) == 0
     assert "> 0.01 s" in (tmp_path / "many_instances.md").read_text()
     assert (tmp_path / "many_instances.png").stat().st_size > 0
+
+
+@pytest.mark.browser
+def test_planning_in_a_page_is_measured(script, tmp_path):
+    if find_browser() is None:
+        pytest.skip("no Chromium on this machine")
+    pytest.importorskip("playwright", reason="playwright is not installed")
+    arguments = ["--drags", "6", "--warm-up", "1", "--scene", "planar2r_path", "--out", str(tmp_path)]
+    assert script("page_planning").main(arguments) == 0
+    results = json.loads((tmp_path / "page_planning.json").read_text())["results"]
+    assert len(results) == 6
+    assert all(r["equal"] for r in results)
+    assert any(r["page"]["certified"] for r in results)

@@ -1,17 +1,19 @@
-"""What the build does where `core.wasm` cannot be made, and that it makes the same bytes everywhere."""
+"""What the build does where modules for pages cannot be made, and that it makes the same bytes everywhere."""
 
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
 
-from rr1plan.kernels import wasm_core
 from rr1plan.kernels.planner_kernels import LIBRARY
+from rr1plan.kernels.wasm_core import core_module
 from rr1plan.validation.referee_kernels import LIBRARY as REFEREE
+from rr1plan.validation.wasm_referee import referee_module
 
 ROOT = Path(__file__).parents[2]
 
@@ -50,7 +52,9 @@ def test_with_cc_a_module_that_cannot_be_made_is_left_out_with_a_warning(
     assert sorted(file.name for file in files) == sorted(broken_ziglang)
     assert all(file.suffix != ".wasm" for file in files)
     (warning,) = warnings
-    assert warning.startswith("core.wasm is not built: CC is set, and ziglang does not work: No module named ziglang")
+    assert warning.startswith(
+        "core.wasm and referee.wasm are not built: CC is set, and ziglang does not work: No module"
+    )
 
 
 def test_without_cc_that_is_an_error(
@@ -61,11 +65,14 @@ def test_without_cc_that_is_an_error(
         build.build_all(pytest.fail)
 
 
-def test_a_module_that_is_built_again_has_the_same_bytes(build: ModuleType, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("unit", "module"), [(0, core_module), (1, referee_module)])
+def test_a_module_that_is_built_again_has_the_same_bytes(
+    build: ModuleType, tmp_path: Path, unit: int, module: Callable[[], bytes]
+) -> None:
     pytest.importorskip("ziglang", reason="ziglang is not installed")
-    again = tmp_path / "other" / "core.wasm"
-    build.compile_kernels(build.UNITS[0], again, *build.WASM, compiler=build.zig())
-    assert again.read_bytes() == wasm_core.core_module()
+    again = tmp_path / "other" / "again.wasm"
+    build.compile_kernels(build.UNITS[unit], again, *build.WASM, compiler=build.zig())
+    assert again.read_bytes() == module()
 
 
 @pytest.mark.parametrize(
@@ -89,7 +96,7 @@ def test_libraries_and_wheels_are_named_after_their_platform(
     monkeypatch.setattr(build, "compile_kernels", lambda unit, out, *flags, **_: compiled.append((out.name, flags)))
     files = build.build_all(pytest.fail)
     native = [(name, flags) for name, flags in compiled if not name.endswith(".wasm")]
-    assert len(native) + 1 == len(files)
+    assert len(native) + 2 == len(files)
     for name, flags in native:
         assert name.endswith(suffix)
         assert flags[flags.index("-target") + 1] == target

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from functools import partial
@@ -305,6 +306,14 @@ def test_spheres_are_put_on_pages_when_asked_for(motion: Path) -> None:
     for name in ("scene", "motion", "plan"):
         assert '"spheres":{"links"' in Path(f"{name}.html").read_text()
     assert '"spheres":null' in Path("plain.html").read_text()
+
+
+def test_another_motion_is_compared_on_the_page(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = Path(shutil.copy(motion, "other.json"))
+    assert run(["view", str(motion), "--html", "page.html", "--compare", str(other)]) == OK
+    assert '"compare":[{"name":"other","columns":[0,' in Path("page.html").read_text()
+    assert run(["view", "rr1_shelf", "--html", "page.html", "--compare", str(other)]) != OK
+    assert "--compare takes a motion beside another motion" in capsys.readouterr().err
 
 
 def test_cspace_draws_and_proves(capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,8 +7,8 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.errors import InputError, NoPlanError, UnknownNameError
-from rr1plan.planners import OmplPlanner, RrtConnect, make_planner, plan, planner_names, planner_table
 from rr1plan.model.joint_space import Space
+from rr1plan.planners import OmplPlanner, RrtConnect, make_planner, plan, planner_names, planner_table
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.scene.model_library import load_problems
 

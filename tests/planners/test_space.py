@@ -12,8 +12,8 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.kernels.planner_kernels import CStruct, address_of, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.model import nearest_copy
-from rr1plan.planners import RrtConnect
 from rr1plan.model.joint_space import Space, joint_space, with_copies
+from rr1plan.planners import RrtConnect
 from rr1plan.planners.planning_query import Query
 from rr1plan.planning import Budget, PlanStatus
 

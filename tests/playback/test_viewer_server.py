@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import html
 import json
+import os
+import re
+import signal
 import socket
+import subprocess
+import sys
 import threading
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 import pytest
 from tornado.httpclient import HTTPClientError, HTTPRequest
-from tornado.websocket import WebSocketClientConnection, websocket_connect
+from tornado.websocket import WebSocketClientConnection, WebSocketClosedError, websocket_connect
 
 import rr1plan as rp
 from rr1plan import Viewer, show
@@ -257,8 +265,142 @@ def test_a_mapping_moves_some_arms_only(viewer: Viewer, rr1_table: rp.Scene) -> 
     np.testing.assert_array_equal(np.frombuffer(frame, "<f8"), rr1_table.arms[arm].robot.home)
 
 
-def test_a_notebook_shows_the_page_without_a_server(viewer: Viewer) -> None:
+def test_a_notebook_holds_the_whole_page(viewer: Viewer) -> None:
     text = viewer._repr_html_()
     assert text.startswith("<iframe srcdoc=")
     assert "<script" not in text
     assert "MeshCat" in text
+    assert f"connect-src {viewer.url.replace('http', 'ws')}updates;" in html.unescape(html.unescape(text))
+
+
+def test_a_viewer_in_a_notebook_may_follow_with_its_token(viewer: Viewer, rr1_table: rp.Scene) -> None:
+    viewer.update(rr1_table.configuration())
+    for origin in ("null", "http://localhost:8888", "https://hub.example"):
+        (frame,) = asyncio.run(listen(viewer, 1, Origin=origin))
+        np.testing.assert_array_equal(np.frombuffer(frame, "<f8"), rr1_table.configuration())
+
+
+def test_without_the_token_nothing_is_told_and_nothing_heard(viewer: Viewer, rr1_table: rp.Scene) -> None:
+    heard: list[object] = []
+    viewer.on_slider(lambda *moved: heard.append(moved))
+    viewer.update(rr1_table.configuration())
+
+    async def try_to_act() -> list[Any]:
+        connection = await websocket_connect(updates(viewer, token="guessed"))
+        with contextlib.suppress(WebSocketClosedError):
+            await connection.write_message('{"type": "slider", "column": 1, "value": 0.5}')
+        told = []
+        while (message := await asyncio.wait_for(connection.read_message(), 20)) is not None:
+            told.append(json.loads(message))
+        connection.close()
+        return told
+
+    assert asyncio.run(try_to_act()) == [{"type": "reload"}]
+    # The same message is heard from a page that knows the token.
+    asyncio.run(asyncio.wait_for(_act(viewer, heard), 20))
+    assert heard == [("rr1/upper_arm_joint", 0.25)]
+    assert viewer._page.visits == 1
+
+
+async def _act(viewer: Viewer, heard: list[object]) -> None:
+    connection = await websocket_connect(updates(viewer))
+    await connection.write_message('{"type": "slider", "column": 1, "value": 0.25}')
+    while not heard:
+        await asyncio.sleep(0.01)
+    await close(connection)
+
+
+def test_tokens_differ_and_stand_in_the_page_alone(viewer: Viewer, rr1_table: rp.Scene) -> None:
+    with show(rr1_table, port=0, open_browser=False) as other:
+        assert other._page.token != viewer._page.token
+        assert len(viewer._page.token) > 20
+        assert viewer._page.token in fetch(viewer.url)
+        assert viewer._page.token not in viewer.url
+
+
+def test_other_websites_can_neither_frame_nor_read_the_page(viewer: Viewer) -> None:
+    with urllib.request.urlopen(viewer.url, timeout=20) as answer:
+        headers = answer.headers
+    assert headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+    assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+    assert headers["Access-Control-Allow-Origin"] is None
+
+
+def test_viewers_share_one_port_and_one_thread(rr1_table: rp.Scene, planar2r: rp.Robot) -> None:
+    before = threading.active_count()
+    flat = rp.Scene(name="flat").with_arm("arm", planar2r)
+    with show(rr1_table, open_browser=False) as one, show(flat, open_browser=False) as two:
+        assert threading.active_count() == before + 1
+        assert two.url == f"{one.url}2/"
+        assert [re.search("<title>(.*)</title>", fetch(v.url))[1] for v in (one, two)] == ["rr1_table", "flat"]
+        one.update(rr1_table.configuration() + 0.1)
+        two.update([0.3, 0.4])
+        frames = [asyncio.run(listen(v, 1))[0] for v in (one, two)]
+        assert [len(frame) for frame in frames] == [8 * 6, 8 * 2]
+        # A page's token is of no use at another page.
+        assert json.loads(asyncio.run(listen(two, 1, token=one._page.token))[0]) == {"type": "reload"}
+        one.close()
+        assert one.closed
+        assert not two.closed
+        with pytest.raises(urllib.error.HTTPError, match="404") as caught:
+            fetch(one.url)
+        caught.value.close()
+        with pytest.raises(rp.InputError, match="closed"):
+            one.update(rr1_table.configuration())
+        two.update([0.5, 0.6])
+        with show(rr1_table, open_browser=False) as third:
+            assert third.url == one.url
+    assert threading.active_count() == before
+    with show(flat, open_browser=False) as later:
+        assert later.url == one.url
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf")])
+def test_what_is_not_finite_is_never_sent(rr1_table: rp.Scene, bad: float) -> None:
+    panel = rp.Panel("own", "Own", data={"value": 1.0})
+    with show(rr1_table, port=0, open_browser=False, options=rp.ViewOptions(panels=[panel])) as viewer:
+
+        async def follow() -> list[Any]:
+            listening = asyncio.ensure_future(listen(viewer, 1))
+            while viewer.pages == 0:
+                await asyncio.sleep(0.01)
+            calls = (
+                lambda: viewer.update([bad] * 6),
+                lambda: viewer.update({"rr1": [0, 0, 0, 0, 0, bad]}),
+                lambda: viewer.seek(bad),
+                lambda: viewer.set_speed(bad),
+                lambda: viewer.update_panel("own", {"value": bad}),
+                lambda: viewer.load(rr1_table, trajectory=rp.Trajectory.rest(rr1_table.joint_names(), [bad] * 6)),
+            )
+            for call in calls:
+                with pytest.raises(rp.InputError):
+                    call()
+            viewer.pause()
+            return await listening
+
+        # The first message is that of the only call that was right.
+        assert json.loads(asyncio.run(follow())[0])["type"] == "pause"
+
+
+def test_ctrl_c_ends_the_program_and_leaves_nothing(tmp_path: FilePath) -> None:
+    script = tmp_path / "program.py"
+    script.write_text(
+        "import rr1plan as rp\n"
+        "viewer = rp.show(rp.load_scene('rr1_table'), port=0, open_browser=False)\n"
+        "viewer.wait()\n"
+        "print('after', flush=True)\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, script], stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as program:
+        assert program.stdout is not None
+        url = program.stdout.readline().removeprefix("page: ").strip()
+        assert "MeshCat" in fetch(url)
+        program.send_signal(signal.SIGINT)
+        said, _ = program.communicate(timeout=60)
+    assert (program.returncode, said) == (0, "after\n")
+    with pytest.raises(urllib.error.URLError):
+        fetch(url)
+    # Nothing of its session is left.
+    with pytest.raises(ProcessLookupError):
+        os.killpg(program.pid, 0)

@@ -169,7 +169,7 @@ def test_less_than_a_micrometer_is_undecided_where_bounding_volumes_suffice_too(
 def test_work_without_end_is_given_up_as_undecided(
     slider: Make, quintic: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rr1plan.validation.referee._MOST_SEARCHES", 200)
+    monkeypatch.setattr("rr1plan.validation.referee.MOST_SEARCHES", 200)
     scene = rp.Scene().with_arm("arm", slider(rp.Box((0.2, 0.1, 0.1))))
     scene = scene.with_obstacle("rail", rp.Box((4.0, 0.1, 0.1)), [0.0, 0.1 + 1e-5, 0.0])
     doubt = only(validate(quintic(["arm/slide"], [-1.0], [1.0]), scene), "undecided")

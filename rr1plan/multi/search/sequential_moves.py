@@ -19,11 +19,11 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.kernels.random_state import random_state
+from rr1plan.model.joint_space import Space
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import are_apart
-from rr1plan.model.joint_space import Space
 from rr1plan.planners.tree_search import Trees
 
 # Random configurations that are compared for a retreat, and how far it should be from the ends of other arms [m].

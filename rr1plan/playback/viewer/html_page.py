@@ -2,7 +2,8 @@
 
 The page may not load anything from anywhere: its content security policy names the hashes of
 its own scripts and nothing else, so neither a request nor a script smuggled in by a name in a
-file can run. A page that plans by itself may compile WebAssembly besides. Data stands in `<script type="application/json">` with every "<" escaped.
+file can run. Only a page that plans by itself may compile WebAssembly. Data stands in
+`<script type="application/json">` with every "<" escaped.
 """
 
 from __future__ import annotations
@@ -28,9 +29,12 @@ from rr1plan.playback.viewer.page_planner import page_modules
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 
 _SCRIPTS = (
-    "math.js", "referee.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js", "player.js",
-    "conflicts.js", "controls.js", "overlays.js", "plot_curves.js", "plots.js", "live.js", "main.js",
+    "math.js", "referee.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js",
+    "stage.js", "pace.js", "player.js", "conflicts.js", "controls.js", "overlays.js", "plot_curves.js", "plots.js",
+    "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js", "jogging.js", "editing.js", "live.js",
+    "main.js",
 )  # fmt: skip
+_STYLES = ("page.css", "plots.css", "editing.css")
 
 
 def page_html(document: Document, options: ViewOptions | None = None, *, live: LiveAccess | None = None) -> str:
@@ -60,7 +64,7 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: L
     slots = {
         "TITLE": html.escape(document["title"]),
         "POLICY": html.escape(_policy(scripts, live, plans)),
-        "STYLE": _asset("page.css") + _asset("plots.css") + "".join(_sealed(p.css, "style") for p in panels),
+        "STYLE": "".join(map(_asset, _STYLES)) + "".join(_sealed(p.css, "style") for p in panels),
         "PANELS": "".join(_panel_html(p) for p in panels),
         "DOCUMENT": json_for_html(document),
         "SETTINGS": json_for_html(settings),

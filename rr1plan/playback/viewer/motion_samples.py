@@ -27,6 +27,7 @@ _MOST_NUMBERS = 60_000  # sent of torques, and of tracking errors
 _CLEARANCE_SAMPLES = 120
 _USUAL_WORK = 40_000  # distances between solids, about 0.1 s of processor time
 _FEWEST_SAMPLES = 12  # of clearances: fewer are no curve
+_FEW_ARMS = 4  # above it clearances are sampled on demand only
 _MOST_PLACES = 40  # contacts of a report whose places are computed
 
 
@@ -40,23 +41,26 @@ def torque_samples(scene: Scene, trajectory: Trajectory, columns: ArrayLike, pac
         pack: Turns an array into what JSON can hold.
 
     Returns:
-        Times [s], shape (n,), torques [Nm or N], shape (n, joints), the columns, and a remark on
-        masses.
+        Times [s], shape (n,), torques [Nm or N], shape (n, joints), the columns, and a remark on masses.
     """
     from rr1plan.model.forward_kinematics import Kinematics
 
-    arms, names = trajectory.arms, trajectory.joint_names
-    kinematics = Kinematics(scene, arms)
-    order = [names.index(name) for name in scene.joint_names(arms)]
-    times = _torque_times(trajectory)
-    torques = kinematics.inverse_dynamics(*(trajectory(times, k)[:, order] for k in range(3)))
+    times, names = _torque_times(trajectory), trajectory.joint_names
+    motion = [trajectory(times, k) for k in range(3)]
+    torques = np.empty_like(motion[0])
+    # One by one: the torques of an arm do not depend on the others, and Pinocchio's data grow with their square.
+    for arm in trajectory.arms:
+        own = [names.index(name) for name in scene.joint_names([arm])]
+        torques[:, own] = Kinematics(Scene({arm: scene.arms[arm]})).inverse_dynamics(
+            *(values[:, own] for values in motion)
+        )
     remarks = ["without the mass of held objects"] if scene.attachments else []
-    if any(scene.arms[arm].robot.links_of_assumed_mass for arm in arms):
+    if any(scene.arms[arm].robot.links_of_assumed_mass for arm in trajectory.arms):
         remarks.append("masses estimated from shapes")
     return {
         "times": pack(times, "f8"),
         "values": pack(torques),
-        "columns": np.asarray(columns)[order].tolist(),
+        "columns": np.asarray(columns).tolist(),
         "remark": ", ".join(remarks),
     }
 
@@ -80,24 +84,26 @@ def clearance_samples(
         scene: The arms and obstacles.
         trajectory: The motion.
         pack: Turns an array into what JSON can hold.
-        thorough: 120 samples whatever they cost, or none; None: as many as take about 0.1 s, or none.
+        thorough: 120 samples whatever they cost, or none; None: as many as take about 0.1 s, and none of many arms.
 
     Returns:
         Times [s], shape (n,); for each arm that moves clearances beyond the padding [m], shape (n, arms, 2), to
-        obstacles and other arms first, then among its links and what it holds, infinite where there is no such pair;
-        the pair of each, and its nearest points in the world [m], shape (n, arms, 2, 6). None where nothing is sampled.
+        obstacles and other arms first, then among its links and what it holds, infinite where no pair is near; the
+        pair of each, and its nearest points in the world [m], shape (n, arms, 2, 6). None where nothing is sampled.
     """
     from rr1plan.collision import CollisionChecker
 
-    if thorough is False:
-        return None
     arms = trajectory.arms
+    if thorough is False or (thorough is None and len(scene.arms) > _FEW_ARMS):
+        return None
     checker = CollisionChecker(scene, arms)
     work = len(checker.solid_pairs)
     count = _CLEARANCE_SAMPLES if thorough else min(_CLEARANCE_SAMPLES, _USUAL_WORK // max(1, work))
     if not work or count < _FEWEST_SAMPLES:
         return None
     members = _members(checker, arms)
+    # Pairs that are always farther apart are not among those of the checker.
+    reach = checker.geometry.least_gap - float(checker.solid_padding.max())
     order = [trajectory.joint_names.index(name) for name in checker.joint_names]
     times = np.linspace(trajectory.start_time, trajectory.end_time, count)
     values = np.full((count, len(arms), 2), np.inf)
@@ -110,6 +116,8 @@ def clearance_samples(
                 if not len(among):
                     continue
                 least = int(among[np.argmin(clearances[among])])
+                if clearances[least] > reach:
+                    continue
                 values[i, k, own], pairs[i, k, own] = clearances[least], checker.solid_owner[least]
                 points[i, k, own] = np.concatenate(checker.solid_points(q, least))
     used, pairs = np.unique(pairs, return_inverse=True)
@@ -164,13 +172,23 @@ def violation_places(scene: Scene, trajectory: Trajectory, report: Report) -> li
     places: list[list[float] | None] = [None] * len(touching)
     if not any(touching):
         return places
-    from rr1plan.collision import CollisionChecker
-
-    checker = CollisionChecker(scene, trajectory.arms)
-    order = [trajectory.joint_names.index(name) for name in checker.joint_names]
     for i in np.flatnonzero(touching)[:_MOST_PLACES].tolist():
         violation = report.violations[i]
         assert violation.time is not None, "of those that touch"
-        contacts = checker.contacts(trajectory(violation.time)[order])
-        places[i] = next((c.point.tolist() for c in contacts if {c.a, c.b} == set(violation.subject)), None)
+        places[i] = _contact_place(scene, trajectory, violation.time, violation.subject)
     return places
+
+
+def _contact_place(scene: Scene, trajectory: Trajectory, time: float, pair: tuple[str, ...]) -> list[float] | None:
+    """Halfway between two elements that touch at a time [m]; None where they do not in this scene."""
+    from rr1plan.collision import CollisionChecker
+
+    held = {name: attachment.arm for name, attachment in scene.attachments.items()}
+    owners = {held.get(name, name.split("/", 1)[0]) for name in pair}
+    arms = [arm for arm in trajectory.arms if arm in owners]
+    # Without the other arms: of a hundred the tables of all would take longer than the rest of the page.
+    for arm in set(scene.arms) - owners:
+        scene = scene.without_arm(arm)
+    order = [trajectory.joint_names.index(name) for name in scene.joint_names(arms)]
+    contacts = CollisionChecker(scene, arms).contacts(trajectory(time)[order])
+    return next((c.point.tolist() for c in contacts if {c.a, c.b} == set(pair)), None)

@@ -81,8 +81,8 @@ def view_document(
         problem: As in `save_html`.
         report: As in `save_html`.
         replay: As in `save_html`.
-        options: The title, spheres, the motion to compare, the tree, the clearances and whether a planner is carried; the
-            rest is for `page_html`.
+        options: The title, spheres, the motion to compare, the tree, the clearances and whether a planner is carried;
+            the rest is for `page_html`.
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene.
@@ -130,12 +130,16 @@ def view_document(
         "samples": _samples(scene, trajectory, options) | _findings(scene, trajectory, report, replay),
         "tree": None if options.tree is None else _tree(options.tree, scene, problem, path),
         "camera": first_camera(scene, motion, ghosts),
-        "planner": _planner(scene, problem, motion) if options.planner else None,
+        "planner": _planner(scene, problem, motion, bodies) if options.planner else None,
     }
 
 
-def _planner(scene: Scene, problem: Problem | None, motion: Trajectory | None) -> dict[str, Any]:
+def _planner(
+    scene: Scene, problem: Problem | None, motion: Trajectory | None, bodies: BodyMotion | None
+) -> dict[str, Any]:
     """The planner of the page, for the arms of the problem, or of the motion, or for all."""
+    if bodies is not None and bodies.bodies:
+        return {"missing": "objects move along the replay, and pages plan among objects that stand still"}
     if problem is not None:
         return page_planner(scene, problem.arms, problem.margin)
     return page_planner(scene, None if motion is None else motion.arms)
@@ -385,11 +389,13 @@ def _tree(tree: SearchTree, scene: Scene, problem: Problem | None, path: Path | 
     start = None if problem is None else problem.start
     goals = [] if path is None or path.joint_names != names else [path.waypoints[-1]]
     drawn = drawn_tree(tree, start, goals)
+    # A roadmap begins nowhere.
+    sides = drawn.sides if (drawn.sides == 0).any() else np.zeros_like(drawn.sides)
     return {
         "columns": _columns(names, scene),
         "vertices": pack_array(drawn.vertices),
         "edges": pack_array(drawn.edges, "u4"),
-        "sides": pack_array(drawn.sides, "u4"),
+        "sides": pack_array(sides, "u4"),
         "explored": drawn.explored,
     }
 

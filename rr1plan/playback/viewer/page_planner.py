@@ -4,10 +4,11 @@
 proven by the referee (`page/referee.js`). A page whose planner
 is left out contains the reason instead:
 
-- More than two arms move. They are planned one by one and scheduled (`plan_many_arms`), which pages do not do; the joint
-  space of all of them is too large for RRT-Connect, and their tables have megabytes.
+- More than two arms move. They are planned one by one and scheduled (`plan_many_arms`), which pages do not do; the
+  joint space of all of them is too large for RRT-Connect, and their tables have megabytes.
 - A joint that moves has no limit of position, velocity or acceleration.
 - The scene cannot be checked for collisions, or things that do not move are in contact.
+- The modules are not built.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import numpy as np
 from rr1plan.binding.memory_image import Root
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.errors import InputError
+from rr1plan.errors import InputError, InstallationError
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.kernels.random_state import random_state
 from rr1plan.kernels.wasm_core import core_module
@@ -58,8 +59,9 @@ def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float 
     if key not in scene.kept:
         reason = _why_missing(scene, names)
         try:
+            page_modules()
             scene.kept[key] = {"missing": reason} if reason else _planner_data(scene, names, margin)
-        except InputError as error:
+        except (InputError, InstallationError) as error:
             scene.kept[key] = {"missing": str(error)}
     data: dict[str, Any] = scene.kept[key]
     return data
@@ -76,7 +78,7 @@ def page_modules() -> dict[str, str]:
 
 
 def _packed(data: bytes) -> str:
-    return base64.b64encode(zlib.compress(data, 9)).decode("ascii")
+    return base64.b64encode(zlib.compress(data)).decode("ascii")
 
 
 def _why_missing(scene: Scene, arms: tuple[str, ...]) -> str:
@@ -126,7 +128,9 @@ def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[st
 
 def _rows(checker: CollisionChecker, space: Space) -> dict[str, Root]:
     """Bounds of the joint space, and the limits of timing."""
-    velocity, acceleration = (np.ascontiguousarray(row) for row in (checker.limits.velocity, checker.limits.acceleration))
+    velocity, acceleration = (
+        np.ascontiguousarray(row) for row in (checker.limits.velocity, checker.limits.acceleration)
+    )
     rates = CStruct(
         "RateLimits",
         velocity=velocity,

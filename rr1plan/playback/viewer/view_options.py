@@ -68,8 +68,9 @@ class ViewOptions:
             about 0.2 MB larger.
         compare: Another motion of the same arms by its name, e.g. {"anytime": other.trajectory}: drawn as a ghost
             beside the motion of the page, its curves dashed beside those of that motion, both on one clock.
-        tree: What the planner explored (`PlanResult.tree`), drawn as the paths of the tools; pages of a `MotionPlan`
-            take that of their planner. Its columns are the joints of the arms of the page's problem, or of all arms.
+        tree: What a planner explored (`PlanResult.tree`, `Roadmap.graph`), drawn as the paths of the tools; pages of a
+            `MotionPlan` take that of their planner. Its columns are the joints of the arms of the page's problem, or of
+            all arms.
         clearances: Sample the clearances along the motion at 120 instants (True) or not at all (False); None: as many
             as about 0.1 s of processor time allow, which is none for many arms.
 

@@ -32,7 +32,7 @@ class Conflicts {
 
   /** The violations now as text; the first two if there are more. */
   words() {
-    return namesOf(this.now.map(nameOf), 2, ", ");
+    return namesOf([...new Set(this.now.map(nameOf))], 2, ", ");
   }
 
   /** Marks {time, subject, title} for a time line of a length [s]; marks closer than a fraction of it are merged. */

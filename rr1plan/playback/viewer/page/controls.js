@@ -4,6 +4,8 @@ const ICONS = {
   play: "M8 5.5v13l11-6.5z",
   pause: "M7 5h3.6v14H7zM13.4 5H17v14h-3.6z",
   loop: "M7 7h9.2l-2-2 1.4-1.4L20 8l-4.4 4.4-1.4-1.4 2-2H9v3H7zM17 17H7.8l2 2-1.4 1.4L4 16l4.4-4.4 1.4 1.4-2 2H15v-3h2z",
+  edit: "M12 1.6l3.2 3.6h-2.2V11h5.8V8.8l3.6 3.2-3.6 3.2V13H13v5.8h2.2L12 22.4l-3.2-3.6H11V13H5.2v2.2L1.6 12l3.6-3.2V11H11V5.2H8.8z",
+  close: "M6.4 5L12 10.6 17.6 5 19 6.4 13.4 12 19 17.6 17.6 19 12 13.4 6.4 19 5 17.6 10.6 12 5 6.4z",
   plots: "M4 4h2v14h14v2H4zM8 15.2l3.4-4.6 3 2.4L18.6 7l1.6 1.2-5.4 7.6-3.1-2.4-2.1 2.9z",
   home: "M4 4h6v2H6v4H4zM14 4h6v6h-2V6h-4zM4 14h2v4h4v2H4zM18 14h2v6h-6v-2h4z",
 };
@@ -112,10 +114,15 @@ class Controls {
     document.title = doc.title;
     find("title").textContent = doc.title;
     find("description").textContent = doc.description;
+    this.fillJoints();
+    this.loadMotion(doc);
+  }
+
+  /** What says how the document's motion is. */
+  loadMotion(doc) {
     this.fillFacts(doc);
     this.fillReport(doc.report);
     this.fillToggles(doc);
-    this.fillJoints();
     const { player } = this.viewer;
     find("bar").classList.toggle("still", player.end <= player.start);
     const scrub = find("scrub");
@@ -146,6 +153,7 @@ class Controls {
     const facts = find("facts");
     const rows = [];
     const margins = doc.report ? doc.report.margins : {};
+    if (doc.planned) rows.push(["Planned here", doc.planned]);
     if (doc.track) rows.push(doc.track.timed ? ["Duration", seconds(this.viewer.player.track.end - this.viewer.player.track.start)] : ["Path", "no times yet, steady speed"]);
     if (margins.clearance) rows.push(["Clearance", length(margins.clearance.value)]);
     if (margins.self_clearance) rows.push(["Self clearance", length(margins.self_clearance.value)]);
@@ -167,7 +175,7 @@ class Controls {
     if (!report) return;
     const rank = report.certified ? "good" : report.valid ? "open" : "bad";
     badge.className = rank;
-    badge.textContent = { good: "Certified free in continuous time", open: "Valid, collisions not checked", bad: `Invalid: ${report.violations.length} found` }[rank];
+    badge.textContent = report.title || { good: "Certified free in continuous time", open: "Valid, collisions not checked", bad: `Invalid: ${report.violations.length} found` }[rank];
     badge.onclick = () => {
       box.hidden = !box.hidden;
       badge.setAttribute("aria-expanded", String(!box.hidden));
@@ -273,8 +281,7 @@ class Controls {
       label.title = name;
       slider.oninput = () => {
         const value = Number(slider.value);
-        this.viewer.setJoint(column, value);
-        if (this.viewer.live) this.viewer.live.tellSlider(column, value);
+        this.viewer.editing.jog(column, value);
       };
       line.append(label, out, slider);
       row.fold.append(line);

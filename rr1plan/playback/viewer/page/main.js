@@ -16,6 +16,8 @@
 //   viewer.plots.toggle()                         the curves under the scene (see plots.js)
 //   viewer.look(direction, whole)                 frame the arms (or everything), seen from a direction of the world
 //   viewer.add(name, object3d)  viewer.redraw()   put something of three.js (viewer.THREE) into the world, z up
+//   viewer.setMotion({track, ...})                other fields of the document that say what is played; the rest stays
+//   viewer.editing                                drags, jogs, start and goal by hand, undo, `plan()`: see editing.js
 //   viewer.planner                                plans in the page (`planner.js`); null before it is loaded and without one
 //   viewer.noPlanner                              why there is none; empty while it is loading and where none was wanted
 //   viewer.on("planner", f)                       f(planner, reason) once it is loaded, or known to be missing
@@ -31,11 +33,12 @@ class Viewer {
     this.byArm = true;
     this.stage = makeStage(find("pane"));
     this.stage.onResize = () => this.frame();
+    this.meshcat = this.stage.meshcat;
+    this.editing = new Editing(this);
     this.controls = new Controls(this);
     this.overlays = new Overlays(this);
     this.plots = new Plots(this);
     this.frames = 0;
-    this.meshcat = this.stage.meshcat;
   }
 
   // ---- documents ---------------------------------------------------------------------------
@@ -53,17 +56,10 @@ class Viewer {
     this.stage.setQuality(settings.play ? this.pace.least() : this.pace.full);
     this.joints = doc.columns;
     this.limits = this.kinematics.arms.flatMap((a) => a.robot.limits);
-    const track = doc.track ? new Track(doc.track) : null;
-    const others = [["replay", doc.replay], ...doc.compare.map((row) => ["compare", row])].filter(([, row]) => row);
-    this.others = new Map(others.map(([kind, row]) => [kind, new Track(row)]));
-    const speed = this.player ? this.player.speed : 1;
-    this.player = new Player(track, [...this.others.values()]);
-    this.player.speed = speed;
-    this.manual = false;
-    this.touched = [];
-    this.conflicts = new Conflicts(doc, this.player, this.kinematics);
+    this.takeMotion();
     this.lastDirection = this.preferred || doc.camera.direction;
     this.q = this.kinematics.rest();
+    const { track } = this.player;
     if (track) track.at(track.start, this.q);
     this.world = new World(doc, this.kinematics);
     this.build(track);
@@ -73,6 +69,7 @@ class Viewer {
     this.plots.load();
     this.show();
     if (!keep || !this.framed) this.look();
+    this.editing.load(doc);
     for (const f of this.listeners.load) f(doc);
     this.loadPlanner(doc);
   }
@@ -87,9 +84,40 @@ class Viewer {
     } catch (error) {
       reason = error.message;
     }
-    if (doc !== this.document) return; // another one was loaded meanwhile
+    if (doc.planner !== this.document.planner) return; // another one was loaded meanwhile
     [this.planner, this.noPlanner] = [planner, reason];
     for (const f of this.listeners.planner) f(planner, reason);
+  }
+
+  /** The clock and the contacts of the document's motion. */
+  takeMotion() {
+    const { document: doc, player: last } = this;
+    const others = [["replay", doc.replay], ...doc.compare.map((row) => ["compare", row])].filter(([, row]) => row);
+    this.others = new Map(others.map(([kind, row]) => [kind, new Track(row)]));
+    const longer = this.others.has("compare") ? [this.others.get("compare")] : [];
+    this.player = new Player(doc.track ? new Track(doc.track) : null, longer);
+    if (last) this.player.speed = last.speed;
+    this.manual = false;
+    this.touched = [];
+    this.conflicts = new Conflicts(doc, this.player, this.kinematics);
+  }
+
+  /** Plays another motion of the same arms: what differs of the document's `track`, `path`, `report`, `samples`, and so on. */
+  setMotion(changes) {
+    const { loop } = this.player, { world } = this;
+    this.document = { ...this.document, ...changes };
+    this.takeMotion();
+    this.player.loop = loop;
+    for (const layer of ["toolpath", "path", "conflicts", ...OVERLAYS]) world.clear(layer);
+    this.drawMotion(this.player.track);
+    this.overlays.load();
+    const absent = ["replay", "compare"].filter((kind) => !this.others.has(kind));
+    for (const [name, layer] of Object.entries(world.layers)) layer.visible = this.isShown(name) && !absent.includes(name);
+    this.controls.loadMotion(this.document);
+    this.plots.load();
+    this.paint();
+    this.follow();
+    for (const f of this.listeners.load) f(this.document);
   }
 
   /** Puts new data into the objects that panels hold, by the name of the panel. */
@@ -106,22 +134,32 @@ class Viewer {
     if (track) for (let i = 0; i <= steps; i++) samples.push(track.at(track.start + (i / steps) * (track.end - track.start), kinematics.rest()));
     else for (const { arm, q } of doc.ghosts) samples.push(kinematics.standing(arm, q));
     this.extent = { ...world.extent(samples), target: doc.camera.target };
-    const radius = this.extent.near.getSize(new THREE.Vector3()).length() / 2;
-    const thin = Math.min(Math.max(0.0034 * radius, 0.0018), 0.012);
-    if (track) {
-      this.toolPath = new ToolPath(kinematics, track, thin);
-      this.toolPath.setTubes(this.pace.least().tubes);
-      world.group("toolpath").add(this.toolPath.group);
-    } else this.toolPath = null;
-    for (const other of this.others.has("compare") ? [this.others.get("compare")] : []) {
-      world.group("compare").add(motionLines(kinematics, other, GHOSTS.compare));
-    }
-    if (doc.path) world.group("path").add(waypointLines(kinematics, doc.path, 1.6 * thin));
-    if (doc.targets.length) world.group("goal").add(targetMarks(doc.targets, 2 * thin));
+    this.drawMotion(track);
+    const thin = this.thin();
+    if (this.others.has("compare")) world.group("compare").add(motionLines(kinematics, this.others.get("compare"), GHOSTS.compare));
+    this.targets = doc.targets.length ? targetMarks(doc.targets, 2 * thin) : null;
+    if (this.targets) world.group("goal").add(this.targets);
     this.paint();
     for (const [name, layer] of Object.entries(world.layers)) layer.visible = !this.hidden.has(name);
     this.stage.show("world", world.root);
     this.stage.furnish(this.extent.whole, this.extent.floor);
+  }
+
+  /** The radius of a drawn line [m]. */
+  thin() {
+    const radius = this.extent.near.getSize(new THREE.Vector3()).length() / 2;
+    return Math.min(Math.max(0.0034 * radius, 0.0018), 0.012);
+  }
+
+  /** Draws the way of the tools and the waypoints. */
+  drawMotion(track) {
+    const { world, kinematics, document: doc } = this, thin = this.thin();
+    this.toolPath = track ? new ToolPath(kinematics, track, thin) : null;
+    if (track) {
+      this.toolPath.setTubes(this.pace.least().tubes);
+      world.group("toolpath").add(this.toolPath.group);
+    }
+    if (doc.path) world.group("path").add(waypointLines(kinematics, doc.path, 1.6 * thin));
   }
 
   // ---- the configuration -------------------------------------------------------------------
@@ -217,7 +255,7 @@ class Viewer {
 
   /** Gives every link its color: what touches now is red, and what was pointed at. */
   paint() {
-    this.world.paint(this.byArm && this.kinematics.arms.length > 1, [...this.touched, ...this.conflicts.elements()]);
+    this.world.paint(this.byArm && this.kinematics.arms.length > 1, [...this.touched, ...this.conflicts.elements()], this.editing.lit);
   }
 
   /** Goes to a moment and paints some elements red. */
@@ -261,6 +299,7 @@ class Viewer {
       if (this.player.tick(now)) this.follow();
       this.setQuality(this.pace.at(now, this.moves(now)));
       this.controls.refreshHud(now);
+      this.editing.frame();
       this.stage.draw();
       this.overlays.label();
       this.frames += 1;
@@ -270,7 +309,7 @@ class Viewer {
 
   /** Something moves; of very many arms, which take long to be drawn in full, what has just moved is taken to move on. */
   moves(now) {
-    return this.playing || Boolean(this.stage.dragged) || (this.pace.many && this.pace.level > 0 && now - this.shownAt < 250);
+    return this.playing || Boolean(this.stage.dragged || this.editing.dragging) || (this.pace.many && this.pace.level > 0 && now - this.shownAt < 250);
   }
 
   /** Whether the picture has full quality, as it has while nothing moves. */

@@ -54,7 +54,7 @@ class Overlays {
     const strip = element("i");
     strip.style.background = `linear-gradient(to right, ${SPEEDS.map(css).join(", ")})`;
     bar.setAttribute("aria-label", `Tool speed, from 0 to ${this.scaled.toFixed(2)} m/s`);
-    bar.replaceChildren(element("span", "Tool speed"), strip, element("span", "0"), element("span", `${this.scaled.toFixed(2)} m/s`));
+    bar.replaceChildren(element("span", "Tool speed"), element("span", "0"), strip, element("span", `${this.scaled.toFixed(2)} m/s`));
   }
 
   // ---- violations ------------------------------------------------------------------------------
@@ -84,8 +84,9 @@ class Overlays {
   }
 
   /** Where bodies touch, as far as it is known; otherwise the frame of the first link. */
-  placeOf({ place, elements }) {
+  placeOf({ place, elements, simulated }) {
     if (place) return place;
+    if (simulated) return null;
     const [arm, link] = (elements[0] || "").split("/"), found = this.viewer.kinematics.arms.find(({ name }) => name === arm);
     if (!found || found.robot.links.indexOf(link) < 0) return null;
     const at = 16 * this.viewer.kinematics.linkIndex(found, link) + 12;
@@ -102,7 +103,7 @@ class Overlays {
     if (label.hidden === shown) label.hidden = !shown;
     if (!shown) return;
     const [x, y, z] = least.middle, p = cameraPoint(x, y, z).project(camera);
-    label.style.transform = `translate(${((p.x + 1) / 2) * pane.clientWidth}px, ${((1 - p.y) / 2) * pane.clientHeight}px) translate(10px, -50%)`;
+    label.style.transform = `translate(${((p.x + 1) / 2) * pane.clientWidth}px, ${((1 - p.y) / 2) * pane.clientHeight}px) translate(${p.x > 0.2 ? "calc(-100% - 10px)" : "10px"}, -50%)`;
     if (label.textContent !== least.words) label.textContent = least.words;
   }
 }
@@ -130,7 +131,7 @@ class Frames {
     this.rods.frustumCulled = false;
     this.rods.renderOrder = 12;
     for (let i = 0; i < this.rods.count; i++) this.rods.setColorAt(i, new THREE.Color(AXES[i % 3]).convertSRGBToLinear());
-    this.axes = kinematics.arms.flatMap((arm, k) => arm.robot.links.map((_, link) => this.axesOf((link === arm.robot.tool ? 0.16 : 0.09) * world.reach[k])));
+    this.axes = kinematics.arms.flatMap((arm, k) => arm.robot.links.map((_, link) => this.axesOf((link === arm.robot.tool ? 0.13 : 0.08) * world.reach[k])));
     this.group.add(this.rods);
   }
 
@@ -193,7 +194,7 @@ class NearestLines {
     Object.assign(this, { viewer, names, arms, group: new THREE.Group(), least: null });
     [this.times, this.values, this.pairs, this.points] = [times, values, pairs, points].map((packed) => unpack(packed).values);
     const rod = new THREE.CylinderGeometry(1, 1, 1, 8).translate(0, 0.5, 0);
-    this.radius = 0.004 * viewer.extent.near.getSize(new THREE.Vector3()).length();
+    this.radius = 0.0032 * viewer.extent.near.getSize(new THREE.Vector3()).length();
     const material = new THREE.MeshBasicMaterial({ depthTest: false, transparent: true });
     this.rods = new THREE.InstancedMesh(rod, material, 2 * arms.length);
     this.dots = new THREE.InstancedMesh(new THREE.SphereGeometry(1, 12, 8), material, 4 * arms.length);
@@ -217,13 +218,17 @@ class NearestLines {
     this.posed = sample;
     for (let k = 0; k < this.arms.length; k++) {
       for (let own = 0; own < 2; own++) {
-        const at = 2 * (sample * this.arms.length + k) + own, line = 2 * k + own, clearance = this.values[at], pair = this.names[this.pairs[at]];
-        if (!Number.isFinite(clearance)) { this.put(line, from, from, clearance, own); continue; }
+        const at = 2 * (sample * this.arms.length + k) + own, line = 2 * k + own, sampled = this.values[at], pair = this.names[this.pairs[at]];
+        if (!Number.isFinite(sampled)) { this.put(line, from, from, sampled, own); continue; }
+        const then = from.fromArray(this.points, 6 * at).distanceTo(to.fromArray(this.points, 6 * at + 3));
         this.carried(pair[0], 6 * at, from);
         this.carried(pair[1], 6 * at + 3, to);
+        // The distance of nearest points that move with their bodies has the same slope as that of the bodies.
+        const clearance = sampled + (sampled < 0 ? -1 : 1) * (from.distanceTo(to) - then);
         this.put(line, from, to, clearance, own);
-        if (!this.least || clearance < this.least.clearance) {
-          this.least = { clearance, middle: from.clone().lerp(to, 0.5).toArray(), words: `${length(clearance)}  ${pair.join(" – ")}` };
+        // Links of an arm are always near each other: they are named only where nothing else is.
+        if (!this.least || own < this.least.own || (own === this.least.own && clearance < this.least.clearance)) {
+          this.least = { clearance, own, middle: from.clone().lerp(to, 0.5).toArray(), words: `${length(clearance)}  ${pair.join(" – ")}` };
         }
       }
     }

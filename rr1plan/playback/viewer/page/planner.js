@@ -43,6 +43,7 @@ class PagePlanner {
   /** See above. */
   static async load(data) {
     if (data.missing) throw new Error(data.missing);
+    if (!data.modules) throw new Error("this page was opened without the planner's kernels");
     if (typeof WebAssembly !== "object") throw new Error("this browser has no WebAssembly");
     if (!WebAssembly.validate(SIMD_PROBE)) throw new Error("this browser has no WebAssembly SIMD");
     if (typeof DecompressionStream !== "function") throw new Error("this browser cannot decompress the planner");
@@ -78,6 +79,7 @@ class PagePlanner {
   get core() { return this.#core; }
   get scene() { return this.#memory.scene; }
   get scratch() { return this.#memory.scratch; }
+  get referee() { return this.#referee; }
 
   // ---- collision -------------------------------------------------------------------------------
 

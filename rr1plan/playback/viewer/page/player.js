@@ -3,7 +3,7 @@
 const LONGEST_STEP = 0.25; // [s] by which one frame advances the clock, however late it is
 
 class Player {
-  /** track: the motion, or null; others: motions on the same clock. */
+  /** track: the motion, or null; others: motions beside it, which the clock waits for. */
   constructor(track, others = []) {
     this.track = track;
     this.start = track ? track.start : 0;

@@ -13,6 +13,7 @@ const QUANTITIES = {
 };
 /** Distinct for color-blind readers, and dark enough for thin lines on white. */
 const CURVES = ["#d4450c", "#1f6fd0", "#00724f", "#a4630a", "#7b3fa0", "#0b8793", "#c0307a", "#5b4636", "#4a58b8", "#667080"];
+const PLANNER_SAMPLES = 200; // clearances of a motion that the planner of the page measures
 const DASHES = { compare: [7, 4], replay: [2, 3] };
 
 /** A number with three digits that count, without an exponent. */
@@ -95,6 +96,7 @@ class PlotSource {
   constructor(viewer) {
     const { document: doc, player, others } = viewer;
     this.kinematics = viewer.kinematics;
+    this.planner = viewer.planner;
     this.motions = [];
     if (player.track && doc.track.timed) this.motions.push({ kind: "plan", name: null, track: player.track, exact: doc.track.exact, samples: doc.samples });
     else if (doc.samples.error) this.motions.push({ kind: "plan", name: null, track: null, exact: false, samples: doc.samples });
@@ -149,14 +151,30 @@ class PlotSource {
     });
   }
 
-  clearances(arm, { samples }) {
-    const sent = samples.clearance, k = sent ? sent.arms.indexOf(arm.name) : -1;
-    if (k < 0) return [];
+  clearances(arm, motion) {
+    const sent = motion.samples.clearance, k = sent ? sent.arms.indexOf(arm.name) : -1;
+    if (k < 0) return this.measuredClearance(arm, motion);
     const { times, values, width } = this.unpack(sent, 2 * sent.arms.length);
     return ["to surroundings", "to itself"].flatMap((name, own) => {
       const millimeters = Float64Array.from(times, (_, i) => 1000 * values[i * width + 2 * k + own]);
       return millimeters.some(Number.isFinite) ? [Object.assign(new SampledCurve(times, millimeters, [0, null]), { name, mark: "ES"[own], color: CURVES[7 + own], unit: "mm" })] : [];
     });
+  }
+
+  /** Where Python has sent none: the least clearance of all pairs, by the planner of the page. */
+  measuredClearance(arm, { track, kind }) {
+    const { planner, kinematics } = this;
+    if (!planner || !track || kind === "replay" || !planner.columns.includes(arm.firstColumn)) return [];
+    if (!this.unpacked.has(track)) {
+      const times = Float64Array.from({ length: PLANNER_SAMPLES + 1 }, (_, i) => track.start + (i / PLANNER_SAMPLES) * (track.end - track.start));
+      const values = times.map((t) => {
+        const q = track.at(t, kinematics.rest());
+        return 1000 * planner.clearance(planner.columns.map((column) => q[column]));
+      });
+      this.unpacked.set(track, { times, values });
+    }
+    const { times, values } = this.unpacked.get(track);
+    return [Object.assign(new SampledCurve(times, values, [0, null]), { name: "of all pairs", mark: "C", color: CURVES[7], unit: "mm" })];
   }
 
   unpack(sent, width) {

@@ -1,6 +1,6 @@
 // The card of curves under the scene: joints against their limits, torques, clearances, tracking errors, violations.
 
-const PLOT_HEIGHT = 138, EDGES = { left: 46, right: 12, top: 15, bottom: 19 }; // [px]
+const EDGES = { left: 46, right: 12, top: 15, bottom: 19 }; // [px]
 const BAD = "#c2255c", SOFT = "#667080", INK = "#1b2430", GRID = "#e3e7ec";
 const WIDE = 1000; // [px] of the window from which on two curves are shown at first
 /** Where violations of a kind are marked across the whole chart. */
@@ -16,6 +16,7 @@ class Plots {
     this.root.append(this.makeHead(), (this.area = element("div", undefined, "charts")), (this.legend = element("div", undefined, "legend")));
     // Its own keys stay the page's: only a list takes arrows for itself.
     new ResizeObserver(() => this.fit()).observe(this.root);
+    viewer.on("planner", () => this.load());
   }
 
   makeHead() {
@@ -29,7 +30,7 @@ class Plots {
     this.chips = element("div", undefined, "chips");
     this.chips.setAttribute("role", "group");
     this.chips.setAttribute("aria-label", "Curves");
-    this.zoom = element("button", "Fit to curves", "chip");
+    this.zoom = element("button", "Fit", "chip");
     this.zoom.type = "button";
     this.zoom.setAttribute("aria-pressed", "false");
     this.zoom.title = "Scale to the curves instead of to the limits";
@@ -145,6 +146,7 @@ class Plots {
     if (height === this.height) return;
     this.height = height;
     find("stage").style.setProperty("--plots", `${height}px`);
+    find("stage").classList.toggle("plotting", this.open);
     this.viewer.frame();
   }
 
@@ -175,7 +177,7 @@ function dashes(kind) {
 
 /** Numbers between low and high with few digits, about as many as asked for. */
 function niceTicks(low, high, count) {
-  const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough)), step = power * [1, 2, 5, 10].find((f) => f * power >= rough * 0.999);
+  const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough)), step = power * [1, 2, 5, 10].find((f) => f * power >= 0.7 * rough);
   const ticks = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) ticks.push(k * step);
   return ticks;
@@ -435,11 +437,17 @@ class Chart {
     if (!this.relative) {
       const shown = this.plots.joint && this.key !== "clearance" ? own : own.filter(({ curve }) => !curve.motion);
       const name = (curve) => (this.key === "clearance" ? `${curve.mark} ${curve.name} ` : curve.motion ? `${curve.motion} ` : this.plots.joint ? "" : `${curve.mark} `);
-      return shown.slice(0, 3).map(({ curve, value }) => `${name(curve)}${shortNumber(value)} ${curve.unit}`).join(", ");
+      if (shown.length > 3) return this.largest(shown);
+      return shown.map(({ curve, value }) => `${name(curve)}${shortNumber(value)} ${curve.unit}`).join(", ");
     }
     const share = ({ curve, value }) => Math.abs(this.drawn(curve, value));
-    const most = own.filter(({ curve }) => !curve.motion).reduce((a, b) => (share(b) > share(a) ? b : a));
+    const most = own.filter(({ curve }) => !curve.motion).reduce((a, b) => (share(b) > share(a) ? b : a), own[0]);
     return `${most.curve.mark} ${most.curve.name}: ${shortNumber(most.value)} ${most.curve.unit}, ${share(most).toFixed(0)} %`;
+  }
+
+  largest(values) {
+    const { curve, value } = values.reduce((a, b) => (Math.abs(b.value) > Math.abs(a.value) ? b : a));
+    return `${curve.mark} ${curve.name}: ${shortNumber(value)} ${curve.unit}`;
   }
 
   listen() {

@@ -72,7 +72,13 @@ class PageReferee {
       "rr1_judge_columns", break_count, numbers, piece_count, terms, nq, peaks, jumps, end, this.#memory.limits,
       tightest, allowed, core.array("int64_t", nq),
     );
-    const differ = (one, two) => one.some((value, j) => !(Math.abs(value - two[j]) <= SAME));
+    const limits = this.#memory.limits.values;
+    // Of joints without position limits whole turns do not count.
+    const turn = (j) => (limits[c.LIMIT_UPPER * nq + j] - limits[c.LIMIT_LOWER * nq + j] === Infinity ? 2 * Math.PI : Infinity);
+    const differ = (one, two, turns) => one.some((value, j) => {
+      const by = value - two[j], whole = turns ? Math.round(by / turn(j)) : 0;
+      return !(Math.abs(whole ? by - whole * turn(j) : by) <= SAME);
+    });
     const first = numbers.values.subarray(0, nq), last = end.values.subarray(0, nq);
     const faults = [
       [flaws & (c.FLAW_ABOVE | c.FLAW_BELOW), "a joint leaves its position limits"],
@@ -80,8 +86,8 @@ class PageReferee {
       [flaws & c.FLAW_ACCELERATION, "a joint exceeds its acceleration limit"],
       [flaws & (c.FLAW_POSITION_JUMP | c.FLAW_VELOCITY_JUMP), "a joint jumps"],
       [flaws & (c.FLAW_START | c.FLAW_END), "the motion does not begin and end at rest"],
-      [differ(first, start), "the motion does not begin at the start"],
-      [differ(last, goal), "the motion does not end at the goal"],
+      [differ(first, start, false), "the motion does not begin at the start"],
+      [differ(last, goal, true), "the motion does not end at the goal"],
     ];
     return faults.find(([wrong]) => wrong)?.[1] ?? "";
   }

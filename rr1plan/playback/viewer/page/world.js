@@ -3,7 +3,7 @@
 const LINK_GREY = [0.77, 0.79, 0.82];
 const OBSTACLE = [0.58, 0.65, 0.74];
 const HELD = [0.96, 0.73, 0.27];
-const TOUCHED = [0.86, 0.08, 0.2], FADED = 0.82;
+const TOUCHED = [0.86, 0.08, 0.2], FADED = 0.82, LIT = [1, 0.95, 0.62];
 const GHOSTS = { start: [0.25, 0.47, 0.85], goal: [0.1, 0.62, 0.42], replay: [0.62, 0.3, 0.78], compare: [0, 0.57, 0.63] };
 const IDENTITY = identity();
 
@@ -64,6 +64,16 @@ class World {
     return this.layers[name];
   }
 
+  /** Removes a layer with everything in it. */
+  clear(name) {
+    const layer = this.layers[name];
+    this.filled.delete(name);
+    if (!layer) return;
+    disposeTree(layer);
+    layer.removeFromParent();
+    delete this.layers[name];
+  }
+
   /** Something is in a layer, drawn by now or not. */
   has(name) {
     const layer = this.layers[name];
@@ -115,7 +125,7 @@ class World {
       const found = shapeBody(this.doc.shapes[part.shape], 40), pose = identity();
       if (!found) return [];
       multiply(pose, 0, object.pose, 0, part.pose, 0);
-      return [{ body: found.body, local: scaled(pose, found.scale), frame, element: object.name, arm, ...this.paintOf(part, fallback) }];
+      return [{ body: found.body, local: scaled(pose, found.scale), frame, element: object.name, arm, part: part.pose, scale: found.scale, ...this.paintOf(part, fallback) }];
     });
   }
 
@@ -168,26 +178,76 @@ class World {
 
   /** Thin dark edges: boxes in front of boxes stay readable. */
   addEdges() {
-    const points = [];
-    const v = new THREE.Vector3(), T = new THREE.Matrix4();
     const known = new Map();
+    let count = 0;
+    this.edges = [];
     for (const { items, body } of this.obstacles.sets) {
       const geometry = body.geometry(0);
       if (geometry.type === "SphereGeometry" || geometry.attributes.position.count > 30000) continue;
       if (!known.has(geometry)) known.set(geometry, new THREE.EdgesGeometry(geometry, 40).attributes.position);
       const edges = known.get(geometry);
       for (const item of items) {
-        T.fromArray(item.local);
-        for (let i = 0; i < edges.count; i++) {
-          v.fromBufferAttribute(edges, i).applyMatrix4(T);
-          points.push(v.x, v.y, v.z);
-        }
+        this.edges.push({ item, edges, first: count });
+        count += edges.count;
       }
     }
-    if (!points.length) return;
-    const geometry = new THREE.BufferGeometry().setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
+    if (!count) return;
+    const geometry = new THREE.BufferGeometry().setAttribute("position", (this.edgePoints = new THREE.Float32BufferAttribute(3 * count, 3)));
     const material = new THREE.LineBasicMaterial({ color: 0x1b2430, transparent: true, opacity: 0.28 });
-    this.group("obstacles").add(new THREE.LineSegments(geometry, material));
+    const lines = new THREE.LineSegments(geometry, material);
+    lines.frustumCulled = false;
+    this.placeEdges(this.edges);
+    this.group("obstacles").add(lines);
+  }
+
+  placeEdges(some) {
+    const v = new THREE.Vector3(), T = new THREE.Matrix4();
+    for (const { item, edges, first } of some) {
+      T.fromArray(item.local);
+      for (let i = 0; i < edges.count; i++) {
+        v.fromBufferAttribute(edges, i).applyMatrix4(T);
+        this.edgePoints.setXYZ(first + i, v.x, v.y, v.z);
+      }
+      this.edgePoints.needsUpdate = true;
+    }
+  }
+
+  /** An obstacle is made of solids only, which can be drawn elsewhere. */
+  canMove(name) {
+    const obstacle = this.doc.obstacles.find((o) => o.name === name);
+    return Boolean(obstacle) && obstacle.parts.every((part) => !["halfspace", "cloud"].includes(this.doc.shapes[part.shape].kind));
+  }
+
+  /** Draws an obstacle at a pose. */
+  moveObstacle(name, T) {
+    const pose = identity();
+    for (const { items } of this.obstacles.sets) {
+      for (const item of items) {
+        if (item.element !== name) continue;
+        multiply(pose, 0, T, 0, item.part, 0);
+        item.local.set(scaled(pose, item.scale));
+      }
+    }
+    this.obstacles.update(this.poses);
+    this.placeEdges(this.edges.filter(({ item }) => item.element === name));
+  }
+
+  /** The center of the box around a link's shapes, in the link's frame; its origin without shapes. */
+  linkCenter(arm, link) {
+    const box = new THREE.Box3(), T = new THREE.Matrix4();
+    for (const part of arm.robot.visuals) if (part.link === link) box.union(this.boxOf(part.shape).clone().applyMatrix4(T.fromArray(part.pose)));
+    return box.isEmpty() ? new THREE.Vector3() : box.getCenter(new THREE.Vector3());
+  }
+
+  /** The box around an obstacle as it is drawn. */
+  boxAround(name) {
+    const box = new THREE.Box3(), T = new THREE.Matrix4();
+    for (const { body, items } of this.obstacles.sets) {
+      const geometry = body.geometry(0);
+      if (!geometry.boundingBox) geometry.computeBoundingBox();
+      for (const item of items) if (item.element === name) box.union(geometry.boundingBox.clone().applyMatrix4(T.fromArray(item.local)));
+    }
+    return box;
   }
 
   /** Half-spaces and point clouds, which are not solids with a surface of their own. */
@@ -241,20 +301,7 @@ class World {
 
   addGhosts() {
     this.still = [];
-    for (const kind of ["start", "goal"]) {
-      const ghosts = this.doc.ghosts.filter((ghost) => ghost.kind === kind), items = [];
-      const arms = ghosts.map((ghost) => this.kinematics.arms.find((a) => a.name === ghost.arm));
-      const poses = new Float64Array(16 * arms.reduce((sum, arm) => sum + arm.robot.links.length, 0)), own = new Float64Array(this.poses.length);
-      let first = 0;
-      ghosts.forEach(({ q }, i) => {
-        const arm = arms[i], count = arm.robot.links.length;
-        this.kinematics.forward(arm, this.kinematics.standing(arm.name, q), own);
-        poses.set(own.subarray(16 * arm.firstLink, 16 * (arm.firstLink + count)), 16 * first);
-        items.push(...this.ghostItems(kind, arm, first));
-        first += count;
-      });
-      if (items.length) this.still.push({ bodies: this.ghost(kind, items), poses });
-    }
+    for (const kind of ["start", "goal"]) this.setGhosts(kind, this.doc.ghosts.filter((ghost) => ghost.kind === kind));
     this.followers = {};
     if (this.doc.replay) this.addFollower("replay", this.doc.replay);
     for (const other of this.doc.compare) this.addFollower("compare", other);
@@ -265,6 +312,28 @@ class World {
     const moved = this.kinematics.arms.filter((a) => columns.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
     const bodies = this.ghost(kind, moved.flatMap((arm) => this.ghostItems(kind, arm, arm.firstLink)));
     this.followers[kind] = { bodies, poses: Float64Array.from(this.poses) };
+  }
+
+  /** Shows some arms {arm (its name), q} in the color of the start or the goal, in place of those shown so far. */
+  setGhosts(kind, ghosts) {
+    const old = this.still.find((still) => still.kind === kind);
+    if (old) {
+      this.still.splice(this.still.indexOf(old), 1);
+      old.bodies.group.removeFromParent();
+      old.bodies.dispose();
+    }
+    const arms = ghosts.map((ghost) => this.kinematics.arms.find((a) => a.name === ghost.arm)), items = [];
+    const poses = new Float64Array(16 * arms.reduce((sum, arm) => sum + arm.robot.links.length, 0)), own = new Float64Array(this.poses.length);
+    let first = 0;
+    ghosts.forEach(({ q }, i) => {
+      const arm = arms[i], count = arm.robot.links.length;
+      this.kinematics.forward(arm, this.kinematics.standing(arm.name, q), own);
+      poses.set(own.subarray(16 * arm.firstLink, 16 * (arm.firstLink + count)), 16 * first);
+      items.push(...this.ghostItems(kind, arm, first));
+      first += count;
+    });
+    if (items.length) this.still.push({ kind, bodies: this.ghost(kind, items), poses });
+    this.place();
   }
 
   /** An arm of one color, its poses from the first link on. */
@@ -344,13 +413,15 @@ class World {
     for (const bodies of [this.robots, this.held, this.obstacles, this.bodies]) bodies.setRich(on);
   }
 
-  /** Colors by arm (on colored parts only: gray and black parts stay), and touching elements in red. */
-  paint(byArm, touched = []) {
+  /** Colors by arm (on colored parts only: gray and black parts stay), touching elements in red, one element lit up. */
+  paint(byArm, touched = [], lit = null) {
     const hsl = {}, color = new THREE.Color(), red = new Set(touched);
     // Among very many colors red is seen only where the others are faint.
     const faint = red.size && this.kinematics.arms.length > MANY ? 0.72 : 0;
     const faded = (rgb) => rgb.map((v) => (1 - faint) * v + faint * FADED);
-    const choose = (item) => {
+    const brighter = (item, rgb) => (item.element === lit ? rgb.map((v, k) => 0.5 * v + 0.5 * LIT[k]) : rgb);
+    const choose = (item) => brighter(item, chosen(item));
+    const chosen = (item) => {
       if (red.has(item.element)) return TOUCHED;
       if (!byArm || item.arm < 0) return faded(item.color);
       const { s, l } = color.setRGB(...item.color).getHSL(hsl);
@@ -359,7 +430,7 @@ class World {
       return faded(own.map((v) => Math.min(1, v * shade)));
     };
     this.robots.paint(choose);
-    for (const bodies of [this.held, this.obstacles, this.bodies]) bodies.paint((item) => (red.has(item.element) ? TOUCHED : item.color));
+    for (const bodies of [this.held, this.obstacles, this.bodies]) bodies.paint((item) => brighter(item, red.has(item.element) ? TOUCHED : item.color));
     this.obstacles.update(this.poses);
     this.bodies.update(this.bodyPoses);
     this.place();
@@ -462,10 +533,15 @@ class World {
   }
 
   dispose() {
-    this.root.traverse((o) => {
-      if (o.geometry && !Object.values(unit).includes(o.geometry)) o.geometry.dispose();
-      if (o.material) o.material.dispose();
-      if (o.isInstancedMesh) o.dispose();
-    });
+    disposeTree(this.root);
   }
+}
+
+/** Frees what an object and its parts hold on the graphics card. */
+function disposeTree(root) {
+  root.traverse((o) => {
+    if (o.geometry && !Object.values(unit).includes(o.geometry)) o.geometry.dispose();
+    if (o.material) o.material.dispose();
+    if (o.isInstancedMesh) o.dispose();
+  });
 }

@@ -1,0 +1,144 @@
+"""From the drop of an obstacle to a proven motion: pages that plan by themselves, next to the program.
+
+    python benchmarks/page_planning.py [--drags 200] [--scene rr1_cluttered]
+
+Each drag puts one obstacle somewhere else and asks for a motion between two random configurations that are free then.
+The page, in headless Chromium, moves the obstacle in its tables, plans, shortens, times, and has the motion proven by
+the referee (`planner.js`). The program does the same with a changed scene and `plan_motion`, so its collision tables
+are made anew, and its referee finds smallest clearances too. Both have the same seeds, and the motions are compared to
+the last bit. Drags to which either finds no motion within the budget of iterations are counted, not timed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from shared import heading, make_parser, number, save, spread, table, track
+
+import rr1plan as rp
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import Rr1PlanError
+from rr1plan.kernels.wasm_core import core_module
+from rr1plan.playback.viewer.page_capture import open_browser
+from rr1plan.validation.wasm_referee import referee_module
+
+_ITERATIONS = 900
+_SHIFT = (0.12, 0.12, 0.04)  # standard deviation of a drag [m]
+_STAGES = ("move", "plan", "shorten", "retime", "certify", "all")
+_FIXED = ("floor", "ground", "bench", "table")
+# Moves an obstacle and plans; times in seconds, and the ends of the pieces of the motion.
+_DRAG = """([name, pose, start, goal, seed, iterations]) => {
+  const began = performance.now();
+  RR1.planner.moveObstacle(name, pose);
+  const moved = performance.now();
+  const found = RR1.planner.plan(start, goal, { seed, iterations, seconds: 1e3 });
+  const ended = performance.now();
+  const seconds = { move: (moved - began) / 1e3, ...found.seconds, all: (ended - began) / 1e3 };
+  return { seconds, certified: found.certified, breaks: found.track ? [...found.track.breaks.values] : [] };
+}"""
+
+Drag = tuple[str, rp.Scene, np.ndarray, np.ndarray]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    args = _arguments(argv)
+    scene = rp.load_scene(args.scene)
+    drags = make_drags(scene, args.drags + args.warm_up, np.random.default_rng(args.seed))
+    results = []
+    try:
+        with tempfile.TemporaryDirectory() as folder, open_browser((640, 480)) as browser:
+            file, plain = (Path(folder) / name for name in ("page.html", "plain.html"))
+            rp.save_html(file, scene)
+            rp.save_html(plain, scene, options=rp.ViewOptions(planner=False))
+            page = browser.new_page()
+            page.goto(file.as_uri())
+            page.wait_for_function("window.RR1 && RR1.planner")
+            for seed, drag in enumerate(track(drags, "drags")):
+                results.append(measure(page, drag, seed))
+            sizes = {"page": file.stat().st_size, "page without it": plain.stat().st_size}
+    except Rr1PlanError as error:
+        print(f"page_planning.py needs a Chromium and playwright: {error}", file=sys.stderr)
+        return 1
+    sizes |= {"core.wasm": len(core_module()), "referee.wasm": len(referee_module())}
+    results = results[args.warm_up :]
+    timed = [row for row in results if row["page"]["certified"] and row["program"]["certified"]]
+    facts = {
+        "scene": f"{args.scene}, {len(scene.obstacles)} obstacles",
+        "drags": f"{len(results)}, of which {len(timed)} have a motion",
+        "motions equal to the last bit": sum(row["equal"] for row in timed),
+        "sizes [kB]": ", ".join(f"{name} {number(size / 1e3)}" for name, size in sizes.items()),
+    }
+    text = f"{heading('Planning in a page', facts)}\n\n{_table(timed)}"
+    save(args.out, "page_planning", {"results": results, "sizes": sizes}, text)
+    return 0
+
+
+def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = make_parser(__doc__.splitlines()[0], "page_planning")
+    parser.add_argument("--drags", type=int, default=200, help="how many obstacles are dropped")
+    parser.add_argument("--warm-up", type=int, default=40, help="drags before the first that counts")
+    parser.add_argument("--scene", default="rr1_cluttered", help="a scene that ships with rr1plan")
+    return parser.parse_args(argv)
+
+
+def make_drags(scene: rp.Scene, count: int, rng: np.random.Generator) -> list[Drag]:
+    """Obstacles, the scene once each of them is dropped somewhere, and two configurations that are free then."""
+    loose, drags = [name for name in scene.obstacles if name not in _FIXED], []
+    lower, upper = (np.clip(row, -math.pi, math.pi) for row in (scene.limits().lower, scene.limits().upper))
+    first = dict(scene.obstacles)
+    while len(drags) < count:
+        name = str(rng.choice(loose))
+        T = first[name].pose.copy()
+        T[:3, 3] += rng.normal(size=3) * _SHIFT
+        dropped = scene.with_obstacle_at(name, T)
+        checker, free = CollisionChecker(dropped), []
+        for _ in range(1000):
+            q = rng.uniform(lower, upper)
+            if checker.is_free(q):
+                free.append(q)
+            if len(free) == 2:
+                scene = dropped
+                drags.append((name, scene, free[0], free[1]))
+                break
+    return drags
+
+
+def measure(page: Any, drag: Drag, seed: int) -> dict[str, Any]:
+    """What the page and the program take for a drag [s], and whether their motions are equal."""
+    name, scene, start, goal = drag
+    T = scene.obstacles[name].pose
+    found = page.evaluate(_DRAG, [name, T.T.ravel().tolist(), start.tolist(), goal.tolist(), seed, _ITERATIONS])
+    began = perf_counter()
+    # As after a drag: nothing of the changed scene is known yet.
+    changed = scene.with_obstacle_at(name, T)
+    moved = perf_counter()
+    problem = rp.Problem(changed, start, goal)
+    motion = rp.plan_motion(problem, budget=rp.Budget(math.inf, _ITERATIONS), rng=seed)
+    ended = perf_counter()
+    stages = {"certify" if stage == "validate" else stage: taken for stage, taken in motion.seconds.items()}
+    stages["move"] = moved - began + stages.pop("set up", 0.0)
+    breaks = motion.trajectory.breaks.tolist() if motion.found else []
+    program = {"seconds": stages | {"all": ended - began}, "certified": motion.valid}
+    equal = breaks == found.pop("breaks")
+    return {"obstacle": name, "page": found, "program": program, "equal": equal}
+
+
+def _table(results: Sequence[dict[str, Any]]) -> str:
+    rows = []
+    for stage in _STAGES:
+        times = [spread(row[side]["seconds"].get(stage, 0.0) for row in results) for side in ("page", "program")]
+        rows.append([stage, *(number(of[key]) for of in times for key in ("median", "p95"))])
+    header = ["stage", "page median [ms]", "page p95 [ms]", "program median [ms]", "program p95 [ms]"]
+    return table(header, rows)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,354 @@
+// Drags: a link turns its joint, a tool is followed by its arm, an obstacle moves on its plane. Every other drag turns the camera.
+
+const CLICK = 4; // [px] a pointer moves at most in a click
+const PER_PIXEL = 0.008; // [rad] a turn follows a pixel
+const LEVER = 40; // [px/rad or px/m] a grabbed point moves in the picture at least for the joint to follow it
+const LEAN = 0.25; // sine of the camera's elevation below which obstacles move in a plane that faces the camera
+
+/** A rigid transform turned about a point, as 16 numbers. */
+function turnedAbout(pose, axis, angle, center) {
+  const R = new THREE.Matrix4().makeRotationAxis(axis, angle), T = new THREE.Matrix4().fromArray(pose);
+  T.setPosition(new THREE.Vector3(...pose.slice(12, 15)).sub(center)).premultiply(R);
+  const p = new THREE.Vector3().setFromMatrixPosition(T).add(center);
+  return T.setPosition(p).toArray();
+}
+
+/** A rigid transform shifted by a vector. */
+function shifted(pose, by) {
+  const out = Float64Array.from(pose);
+  ["x", "y", "z"].forEach((axis, k) => { out[12 + k] += by[axis]; });
+  return out;
+}
+
+class Dragging {
+  constructor(viewer, editing) {
+    Object.assign(this, { viewer, editing, picker: editing.picker, gesture: null, hovered: null, pointer: null });
+    this.handles = new Handles(viewer, editing, this);
+    const { pane } = viewer.stage;
+    pane.addEventListener("pointerdown", (event) => this.press(event), true);
+    pane.addEventListener("pointermove", (event) => {
+      this.pointer = !this.gesture && event.pointerType === "mouse" && !event.buttons ? event : null;
+    }, true);
+    pane.addEventListener("pointerleave", () => { this.pointer = null; this.hover(null); });
+    window.addEventListener("pointermove", (event) => this.move(event));
+    for (const end of ["pointerup", "pointercancel"]) window.addEventListener(end, (event) => this.release(event), true);
+  }
+
+  get dragging() {
+    return Boolean(this.gesture);
+  }
+
+  load() {
+    this.gesture = null;
+    this.hovered = null;
+    this.handles.load();
+  }
+
+  // ---- what can be grabbed -----------------------------------------------------------------
+
+  /** What a press on something would move: a joint, or an obstacle; null if nothing. */
+  thingAt(hit) {
+    if (!hit) return null;
+    const { kinematics, world } = this.viewer;
+    if (hit.arm >= 0) {
+      const arm = kinematics.arms[hit.arm], column = this.editing.solver(hit.arm).columnOf(hit.frame - arm.firstLink);
+      if (column < 0) return null;
+      const local = hit.point.clone().applyMatrix4(new THREE.Matrix4().fromArray(world.poses, 16 * hit.frame).invert());
+      return { kind: "joint", arm: hit.arm, column: arm.firstColumn + column, frame: hit.frame, local, element: hit.element };
+    }
+    return this.editing.canMove(hit.element) ? { kind: "obstacle", arm: -1, name: hit.element, element: hit.element } : null;
+  }
+
+  /** A drag on it moves it: not the table or the room that arms stand in, which is first selected by a click. */
+  follows(thing) {
+    if (!thing || thing.kind === "joint") return Boolean(thing);
+    const { selected } = this.editing, size = this.viewer.world.boxAround(thing.name).getSize(new THREE.Vector3());
+    return (selected && selected.name === thing.name) || Math.max(size.x, size.y, size.z) < Math.max(...this.viewer.world.reach);
+  }
+
+  describe(thing) {
+    const { joints, kinematics } = this.viewer, arm = kinematics.arms[thing.arm];
+    return { joint: () => joints[thing.column], tool: () => `tool of ${arm.name}`, obstacle: () => thing.name }[thing.kind]();
+  }
+
+  // ---- the pointer -------------------------------------------------------------------------
+
+  press(event) {
+    const { editing } = this;
+    if (!editing.active || event.button !== 0 || this.giving) return;
+    if (this.gesture) {
+      // A second finger means the camera.
+      if (event.pointerType === "touch" && event.pointerId !== this.gesture.id) this.handBack();
+      return;
+    }
+    const hit = this.picker.at(event), thing = this.thingAt(hit);
+    if (!thing) return;
+    if (!this.follows(thing)) { this.beginClick(event, thing); return; }
+    event.stopImmediatePropagation();
+    event.preventDefault();
+    this.viewer.stage.pane.setPointerCapture(event.pointerId);
+    this.begin(event, thing, thing.kind === "joint" ? this.jointMove(event, thing) : this.rigidMove(event, thing, modeOf(event), hit.point));
+  }
+
+  /** A press that only selects, if the pointer stays where it is; a drag turns the camera meanwhile. */
+  beginClick(event, thing) {
+    this.click = { id: event.pointerId, x: event.clientX, y: event.clientY, thing };
+  }
+
+  begin(event, thing, follow) {
+    this.gesture = { id: event.pointerId, event, thing, follow, moved: false };
+    this.hover(null);
+    document.body.classList.add("grabbing");
+  }
+
+  move(event) {
+    const { gesture } = this;
+    if (!gesture || event.pointerId !== gesture.id) return;
+    if (!gesture.moved) {
+      if (Math.hypot(event.clientX - gesture.event.clientX, event.clientY - gesture.event.clientY) < CLICK) return;
+      gesture.moved = true;
+      this.viewer.pause();
+      this.editing.remember(null);
+      this.editing.select(gesture.thing);
+      this.editing.open();
+    }
+    gesture.last = event;
+    gesture.due = true; // followed at the next frame: pointers report more often than that
+  }
+
+  /** Follows the pointer as far as it has come. */
+  follow() {
+    const { gesture } = this;
+    if (!gesture || !gesture.due) return;
+    gesture.due = false;
+    gesture.follow(gesture.last);
+    this.tell(gesture.thing, gesture.last);
+  }
+
+  release(event) {
+    const { gesture, click } = this;
+    if (click && click.id === event.pointerId) {
+      this.click = null;
+      if (event.type === "pointerup" && Math.hypot(event.clientX - click.x, event.clientY - click.y) < CLICK) this.choose(click.thing);
+    }
+    if (!gesture || event.pointerId !== gesture.id) return;
+    this.follow();
+    this.end();
+    if (!gesture.moved) { if (event.type === "pointerup") this.choose(gesture.thing); return; }
+    if (event.type === "pointercancel") this.editing.undo();
+    else if (gesture.thing.kind === "obstacle") this.editing.dropped();
+  }
+
+  end() {
+    this.gesture = null;
+    this.tell(null);
+    document.body.classList.remove("grabbing");
+  }
+
+  choose(thing) {
+    this.editing.open();
+    this.editing.select(thing);
+    this.handles.focus();
+  }
+
+  /** Gives the pointer of a gesture to the camera, as if it had never moved anything. */
+  handBack() {
+    const { gesture } = this, { pane } = this.viewer.stage;
+    if (gesture.moved) this.editing.undo();
+    this.end();
+    const { pointerId, pointerType, clientX, clientY } = gesture.last || gesture.event;
+    this.giving = true;
+    pane.dispatchEvent(new PointerEvent("pointerdown", { pointerId, pointerType, clientX, clientY, bubbles: true, button: 0, buttons: 1, isPrimary: true }));
+    this.giving = false;
+  }
+
+  // ---- moves -------------------------------------------------------------------------------
+
+  /** Turns the joint of a link so that the grabbed point stays under the pointer. */
+  jointMove(event, { arm: index, column, frame, local }) {
+    const { viewer, editing, picker } = this, { kinematics } = viewer, arm = kinematics.arms[index];
+    const poses = new Float64Array(16 * kinematics.links), T = new THREE.Matrix4(), [low, high] = viewer.limits[column];
+    const seen = (value) => {
+      const q = viewer.q.slice();
+      q[column] = value;
+      kinematics.forward(arm, q, poses);
+      return picker.project(local.clone().applyMatrix4(T.fromArray(poses, 16 * frame)));
+    };
+    const slope = (value) => {
+      const now = seen(value), next = seen(value + 1e-4);
+      return { x: now.x, y: now.y, dx: 1e4 * (next.x - now.x), dy: 1e4 * (next.y - now.y) };
+    };
+    const begin = viewer.q[column], first = slope(begin), off = [first.x - event.clientX, first.y - event.clientY];
+    // A point near the axis hardly moves in the picture: there the pointer's way along the tangent counts.
+    const lever = Math.hypot(first.dx, first.dy), tangent = lever > 1e-3 ? [first.dx / lever, first.dy / lever] : [1, 0];
+    if (lever < LEVER) {
+      return (now) => editing.turn(column, begin + ((now.clientX - event.clientX) * tangent[0] + (now.clientY - event.clientY) * tangent[1]) / LEVER);
+    }
+    return (now) => {
+      let value = viewer.q[column];
+      // Gauss-Newton for the distance in the picture; damped where the joint hardly moves the point in it.
+      for (let k = 0; k < 12; k++) {
+        const { x, y, dx, dy } = slope(value), ex = now.clientX + off[0] - x, ey = now.clientY + off[1] - y;
+        const step = (ex * dx + ey * dy) / (dx * dx + dy * dy + 400);
+        value += Math.min(Math.max(step, -0.25), 0.25);
+        value = Math.min(Math.max(value, low === null ? -Infinity : low), high === null ? Infinity : high);
+        if (Math.abs(step) < 1e-5) break;
+      }
+      editing.turn(column, value);
+    };
+  }
+
+  /** Moves the pose of a tool or an obstacle: on a plane, up and down, or turns it. */
+  rigidMove(event, thing, mode, grabbed) {
+    const { picker, editing, viewer } = this, { forward, right, up } = picker.axes();
+    const T = thing.kind === "tool" ? editing.solver(thing.arm).toolPose(viewer.q) : editing.poses.get(thing.name);
+    const center = thing.kind === "tool" ? new THREE.Vector3(...T.slice(12, 15)) : viewer.world.boxAround(thing.name).getCenter(new THREE.Vector3());
+    const put = (pose) => (thing.kind === "tool" ? editing.moveTool(thing.arm, pose) : editing.moveObstacle(thing.name, pose));
+    const vertical = new THREE.Vector3(0, 0, 1), begin = { clientX: event.clientX, clientY: event.clientY };
+    if (mode === "turn") {
+      return ({ clientX, clientY }) => {
+        const x = PER_PIXEL * (clientX - begin.clientX), y = PER_PIXEL * (clientY - begin.clientY);
+        if (thing.kind === "obstacle") put(turnedAbout(T, vertical, x, center));
+        else put(turnedAbout(turnedAbout(T, up, x, center), right, y, center));
+      };
+    }
+    const point = grabbed || center, flat = forward.clone().setZ(0).normalize();
+    const normal = mode === "lift" ? flat : thing.kind === "tool" || Math.abs(forward.z) < LEAN ? forward : vertical;
+    const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(normal, point), from = picker.ray(begin).intersectPlane(plane, new THREE.Vector3());
+    const farthest = 4 * viewer.extent.whole.getSize(new THREE.Vector3()).length();
+    return (now) => {
+      const to = picker.ray(now).intersectPlane(plane, new THREE.Vector3());
+      if (!from || !to) return;
+      const by = to.sub(from);
+      if (mode === "lift") by.set(0, 0, Math.abs(forward.z) > 0.98 ? (begin.clientY - now.clientY) * 1e-3 : by.z);
+      else if (thing.kind === "obstacle" && normal !== vertical) by.setZ(0);
+      put(shifted(T, by.clampLength(0, farthest)));
+    };
+  }
+
+  // ---- what is said and lit ----------------------------------------------------------------
+
+  hover(thing, event = null) {
+    this.hovered = thing;
+    this.viewer.stage.pane.style.cursor = thing ? (this.follows(thing) ? "grab" : "pointer") : "";
+    document.body.classList.toggle("over", Boolean(thing));
+    this.editing.light(thing && this.follows(thing) ? thing.element : null);
+    if (!this.gesture) this.tell(thing && this.follows(thing) ? thing : null, event);
+  }
+
+  /** A small text beside the pointer: what is grabbed, or would be. */
+  tell(thing, event = null) {
+    const tip = find("tip");
+    tip.hidden = !thing || !event;
+    if (tip.hidden) return;
+    const text = this.describe(thing), { stage } = this.viewer, box = stage.pane.getBoundingClientRect();
+    const about = { joint: () => this.jointText(thing.column), tool: () => "", obstacle: () => this.placeText(thing.name) }[thing.kind]();
+    tip.textContent = about && this.gesture ? `${text}  ${about}` : text;
+    const x = event.clientX - box.left, y = event.clientY - box.top;
+    tip.style.transform = `translate(${Math.round(Math.min(x + 16, box.width - tip.offsetWidth - 6))}px, ${Math.round(Math.max(y - 34, 4))}px)`;
+  }
+
+  jointText(column) {
+    const { kinematics, q } = this.viewer, arm = kinematics.arms.find((a) => column >= a.firstColumn && column < a.firstColumn + a.robot.names.length);
+    return arm.robot.kinds[column - arm.firstColumn] === "prismatic" ? `${tenths(1000 * q[column])} mm` : `${tenths((180 / Math.PI) * q[column])}°`;
+  }
+
+  placeText(name) {
+    return [...this.editing.poses.get(name).slice(12, 15)].map((v) => (v + 0).toFixed(3)).join("  ");
+  }
+
+  frame() {
+    this.follow();
+    if (this.pointer && !this.gesture && this.editing.active) {
+      const event = this.pointer;
+      this.pointer = null;
+      this.hover(this.thingAt(this.picker.at(event)), event);
+    }
+    this.handles.frame();
+  }
+}
+
+/** Shift turns, Ctrl or Command lifts. */
+const modeOf = (event) => (event.shiftKey ? "turn" : event.ctrlKey || event.metaKey ? "lift" : "move");
+
+/** Handles of what is selected, drawn as buttons over the picture: the tool of an arm, a joint, an obstacle. */
+class Handles {
+  constructor(viewer, editing, dragging) {
+    Object.assign(this, { viewer, editing, dragging });
+    this.buttons = Object.fromEntries(["tool", "joint", "move", "lift", "turn"].map((name) => [name, this.button(name)]));
+    find("handles").append(...Object.values(this.buttons));
+    const { pane } = viewer.stage;
+    // With a mouse over the picture the tool shows where it can be taken; on a screen that is touched it does when it was.
+    pane.addEventListener("pointerenter", (event) => { if (event.pointerType === "mouse") find("handles").classList.add("near"); });
+    viewer.stage.pane.parentElement?.addEventListener("pointerleave", () => find("handles").classList.remove("near"));
+  }
+
+  button(name) {
+    const button = element("button", undefined, `handle ${name}`);
+    button.type = "button";
+    button.dataset.mode = { tool: "move", joint: "move", move: "move", lift: "lift", turn: "turn" }[name];
+    button.addEventListener("pointerdown", (event) => this.press(event, name));
+    return button;
+  }
+
+  load() {
+    for (const button of Object.values(this.buttons)) button.hidden = true;
+  }
+
+  /** What a handle moves: the tool of the arm in question, or what is selected. */
+  thing(name) {
+    return name === "tool" ? { kind: "tool", arm: this.editing.arm } : this.editing.selected;
+  }
+
+  press(event, name) {
+    if (event.button !== 0 || this.dragging.gesture) return;
+    const thing = this.thing(name), { dragging } = this;
+    event.preventDefault();
+    event.stopPropagation();
+    event.target.setPointerCapture(event.pointerId);
+    event.target.focus({ preventScroll: true });
+    const asked = modeOf(event), mode = asked === "move" ? event.target.dataset.mode : asked;
+    if (thing.kind === "joint") dragging.begin(event, thing, dragging.jointMove(event, thing));
+    else dragging.begin(event, thing, dragging.rigidMove(event, thing, mode, null));
+  }
+
+  /** Where the handle of a thing is in the world. */
+  place(thing) {
+    const { world, kinematics } = this.viewer;
+    if (thing.kind === "tool") return new THREE.Vector3().fromArray(world.poses, 16 * kinematics.toolIndex(kinematics.arms[thing.arm]) + 12);
+    if (thing.kind === "joint") return thing.local.clone().applyMatrix4(new THREE.Matrix4().fromArray(world.poses, 16 * thing.frame));
+    const { min, max } = world.boxAround(thing.name);
+    return new THREE.Vector3((min.x + max.x) / 2, (min.y + max.y) / 2, max.z);
+  }
+
+  focus() {
+    const { selected } = this.editing;
+    this.frame();
+    const button = this.buttons[{ tool: "tool", joint: "joint", obstacle: "move" }[selected.kind]];
+    if (!button.hidden) button.focus({ preventScroll: true });
+  }
+
+  frame() {
+    const { viewer, editing, buttons } = this, { selected, isOpen } = editing, alive = editing.active && viewer.stage.renderer;
+    const shown = find("handles");
+    shown.classList.toggle("open", isOpen);
+    const rigid = selected && selected.kind !== "joint" && isOpen;
+    const spot = (name, thing, dx, dy, words) => {
+      const button = buttons[name], at = thing && alive ? editing.picker.project(this.place(thing)) : null;
+      const box = at && viewer.stage.pane.getBoundingClientRect(), x = at && at.x - box.left + dx, y = at && at.y - box.top + dy;
+      const hidden = !at || !at.front || x < 0 || y < 0 || x > box.width || y > box.height;
+      if (button.hidden !== hidden) button.hidden = hidden;
+      if (hidden) return;
+      const transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+      if (button.style.transform !== transform) button.style.transform = transform;
+      const label = words(this.dragging.describe(thing));
+      if (button.title !== label) { button.title = label; button.setAttribute("aria-label", label); }
+    };
+    const arm = viewer.kinematics.arms.length ? { kind: "tool", arm: editing.arm } : null;
+    spot("tool", arm, 0, 0, (what) => `Move the ${what}: drag, or arrow keys; Shift turns, Ctrl lifts`);
+    spot("joint", isOpen && selected && selected.kind === "joint" ? selected : null, 0, 0, (what) => `Turn ${what}: drag, or arrow keys`);
+    spot("move", rigid && selected.kind === "obstacle" ? selected : null, 0, 0, (what) => `Move ${what}: drag, or arrow keys; Shift turns, Ctrl lifts`);
+    spot("lift", rigid ? selected : null, 0, -46, (what) => `Lift or lower ${what}: drag, or up and down keys`);
+    spot("turn", rigid ? selected : null, 46, 0, (what) => `Turn ${what}: drag, or arrow keys`);
+  }
+}

@@ -1,0 +1,376 @@
+// What a person changes by hand: joints, tools, obstacles, start and goal; and the motion that is planned for that.
+//
+//   editing.select({ kind: "tool" | "joint" | "obstacle", arm (its index), column (of q), name })
+//   editing.jog(column, value)   editing.moveTool(arm, T_world_tool)   editing.moveObstacle(name, T_world_obstacle)
+//   editing.setEnd("start" | "goal", q)   editing.undo()  .redo()  .reset()   editing.plan()
+//   editing.judge(q)             {tone, title, text, touching: [[element, element], ...], clearance [m]} of a configuration
+
+const MOST_UNDONE = 200;
+const OFF = 5e-4, TURNED = 2e-3; // [m], [rad] from its target at which a tool counts as there
+const CLOSE_EDITS = 800; // [ms] between steps of one jog, which are undone together
+
+const ROUNDED = 1e-5; // [rad or m] what a motion may be off at its ends, by rounding
+const SAMPLES = 200; // of a motion, of which the least clearance is shown
+
+class Editing {
+  constructor(viewer) {
+    this.viewer = viewer;
+    this.picker = new Picker(viewer);
+    this.isOpen = false;
+    this.lit = null;
+    this.planner = null;
+    this.hands = new Dragging(viewer, this);
+    this.card = new PlanCard(viewer, this);
+    this.keys = new Jogging(viewer, this);
+    viewer.on("change", () => { this.stale = true; });
+    viewer.on("planner", (planner, reason) => this.takePlanner(planner, reason));
+  }
+
+  load(doc) {
+    const { kinematics, player } = this.viewer;
+    this.solvers = new Map();
+    this.scratch = new Float64Array(16 * kinematics.links);
+    this.poses = new Map(doc.obstacles.map(({ name, pose }) => [name, Float64Array.from(pose)]));
+    const { track, path, report, replay, compare, samples, tree } = doc;
+    this.motion = { changes: { track, path, report, replay, compare, samples, tree, planned: null }, poses: this.poses };
+    const { track: motion } = player, moves = motion && motion.end > motion.start;
+    this.start = this.ghostly("start", doc, motion && this.viewer.at(motion.start)) || kinematics.rest();
+    this.goal = this.ghostly("goal", doc, moves ? this.viewer.at(motion.end) : null);
+    this.ghosts = { start: null, goal: null };
+    this.asPlanned = this.snapshot();
+    this.past = [];
+    this.future = [];
+    this.lastEdit = this.reach = this.lit = this.asked = this.headline = null;
+    const moving = doc.track ? doc.track.columns : doc.ghosts.map(({ arm }) => kinematics.arms.find((a) => a.name === arm).firstColumn);
+    const arm = kinematics.arms.findIndex((a) => moving.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
+    this.arm = Math.max(arm, 0);
+    this.selected = kinematics.arms.length ? { kind: "tool", arm: this.arm } : null;
+    this.stale = true;
+    this.hands.load();
+    this.card.load(doc);
+    this.takePlanner(null, doc.planner ? "the planner is being loaded" : "this page was made without a planner");
+  }
+
+  /** Takes the planner of the document when it is ready; `reason` tells why there is none. */
+  takePlanner(planner, reason) {
+    const { bodies } = this.viewer.document;
+    this.planner = bodies ? null : planner;
+    this.reason = bodies ? "objects move along this motion" : reason;
+    if (this.planner) for (const name of planner.obstacles) planner.moveObstacle(name, this.poses.get(name));
+    this.stale = true;
+    this.card.refreshPlanner();
+  }
+
+  /** An obstacle can be drawn and checked elsewhere. */
+  canMove(name) {
+    return this.viewer.world.canMove(name) && (!this.planner || this.planner.obstacles.includes(name));
+  }
+
+  /** Arms can be moved here; a panel of a planar arm has its own way. */
+  get active() {
+    return this.viewer.kinematics.arms.length > 0 && !document.body.classList.contains("lesson");
+  }
+
+  /** The kinematics of an arm's tool, by the arm's index. */
+  solver(index) {
+    const { kinematics } = this.viewer;
+    if (!this.solvers.has(index)) this.solvers.set(index, new DifferentialIk(kinematics, kinematics.arms[index], this.scratch));
+    return this.solvers.get(index);
+  }
+
+  get dragging() {
+    return this.hands.dragging;
+  }
+
+  /**
+   * The configuration that the document's ghosts of a kind show, if every one of these arms has one. They are exact, the
+   * motion is rounded: so those at which it ends (`near`) stand for its ends.
+   */
+  ghostly(kind, doc, near = null) {
+    const { kinematics } = this.viewer, q = near ? near.slice() : kinematics.rest(), own = (which) => doc.ghosts.filter((ghost) => ghost.kind === which);
+    for (const { arm } of own("start")) {
+      const { firstColumn } = kinematics.arms.find((a) => a.name === arm);
+      const found = own(kind).find((ghost) => ghost.arm === arm && (!near || ghost.q.every((v, i) => Math.abs(v - near[firstColumn + i]) < ROUNDED)));
+      if (!found) return near;
+      q.set(found.q, firstColumn);
+    }
+    return own(kind).length ? q : near;
+  }
+
+  // ---- changes -----------------------------------------------------------------------------
+
+  open(on = true) {
+    if (on === this.isOpen || (on && !this.active)) return;
+    this.isOpen = on;
+    this.stale = true;
+    this.card.show(on);
+  }
+
+  select(thing) {
+    this.selected = thing;
+    if (thing && thing.arm >= 0) this.arm = thing.arm;
+    this.stale = true;
+  }
+
+  /** Shows a configuration set by hand, and tells a running program of the joints that moved. */
+  setQ(q) {
+    const { viewer } = this, { live } = viewer, before = viewer.q.slice();
+    viewer.setQ(q);
+    if (live) q.forEach((value, column) => { if (value !== before[column]) live.tellSlider(column, value); });
+  }
+
+  jog(column, value) {
+    this.remember(`joint ${column}`);
+    this.open();
+    this.turn(column, value);
+  }
+
+  /** Sets one joint, inside its limits. */
+  turn(column, value) {
+    const [low, high] = this.viewer.limits[column], q = this.viewer.q.slice();
+    q[column] = Math.min(Math.max(value, low === null ? -Infinity : low), high === null ? Infinity : high);
+    this.reach = null;
+    this.setQ(q);
+  }
+
+  /** Moves the joints of an arm so that its tool is at a pose, or as near as they can. */
+  moveTool(arm, target) {
+    const found = this.solver(arm).solve(this.viewer.q, target);
+    this.reach = { arm, ...found };
+    this.setQ(found.q);
+    return found;
+  }
+
+  moveObstacle(name, pose) {
+    const { viewer } = this;
+    // Snapshots keep the map they were taken with.
+    this.poses = new Map(this.poses).set(name, Float64Array.from(pose));
+    viewer.world.moveObstacle(name, pose);
+    if (this.planner && this.planner.obstacles.includes(name)) this.planner.moveObstacle(name, pose);
+    this.stale = true;
+    this.refreshHeadline();
+    viewer.redraw();
+  }
+
+  /** Sets the start or the goal, and shows it as a ghost. */
+  setEnd(kind, q = this.viewer.q) {
+    this.remember(null);
+    this[kind] = q.slice();
+    this.ghosts = { ...this.ghosts, [kind]: this[kind] };
+    this.showGhosts(kind);
+    const judged = this.judge(this[kind]);
+    this.card.say(judged.tone === "bad" ? `${kind === "start" ? "Start" : "Goal"} set, but ${judged.sentence}` : `${kind === "start" ? "Start" : "Goal"} set${kind === "start" && !this.goal ? "; now a goal" : ""}`, judged.tone);
+  }
+
+  showGhosts(kind) {
+    const { viewer } = this, { world, kinematics } = viewer, own = this.ghosts[kind];
+    const moved = kinematics.arms.filter((a) => !this.planner || this.planner.columns.includes(a.firstColumn));
+    const rows = own && moved.map((a) => ({ arm: a.name, q: own.slice(a.firstColumn, a.firstColumn + a.robot.names.length) }));
+    world.setGhosts(kind, rows || viewer.document.ghosts.filter((ghost) => ghost.kind === kind));
+    if (kind === "goal" && viewer.targets) viewer.targets.visible = !own;
+    if (own) viewer.hidden.delete(kind);
+    if (world.layers[kind]) world.layers[kind].visible = viewer.isShown(kind);
+    viewer.controls.fillToggles(viewer.document);
+    viewer.redraw();
+  }
+
+  // ---- undo --------------------------------------------------------------------------------
+
+  snapshot() {
+    const { poses, start, goal, ghosts, motion } = this;
+    return { q: this.viewer.q.slice(), manual: this.viewer.manual, time: this.viewer.time, poses, start, goal, ghosts, motion };
+  }
+
+  /** Keeps what is there now for undo; steps of the same jog shortly one after the other count as one. */
+  remember(what) {
+    const now = performance.now(), last = this.lastEdit;
+    this.lastEdit = { what, now };
+    if (what !== null && last && last.what === what && now - last.now < CLOSE_EDITS) return;
+    this.past.push(this.snapshot());
+    if (this.past.length > MOST_UNDONE) this.past.shift();
+    this.future = [];
+    this.stale = true;
+  }
+
+  undo() { this.travel(this.past, this.future); }
+  redo() { this.travel(this.future, this.past); }
+
+  travel(from, to) {
+    if (!from.length) return;
+    to.push(this.snapshot());
+    this.restore(from.pop());
+    this.lastEdit = null;
+  }
+
+  /** Everything as it came: the motion, the obstacles, start and goal. */
+  reset() {
+    this.remember(null);
+    this.restore(this.asPlanned);
+  }
+
+  restore(then) {
+    const { viewer } = this;
+    this.reach = null;
+    for (const [name, pose] of then.poses) if (this.poses.get(name) !== pose) this.moveObstacle(name, pose);
+    this.poses = then.poses;
+    Object.assign(this, { start: then.start, goal: then.goal });
+    if (this.motion !== then.motion) {
+      this.motion = then.motion;
+      viewer.setMotion(then.motion.changes);
+    }
+    const ghosts = this.ghosts;
+    this.ghosts = then.ghosts;
+    for (const kind of ["start", "goal"]) if (ghosts[kind] !== then.ghosts[kind]) this.showGhosts(kind);
+    if (then.manual || !viewer.player.track) viewer.setQ(then.q);
+    else { viewer.pause(); viewer.seek(then.time); }
+    if (!then.manual) viewer.manual = false;
+    this.card.say("");
+    this.refreshHeadline();
+  }
+
+  /** Something differs from the document. */
+  get changed() {
+    const then = this.asPlanned;
+    return this.viewer.manual || ["start", "goal", "motion"].some((name) => this[name] !== then[name]) || this.moved(then.poses).length > 0;
+  }
+
+  /** The obstacles that are not where some poses say. */
+  moved(poses) {
+    return [...this.poses].filter(([name, pose]) => pose.some((v, i) => v !== poses.get(name)[i])).map(([name]) => name);
+  }
+
+  // ---- what is true of a configuration -----------------------------------------------------
+
+  judge(q) {
+    const { viewer, planner } = this;
+    const outside = viewer.joints.filter((_, c) => {
+      const [low, high] = viewer.limits[c];
+      return (low !== null && q[c] < low - 1e-9) || (high !== null && q[c] > high + 1e-9);
+    });
+    if (outside.length) {
+      const names = namesOf(outside, 2, ", ");
+      return { tone: "bad", title: "Out of limits", text: names, sentence: `it is out of limits: ${names}`, touching: [], clearance: null };
+    }
+    const unchecked = planner ? this.unchecked(q) : this.reason;
+    if (unchecked) return { tone: "open", title: "Within limits", text: `collisions not checked: ${unchecked}`, sentence: unchecked, touching: [], clearance: null };
+    const own = planner.columns.map((c) => q[c]), touching = planner.contacts(own);
+    if (touching.length) {
+      const names = namesOf(touching.map((pair) => pair.join(" and ")), 2, ", ");
+      return { tone: "bad", title: "Touching", text: names, sentence: `it touches: ${names}`, touching, clearance: null };
+    }
+    const clearance = planner.clearance(own);
+    return { tone: "good", title: "Free", text: `clearance ${length(clearance)}`, sentence: "", touching, clearance };
+  }
+
+  /** Why collisions of a configuration are not known: an arm that the planner does not move is elsewhere. */
+  unchecked(q) {
+    const rest = this.viewer.kinematics.rest(), moved = q.findIndex((value, c) => value !== rest[c] && !this.planner.columns.includes(c));
+    return moved < 0 ? "" : `${this.viewer.joints[moved].split("/")[0]} is not where the planner has it`;
+  }
+
+  /** The verdict on what is shown: what it touches first, then whether the tool is where it was dragged to. */
+  verdict() {
+    const { viewer, reach } = this, judged = this.judge(viewer.q);
+    if (judged.tone === "bad" || !reach || (reach.off < OFF && reach.turned < TURNED)) {
+      return judged.tone === "open" && reach ? { ...judged, title: "Reachable" } : judged;
+    }
+    const { robot } = viewer.kinematics.arms[reach.arm], limits = reach.atLimit.map((c) => robot.names[c]);
+    const short = reach.off >= OFF ? `${length(reach.off)} short` : `${tenths((180 / Math.PI) * reach.turned)}° short`;
+    return { ...judged, tone: "open", title: "Out of reach", text: [short, limits.length ? `${namesOf(limits, 2, ", ")} at ${limits.length > 1 ? "their limits" : "its limit"}` : ""].filter(Boolean).join(", ") };
+  }
+
+  // ---- planning ----------------------------------------------------------------------------
+
+  /** An obstacle was let go. */
+  dropped() {
+    if (this.planOnDrop && this.planner) this.plan();
+  }
+
+  /** Plans from the start to the goal, and plays what was found. Returns the planner's answer, or null. */
+  plan() {
+    const { viewer, planner, card, start, goal } = this;
+    this.open();
+    const missing = !planner ? `Cannot plan here: ${this.reason}.` : !goal ? "No goal yet: pose the arm, then set the goal (B)."
+      : this.unchecked(start) || this.unchecked(goal);
+    if (missing) { card.say(missing, "open"); return null; }
+    const own = (q) => planner.columns.map((c) => q[c]), { asked } = this, again = asked && asked.start === start && asked.goal === goal && asked.poses === this.poses;
+    const seed = again ? asked.seed + 1 : 0, began = performance.now(), answer = planner.plan(own(start), own(goal), { seed });
+    const took = performance.now() - began;
+    this.asked = { start, goal, poses: this.poses, seed };
+    if (answer.status !== "found") {
+      card.say(`${{ invalid_start: "Start is not valid", invalid_goal: "Goal is not valid" }[answer.status] || "No motion found"}: ${answer.reason}.`, "bad");
+      return answer;
+    }
+    if (!answer.track) { card.say(`A path, but no motion: ${answer.reason}.`, "bad"); return answer; }
+    this.remember(null);
+    const track = new Track(answer.track), duration = track.end - track.start;
+    const clearance = this.leastClearance(track), ms = `${took.toFixed(1)} ms`;
+    const report = {
+      certified: answer.certified, valid: true, violations: [],
+      title: answer.certified ? "Planned here, certified free" : "Planned here, not proven free",
+      margins: { clearance: { value: clearance.value, unit: "m", subject: [], time: clearance.time } },
+      checked: answer.certified ? ["collision in continuous time", "position", "velocity", "acceleration", "rest", "start", "goal"] : [],
+      not_checked: answer.certified ? { "clearance between samples": `the least of ${SAMPLES + 1} instants is shown` } : { proof: answer.fault },
+    };
+    const samples = { torque: null, clearance: null, error: null, places: [] };
+    this.motion = {
+      changes: { track: answer.track, path: answer.shortened, report, replay: null, compare: [], samples, tree: null, planned: `${ms}, seed ${seed}` },
+      poses: this.poses,
+    };
+    viewer.setMotion(this.motion.changes);
+    this.refreshHeadline();
+    viewer.play();
+    card.say(`${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(duration)}, planned in ${ms}, clearance ${length(clearance.value)}.`, answer.certified ? "good" : "open");
+    return answer;
+  }
+
+  /** The least clearance [m] at some instants of a motion, and when that is. */
+  leastClearance(track) {
+    const q = this.viewer.kinematics.rest(), { planner } = this, least = { value: Infinity, time: track.start };
+    for (let i = 0; i <= SAMPLES; i++) {
+      const time = track.start + (i / SAMPLES) * (track.end - track.start);
+      track.at(time, q);
+      const value = planner.clearance(planner.columns.map((c) => q[c]));
+      if (value < least.value) Object.assign(least, { value, time });
+    }
+    return least;
+  }
+
+  /** A motion says nothing about obstacles that have moved since it was certified. */
+  refreshHeadline() {
+    const { motion, viewer } = this, moved = this.moved(motion.poses), { report, track } = motion.changes, { controls } = viewer;
+    const key = moved.join();
+    if (this.headline && this.headline.motion === motion && this.headline.key === key) return;
+    this.headline = { motion, key };
+    const shown = !moved.length || !track ? report : {
+      certified: false, valid: true, violations: [], margins: {}, checked: [], title: "Obstacles moved: not checked since",
+      not_checked: { collision: `${namesOf(moved, 3, ", ")} moved after this motion was planned` },
+    };
+    controls.fillReport(shown);
+    controls.fillFacts({ ...viewer.document, report: shown });
+  }
+
+  // ---- at each frame -----------------------------------------------------------------------
+
+  frame() {
+    this.hands.frame();
+    if (!this.stale) return;
+    this.stale = false;
+    if (!this.isOpen) return;
+    const verdict = this.verdict(), touched = this.viewer.manual ? [...new Set(verdict.touching.flat())] : null;
+    if (touched && touched.join() !== this.viewer.touched.join()) {
+      this.viewer.touched = touched;
+      this.viewer.paint();
+      this.viewer.redraw();
+    }
+    this.card.refresh(verdict);
+  }
+
+  /** Lights up one element; null: none. */
+  light(element) {
+    if (element === this.lit) return;
+    this.lit = element;
+    this.viewer.paint();
+    this.viewer.redraw();
+  }
+}

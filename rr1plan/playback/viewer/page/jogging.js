@@ -1,0 +1,98 @@
+// Moving by keyboard: J selects the next tool, joint or obstacle, arrows and page keys move what is selected.
+
+const JOG = { turn: Math.PI / 90, shift: 0.01, far: 5 }; // [rad], [m], times that with Shift (of a joint)
+
+class Jogging {
+  constructor(viewer, editing) {
+    Object.assign(this, { viewer, editing });
+    const acts = {
+      m: () => editing.open(!editing.isOpen),
+      a: () => { editing.open(); editing.setEnd("start"); },
+      b: () => { editing.open(); editing.setEnd("goal"); },
+      p: () => editing.plan(),
+      o: () => { if (editing.changed) editing.reset(); },
+      j: (event) => this.next(event.shiftKey ? -1 : 1),
+      Escape: () => this.leave(),
+    };
+    window.addEventListener("keydown", (event) => {
+      if (!editing.active || event.altKey) return;
+      const at = event.target;
+      if (["SELECT", "TEXTAREA"].includes(at.tagName) || (at.tagName === "INPUT" && at.type !== "range")) return;
+      const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+      if (event.ctrlKey || event.metaKey) {
+        const act = { z: () => (event.shiftKey ? editing.redo() : editing.undo()), y: () => editing.redo() }[key];
+        if (!act || !(editing.past.length + editing.future.length)) return;
+        event.preventDefault();
+        act();
+        return;
+      }
+      const moves = at.classList.contains("handle") && this.move(at, key, event.shiftKey);
+      if (!moves && (!acts[key] || event.repeat)) return;
+      event.preventDefault();
+      event.stopImmediatePropagation();
+      if (!moves) acts[key](event);
+    });
+  }
+
+  /** Everything that can be moved: the tools, the joints of the arm in question, obstacles. */
+  things() {
+    const { viewer, editing } = this, { arms } = viewer.kinematics, arm = arms[editing.arm], { world } = viewer;
+    const joints = arm.robot.names.map((_, i) => {
+      // The link that the joint moves, or the first after it that is drawn.
+      const links = arm.robot.links.map((__, link) => link).filter((link) => editing.solver(editing.arm).columnOf(link) === i);
+      const seen = links.find((link) => arm.robot.visuals.some((part) => part.link === link)) ?? links[0];
+      return links.length ? { kind: "joint", arm: editing.arm, column: arm.firstColumn + i, frame: arm.firstLink + seen, local: world.linkCenter(arm, seen), element: `${arm.name}/${arm.robot.links[seen]}` } : null;
+    });
+    const obstacles = viewer.document.obstacles.map(({ name }) => name).filter((name) => editing.canMove(name));
+    return [
+      ...arms.map((_, index) => ({ kind: "tool", arm: index })), ...joints.filter(Boolean),
+      ...obstacles.map((name) => ({ kind: "obstacle", arm: -1, name, element: name })),
+    ];
+  }
+
+  next(direction) {
+    const { editing } = this, things = this.things(), key = (thing) => thing && [thing.kind, thing.kind === "tool" ? thing.arm : thing.column ?? thing.name].join();
+    const at = things.findIndex((thing) => key(thing) === key(editing.selected));
+    const fresh = !document.activeElement.classList.contains("handle");
+    editing.open();
+    editing.select(things[fresh && at >= 0 ? at : (at + direction + things.length) % things.length]);
+    editing.hands.handles.focus();
+  }
+
+  leave() {
+    const { editing } = this;
+    if (document.activeElement.classList.contains("handle")) document.activeElement.blur();
+    else editing.open(false);
+  }
+
+  /** Moves what a handle stands for by one step; false if the key is for something else. */
+  move(handle, key, shift) {
+    const { editing, viewer } = this, direction = { ArrowRight: [0, 1], ArrowLeft: [0, -1], ArrowUp: [1, 1], ArrowDown: [1, -1], PageUp: [2, 1], PageDown: [2, -1] }[key];
+    const thing = editing.hands.handles.thing(handle.classList.contains("tool") ? "tool" : "");
+    if (!direction || !thing) return false;
+    const [axis, sign] = direction, { kinds } = viewer.kinematics.arms[Math.max(thing.arm, 0)].robot;
+    viewer.pause();
+    editing.open();
+    editing.remember(`${thing.kind} ${thing.arm} ${thing.column} ${thing.name}`);
+    if (thing.kind === "joint") {
+      const own = thing.column - viewer.kinematics.arms[thing.arm].firstColumn, step = kinds[own] === "prismatic" ? JOG.shift : JOG.turn;
+      editing.turn(thing.column, viewer.q[thing.column] + sign * step * (shift ? JOG.far : 1));
+      return true;
+    }
+    const T = thing.kind === "tool" ? editing.solver(thing.arm).toolPose(viewer.q) : editing.poses.get(thing.name);
+    const center = thing.kind === "tool" ? new THREE.Vector3(...T.slice(12, 15)) : viewer.world.boxAround(thing.name).getCenter(new THREE.Vector3());
+    const mode = shift ? "turn" : handle.dataset.mode, along = this.axes();
+    const pose = mode === "turn" ? turnedAbout(T, thing.kind === "obstacle" ? along[2] : [along[2], along[0], along[1]][axis], sign * JOG.turn * 2.5, center)
+      : shifted(T, along[mode === "lift" ? 2 : axis].clone().multiplyScalar(sign * JOG.shift));
+    if (thing.kind === "tool") editing.moveTool(thing.arm, pose);
+    else editing.moveObstacle(thing.name, pose);
+    return true;
+  }
+
+  /** The axes of the world that point to the right, away and up in the picture, signed. */
+  axes() {
+    const { right } = this.editing.picker.axes(), sideways = Math.abs(right.x) >= Math.abs(right.y);
+    const x = sideways ? new THREE.Vector3(Math.sign(right.x) || 1, 0, 0) : new THREE.Vector3(0, Math.sign(right.y), 0), z = new THREE.Vector3(0, 0, 1);
+    return [x, z.clone().cross(x), z];
+  }
+}

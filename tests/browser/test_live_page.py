@@ -1,0 +1,121 @@
+"""Live pages in real browsers: several at once, programs that end and start again, notebooks."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.playback.viewer.page_capture import wait_until
+
+pytestmark = pytest.mark.browser
+
+CONNECTED = "window.RR1 && RR1.ready && RR1.live.socket.readyState === 1"
+
+
+@pytest.fixture
+def flat(planar2r: rp.Robot) -> rp.Scene:
+    return rp.Scene(name="flat").with_arm("arm", planar2r)
+
+
+def test_all_browsers_follow_and_each_is_heard(browser: Any, flat: rp.Scene) -> None:
+    heard: list[tuple[str, float]] = []
+    tabs = [browser.new_page() for _ in range(3)]
+    with rp.show(flat, port=0, open_browser=False) as viewer:
+        viewer.on_slider(lambda joint, value: heard.append((joint, value)))
+        for tab in tabs:
+            tab.goto(viewer.url)
+        for tab in tabs:
+            wait_until(tab, CONNECTED)
+        assert viewer.pages == 3
+        viewer.update([0.25, -0.5])
+        for tab in tabs:
+            wait_until(tab, "RR1.q[0] === 0.25 && RR1.q[1] === -0.5")
+        for i, tab in enumerate(tabs):
+            tab.evaluate("(value) => RR1.live.tellSlider(1, value)", 0.125 * i)
+            wait_until(tab, "RR1.live.socket.bufferedAmount === 0")
+        tabs[0].close()
+        viewer.update([0.5, 0.5])
+        for tab in tabs[1:]:
+            wait_until(tab, "RR1.q[0] === 0.5")
+        assert sorted(heard) == [("arm/joint2", 0.0), ("arm/joint2", 0.125), ("arm/joint2", 0.25)]
+    for tab in tabs[1:]:
+        wait_until(tab, "RR1.live.ended")
+        assert "has ended" in tab.evaluate("document.getElementById('status').textContent")
+        tab.close()
+
+
+PROGRAM = """
+import sys, rr1plan as rp
+robot = rp.load_robot("planar2r")
+scene = rp.Scene(name=sys.argv[2]).with_arm("arm", robot)
+viewer = rp.show(scene, port=int(sys.argv[1]), open_browser=False)
+viewer.update([float(sys.argv[3]), 0.0])
+sys.stdin.read()
+"""
+
+
+def run_program(port: int, name: str, q: float) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", PROGRAM, str(port), name, str(q)]
+    program = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert program.stdout is not None
+    assert program.stdout.readline() == f"page: http://127.0.0.1:{port}/\n"
+    return program
+
+
+def test_pages_come_back_when_a_killed_program_is_started_again(browser: Any) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    tab = browser.new_page()
+    with run_program(port, "first", 0.5) as program:
+        tab.goto(f"http://127.0.0.1:{port}/")
+        wait_until(tab, f"{CONNECTED} && RR1.q[0] === 0.5")
+        tab.evaluate("window.loaded = 'by the first program'")
+        program.kill()
+    wait_until(tab, "!document.getElementById('status').hidden")
+    assert "not answering" in tab.evaluate("document.getElementById('status').textContent")
+    with tab.expect_navigation():
+        program = run_program(port, "second", 0.75)
+    with program:
+        wait_until(tab, f"{CONNECTED} && RR1.q[0] === 0.75")
+        assert tab.evaluate("[document.title, typeof window.loaded]") == ["second", "undefined"]
+        assert tab.evaluate("document.getElementById('status').hidden")
+        program.kill()
+    tab.close()
+
+
+def test_a_viewer_in_a_notebook_follows_the_program_and_stays_when_it_ends(
+    tab: Any, flat: rp.Scene, tmp_path: Path
+) -> None:
+    heard: list[tuple[str, float]] = []
+    viewer = rp.show(flat, port=0, open_browser=False, quiet=True)
+    viewer.on_slider(lambda joint, value: heard.append((joint, value)))
+    notebook = tmp_path / "notebook.html"
+    notebook.write_text(f"<!DOCTYPE html><p>A notebook</p>{viewer._repr_html_()}")
+    tab.page.goto(notebook.as_uri())
+    frame = tab.page.frames[1]
+    wait_until(frame, CONNECTED)
+    viewer.update([0.25, -0.5])
+    wait_until(frame, "RR1.q[0] === 0.25 && RR1.q[1] === -0.5")
+    frame.evaluate("RR1.live.tellSlider(0, 0.75)")
+    wait_until(frame, "RR1.live.socket.bufferedAmount === 0")
+    viewer.update([0.0, 0.0])
+    wait_until(frame, "RR1.q[0] === 0")
+    assert heard == [("arm/joint1", 0.75)]
+    assert not tab.complaints
+    viewer.close()
+    wait_until(frame, "RR1.live.ended")
+    # As somebody else sees it who is sent the notebook: a page by itself, which says nothing of a program.
+    tab.page.reload()
+    frame = tab.page.frames[1]
+    wait_until(frame, "window.RR1 && RR1.ready && RR1.live.socket.readyState === 3")
+    assert frame.evaluate("document.getElementById('status').hidden")
+    frame.evaluate("RR1.setJoint(0, 0.5)")
+    np.testing.assert_allclose(frame.evaluate("Array.from(RR1.q)")[0], 0.5)

@@ -1,0 +1,333 @@
+"""Planning in pages: the answers of `plan_motion`, the collision checker and inverse kinematics, to the last bit."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import math
+import shutil
+import subprocess
+import zlib
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from browser.conftest import Tab
+
+import rr1plan as rp
+from rr1plan.collision import CollisionChecker
+from rr1plan.planning import Budget
+from rr1plan.playback.viewer.html_page import page_html, planner_script
+from rr1plan.playback.viewer.page_document import view_document
+from rr1plan.playback.viewer.page_planner import page_modules, page_planner
+from rr1plan.transforms import pose
+
+ANSWERS = Path(__file__).with_name("page_planner_answers.js").read_text(encoding="utf-8")
+NODE = """
+let text = "";
+for await (const part of process.stdin) text += part;
+const { data, name, given } = JSON.parse(text);
+let answer;
+try {
+  answer = answers[name](await PagePlanner.load(data), ...given);
+} catch (error) {
+  answer = { rejected: error.message };
+}
+process.stdout.write(JSON.stringify(answer));
+"""
+SEARCH = 400  # iterations of each search
+SCENES = ("rr1_shelf", "rr1_cluttered", "rr1_pair", "planar2r_path")
+ROUNDS, QUESTIONS = 5, 50  # 1,000 questions in all scenes
+
+
+def in_node(data: dict[str, Any], name: str, *given: Any, before: str = "") -> Any:
+    """The answer of a function of `page_planner_answers.js` to a planner that is loaded from data."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("no Node on this machine")
+    text = "\n".join([before, planner_script(), ANSWERS, NODE])
+    message = json.dumps({"data": {**data, "modules": page_modules()}, "name": name, "given": given})
+    command = [node, "--input-type=module", "--eval", text]
+    done = subprocess.run(command, input=message, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+    return json.loads(done.stdout)
+
+
+def planner_data(scene: rp.Scene) -> dict[str, Any]:
+    data = page_planner(scene)
+    assert "missing" not in data
+    return data
+
+
+def columns(T: np.ndarray) -> list[float]:
+    """A transform as pages have it, column after column."""
+    return T.T.ravel().tolist()
+
+
+def moved_scenes(scene: rp.Scene, rng: np.random.Generator) -> list[tuple[rp.Scene, list[Any]]]:
+    """The scene, then again and again with two of its obstacles elsewhere, and the moves there."""
+    made: list[tuple[rp.Scene, list[Any]]] = [(scene, [])]
+    loose = [name for name in scene.obstacles if name not in ("ground", "table", "floor")]
+    while len(made) < ROUNDS:
+        moves = []
+        for name in rng.permutation(loose)[:2].tolist():
+            obstacle = scene.obstacles[name]
+            there = obstacle.pose[:3, 3] + rng.normal(size=3) * [0.08, 0.08, 0.0]
+            turn = rng.uniform(-0.5, 0.5)
+            half_turn = [math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2)]
+            T = pose(there, quaternion=half_turn) @ np.block([[obstacle.pose[:3, :3], np.zeros((3, 1))], [0, 0, 0, 1]])
+            scene = scene.with_obstacle_at(name, T)
+            moves.append([name, columns(T)])
+        made.append((scene, moves))
+    return made
+
+
+def configurations(scene: rp.Scene, count: int, rng: np.random.Generator, free: float = 0.9) -> np.ndarray:
+    """Random configurations, most of them free."""
+    checker = CollisionChecker(scene)
+    lower, upper = np.maximum(checker.limits.lower, -3.2), np.minimum(checker.limits.upper, 3.2)
+    made: list[np.ndarray] = []
+    for wanted in rng.uniform(size=count) < free:
+        q = rng.uniform(lower, upper)
+        for _ in range(200):
+            if not wanted or checker.is_free(q):
+                break
+            q = rng.uniform(lower, upper)
+        made.append(q)
+    return np.array(made)
+
+
+def packed(array: np.ndarray) -> list[int]:
+    return [array.size, zlib.crc32(np.ascontiguousarray(array).tobytes())]
+
+
+def expected_motion(problem: rp.Problem, seed: int) -> dict[str, Any]:
+    motion = rp.plan_motion(problem, budget=Budget(math.inf, SEARCH), rng=seed)
+    answer: dict[str, Any] = {"status": motion.status.value, "margin": motion.margin}
+    if not motion.found:
+        return answer
+    assert motion.result.path is not None
+    arrays = (
+        motion.result.path.waypoints,
+        motion.path.waypoints,
+        motion.trajectory.breaks,
+        motion.trajectory.coefficients,
+    )
+    return answer | {"certified": motion.valid, "parts": [packed(array) for array in arrays]}
+
+
+def questions(name: str, rounds: int = ROUNDS, count: int = QUESTIONS) -> tuple[rp.Scene, list[Any], list[Any]]:
+    """A scene, rounds of questions for the page, and the answers of `plan_motion`."""
+    scene = rp.load_scene(name)
+    rng = np.random.default_rng(SCENES.index(name))
+    asked, expected, seed = [], [], 0
+    for moved, moves in moved_scenes(scene, rng)[:rounds]:
+        ends = configurations(moved, 2 * count, rng).reshape(count, 2, -1)
+        answers = []
+        for start, goal in ends:
+            problem = rp.Problem(moved, start, moved.split(goal, tuple(moved.arms)))
+            answers.append(expected_motion(problem, seed))
+            seed += 1
+        asked.append({"moves": moves, "questions": ends.tolist()})
+        expected.append(answers)
+    return scene, asked, expected
+
+
+def check(found: list[Any], expected: list[Any]) -> None:
+    flat = [answer for answers in found for answer in answers]
+    wanted = [answer for answers in expected for answer in answers]
+    assert len(flat) == len(wanted)
+    for i, (got, want) in enumerate(zip(flat, wanted, strict=True)):
+        reason = got.pop("reason")
+        assert (reason == "") == (want["status"] == "found"), i
+        assert got == want, (i, reason)
+    # Not one answer only.
+    solved = sum(answer["status"] == "found" for answer in wanted)
+    assert 0.2 * len(wanted) < solved < len(wanted)
+    assert any(answer["parts"][0][0] > answer["parts"][1][0] for answer in wanted if answer["status"] == "found")
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_page_plans_the_motions_of_plan_motion_to_the_last_bit(name: str) -> None:
+    scene, asked, expected = questions(name)
+    check(in_node(planner_data(scene), "motions", asked, SEARCH), expected)
+
+
+@pytest.fixture(scope="module")
+def shelf_page(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Tab:
+    """A page of a shelf in Chromium, under its own policy."""
+    tab = Tab(browser.new_page())
+    scene = rp.load_scene("rr1_shelf")
+    tab.open(rp.save_html(tmp_path_factory.mktemp("page") / "shelf.html", scene))
+    tab.page.wait_for_function("RR1.planner")
+    tab.ask(f"() => {{ {ANSWERS} window.answers = answers; }}")
+    return tab
+
+
+@pytest.mark.browser
+def test_chromium_plans_the_same(shelf_page: Tab) -> None:
+    _, asked, expected = questions("rr1_shelf", rounds=3)
+    check(shelf_page.ask("([asked, most]) => answers.motions(RR1.planner, asked, most)", [asked, SEARCH]), expected)
+    assert not shelf_page.complaints
+    assert all(url.startswith(("file:", "data:", "blob:")) for url in shelf_page.requests)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_configurations_and_edges_are_judged_as_by_the_collision_checker(name: str) -> None:
+    scene, rng = rp.load_scene(name), np.random.default_rng(7)
+    moved, moves = moved_scenes(scene, rng)[1]
+    checker = CollisionChecker(moved)
+    rows = configurations(moved, 120, rng, free=0.5)
+    found = in_node(planner_data(scene), "configurations", moves, rows.tolist())
+    free = 0
+    for q, (is_free, contacts, clearance, within) in zip(rows, found, strict=True):
+        near = [contact for contact in checker.contacts(q) if contact.depth < 1e-6]
+        expected = {frozenset((contact.a, contact.b)) for contact in checker.contacts(q)}
+        assert is_free == checker.is_free(q) or near
+        assert {frozenset(pair) for pair in contacts} == expected or near
+        assert clearance == checker.moving_clearance(q)
+        assert within == checker.within_limits(q)
+        free += is_free
+    assert 20 < free < 118
+    edges = in_node(planner_data(scene), "edges", rows.tolist())
+    native = CollisionChecker(scene)
+    assert edges == [native.edge_is_free(a, b) for a, b in pairwise(rows)]
+
+
+@pytest.mark.parametrize("name", ["rr1_shelf", "rr1_pair", "planar2r_path"])
+def test_inverse_kinematics_finds_the_configuration_of_solve_ik(name: str) -> None:
+    scene, rng = rp.load_scene(name), np.random.default_rng(3)
+    targets, expected = [], []
+    first = {arm: column for column, arm in enumerate(scene.arms)}
+    for arm, placed in scene.arms.items():
+        robot, kinematics = placed.robot, rp.Kinematics(scene, [arm])
+        first[arm] = scene.joint_names().index(f"{arm}/{robot.joint_names[0]}")
+        columns_of_arm = slice(first[arm], first[arm] + robot.nq)
+        for seed in range(24):
+            start = configurations(scene, 1, rng)[0]
+            T = placed.base @ robot.link_poses(configurations(scene, 1, rng)[0][columns_of_arm])[robot.tool]
+            # Full poses, positions, and some that are out of reach.
+            far = seed % 4 == 3
+            goal = rp.PoseGoal("tool", T if seed % 2 == 0 else T[:3, 3] + [3.0 * far, 0.0, 0.0])
+            found = rp.solve_ik(
+                *(kinematics, goal),
+                seeds=start[columns_of_arm],
+                attempts=20,
+                max_solutions=1,
+                rng=seed,
+            )
+            q = start.copy()
+            if found.found:
+                q[columns_of_arm] = found.solutions[0]
+            target = goal.position.tolist()
+            if goal.rotation is not None:
+                target = columns(np.block([[goal.rotation, goal.position[:, None]], [0, 0, 0, 1]]))
+            targets.append([arm if seed % 3 else f"{arm}/{robot.tool}", target, start.tolist(), seed])
+            expected.append(q.tolist() if found.found else None)
+    assert in_node(planner_data(scene), "solutions", targets) == expected
+    assert 0 < expected.count(None) < 0.9 * len(expected)
+
+
+def test_the_referee_of_the_page_finds_faults() -> None:
+    problem = rp.load_problems("rr1_shelf")["lower_level"]
+    goal = rp.plan_motion(problem, rng=0).path.waypoints[-1]
+    found = in_node(planner_data(problem.scene), "faults", problem.start.tolist(), goal.tolist())
+    assert found == {
+        "none": "",
+        "numbers": "the numbers make no motion",
+        "fast": found["fast"],
+        "start": found["start"],
+    }
+    assert found["fast"]
+    assert found["start"] in ("a joint jumps", "the motion does not begin at the start")
+
+
+def test_wrong_questions_are_named() -> None:
+    messages = in_node(planner_data(rp.load_scene("planar2r_path")), "errors")
+    obstacles = ", ".join(rp.load_scene("planar2r_path").obstacles)
+    first = next(iter(rp.load_scene("planar2r_path").obstacles))
+    assert messages == {
+        "short": "q is [0], expected 2 finite numbers",
+        "finite": "q is [NaN,NaN], expected 2 finite numbers",
+        "obstacle": f"no obstacle nothing can be moved, only {obstacles}",
+        "pose": "a pose has 16 numbers, got 12",
+        "nan": f"the pose of {first} is not finite",
+        "frame": "no frame nothing, only arm/tool",
+        "target": "a target has 3 or 16 numbers",
+        "margin": "margin is 1, expected 0 to 0.002 m",
+    }
+
+
+def test_an_image_of_another_build_is_refused() -> None:
+    data = planner_data(rp.load_scene("planar2r_path"))
+    image = zlib.decompress(base64.b64decode(data["image"]))
+    digest = json.loads(image[: image.index(b"\n")])["digest"].encode()
+    other = base64.b64encode(zlib.compress(image.replace(digest, digest[::-1]))).decode()
+    answer = in_node({**data, "image": other}, "errors")
+    assert answer == {"rejected": "the memory image was made for another core.wasm"}
+
+
+@pytest.mark.parametrize(
+    ("before", "reason"),
+    [
+        ("WebAssembly.validate = () => false;", "this browser has no WebAssembly SIMD"),
+        ("globalThis.WebAssembly = undefined;", "this browser has no WebAssembly"),
+        ("globalThis.DecompressionStream = undefined;", "this browser cannot decompress the planner"),
+    ],
+)
+def test_a_browser_that_cannot_run_the_kernels_is_told_so(before: str, reason: str) -> None:
+    data = planner_data(rp.load_scene("planar2r_path"))
+    assert in_node(data, "errors", before=before) == {"rejected": reason}
+
+
+@pytest.mark.browser
+def test_without_simd_a_page_plays_as_ever(browser: Any, tmp_path: Path) -> None:
+    tab = Tab(browser.new_page())
+    tab.page.add_init_script("WebAssembly.validate = () => false;")
+    problem = rp.load_problems("planar2r_path")["over_the_seam"]
+    tab.open(rp.plan_motion(problem, rng=0).save_html(tmp_path / "motion.html"))
+    tab.page.wait_for_function("RR1.noPlanner")
+    assert tab.ask("[RR1.planner, RR1.noPlanner]") == [None, "this browser has no WebAssembly SIMD"]
+    assert tab.ask("RR1.playing && RR1.duration > 0")
+    assert not tab.complaints
+
+
+# ---- what pages carry ------------------------------------------------------------------------------
+
+
+def document_and_policy(scene: rp.Scene, **given: Any) -> tuple[dict[str, Any], str]:
+    options = rp.ViewOptions(**given)
+    document = view_document(scene, options=options)
+    text = html.unescape(page_html(document, options))
+    return document, text[text.index("script-src") :].partition(";")[0]
+
+
+def test_only_pages_with_a_planner_may_compile_webassembly(planar2r: rp.Robot) -> None:
+    scene = rp.load_scene("planar2r_path")
+    document, policy = document_and_policy(scene)
+    assert document["planner"]["joints"] == list(scene.joint_names())
+    assert "'wasm-unsafe-eval'" in policy
+    document, policy = document_and_policy(scene, planner=False)
+    assert document["planner"] is None
+    assert "wasm" not in policy
+
+
+def test_a_page_names_why_it_cannot_plan(planar2r: rp.Robot) -> None:
+    many = rp.Scene()
+    for i in range(3):
+        many = many.with_arm(f"arm{i}", planar2r, [5.0 * i, 0.0, 0.0])
+    document, policy = document_and_policy(many)
+    assert document["planner"] == {"missing": "3 arms move, and pages plan for 2 at most"}
+    assert "wasm" not in policy
+    assert page_planner(many, ["arm0"])["joints"] == list(many.joint_names(["arm0"]))
+    assert page_planner(rp.Scene()) == {"missing": "no arm moves"}
+    stuck = many.with_arm("last", planar2r, [0.0, 0.1, 0.0])
+    assert "are in contact, and neither moves" in page_planner(stuck, ["arm1"])["missing"]
+
+
+def test_both_modules_are_small() -> None:
+    sizes = [len(zlib.decompress(base64.b64decode(text))) for text in page_modules().values()]
+    assert sum(sizes) < 400_000

@@ -1,0 +1,230 @@
+"""Videos of motions: each picture is that of its own moment, whatever the machine's speed."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+from PIL import Image, ImageSequence
+
+import rr1plan as rp
+from rr1plan import save_html, save_video, screenshot
+from rr1plan.playback.viewer import page_capture
+from rr1plan.playback.viewer.video_files import video_bytes
+
+pytestmark = pytest.mark.browser
+
+SIZE = (240, 160)
+MOMENTS = (0, 3, 8)  # pictures of the video that are looked at
+
+
+@pytest.fixture(scope="module")
+def scene(planar2r: rp.Robot) -> rp.Scene:
+    return rp.Scene(name="flat").with_arm("arm", planar2r)
+
+
+@pytest.fixture(scope="module")
+def page(scene: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """An arm that turns by half a turn in 0.4 s, looked at from above."""
+    motion = rp.Trajectory(scene.joint_names(), np.array([1.0, 1.4]), np.array([[[0.0, 0.0], [np.pi / 0.4, 0.0]]]))
+    options = rp.ViewOptions(view="top")
+    return save_html(tmp_path_factory.mktemp("page") / "page.html", scene, trajectory=motion, options=options)
+
+
+@pytest.fixture(scope="module")
+def stills(page: FilePath, needs_browser: None) -> list[np.ndarray]:
+    """Pictures of some moments, framed as a video frames them."""
+    taken = []
+    with page_capture.opened_page(page, SIZE, bare=True) as tab:
+        for i in MOMENTS:
+            page_capture.settle_page(tab, 1.0 + 0.05 * i)
+            picture = Image.open(io.BytesIO(tab.screenshot(type="png")))
+            taken.append(np.asarray(picture.convert("RGB"), dtype=int))
+    return taken
+
+
+def pictures(file: FilePath) -> tuple[list[np.ndarray], list[float]]:
+    """The pictures of a video, and how long each is shown [s]."""
+    if file.suffix == ".mp4":
+        av = pytest.importorskip("av", reason="the extra `video` is not installed")
+        with av.open(str(file)) as container:
+            stream = container.streams.video[0]
+            rate = float(stream.average_rate)
+            frames = [frame.to_ndarray(format="rgb24").astype(int) for frame in container.decode(stream)]
+        return frames, [1 / rate] * len(frames)
+    with Image.open(file) as image:
+        frames, lengths = [], []
+        for frame in ImageSequence.Iterator(image):
+            frames.append(np.asarray(frame.convert("RGB"), dtype=int))
+            lengths.append(frame.info["duration"] / 1000)
+    return frames, lengths
+
+
+@pytest.mark.usefixtures("needs_browser")
+@pytest.mark.parametrize("suffix", [".mp4", ".gif", ".webp"])
+def test_every_picture_is_of_its_own_moment(
+    suffix: str, page: FilePath, stills: list[np.ndarray], tmp_path: FilePath
+) -> None:
+    if suffix == ".mp4":
+        pytest.importorskip("av", reason="the extra `video` is not installed")
+    seen: list[float] = []
+    file = tmp_path / f"motion{suffix}"
+    assert (
+        save_video(file, page, size=SIZE, fps=10, speed=0.5, bare=True, progress=lambda p: seen.append(p.fraction))
+        == file
+    )
+    frames, lengths = pictures(file)
+    # 0.4 s at half speed, ten pictures a second, and the last moment.
+    assert len(frames) == 9
+    np.testing.assert_allclose(lengths[:8], 0.1, atol=1e-9)
+    assert seen[-9:] == pytest.approx([(i + 1) / 9 for i in range(9)])
+    apart = np.array([[np.abs(frames[i] - still).mean() for still in stills] for i in MOMENTS])
+    assert frames[0].shape == (*SIZE[::-1], 3)
+    assert apart.argmin(axis=1).tolist() == [0, 1, 2]
+    # What the encoder loses is little beside what moves.
+    assert np.diag(apart).max() < 0.6 * (apart + 9 * np.eye(3)).min()
+
+
+@pytest.mark.usefixtures("needs_browser")
+def test_the_same_motion_gives_the_same_video(page: FilePath, tmp_path: FilePath) -> None:
+    one, other = (save_video(tmp_path / f"{i}.gif", page, size=SIZE, fps=5) for i in range(2))
+    assert one.read_bytes() == other.read_bytes()
+
+
+@pytest.mark.usefixtures("needs_browser")
+def test_values_are_filmed_and_photographed_without_a_page_file(scene: rp.Scene, tmp_path: FilePath) -> None:
+    motion = rp.plan_motion(rp.Problem(scene, [0.0, 0.0], [0.4, 0.2]), rng=0)
+    frames, _ = pictures(save_video(tmp_path / "motion.gif", motion, size=SIZE, fps=4))
+    assert len(frames) >= 2
+    assert size_of(screenshot(tmp_path / "robot.png", scene.arms["arm"].robot, size=SIZE)) == SIZE
+
+
+def size_of(file: FilePath) -> tuple[int, int]:
+    with Image.open(file) as picture:
+        width, height = picture.size
+    return width, height
+
+
+@pytest.mark.usefixtures("needs_browser")
+def test_pictures_are_taken_while_an_event_loop_runs(scene: rp.Scene, tmp_path: FilePath) -> None:
+    """As in notebooks."""
+
+    async def take() -> FilePath:
+        return screenshot(tmp_path / "scene.png", scene, size=SIZE)
+
+    assert size_of(asyncio.run(take())) == SIZE
+
+
+@pytest.mark.usefixtures("needs_browser")
+def test_a_page_without_a_motion_is_not_filmed(scene: rp.Scene, tmp_path: FilePath) -> None:
+    with pytest.raises(rp.InputError, match="no motion"):
+        save_video(tmp_path / "scene.gif", scene, size=SIZE)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("needs_browser")
+def test_a_cancelled_video_leaves_nothing(page: FilePath, tmp_path: FilePath) -> None:
+    (tmp_path / "old.gif").write_bytes(b"old")
+    with pytest.raises(rp.CancelledError):
+        save_video(tmp_path / "old.gif", page, size=SIZE, progress=lambda p: p.fraction < 0.5)
+    assert [file.name for file in tmp_path.iterdir()] == ["old.gif"]
+    assert (tmp_path / "old.gif").read_bytes() == b"old"
+
+
+@pytest.mark.usefixtures("needs_browser")
+def test_ctrl_c_ends_the_browser_too(page: FilePath, tmp_path: FilePath) -> None:
+    # More pictures than can be taken while the test waits.
+    code = (
+        "import sys, rr1plan as rp\n"
+        f"rp.save_video({str(tmp_path / 'long.gif')!r}, {str(page)!r}, fps=50, speed=0.002, size={SIZE},"
+        " progress=lambda p: print('picture', flush=True))"
+    )
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=environment) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline() == "picture\n"
+        assert _speak_of(tmp_path)
+        program.send_signal(signal.SIGINT)
+        program.communicate(timeout=60)
+    assert program.returncode != 0
+    end = time.monotonic() + 30
+    while _speak_of(tmp_path) and time.monotonic() < end:
+        time.sleep(0.1)
+    assert not _speak_of(tmp_path)
+    assert not (tmp_path / "long.gif").exists()
+
+
+def _speak_of(folder: FilePath) -> list[str]:
+    """Processes whose command lines name a folder."""
+    found = []
+    for file in FilePath("/proc").glob("[0-9]*/cmdline"):
+        try:
+            words = file.read_bytes()
+        except OSError:
+            continue
+        if str(folder).encode() in words and b"pytest" not in words.split(b"\0")[0] and b"-c\0" not in words:
+            found.append(words.decode(errors="replace"))
+    return found
+
+
+class _Colors:
+    """Pictures of many grays with a small colored spot."""
+
+    def __len__(self) -> int:
+        return 3
+
+    def __getitem__(self, index: int) -> np.ndarray:
+        picture = np.repeat(np.linspace(90, 250, 200)[None, :, None], 100, axis=0) * [1.0, 1.01, 1.02]
+        picture[10 * index : 10 * index + 8, 20:28] = (255, 200, 0)
+        return np.clip(picture, 0, 255).astype(np.uint8)
+
+
+def test_small_colored_things_keep_their_color_in_gifs(tmp_path: FilePath) -> None:
+    (tmp_path / "spot.gif").write_bytes(video_bytes(".gif", _Colors(), 10.0))
+    frames, lengths = pictures(tmp_path / "spot.gif")
+    assert lengths == pytest.approx([0.1, 0.1, 0.7])
+    for i, frame in enumerate(frames):
+        assert np.abs(frame[10 * i + 4, 24] - [255, 200, 0]).max() < 24
+        assert np.abs(frame - _Colors()[i]).mean() < 4
+
+
+@pytest.mark.parametrize("fps", [30.0, 24.0, 7.0])
+def test_the_length_of_a_gif_does_not_drift(fps: float, tmp_path: FilePath) -> None:
+    class Many(_Colors):
+        def __len__(self) -> int:
+            return 11
+
+    (tmp_path / "many.gif").write_bytes(video_bytes(".gif", Many(), fps))
+    _, lengths = pictures(tmp_path / "many.gif")
+    shown = np.cumsum(lengths)
+    np.testing.assert_allclose(shown[:-1], np.arange(1, 11) / fps, atol=0.0051)
+
+
+def test_what_makes_no_sense_is_refused(tmp_path: FilePath) -> None:
+    (tmp_path / "page.html").write_text("")
+    for words, name, more in (
+        ("ends in .mp4, .gif, .webp", "a.avi", {}),
+        ("at most 50", "a.gif", {"fps": 60}),
+        ("even numbers", "a.mp4", {"size": (101, 100)}),
+        ("size", "a.gif", {"size": (1, 1)}),
+        ("fps", "a.gif", {"fps": 0}),
+        ("speed", "a.gif", {"speed": float("nan")}),
+        ("True or False", "a.gif", {"bare": "yes"}),
+        ("progress", "a.gif", {"progress": 3}),
+    ):
+        with pytest.raises(rp.InputError, match=words):
+            save_video(tmp_path / name, tmp_path / "page.html", **more)
+
+
+def test_a_missing_encoder_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(rp.MissingPackageError, match=r"rr1plan\[video\]"):
+        video_bytes(".mp4", _Colors(), 10.0)
