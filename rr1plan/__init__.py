@@ -82,11 +82,11 @@ if TYPE_CHECKING:
     from rr1plan.hardware.control_box_frames import BoxCommand as BoxCommand
     from rr1plan.hardware.control_box_frames import Telemetry as Telemetry
     from rr1plan.hardware.telemetry_states import read_telemetry as read_telemetry
-    from rr1plan.lessons.figure_set import figure_names as figure_names
-    from rr1plan.lessons.figure_set import save_figures as save_figures
     from rr1plan.lessons.arm_kinematics import DhRow as DhRow
     from rr1plan.lessons.arm_kinematics import DhTable as DhTable
     from rr1plan.lessons.arm_kinematics import dh_table as dh_table
+    from rr1plan.lessons.figure_set import figure_names as figure_names
+    from rr1plan.lessons.figure_set import save_figures as save_figures
     from rr1plan.lessons.lesson import Lesson as Lesson
     from rr1plan.lessons.lesson import LessonStep as LessonStep
     from rr1plan.lessons.lesson_catalog import lesson as lesson

@@ -842,10 +842,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "lesson": (rp.lesson, {"name": "workspace", "scene": None, "problem": None}),
         "LessonStep": (rp.LessonStep, {"name": "a", "title": "A", "text": "<p>a</p>", "q": q}),
         "Lesson.figure": (lesson.figure, {"width": 13.0}),
-        **{
-            f"Lesson.save_{kind}": (getattr(lesson, f"save_{kind}"), {"file": folder / f"l.{kind}"})
-            for kind in ("png", "svg")
-        },
+        "Lesson.save_png": (lesson.save_png, {"file": folder / "l.png"}),
+        "Lesson.save_svg": (lesson.save_svg, {"file": folder / "l.svg"}),
         "Lesson.save_html": (lesson.save_html, {"file": folder / "l.html", "options": None}),
         "Lesson.show": (shown_lesson, live | {"options": None}),
         "planar_arm": (

@@ -355,4 +355,5 @@ def test_without_modules_pages_name_that(planar2r: rp.Robot, monkeypatch: pytest
 
 def test_both_modules_are_small() -> None:
     sizes = [len(zlib.decompress(base64.b64decode(text))) for text in page_modules().values()]
-    assert sum(sizes) < 400_000
+    assert max(sizes) < 400_000
+    assert sum(sizes) < 450_000
