@@ -829,10 +829,8 @@ def calls(folder: Path) -> dict[str, Call]:
             for verb in ("connected", "shortest_path")
         },
         "CSpace.figure": (picture.figure, {"width": 13.0}),
-        **{
-            f"CSpace.save_{kind}": (getattr(picture, f"save_{kind}"), {"file": folder / f"o.{kind}"})
-            for kind in ("svg", "pdf")
-        },
+        "CSpace.save_svg": (picture.save_svg, {"file": folder / "o.svg"}),
+        "CSpace.save_pdf": (picture.save_pdf, {"file": folder / "o.pdf"}),
         "CSpace.save": (picture.save, {"file": folder / "o.svg"}),
         "CSpace.save_png": (picture.save_png, {"file": folder / "o.png", "dpi": 20}),
         "CSpace.page_content": (picture.page_content, {"options": None}),
