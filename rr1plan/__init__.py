@@ -82,12 +82,27 @@ if TYPE_CHECKING:
     from rr1plan.hardware.control_box_frames import BoxCommand as BoxCommand
     from rr1plan.hardware.control_box_frames import Telemetry as Telemetry
     from rr1plan.hardware.telemetry_states import read_telemetry as read_telemetry
+    from rr1plan.lessons.arm_kinematics import DhRow as DhRow
+    from rr1plan.lessons.arm_kinematics import DhTable as DhTable
+    from rr1plan.lessons.arm_kinematics import dh_table as dh_table
     from rr1plan.lessons.figure_set import figure_names as figure_names
     from rr1plan.lessons.figure_set import save_figures as save_figures
     from rr1plan.lessons.lesson import Lesson as Lesson
     from rr1plan.lessons.lesson import LessonStep as LessonStep
     from rr1plan.lessons.lesson_catalog import lesson as lesson
     from rr1plan.lessons.lesson_catalog import lesson_names as lesson_names
+    from rr1plan.lessons.phase_plane import PathGrid as PathGrid
+    from rr1plan.lessons.phase_plane import PhasePlane as PhasePlane
+    from rr1plan.lessons.phase_plane import phase_plane as phase_plane
+    from rr1plan.lessons.search.lattice_search import search_lattice as search_lattice
+    from rr1plan.lessons.search.roadmap_growth import grow_prm as grow_prm
+    from rr1plan.lessons.search.search_record import SearchEvent as SearchEvent
+    from rr1plan.lessons.search.search_record import SearchRecord as SearchRecord
+    from rr1plan.lessons.search.tree_growth import grow_rrt as grow_rrt
+    from rr1plan.lessons.search.tree_growth import grow_rrt_connect as grow_rrt_connect
+    from rr1plan.lessons.search.tree_growth import grow_rrt_star as grow_rrt_star
+    from rr1plan.lessons.seven_phases import SevenPhases as SevenPhases
+    from rr1plan.lessons.seven_phases import seven_phases as seven_phases
     from rr1plan.mirror.corridor import Corridor as Corridor
     from rr1plan.mirror.corridor import CorridorPosition as CorridorPosition
     from rr1plan.mirror.corridor import certified_corridor as certified_corridor
@@ -187,6 +202,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer import save_video as save_video
     from rr1plan.playback.viewer import screenshot as screenshot
     from rr1plan.playback.viewer import show as show
+    from rr1plan.playback.viewer.page_content import HasPage as HasPage
     from rr1plan.progress import Progress as Progress
     from rr1plan.progress import ProgressCallback as ProgressCallback
     from rr1plan.report import Margin as Margin
@@ -327,8 +343,15 @@ _EXPORTS = {
     "rr1plan.hardware.control_box_frames": ("BoxCommand", "Telemetry"),
     "rr1plan.hardware.telemetry_states": ("read_telemetry",),
     "rr1plan.lessons.figure_set": ("figure_names", "save_figures"),
+    "rr1plan.lessons.arm_kinematics": ("DhRow", "DhTable", "dh_table"),
     "rr1plan.lessons.lesson": ("Lesson", "LessonStep"),
     "rr1plan.lessons.lesson_catalog": ("lesson", "lesson_names"),
+    "rr1plan.lessons.phase_plane": ("PathGrid", "PhasePlane", "phase_plane"),
+    "rr1plan.lessons.search.lattice_search": ("search_lattice",),
+    "rr1plan.lessons.search.roadmap_growth": ("grow_prm",),
+    "rr1plan.lessons.search.search_record": ("SearchEvent", "SearchRecord"),
+    "rr1plan.lessons.search.tree_growth": ("grow_rrt", "grow_rrt_connect", "grow_rrt_star"),
+    "rr1plan.lessons.seven_phases": ("SevenPhases", "seven_phases"),
     "rr1plan.mirror.corridor": ("Corridor", "CorridorPosition", "certified_corridor"),
     "rr1plan.mirror.joint_states": ("StateMessage", "StreamError", "read_states"),
     "rr1plan.mirror.mirror": ("Mirror",),
@@ -394,6 +417,7 @@ _EXPORTS = {
         "screenshot",
         "show",
     ),
+    "rr1plan.playback.viewer.page_content": ("HasPage",),
     "rr1plan.progress": ("Progress", "ProgressCallback"),
     "rr1plan.report": ("Margin", "Report", "Violation"),
     "rr1plan.retiming": ("point_to_point", "retime", "retiming_names"),

@@ -117,6 +117,9 @@ FILE_VERBS: dict[str, Callable[[Any, rp.Scene], Any]] = {
     "save_html": lambda f, s: rp.save_html(f, s),
     "save_mjcf": lambda f, s: rp.save_mjcf(f, s),
     "save_rosbag": lambda f, s: rp.save_rosbag(f, resting(s, 1.0)),
+    "save_glb": lambda f, s: rp.save_glb(f, s),
+    "video_of": lambda f, s: rp.save_video("a.gif", f),
+    "video_to": lambda f, s: rp.save_video(f, "a.html"),
     "screenshot_of": lambda f, s: rp.screenshot("a.png", f),
     "screenshot_to": lambda f, s: rp.screenshot(f, "a.html"),
 }
@@ -131,7 +134,7 @@ def test_what_is_no_file_name_is_refused_in_words(verb: str, scene: rp.Scene, tm
             FILE_VERBS[verb](name, scene)
 
 
-@pytest.mark.parametrize("verb", [name for name in FILE_VERBS if name != "screenshot_to"])
+@pytest.mark.parametrize("verb", [name for name in FILE_VERBS if name not in ("screenshot_to", "video_to")])
 def test_a_folder_is_no_file(verb: str, scene: rp.Scene, tmp_path: Path) -> None:
     with pytest.raises(rp.InputError):
         FILE_VERBS[verb](tmp_path, scene)

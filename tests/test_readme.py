@@ -30,8 +30,9 @@ def test_the_five_lines_serve_their_page_until_it_is_closed(tmp_path: Path) -> N
             url = lines[-1].removeprefix("page: ").strip()
             assert script.poll() is None
             with urllib.request.urlopen(url, timeout=20) as answer:
-                assert b"MeshCat" in answer.read()
-            asyncio.run(_open_and_close(url))
+                page = answer.read().decode()
+            assert "MeshCat" in page
+            asyncio.run(_open_and_close(url, re.search('"token":"(.+?)"', page)[1]))
             _, errors = script.communicate(timeout=60)
         finally:
             script.kill()
@@ -40,7 +41,7 @@ def test_the_five_lines_serve_their_page_until_it_is_closed(tmp_path: Path) -> N
     assert "certified free of collision in continuous time" in "".join(lines)
 
 
-async def _open_and_close(url: str) -> None:
-    connection = await websocket_connect(f"{url.replace('http', 'ws')}updates?version=0")
+async def _open_and_close(url: str, token: str) -> None:
+    connection = await websocket_connect(f"{url.replace('http', 'ws')}updates?version=0&token={token}")
     assert await connection.read_message() is not None
     connection.close()

@@ -77,15 +77,6 @@ def _steps(grid: CSpaceGrid, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
             q,
         ),
         LessonStep(
-            "strip",
-            "Strips and blobs",
-            f"""<p>If the <i>first</i> link touches, the second joint cannot help: its value does not matter, and the
-            image is a strip along the axis of {math(symbols[1])}. If only the second link touches, the image is a
-            bounded blob.</p>
-            <p>Obstacles near the base therefore have strips, and far ones have blobs.</p>""",
-            q,
-        ),
-        LessonStep(
             "shapes",
             "Any shape, and exact",
             """<p>Discs, boxes, polygons, also concave ones: an image needs nothing but the distance between two
@@ -103,6 +94,17 @@ def _steps(grid: CSpaceGrid, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
             q,
         ),
     ]
+    if grid.turns[0]:
+        strip = LessonStep(
+            "strip",
+            "Strips and blobs",
+            f"""<p>If the <i>first</i> link touches, the second joint cannot help: its value does not matter, and the
+            image is a strip along the axis of {math(symbols[1])}. If only the second link touches, the image is a
+            bounded blob.</p>
+            <p>Obstacles near the base therefore have strips, and far ones have blobs.</p>""",
+            q,
+        )
+        steps.insert(2, strip)
     if any(grid.periodic):
         both = all(grid.periodic)
         closed = "Both angles" if both else "The angle"

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from rr1plan.checks import check_text, file_path, finite_array, positive_number
 from rr1plan.errors import InputError
 from rr1plan.lessons.lesson_catalog import LESSONS
+from rr1plan.notebook_view import NotebookView
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 
@@ -52,7 +53,7 @@ class LessonStep:
             object.__setattr__(self, "q", tuple(finite_array("step q", self.q, (None,)).tolist()))
 
 
-class Lesson(ABC):
+class Lesson(NotebookView, ABC):
     """A lesson with its computed content; `lesson` makes one.
 
     Subclasses set `name`, `scene` and `steps`, and define `_page` and `_draw`.
@@ -160,6 +161,12 @@ class Lesson(ABC):
         from rr1plan.lessons.lesson_page import save_page
 
         return save_page(self, file, options)
+
+    def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
+        """The document of the page, and its options with the lesson's panels."""
+        from rr1plan.lessons.lesson_page import page_parts
+
+        return page_parts(self, options)
 
     def show(
         self,

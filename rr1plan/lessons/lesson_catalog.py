@@ -17,7 +17,13 @@ if TYPE_CHECKING:
 LESSONS = {
     "workspace": ("WorkspaceLesson", "Workspace"),
     "configuration_space": ("ConfigurationSpaceLesson", "Configuration space"),
+    "kinematics": ("KinematicsLesson", "Kinematics"),
     "no_path": ("NoPathLesson", "No free path although both ends are free"),
+    "planning": ("PlanningLesson", "Planning step by step"),
+    "motion": ("MotionLesson", "From path to motion"),
+    "continuous_checking": ("ContinuousCheckingLesson", "Continuous checking"),
+    "two_arms": ("TwoArmsLesson", "Two 2R arms"),
+    "six_joints": ("SixJointsLesson", "Six joints"),
 }
 
 

@@ -19,7 +19,7 @@ from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_opt
 
 def save_page(lesson: Lesson, file: str | os.PathLike[str], options: ViewOptions | None) -> FilePath:
     """Write a lesson as one self-contained page; see `Lesson.save_html`."""
-    return write_text(file, page_html(*_page_parts(lesson, options)))
+    return write_text(file, page_html(*page_parts(lesson, options)))
 
 
 def show_page(
@@ -34,11 +34,11 @@ class _LessonViewer(Viewer):
     """A live page of a lesson."""
 
     def __init__(self, lesson: Lesson, options: ViewOptions | None, port: int | None) -> None:
-        document, options = _page_parts(lesson, options)
+        document, options = page_parts(lesson, options)
         self._open(lesson.scene, document, options, port)
 
 
-def _page_parts(lesson: Lesson, options: ViewOptions | None) -> tuple[Document, ViewOptions]:
+def page_parts(lesson: Lesson, options: ViewOptions | None) -> tuple[Document, ViewOptions]:
     """The document of the page, and the options with all panels."""
     options = checked_options(options)
     document, panels = lesson._page(options)

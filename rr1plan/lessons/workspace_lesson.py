@@ -40,9 +40,9 @@ class WorkspaceLesson(Lesson):
     def __init__(self, scene: Scene | None, problem: Problem | None) -> None:
         refuse_problem(self.name, problem)
         self.scene = two_link_scene() if scene is None else scene
-        _, self.arm = require_flat_arm(self.name, self.scene)
+        name, self.arm = require_flat_arm(self.name, self.scene)
         self.picture = cspace(self.scene)
-        self.steps = _steps(self.arm)
+        self.steps = _steps(self.arm, tuple(self.scene.arms[name].q.tolist()))
 
     def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
         document, panel = page_parts(self.picture, options=options)
@@ -101,36 +101,23 @@ def solution_counts(
     return np.asarray((inside & ~blocked[cells[0], cells[1]]).sum(axis=-1))
 
 
-def _steps(arm: FlatArm) -> tuple[LessonStep, ...]:
-    a, c = (abs(bar) for bar in arm.bars)
-    first, second = sub("l", 1), sub("l", 2)
-    reach = math("|", first, "−", second, "|", "≤", "r", "≤", first, "+", second)
+def _steps(arm: FlatArm, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
     return (
         LessonStep(
-            "annulus",
+            "reach",
             "What the tool can reach",
-            f"""<p>Two links of lengths {math(first)} = {a:g} m and {math(second)} = {c:g} m. Stretched, the tool is
-            farthest from the base; folded, it is nearest. What lies between is the <b>workspace</b>, an annulus:
-            {reach}, here {abs(a - c):.3g} m ≤ {math("r")} ≤ {a + c:.3g} m.</p>
-            <p>Drag the tool along both rims. Where it cannot follow the pointer, it stays on the rim.</p>""",
-            (0.5, 0.9),
+            f"""{_reach(arm)}
+            <p>Drag the tool along the rim. Where it cannot follow the pointer, it stays as near as it can.</p>""",
+            q,
         ),
-        LessonStep(
-            "elbows",
-            "Two elbows for one point",
-            """<p>A point inside the annulus is reached <b>twice</b>, with the elbow on the left or on the right. On
-            the rims both solutions are one: the arm is straight or folded, it is singular.</p>
-            <p>The hollow ring in the configuration space is the other solution. Press <kbd>E</kbd> to go there: the
-            tool stays where it is.</p>""",
-            (0.5, 0.9),
-        ),
+        LessonStep("solutions", "How many solutions has a point?", _solutions(arm), q),
         LessonStep(
             "limits",
             "Joint limits take solutions away",
             """<p>A joint with limits forbids the gray margins of the configuration space. Points whose one solution
             is in there are reached <b>once</b>, points with both in there never.</p>
             <p>Drag the tool from blue to striped and press <kbd>E</kbd>: the arm would leave its limits.</p>""",
-            (0.5, 0.9),
+            q,
         ),
         LessonStep(
             "obstacles",
@@ -139,15 +126,60 @@ def _steps(arm: FlatArm) -> tuple[LessonStep, ...]:
             more of the workspace than its own area: it has a <b>shadow</b>, which no link passes.</p>
             <p>Reached in two ways, in one, or in none: the boundaries are images of the boundaries in the
             configuration space.</p>""",
-            (0.5, 0.9),
+            q,
         ),
         LessonStep(
             "question",
             "Reached is not yet attainable",
             """<p>A point counts here if the arm can <i>stand</i> there. Whether it can <i>get</i> there from where
             it is now depends on how the free configurations hang together.</p>
-            <p>Find two blue points between which the arm cannot move with the elbow on the same side. The lesson
-            <i>Configuration space</i> shows why.</p>""",
-            (-0.5, -0.9),
+            <p>Find two colored points between which the arm cannot move. The lesson <i>Configuration space</i>
+            shows why.</p>""",
+            q,
         ),
     )
+
+
+def _reach(arm: FlatArm) -> str:
+    """The first paragraph about the region of an arm, with its formula."""
+    a, c = (abs(bar) for bar in arm.bars)
+    first, second, slide = sub("l", 1), sub("l", 2), sub("d", 2)
+    match arm.kinds:
+        case "RR":
+            bounds = math("|", first, "−", second, "|", "≤", "r", "≤", first, "+", second)
+            return f"""<p>Two links of lengths {math(first)} = {a:g} m and {math(second)} = {c:g} m. Stretched, the
+            tool is farthest from the base; folded, it is nearest. What lies between is the <b>workspace</b>, an
+            annulus: {bounds}, here {abs(a - c):.3g} m ≤ {math("r")} ≤ {a + c:.3g} m.</p>"""
+        case "RP":
+            return f"""<p>A sleeve of {math(first)} = {a:g} m that turns, and a rod that slides out of it by
+            {math(slide)}. The <b>workspace</b> is the set of points that the tool reaches, an annulus:
+            {math("r", "=", first, "+", slide)}, between its smallest and its largest value.</p>"""
+        case "PR":
+            return f"""<p>A carriage that slides, and a link of {math(second)} = {c:g} m that turns on it. The
+            <b>workspace</b> is the set of points that the tool reaches: all circles of this radius around positions
+            of the carriage.</p>"""
+        case _:
+            return """<p>A gantry: a beam that slides, and a tool that slides along it. The <b>workspace</b> is the
+            set of points that the tool reaches, a rectangle, and the coordinates of the tool are those of the
+            joints.</p>"""
+
+
+def _solutions(arm: FlatArm) -> str:
+    """The text about inverse kinematics without limits and obstacles."""
+    other = """<p>The hollow ring in the configuration space is the other solution. Press <kbd>E</kbd> to go there:
+            the tool stays where it is.</p>"""
+    match arm.kinds:
+        case "RR":
+            return f"""<p>A point inside the annulus has <b>two</b> solutions, with the elbow on the left or on the
+            right. On the rims both are one: the arm is straight or folded, it is <b>singular</b>.</p>{other}"""
+        case "RP":
+            return """<p>A direction and a distance determine both joints, so a point has <b>one</b> solution. The
+            second solution of the equations points backwards, with a negative distance: most rods cannot do
+            that.</p>"""
+        case "PR":
+            return f"""<p>The carriage can be on the left of a point or on its right: <b>two</b> solutions, if its
+            travel is long enough. With the link at a right angle to the rail both are one, and the arm is
+            <b>singular</b>.</p>{other}"""
+        case _:
+            return """<p>Each coordinate belongs to one joint, so every point has <b>one</b> solution, and the arm
+            is never singular, which makes gantries easy to program.</p>"""

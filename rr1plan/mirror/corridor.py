@@ -11,7 +11,6 @@ The corridor is the union of these neighborhoods of samples q of the motion, wit
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -143,7 +142,7 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
         raise InputError(f"trajectory and arms have different joints: only one of them has {odd!r}")
     columns = [trajectory.joint_names.index(name) for name in names]
     checker = CollisionChecker(scene, trajectory.arms)
-    levers = _levers(checker)
+    levers = checker.tables.pair_levers(checker.nq)
     turning = np.concatenate([rotary(scene.arms[arm].robot) for arm in checker.arms])
     pairs = tuple(checker.pairs[owner] for owner in checker.solid_owner)
     now, step = trajectory.start_time, _LONGEST
@@ -175,16 +174,3 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
         now = min(now + step, trajectory.end_time)
     samples = [read_only(np.array(rows)) for rows in (times, configurations, distances)]
     return Corridor(names, samples[0], samples[1], samples[2], read_only(levers), pairs, read_only(turning))
-
-
-def _levers(checker: CollisionChecker) -> Array:
-    """For each pair of bodies, how far a change of each column moves them against each other at most, shape (p, nq)."""
-    tables = checker.tables
-    rows = np.zeros((len(tables.pairs), checker.nq))
-    for row, (first, second, shared) in zip(rows, tables.pairs.tolist(), strict=True):
-        for body in (first, second):
-            if 0 <= body < len(tables.bodies):
-                # Joints that both bodies hang on do not move them against each other.
-                for column, lever in islice(tables.levers(body), shared, None):
-                    row[column] += lever
-    return rows

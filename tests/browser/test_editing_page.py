@@ -288,7 +288,7 @@ def test_an_obstacle_moves_on_its_plane_up_and_around(calm: Any, problem: rp.Pro
     moved = place_of(calm, "ball")
     assert np.linalg.norm(moved[:2, 3] - before[:2, 3]) > 0.02
     assert moved[2, 3] == before[2, 3]
-    assert calm.page.inner_text("#badge") == "Obstacles moved: not checked since"
+    assert calm.page.inner_text("#badge") == "Obstacles moved: not checked"
     drawn = calm.ask("RR1.world.boxAround('ball').getCenter(new RR1.THREE.Vector3()).toArray()")
     np.testing.assert_allclose(drawn, moved[:3, 3], atol=2e-3)
     np.testing.assert_array_equal(np.reshape(calm.ask("Array.from(RR1.planner.obstaclePose('ball'))"), (4, 4)).T, moved)

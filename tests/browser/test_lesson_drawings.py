@@ -10,6 +10,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.lessons.workspace_lesson import WorkspaceLesson, solution_counts
+from rr1plan.model.flat_arm import flat_arm
 from rr1plan.playback.viewer.page_capture import wait_until
 
 pytestmark = pytest.mark.browser
@@ -32,7 +33,7 @@ def test_the_page_counts_solutions_as_python_does(tab: Any, tmp_path: Path) -> N
     tab.open(lesson.save_html(tmp_path / "a.html"), READY)
     points = np.random.default_rng(5).uniform(-1.75, 1.75, (400, 2))
     for step, ignored in (
-        ("elbows", tuple(lesson.picture.grid.layers)),
+        ("solutions", tuple(lesson.picture.grid.layers)),
         ("limits", ("disc", "plate")),
         ("obstacles", ()),
     ):
@@ -80,4 +81,48 @@ def test_the_verdict_is_kept_back_and_cells_prove_it(tab: Any, tmp_path: Path) -
     assert 0.3 < painted < 0.9
     tab.page.keyboard.press("ArrowLeft")
     assert not overlay.is_visible()
+    assert tab.complaints == []
+
+
+@pytest.mark.parametrize("kinds", ["RR", "RP", "PR", "PP"])
+def test_arms_that_turn_and_slide_are_dragged_by_the_tool(kinds: str, tab: Any, tmp_path: Path) -> None:
+    arm = rp.planar_arm(kinds, (1.0, 0.8))
+    scene = rp.Scene(name=kinds).with_arm("arm", arm, rp.transforms.pose([0.1, -0.2, 0.0], rpy=[0.0, 0.0, 0.4]))
+    tab.open(rp.lesson("workspace", scene).save_html(tmp_path / "a.html"), READY)
+    flat = flat_arm(scene.arms["arm"])
+    assert flat is not None
+    q = np.random.default_rng(2).uniform(0.05, 0.75, (20, 2))
+    places = tab.ask("(qs) => qs.map((q) => RR1.lesson.arm.flat.places(q))", q.tolist())
+    np.testing.assert_allclose(places, flat.points(q), atol=1e-9)
+    points = flat.points(q)[:, 2]
+    found = tab.ask("(points) => points.map(([x, y]) => RR1.lesson.arm.flat.solutions(x, y))", points.tolist())
+    for ours, theirs in zip(flat.solutions(points), found, strict=True):
+        ours = ours[np.isfinite(ours).all(axis=1)]
+        assert len(ours) == len(theirs)
+        np.testing.assert_allclose(np.exp(1j * np.array(theirs)), np.exp(1j * ours), atol=1e-6)
+    columns = tab.ask("(q) => RR1.lesson.arm.flat.columns(q)", q[0].tolist())
+    step = 1e-6 * np.eye(2)
+    slopes = [(flat.points(q[0] + d)[2] - flat.points(q[0] - d)[2]) / 2e-6 for d in step]
+    np.testing.assert_allclose(columns, slopes, atol=1e-6)
+
+    # A drag of the tool with the mouse from one configuration to the tool's place in another.
+    begin, end = np.array([0.3, 0.3]), np.array([0.5, 0.6])
+    tab.ask("(q) => RR1.setQ(q)", begin.tolist())
+    tab.picture()
+    pixels = [
+        tab.ask(
+            """([x, y]) => {
+                const { camera, pane } = RR1.stage, box = pane.getBoundingClientRect();
+                const at = new RR1.THREE.Vector3(x, RR1.panelData.cspace.planar.height, -y).project(camera);
+                return [box.left + (at.x + 1) / 2 * box.width, box.top + (1 - at.y) / 2 * box.height];
+            }""",
+            flat.points(one)[2].tolist(),
+        )
+        for one in (begin, end)
+    ]
+    tab.page.mouse.move(*pixels[0])
+    tab.page.mouse.down()
+    tab.page.mouse.move(*pixels[1], steps=5)
+    tab.page.mouse.up()
+    np.testing.assert_allclose(tab.ask("Array.from(RR1.q)"), end, atol=0.03)
     assert tab.complaints == []

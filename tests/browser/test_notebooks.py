@@ -86,4 +86,6 @@ def test_the_exported_notebook_shows_the_arm(ran: Any, tab: Any, tmp_path: Path)
 
 def test_what_has_no_page_says_so() -> None:
     with pytest.raises(rp.InputError, match="has no page, expected a scene"):
+        rp.save_glb("a.glb", 3)
+    with pytest.raises(rp.InputError, match="file name is 3"):
         rp.screenshot("a.png", 3)

@@ -325,7 +325,7 @@ def test_a_page_names_why_it_cannot_plan(planar2r: rp.Robot) -> None:
     assert document["planner"] == {"missing": "3 arms move, and pages plan for 2 at most"}
     assert "wasm" not in policy
     assert page_planner(many, ["arm0"])["joints"] == list(many.joint_names(["arm0"]))
-    assert page_planner(rp.Scene()) == {"missing": "no arm moves"}
+    assert page_planner(rp.Scene()) == page_planner(many, []) == {"missing": "no arm moves"}
     stuck = many.with_arm("last", planar2r, [0.0, 0.1, 0.0])
     assert "are in contact, and neither moves" in page_planner(stuck, ["arm1"])["missing"]
 
@@ -355,4 +355,5 @@ def test_without_modules_pages_name_that(planar2r: rp.Robot, monkeypatch: pytest
 
 def test_both_modules_are_small() -> None:
     sizes = [len(zlib.decompress(base64.b64decode(text))) for text in page_modules().values()]
-    assert sum(sizes) < 400_000
+    assert max(sizes) < 400_000
+    assert sum(sizes) < 450_000

@@ -295,7 +295,7 @@ def test_pages_are_looked_at_from_the_view_that_is_given(command: list[str], pag
         (["0", "-1", "2"], "[0.0,-1.0,2.0]"),
     ):
         assert run([*command, "--view", *words]) == OK
-        assert f'"version":0,"view":{direction}' in Path(page).read_text()
+        assert f'"live":null,"view":{direction}' in Path(page).read_text()
 
 
 def test_spheres_are_put_on_pages_when_asked_for(motion: Path) -> None:
@@ -392,6 +392,37 @@ def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixtu
     assert "reach_over_crate" in capsys.readouterr().out
 
 
+def test_lessons_are_listed_and_written(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["lesson", "--json"]) == OK
+    assert [row["name"] for row in answer(capsys)] == list(rp.lesson_names())
+    assert run(["lesson", "workspace", "--html", "a.html", "--figure", "a.svg", "--json"]) == OK
+    assert answer(capsys)["files"] == {"page": "a.html", "figure": "a.svg"}
+    assert Path("a.html").stat().st_size > 100_000
+    assert Path("a.svg").read_text().rstrip().endswith("</svg>")
+    own = ["--scene", "planar2r_no_path", "--query", "no_way"]
+    assert run(["lesson", "no_path", *own, "--figure", "b.png"]) == OK
+    assert Path("b.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["wrkspace"], "Did you mean 'workspace'"),
+        (["workspace", "--query", "no_way"], "--query has no effect without --scene"),
+        (["workspace", "--html", "a.html", "--port", "80"], "--port has no effect with --html"),
+        (["workspace", "--figure", "a.pdf"], "does not end in .png or .svg"),
+        (["workspace", "--scene", "rr1_table", "--figure", "a.png"], "needs an arm of two joints"),
+        (["no_path", "--scene", "planar2r_no_path", "--figure", "a.png"], "(on the command line: --query)"),
+    ],
+)
+def test_a_lesson_refuses_what_it_cannot_be_about(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["lesson", *arguments]) == BAD_INPUT
+    assert said in capsys.readouterr().err
+    assert list(Path().glob("*")) == []
+
+
 def test_an_optional_package_names_its_extra(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -468,3 +499,20 @@ def test_a_stream_is_mirrored_beside_its_plan(motion: Path, tmp_path: Path, caps
     }.items():
         assert run(["mirror", *arguments]) == BAD_INPUT
         assert words in capsys.readouterr().err
+
+
+def test_view_and_play_write_models_and_videos(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["view", str(motion), "--glb", "motion.glb", "--html", "motion.html", "--json"]) == OK
+    assert json.loads(capsys.readouterr().out) == {"page": "motion.html", "3-D model": "motion.glb"}
+    assert Path("motion.glb").read_bytes().startswith(b"glTF")
+    for words, said in (
+        (["view", str(motion), "--glb", "motion.gltf"], ".glb"),
+        (["view", str(motion), "--time", "1"], "--time has no effect without --png"),
+        (["view", str(motion), "--png", "a.png", "--fps", "10"], "--fps has no effect without --video"),
+        (["view", str(motion), "--video", "a.mp4", "--port", "7000"], "--port has no effect with --video"),
+        (["view", str(motion), "--video", "a.avi"], ".mp4 or .gif or .webp"),
+        (["play", str(motion), "--size", "640", "400"], "--size has no effect without --video"),
+        (["play", str(motion), "--video", "nowhere/a.gif"], "cannot write"),
+    ):
+        assert run(words) == BAD_INPUT
+        assert said in capsys.readouterr().err

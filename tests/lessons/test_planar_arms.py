@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -72,6 +74,14 @@ def test_a_planar_arm_plans_among_obstacles(kinds: str) -> None:
     assert not arm.links_of_assumed_mass
     kind_of = {"R": "continuous", "P": "prismatic"}
     assert [arm.joint(name).kind for name in arm.joint_names] == [kind_of[kind] for kind in kinds]
+
+
+@pytest.mark.parametrize("kinds", KINDS)
+def test_an_arm_alone_has_a_page(kinds: str, tmp_path: Path) -> None:
+    """Where nothing can touch, no pair of solids is checked, and the tables of the page are empty."""
+    scene = rp.Scene().with_arm("arm", rp.planar_arm(kinds))
+    assert rp.save_html(tmp_path / "a.html", scene).stat().st_size > 100_000
+    assert rp.cspace(scene, resolution=16).save_html(tmp_path / "b.html").stat().st_size > 100_000
 
 
 def test_the_gantry_sees_the_workspace_grown_by_its_rod() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cache
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -85,6 +86,24 @@ class ExactTables(NamedTuple):
             _, slides, column, _ = self.joints[self.chain[k]].tolist()
             gain = abs(float(self.joint_values[self.chain[k], 15]))
             yield column, gain * (1.0 if slides else float(self.chain_reach[k]) + radius)
+
+    def pair_levers(self, columns: int) -> Array:
+        """For each pair, how far a change of each column moves its bodies against each other at most, shape (p, nq).
+
+        Args:
+            columns: Number of columns of q.
+
+        Returns:
+            Levers [m/rad, or m/m].
+        """
+        rows = np.zeros((len(self.pairs), columns))
+        for row, (first, second, shared) in zip(rows, self.pairs.tolist(), strict=True):
+            for body in (first, second):
+                if 0 <= body < len(self.bodies):
+                    # Joints that both bodies hang on do not move them against each other.
+                    for column, lever in islice(self.levers(body), shared, None):
+                        row[column] += lever
+        return rows
 
 
 def build_tables(geometry: CollisionGeometry, fixed: FixedSolids, padding: Array) -> ExactTables:

@@ -2,6 +2,6 @@
 
 const space = viewer.lesson;
 const layer = (name) => viewer.panelData.cspace.layers.findIndex((one) => one.name === name);
-steps.reset = () => { space.single(-1); if (space.setTorus) space.setTorus(false); };
+steps.reset = () => { space.single(-1); steps.torus(false); };
 steps.on("strip", () => space.single(data.own.largest ? layer(data.own.largest) : -1));
-steps.on("seams", () => { if (space.setTorus) space.setTorus(true); });
+steps.on("seams", () => steps.torus(true));

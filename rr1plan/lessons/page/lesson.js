@@ -5,6 +5,7 @@
 //   steps.corner(name)       an element in a corner of the workspace, for a legend or numbers
 //   steps.overlay(draw)      draw(pen, at) draws over the square of the configuration space, again after resizing and by
 //                            .paint(): at(q) is the point [px] of two joint values;  .show(on) shows or hides it
+//   steps.torus(on)          shows the configuration space as a torus or as a square, where the page can
 //   steps.go(index)          enter a step;  steps.index, steps.name: the present one
 //
 // On the page it is RR1.steps.
@@ -42,6 +43,11 @@ class Steps {
   }
 
   overlay(draw) { return new Overlay(draw); }
+
+  torus(on) {
+    const space = viewer.lesson;
+    if (space.toggleTorus && !space.tools.torus.hidden && Boolean(space.torus) !== on) space.toggleTorus();
+  }
 
   /** Enters the first step, or the one that the page's address names. */
   begin() {

@@ -21,7 +21,7 @@ const show = ({ tint = false, tree = false, torus = false, proof = false, verdic
   space.tinted = tint;
   space.showTree = tree;
   space.repaint();
-  if (space.setTorus) space.setTorus(torus);
+  steps.torus(torus);
   cells.show(proof);
   // The answer is not given away before the question has been tried.
   document.querySelector("#panel-cspace .verdict").hidden = !verdict;

@@ -11,19 +11,21 @@ class ReachMap {
     this.canvas.width = this.canvas.height = SIDE;
     this.texture = new THREE.CanvasTexture(this.canvas);
     this.texture.encoding = THREE.sRGBEncoding;
-    const { base, height } = this.space.planar;
-    this.span = 1.02 * viewer.lesson.arm.outer;
+    const { center, radius, height } = this.space.planar;
+    this.span = 1.02 * radius;
     const material = new THREE.MeshBasicMaterial({ map: this.texture, transparent: true, depthWrite: false });
     this.plane = new THREE.Mesh(new THREE.PlaneGeometry(2 * this.span, 2 * this.span), material);
     // Below the arm, so that links and obstacles are not tinted.
-    this.plane.position.set(base[0], base[1], height - 0.08 * this.span);
+    this.plane.position.set(center[0], center[1], height - 0.08 * this.span);
     this.plane.visible = false;
     viewer.add("reach", this.plane);
     this.corner = steps.corner("reach");
     this.corner.innerHTML = '<b></b><span><i class="twice"></i>reached in two ways</span><span><i class="once"></i>in one way</span><span><i class="never"></i>not at all</span>';
     this.ignored = null;
     viewer.on("change", () => this.read());
-    viewer.on("data", () => this.paint());
+    // The picture is painted anew when its cells have changed; the map follows once they stay as they are.
+    const { repaint } = viewer.lesson;
+    viewer.lesson.repaint = () => { repaint.call(viewer.lesson); clearTimeout(this.waiting); this.waiting = setTimeout(() => this.paint(), 80); };
   }
 
   /** Counts with all layers but those for which ignore(layer) is true; null hides the map. */
@@ -41,13 +43,10 @@ class ReachMap {
 
   /** In how many ways the tool reaches a point. */
   count(x, y, mask) {
-    const { arm, cells } = viewer.lesson, { base, low, high } = { ...this.space, base: this.space.planar.base };
-    const far = Math.hypot(x - base[0], y - base[1]);
-    if (far > arm.outer || far < arm.inner) return 0;
+    const { arm, cells } = viewer.lesson, { low, high } = this.space;
     let ways = 0;
-    for (const side of [1, -1]) {
-      const [u, v] = arm.solve(x, y, side).map((q, axis) => (q - low[axis]) / (high[axis] - low[axis]));
-      const cell = cells.at(u, v);
+    for (const q of arm.flat.solutions(x, y)) {
+      const cell = cells.at(...q.map((v, axis) => (v - low[axis]) / (high[axis] - low[axis])));
       if (cell >= 0 && !(cells.bits[cell] & mask)) ways += 1;
     }
     return ways;
@@ -56,10 +55,10 @@ class ReachMap {
   paint() {
     if (!this.ignored) return;
     const pen = this.canvas.getContext("2d"), image = pen.createImageData(SIDE, SIDE), mask = this.mask();
-    const { base } = this.space.planar, colors = { 1: hex(ONCE), 2: hex(TWICE) };
+    const { center } = this.space.planar, colors = { 1: hex(ONCE), 2: hex(TWICE) };
     for (let j = 0; j < SIDE; j++) {
       for (let i = 0; i < SIDE; i++) {
-        const x = base[0] + this.span * ((2 * i + 1) / SIDE - 1), y = base[1] + this.span * (1 - (2 * j + 1) / SIDE);
+        const x = center[0] + this.span * ((2 * i + 1) / SIDE - 1), y = center[1] + this.span * (1 - (2 * j + 1) / SIDE);
         const ways = this.count(x, y, mask), at = 4 * (j * SIDE + i);
         if (!ways) continue;
         // Hatched where there is one way, so that no reader depends on colors.
@@ -94,7 +93,7 @@ const signed = (v) => v.toFixed(2).replace("-", "−");
 const map = steps.map = new ReachMap();
 const isLimit = (layer) => layer.kind === "limits";
 steps.reset = () => map.show(null);
-steps.on("elbows", () => map.show(() => true));
+steps.on("solutions", () => map.show(() => true));
 steps.on("limits", () => map.show((layer) => !isLimit(layer)));
 steps.on("obstacles", () => map.show(() => false));
 steps.on("question", () => map.show(() => false));

@@ -22,11 +22,13 @@ from rr1plan.checks import Array, of_kind
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.files.file_access import write_text
+from rr1plan.model.flat_arm import flat_arm
 from rr1plan.path import Path
 from rr1plan.playback.cspace.cspace_colors import layer_colors
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace.cspace_raster import SELF, CSpaceRaster
 from rr1plan.playback.cspace.cspace_verdict import tone, verdict
+from rr1plan.playback.cspace.reach_outline import reach_of
 from rr1plan.playback.outlines import silhouette
 from rr1plan.playback.search_trees import DrawnTree
 from rr1plan.playback.simulation.replay import Replay
@@ -43,7 +45,7 @@ if TYPE_CHECKING:
 
 _SCRIPTS = (
     "cspace_picture", "cspace_components", "cspace_raster", "cspace_query", "phase_plane", "torus_view",
-    "cspace_workspace", "planar_drags", "cspace",
+    "flat_arm", "cspace_workspace", "planar_drags", "cspace",
 )  # fmt: skip
 _CRUMB = 255  # label of all components too small to have a color of their own
 
@@ -262,30 +264,23 @@ def _configuration(grid: CSpaceGrid, q: Any) -> Array:
 
 
 def _planar(grid: CSpaceGrid) -> dict[str, Any] | None:
-    """The arm as two bars in the plane, or None when it is not that: base, bars at zero, turning senses."""
+    """The arm as two joints in a horizontal plane (see `FlatArm`) and what it reaches, or None when it is not that."""
     arm = grid.scene.arms[grid.arm]
-    robot = arm.robot
-    joints = [robot.joint(name) for name in grid.joint_names]
-    if len(robot.joint_names) != 2 or any(joint.kind == "prismatic" for joint in joints):
+    flat = flat_arm(arm) if arm.robot.joint_names == grid.joint_names else None
+    if flat is None:
         return None
-    zero = {name: arm.base @ T for name, T in robot.link_poses(_configuration(grid, (0.0, 0.0))).items()}
-    axes = np.array([zero[joint.child][:3, :3] @ joint.axis for joint in joints])
-    if np.abs(axes[:, 2]).min() < 1.0 - 1e-9:
-        return None
-    base, elbow, tool = (zero[link][:3, 3] for link in (joints[0].child, joints[1].child, robot.tool))
-    senses = np.sign(axes[:, 2])
-    bars = [complex(*(b - a)[:2]) for a, b in ((base, elbow), (elbow, tool))]
-    trial = (0.7, -1.1)
-    turned = np.exp(1j * senses[0] * trial[0]) * (bars[0] + np.exp(1j * senses[1] * trial[1]) * bars[1])
-    there = (arm.base @ robot.link_poses(_configuration(grid, trial))[robot.tool])[:2, 3] - base[:2]
-    if abs(turned - complex(*there)) > 1e-9 or min(abs(bar) for bar in bars) < 1e-9:
-        return None
+    reach = reach_of(flat, arm.robot.limits)
     return {
-        "base": base.tolist(),
-        "bars": [[bar.real, bar.imag] for bar in bars],
-        "senses": senses.tolist(),
-        "height": float(tool[2]),
-        "names": _names(grid, float(tool[2])),
+        "kinds": flat.kinds,
+        "base": [flat.base.real, flat.base.imag, flat.height],
+        "bars": [[bar.real, bar.imag] for bar in flat.bars],
+        "senses": list(flat.senses),
+        "slides": [[slide.real, slide.imag] for slide in flat.slides],
+        "height": flat.height,
+        "rims": [rim.round(6).tolist() for rim in reach.rims],
+        "center": reach.center.tolist(),
+        "radius": reach.radius,
+        "names": _names(grid, flat.height),
     }
 
 

@@ -147,8 +147,8 @@ def _draw_seams(axes: Any, grid: CSpaceGrid, note: bool) -> None:
                 if axis == 0
                 else {"xy": (1.015, 0.5), "va": "center", "rotation": 90}
             )
-            text = "dashed edges meet: the torus" if axis == 0 else ""
-            axes.annotate(text, xycoords="axes fraction", fontsize=12, color="#59616d", **spot)
+            text = "dashed edges meet: the torus" if all(grid.periodic) else "dashed edges meet"
+            axes.annotate(text if axis == 0 else "", xycoords="axes fraction", fontsize=12, color="#59616d", **spot)
 
 
 def _pi_ticks(axis: Any, low: float, high: float) -> None:

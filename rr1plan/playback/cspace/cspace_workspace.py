@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.patches import Annulus, Circle, Polygon
+from matplotlib.patches import Circle, PathPatch, Polygon
+from matplotlib.path import Path
 
 from rr1plan.checks import Array
+from rr1plan.model.flat_arm import flat_arm
 from rr1plan.playback.cspace.cspace_colors import GOAL, INK, START, layer_colors
 from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
 from rr1plan.playback.cspace.cspace_lines import along, gradient, write_name
+from rr1plan.playback.cspace.reach_outline import reach_of
 from rr1plan.playback.outlines import silhouette
 from rr1plan.shapes import HalfSpace
 
@@ -22,10 +25,10 @@ if TYPE_CHECKING:
 def draw_workspace(axes: Any, cspace: CSpaceQuery) -> None:
     """Draw it."""
     grid = cspace.grid
-    scene, arm = grid.scene, grid.scene.arms[grid.arm]
+    scene = grid.scene
     axes.set_title("workspace", loc="left", color=INK)
     axes.set_aspect("equal")
-    reach = _draw_reach(axes, cspace)
+    center, radius = _draw_reach(axes, cspace)
     colors = layer_colors(grid)
     for name, obstacle in scene.obstacles.items():
         color, centers = colors.get(name, "#999999"), []
@@ -42,27 +45,30 @@ def draw_workspace(axes: Any, cspace: CSpaceQuery) -> None:
     if cspace.path is not None:
         tips = np.array([_tool(grid, q) for q in along(cspace.path, 200)])
         axes.add_collection(gradient(tips, 2.2, zorder=6))
-    center = arm.base[:2, 3]
-    span = 1.08 * max(reach, 1e-3)
+    span = 1.08 * max(radius, 1e-3)
     axes.set(xlim=(center[0] - span, center[0] + span), ylim=(center[1] - span, center[1] + span))
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _draw_reach(axes: Any, cspace: CSpaceQuery) -> float:
-    """Draw the ring that the tool of an arm with two joints that turn can reach; returns how far it gets."""
+def _draw_reach(axes: Any, cspace: CSpaceQuery) -> tuple[Array, float]:
+    """Draw what the tool of a planar arm reaches; returns center and radius of the view."""
     grid = cspace.grid
-    base = grid.scene.arms[grid.arm].base[:2, 3]
-    ring = all(grid.turns) and len(grid.scene.arms[grid.arm].robot.joint_names) == 2
-    firsts = grid.axes[0][:1] if ring else grid.axes[0][:: max(1, len(grid.axes[0]) // 24)]
-    seconds = grid.axes[1][:: max(1, len(grid.axes[1]) // (180 if ring else 24))]
-    radii = [float(np.linalg.norm(_tool(grid, np.array([a, b])) - base)) for a in firsts for b in seconds]
-    inner, outer = min(radii), max(radii)
-    if ring:
-        disc = Annulus((float(base[0]), float(base[1])), outer, max(outer - inner, 1e-6), zorder=0)
-        disc.set(facecolor="#eef1f5", edgecolor="#c5ccd6", linewidth=0.8)
-        axes.add_patch(disc)
-    return outer
+    arm = grid.scene.arms[grid.arm]
+    flat = flat_arm(arm) if arm.robot.joint_names == grid.joint_names else None
+    if flat is not None:
+        reach = reach_of(flat, arm.robot.limits)
+        outline = Path.make_compound_path(*(Path(rim, closed=False) for rim in map(_closed, reach.rims)))
+        axes.add_patch(PathPatch(outline, facecolor="#eef1f5", edgecolor="#c5ccd6", linewidth=0.8, zorder=0))
+        return reach.center, reach.radius
+    base = arm.base[:2, 3]
+    values = [axis[:: max(1, len(axis) // 24)] for axis in grid.axes]
+    tools = [_tool(grid, np.array([a, b])) - base for a in values[0] for b in values[1]]
+    return base, float(np.linalg.norm(tools, axis=1).max())
+
+
+def _closed(rim: Array) -> Array:
+    return np.concatenate([rim, rim[:1]])
 
 
 def _configurations(cspace: CSpaceQuery) -> list[tuple[Array, Any, float]]:

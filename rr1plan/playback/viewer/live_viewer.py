@@ -101,8 +101,8 @@ class Viewer:
         return not self._server.has(self._page)
 
     def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
-        """The document that the pages show, and their options."""
-        return self._document, self._options if options is None else options
+        """The document that the pages show, and their options or others."""
+        return self._document, self._options if options is None else checked_options(options)
 
     def load(
         self,

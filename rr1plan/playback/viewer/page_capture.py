@@ -143,10 +143,10 @@ def opened_page(page: Page, size: tuple[int, int], bare: bool = False) -> Iterat
     with tempfile.TemporaryDirectory(prefix="rr1plan-page-") as folder:
         if isinstance(page, Viewer):
             url = page.url
-        elif isinstance(page, str | os.PathLike):
-            url = _file_url(page)
-        else:
+        elif isinstance(page, HasPage | Scene | Robot | Problem):
             url = _file_url(write_text(FilePath(folder) / "page.html", page_html(*page_content(page))))
+        else:
+            url = _file_url(page)
         with open_browser(size) as context:
             tab = context.pages[0]
             open_page(tab, url + "#bare" * bare)

@@ -375,9 +375,12 @@ def _findings(
     scene: Scene, trajectory: Trajectory | None, report: Report | None, replay: Replay | None
 ) -> dict[str, Any]:
     """Tracking errors of a replay, and where the violations of a report are."""
+    places = []
+    if report is not None and trajectory is not None and trajectory.arms:
+        places = violation_places(scene, trajectory, report)
     return {
         "error": None if replay is None else tracking_errors(replay, _columns(replay.joint_names, scene), pack_array),
-        "places": [] if report is None or trajectory is None else violation_places(scene, trajectory, report),
+        "places": places,
     }
 
 

@@ -60,7 +60,8 @@ def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float 
     Raises:
         UnknownNameError: no such arm.
     """
-    names, margin = scene.arm_names(arms) if scene.arms else (), margin or CONSTANTS.margin
+    names = scene.arm_names(arms) if scene.arms and (arms is None or len(arms)) else ()
+    margin = margin or CONSTANTS.margin
     key = "page planner", names, margin
     if key not in scene.kept:
         reason = _why_missing(scene, names)

@@ -217,7 +217,7 @@ class Controls {
       frames: "Frames", toolspeed: "Tool speed", nearest: "Clearance lines", tree: "Search tree",
       spheres: "Spheres", bodyspheres: "Body spheres", linkspheres: "Link spheres",
     };
-    const chips = Object.entries(names).filter(([layer]) => viewer.hasLayer(layer)).map(([layer, label]) => {
+    const chips = Object.entries(names).filter(([layer, label]) => label && viewer.hasLayer(layer)).map(([layer, label]) => {
       const chip = element("button", label, "chip");
       chip.type = "button";
       chip.dataset.layer = layer;

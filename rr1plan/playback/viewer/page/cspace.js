@@ -20,6 +20,7 @@ class Lesson {
     this.live = null;
     this.torus = null;
     this.phase = makePhase();
+    this.overlays = [];  // f(pen, lesson), drawn above the cells and below the marks
     this.wireTools();
     this.wireCanvas();
     this.wireKeys();
@@ -341,7 +342,7 @@ class Lesson {
 
   fillTools() {
     part(".grow").hidden = !this.tree.length;
-    this.tools.elbow.hidden = !this.workspace;
+    this.tools.elbow.hidden = !this.workspace || data.planar.kinds === "PP";
     this.tools.torus.hidden = !data.periodic.every(Boolean) || !viewer.stage.renderer;
     this.tools.undo.hidden = this.tools.reset.hidden = !this.live || !this.past.length;
     if (this.workspace) this.arm.readout.hint.hidden = !this.live || this.past.length > 0;
@@ -521,7 +522,7 @@ class Lesson {
     }
     if (this.workspace) {
       this.workspace.follow(q);
-      this.tools.elbow.disabled = Math.abs(this.workspace.bend(q)) < 1e-6;
+      this.tools.elbow.disabled = Math.abs(this.workspace.side(q)) < 1e-6 || this.place(this.workspace.twin(q)).outside;
     }
     this.drawPhase();
     this.draw();
@@ -697,6 +698,16 @@ class Lesson {
     pen.stroke();
   }
 
+  /** A polyline of joint values, also over the seams. */
+  trace(pen, values) {
+    for (const copy of wrappedCopies(values.map((q) => q.map((v, axis) => share(axis, v))))) this.line(pen, copy);
+  }
+
+  /** The joint values b, by whole turns as near to a as they come. */
+  near(a, b) {
+    return b.map((v, axis) => (data.periodic[axis] ? v + 2 * Math.PI * Math.round((a[axis] - v) / (2 * Math.PI)) : v));
+  }
+
   drawTree(pen) {
     const dense = this.tree.length > 800;
     pen.lineWidth = (dense ? 0.8 : 1.4) * this.unit;
@@ -740,10 +751,11 @@ class Lesson {
     pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
     pen.drawImage(this.still, 0, 0);
     this.inside(pen, () => {
+      for (const overlay of this.overlays) overlay(pen, this);
       this.drawMotion(pen);
       const [u, v] = q2().map((x, axis) => share(axis, wrapped(axis, x)));
       this.drawHairs(pen, u, v);
-      if (this.workspace && Math.abs(this.workspace.bend(q2())) > 0.02) {
+      if (this.workspace && Math.abs(this.workspace.side(q2())) > 0.02 && !this.place(this.workspace.twin(q2())).outside) {
         this.twin = this.workspace.twin(q2()).map((x, axis) => share(axis, wrapped(axis, x)));
         this.around(this.twin, (x, y) => disc(pen, x, y, 5.5 * unit, "rgba(255,255,255,.75)", ACCENT, 2 * unit));
       } else this.twin = null;

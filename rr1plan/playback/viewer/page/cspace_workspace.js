@@ -1,4 +1,4 @@
-// The planar arm in its workspace: the ring it reaches, and where its joints must be for the tool to be somewhere.
+// The planar arm in its workspace: the region it reaches, and where its joints must be for the tool to be somewhere.
 
 const turn = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
 
@@ -17,66 +17,62 @@ class Workspace {
     this.readout.box.hidden = !planar;
     stage.key.intensity = planar ? 0.42 : this.usual;
     if (!planar) return;
-    const { bars, senses } = data.planar;
-    this.lengths = bars.map(([x, y]) => Math.hypot(x, y));
-    this.rest = bars.map(([x, y]) => Math.atan2(y, x));
-    this.senses = senses;
-    this.outer = this.lengths[0] + this.lengths[1];
-    this.inner = Math.abs(this.lengths[0] - this.lengths[1]);
+    this.flat = new FlatArm(data.planar);
+    this.outer = data.planar.radius;
+    // The most that the manipulability can be: with the elbow at a right angle, the rod out, the link along the rail.
+    const { kinds, bars } = data.planar, [first, second] = bars.map(([x, y]) => Math.hypot(x, y));
+    this.lengths = [...kinds].flatMap((kind, k) => (kind === "R" && [first, second][k] ? [[first, second][k]] : []));
+    this.most = { RR: first * second, RP: this.outer, PR: second, PP: 1 }[kinds];
+    this.unit = ["", " m", " m²"][[...kinds].filter((kind) => kind === "R").length];
   }
 
-  /** The bend at the elbow, its sign says which of the two solutions this is. */
-  bend(q) {
-    return turn(this.senses[1] * q[1] + this.rest[1] - this.rest[0]);
+  /** Its sign says which of two solutions this is; zero where both are one, and for arms with one. */
+  side(q) {
+    return this.flat.side(q);
   }
 
-  /** Joint values that put the tool at a point of the plane, bent to one side; the nearest point when it is out of reach. */
+  /** Joint values that put the tool at a point of the plane, on one side; the nearest point when it is out of reach. */
   solve(x, y, side) {
-    const [a, b] = this.lengths;
-    const dx = x - data.planar.base[0], dy = y - data.planar.base[1];
-    const far = Math.min(Math.max(Math.hypot(dx, dy), this.inner), this.outer);
-    const bend = side * Math.acos(Math.min(Math.max((far * far - a * a - b * b) / (2 * a * b), -1), 1));
-    const first = Math.atan2(dy, dx) - Math.atan2(b * Math.sin(bend), a + b * Math.cos(bend)) - this.rest[0];
-    return [this.senses[0] * turn(first), this.senses[1] * turn(bend - this.rest[1] + this.rest[0])];
+    return this.flat.solve(x, y, side);
   }
 
   /** The other joint values with the tool where it is. */
   twin(q) {
-    const [x, y] = this.tool(q);
-    return this.solve(x, y, this.bend(q) >= 0 ? -1 : 1);
+    return this.solve(...this.tool(q), this.side(q) >= 0 ? -1 : 1);
   }
 
-  /** Where base, elbow and tool are. */
+  /** Where first joint, second joint and tool are. */
   places(q) {
-    const first = this.senses[0] * q[0] + this.rest[0], second = first + this.bend(q), [a, b] = this.lengths;
-    const [x, y] = data.planar.base, elbow = [x + a * Math.cos(first), y + a * Math.sin(first)];
-    return [[x, y], elbow, [elbow[0] + b * Math.cos(second), elbow[1] + b * Math.sin(second)]];
+    return this.flat.places(q);
   }
 
   tool(q) {
     return this.places(q)[2];
   }
 
-  /** How well the tool can be moved in all directions, |det J| (Yoshikawa 1985) [m2], and the most it can be. */
+  /** How well the tool can be moved in all directions, |det J| (Yoshikawa 1985) [m to the number of joints that turn]. */
   manipulability(q) {
-    const [a, b] = this.lengths;
-    return [a * b * Math.abs(Math.sin(this.bend(q))), a * b];
+    const [[a, b], [c, d]] = this.flat.columns(q);
+    return Math.abs(a * d - b * c);
   }
 
-  /** The ring the tool reaches, and a handle on the tool. */
+  /** The region the tool reaches, and a handle on the tool. */
   draw() {
     const { THREE } = viewer;
     if (!data.planar) {
       for (const name of ["ring", "names", "handle", "selected", "way"]) viewer.add(name, new THREE.Group());
       return;
     }
-    const { base, height } = data.planar;
-    const group = new THREE.Group();
+    const { rims, height } = data.planar, group = new THREE.Group();
     const flat = (geometry, color, opacity) => new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ color, opacity, transparent: true, depthWrite: false, side: THREE.DoubleSide }));
-    const fine = 0.004 * this.outer;
-    group.add(flat(new THREE.RingGeometry(this.inner, this.outer, 128), 0x4a74ad, 0.09));
-    for (const r of [this.inner, this.outer]) if (r > 0) group.add(flat(new THREE.RingGeometry(r - fine, r + fine, 128), 0x4a74ad, 0.5));
-    group.position.set(base[0], base[1], height);
+    const path = (Kind, points) => new Kind(points.map(([x, y]) => new THREE.Vector2(x, y)));
+    // The largest rim is around the others, which are holes.
+    const [around, ...holes] = [...rims].sort((a, b) => Math.max(...b.flat()) - Math.max(...a.flat()));
+    const region = path(THREE.Shape, around);
+    region.holes = holes.map((hole) => path(THREE.Path, hole));
+    group.add(flat(new THREE.ShapeGeometry(region), 0x4a74ad, 0.09));
+    for (const rim of rims) group.add(flat(this.strip(rim, 0.004 * this.outer), 0x4a74ad, 0.5));
+    group.position.set(0, 0, height);
     viewer.add("ring", group);
     const names = new THREE.Group();
     this.tags = new Map();
@@ -90,6 +86,21 @@ class Workspace {
     this.handle.material.depthTest = false;
     this.handle.renderOrder = 10;
     viewer.add("handle", this.handle);
+  }
+
+  /** A line of some width around a polygon. */
+  strip(points, half) {
+    const { THREE } = viewer, geometry = new THREE.BufferGeometry(), places = [], faces = [], n = points.length;
+    points.forEach(([x, y], k) => {
+      const [[x0, y0], [x1, y1]] = [points[(k + n - 1) % n], points[(k + 1) % n]];
+      const far = Math.hypot(x1 - x0, y1 - y0) || 1, normal = [(half * (y1 - y0)) / far, (half * (x0 - x1)) / far];
+      places.push(x - normal[0], y - normal[1], 0, x + normal[0], y + normal[1], 0);
+      const [a, b] = [2 * k, 2 * ((k + 1) % n)];
+      faces.push(a, a + 1, b, b, a + 1, b + 1);
+    });
+    geometry.setAttribute("position", new THREE.Float32BufferAttribute(places, 3));
+    geometry.setIndex(faces);
+    return geometry;
   }
 
   /** An obstacle's name on it, so that no reader depends on colors. */
@@ -116,11 +127,11 @@ class Workspace {
   }
 
   follow(q) {
-    const [x, y] = this.tool(q), [now, most] = this.manipulability(q), meters = (v) => `${v.toFixed(3)} m`.replace("-", "−");
+    const [x, y] = this.tool(q), now = this.manipulability(q), meters = (v) => `${v.toFixed(3)} m`.replace("-", "−");
     this.handle.position.set(x, y, data.planar.height);
-    const rows = [meters(x), meters(y), `${now.toFixed(3)} m²`, this.lengths.map((v) => `${v.toFixed(2)} m`).join(", ")];
+    const rows = [meters(x), meters(y), `${now.toFixed(3)}${this.unit}`, this.lengths.map((v) => `${v.toFixed(2)} m`).join(", ") || "–"];
     this.readout.values.forEach((out, k) => { out.textContent = rows[k]; });
-    this.readout.bar.style.width = `${(100 * now) / most}%`;
+    this.readout.bar.style.width = `${Math.min((100 * now) / this.most, 100)}%`;
   }
 
   /** Tool, link lengths and manipulability, in a corner of the workspace. */
@@ -167,10 +178,10 @@ class Workspace {
     viewer.add("way", line);
   }
 
-  /** Looks at the whole ring, from above unless the page was given a view. */
+  /** Looks at the whole region, from above unless the page was given a view. */
   look() {
-    const { base, height } = data.planar, r = 1.07 * this.outer, { THREE } = viewer;
-    const box = new THREE.Box3(new THREE.Vector3(base[0] - r, base[1] - r, height), new THREE.Vector3(base[0] + r, base[1] + r, height));
+    const { center, height } = data.planar, r = 1.07 * this.outer, { THREE } = viewer;
+    const box = new THREE.Box3(new THREE.Vector3(center[0] - r, center[1] - r, height), new THREE.Vector3(center[0] + r, center[1] + r, height));
     Object.assign(viewer.extent, { framed: cornersOf(box), whole: box, target: null });
     viewer.look(viewer.preferred || [0, 0, 1]);
   }

@@ -344,7 +344,7 @@ class Editing {
     if (this.headline && this.headline.motion === motion && this.headline.key === key) return;
     this.headline = { motion, key };
     const shown = !moved.length || !track ? report : {
-      certified: false, valid: true, violations: [], margins: {}, checked: [], title: "Obstacles moved: not checked since",
+      certified: false, valid: true, violations: [], margins: {}, checked: [], title: "Obstacles moved: not checked",
       not_checked: { collision: `${namesOf(moved, 3, ", ")} moved after this motion was planned` },
     };
     controls.fillReport(shown);

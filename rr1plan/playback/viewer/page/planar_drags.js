@@ -28,17 +28,15 @@ class PlanarDrags {
 
   holdTool() {
     const { arm, lesson } = this;
-    return { move: (point) => lesson.pose(arm.solve(...point, arm.bend(q2()) >= 0 ? 1 : -1)), drop() {} };
+    return { move: (point) => lesson.pose(arm.solve(...point, arm.side(q2()) >= 0 ? 1 : -1)), drop() {} };
   }
 
-  /** A link turns about its joint. */
+  /** A link turns about its joint, or slides along it. */
   holdLink(link, point) {
-    const { arm, lesson } = this, angle = (at) => Math.atan2(at[1] - center[1], at[0] - center[0]);
-    const q = q2(), center = arm.places(q)[link], from = angle(point);
-    return {
-      move: (at) => lesson.pose(q.map((v, axis) => (axis === link ? v + arm.senses[axis] * turn(angle(at) - from) : v))),
-      drop() {},
-    };
+    const { arm, lesson } = this, { kinds, senses } = arm.flat, angle = (at) => Math.atan2(at[1] - center[1], at[0] - center[0]);
+    const q = q2(), center = arm.places(q)[link], from = angle(point), along = arm.flat.columns(q)[link];
+    const moved = (at) => (kinds[link] === "R" ? senses[link] * turn(angle(at) - from) : (at[0] - point[0]) * along[0] + (at[1] - point[1]) * along[1]);
+    return { move: (at) => lesson.pose(q.map((v, axis) => (axis === link ? v + moved(at) : v))), drop() {} };
   }
 
   holdObstacle(name, point) {
@@ -93,7 +91,6 @@ class PlanarDrags {
     const { arm, lesson } = this, point = arm.under(event);
     lesson.select(null);
     if (!point) return;
-    const far = Math.hypot(point[0] - data.planar.base[0], point[1] - data.planar.base[1]);
-    if (far <= arm.outer && far >= arm.inner) lesson.pose(arm.solve(...point, arm.bend(q2()) >= 0 ? 1 : -1));
+    if (arm.flat.solutions(...point).length) lesson.pose(arm.solve(...point, arm.side(q2()) >= 0 ? 1 : -1));
   }
 }

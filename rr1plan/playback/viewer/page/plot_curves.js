@@ -155,7 +155,7 @@ class PlotSource {
     const sent = motion.samples.clearance, k = sent ? sent.arms.indexOf(arm.name) : -1;
     if (k < 0) return this.measuredClearance(arm, motion);
     const { times, values, width } = this.unpack(sent, 2 * sent.arms.length);
-    return ["to surroundings", "to itself"].flatMap((name, own) => {
+    return ["to surroundings", "among own links"].flatMap((name, own) => {
       const millimeters = Float64Array.from(times, (_, i) => 1000 * values[i * width + 2 * k + own]);
       return millimeters.some(Number.isFinite) ? [Object.assign(new SampledCurve(times, millimeters, [0, null]), { name, mark: "ES"[own], color: CURVES[7 + own], unit: "mm" })] : [];
     });

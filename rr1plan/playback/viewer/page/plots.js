@@ -217,8 +217,9 @@ class Chart {
     const units = [...new Set(this.curves.map(({ unit }) => unit))];
     this.unit = this.relative ? "%" : units.join(", ");
     this.title.textContent = `${QUANTITIES[key].label}${joint && !clearance ? ` of ${joint}` : ""}`;
-    const remarks = [this.relative ? "share of the limit" : this.unit, source.remark(key), left.length ? `no limit: ${left.join(", ")}` : ""];
-    this.note.textContent = remarks.filter(Boolean).join("; ");
+    const marks = clearance ? [...new Set(single.map(({ mark, name }) => `${mark} ${name}`))].join(", ") : "";
+    const remarks = [this.relative ? "share of the limit" : this.unit, marks, source.remark(key), left.length ? `no limit: ${left.join(", ")}` : ""];
+    this.note.textContent = this.note.title = remarks.filter(Boolean).join("; ");
     this.bounds = !this.relative && this.curves.length && (joint || clearance) ? this.curves[0].bounds : null;
     this.zoomed = zoomed;
   }
@@ -436,7 +437,7 @@ class Chart {
     if (!own.length) return "";
     if (!this.relative) {
       const shown = this.plots.joint && this.key !== "clearance" ? own : own.filter(({ curve }) => !curve.motion);
-      const name = (curve) => (this.key === "clearance" ? `${curve.mark} ${curve.name} ` : curve.motion ? `${curve.motion} ` : this.plots.joint ? "" : `${curve.mark} `);
+      const name = (curve) => (this.key === "clearance" ? `${curve.mark} ` : curve.motion ? `${curve.motion} ` : this.plots.joint ? "" : `${curve.mark} `);
       if (shown.length > 3) return this.largest(shown);
       return shown.map(({ curve, value }) => `${name(curve)}${shortNumber(value)} ${curve.unit}`).join(", ");
     }

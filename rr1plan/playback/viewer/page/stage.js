@@ -251,7 +251,7 @@ class Stage {
     const beside = head ? [{ left: x(head.right + gap) }, { top: y(head.bottom + gap) }] : [{}];
     const below = side ? [{}, { right: x(pane.right - gap), top: y(side.bottom + gap) }] : [{}];
     const rooms = beside.flatMap((one) => below.map((two) => ({ ...room, ...one, ...two, top: Math.min(...[room, one, two].map((r) => r.top ?? 1)) })));
-    const wide = rooms.filter((r) => r.right - r.left > 0.4 && r.top - r.bottom > 0.4);
+    const wide = rooms.filter((r) => r.right - r.left > 0.4 && r.top - r.bottom > 0.3);
     return wide.length ? wide : [room];
   }
 

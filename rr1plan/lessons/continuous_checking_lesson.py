@@ -1,0 +1,224 @@
+"""Lesson "continuous_checking": why samples prove nothing about an edge, and how distances do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError
+from rr1plan.lessons.edge_intervals import EdgeInterval, halve_edge, sample_edge
+from rr1plan.lessons.lesson import Lesson, LessonStep
+from rr1plan.lessons.mathml import math, sub
+from rr1plan.lessons.picture_panels import picture_panel
+from rr1plan.lessons.planar_outlines import planar_data, view_data
+from rr1plan.playback.cspace.configuration_space import cspace
+from rr1plan.playback.cspace.cspace_page import page_parts
+from rr1plan.playback.outlines import silhouette
+from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_problems
+from rr1plan.scene.problem import JointGoal, Problem
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from rr1plan.playback.viewer.page_document import Document
+    from rr1plan.playback.viewer.view_options import Panel, ViewOptions
+
+_INK, _SOFT, _FREE, _OPEN, _TOUCH, _SAMPLE = "#22262b", "#667080", "#14855a", "#e08a00", "#c2255c", "#2f66c8"
+_STEP = np.radians(12.0)
+_TITLES = {"through": "Through the plate", "grazing": "Grazing it", "just_past": "Just past it", "far": "Far away"}
+
+_BOUND = math("bound", "=", "∑", sub("ℓ", "j"), "|", "Δ", sub("θ", "j"), "|", "/", "2")
+
+_STEPS = (
+    (
+        "steps",
+        "A fixed step misses what fits between two samples",
+        "<p>The edge from <b>begin</b> to <b>end</b> is checked every 12°: nine configurations, all free. "
+        "Between two of them the arm goes through the plate. Many planners check edges like that, and most of "
+        "the time nothing happens.</p><p>Move the slider. What decides is not the plate, which is 4 mm thick, "
+        "but the length of edge on which arm and plate overlap: the width of both over the distance from the "
+        "joint.</p>",
+    ),
+    (
+        "small_steps",
+        "No step is small enough for all edges",
+        "<p>Here the arm's tip touches the corner of the plate by less than a millimeter. A step of 1° needs 105 "
+        "samples and sees nothing; the part in contact is 0.6° long. Bend the elbow a little more and it gets "
+        "shorter still, down to nothing. So a fixed step is a wager: a coarse one misses contacts, a fine one "
+        "costs time on every edge, also on those that are far from everything.</p>",
+    ),
+    (
+        "bound",
+        "A distance proves an interval",
+        f"""<p>A joint that turns by {math("Δ", "θ")} moves no point of a link farther than {math("ℓ", "Δ", "θ")}, with
+        the lever {math("ℓ")}: how far the link ever gets from the joint's axis. From the middle of this edge to its
+        ends the links therefore move by no more than {_BOUND}, and stay within the colored outlines. Where the
+        distance at the middle exceeds that, the whole edge is free, after <b>one</b> distance. The dashed diamond has
+        all configurations that this distance proves.</p>""",
+    ),
+    (
+        "halving",
+        "Halve what is not proven",
+        "<p>Close to obstacles the first interval is too long: the bound exceeds the distance. Each half has "
+        "half the bound and another distance. Press <b>Run</b>, or step with <kbd>.</kbd> and "
+        "<kbd>,</kbd>: proven intervals stay long where there is room and get short only beside obstacles. This "
+        "is <i>adaptive bisection</i>.</p><p>Below, the curve is the true distance, which nobody knows "
+        "beforehand. The boxes sink below it.</p>",
+    ),
+    (
+        "contact",
+        "Long intervals first",
+        "<p>The same search on the edge through the plate. Intervals are looked at level by level, so "
+        "configurations are spread over the whole edge early, and a contact is soon hit: after 10 distances this "
+        "one is decided. One configuration in contact is proof that the edge is not free.</p>",
+    ),
+    (
+        "grazing",
+        "The answer has no gap",
+        "<p>The grazing edge, of which 105 samples saw nothing. Bisection goes on where it is tight and nowhere "
+        "else, and ends in the contact after 17 distances. Drag the ends of the edge and try to deceive it. Only "
+        "where the distance is below a micrometer nothing can be proven; such an edge is refused.</p>",
+    ),
+    (
+        "advancing",
+        "Or advance as far as the distance allows",
+        "<p><i>Conservative advancement</i> uses the same bound from the beginning on: each distance says how far "
+        "the arm may go before it has to look again. It finds the <i>first</i> contact, which bisection does "
+        "not. Beside obstacles its steps get short; bisection looks from both sides and needs distances only at "
+        "middles.</p><p>In rr1plan <code>edge_is_free</code> halves, eight intervals at a time, and "
+        "<code>first_contact</code> tells where an edge is first in contact.</p>",
+    ),
+)
+
+# Of an edge of one's own: its first step, and those that state no numbers.
+_OWN_STEP = (
+    "steps",
+    "A fixed step misses what fits between two samples",
+    "<p>The edge from <b>begin</b> to <b>end</b> is checked at fixed steps. Move the slider: if parts of the "
+    "edge are in contact, a coarse step may miss them all. Which step is enough depends on the edge, and is not "
+    "known before.</p>",
+)
+_GENERAL = ("bound", "halving", "advancing")
+
+
+class ContinuousCheckingLesson(Lesson):
+    """Edges beside a thin plate, checked at fixed steps, by halving and by advancing."""
+
+    name = "continuous_checking"
+
+    def __init__(self, scene: Scene | None, problem: Problem | None) -> None:
+        problems = {_TITLES[k]: v for k, v in load_problems("planar2r_plate").items()} if scene is None else {}
+        if problem is not None:
+            problems = {"Your query": problem}
+        if not problems:
+            raise InputError("the lesson is about an edge: give a problem with a start and a goal in joint values")
+        self.edges = {name: (p.start, _goal(p)) for name, p in problems.items()}
+        self.scene = next(iter(problems.values())).scene
+        self.checker = CollisionChecker(self.scene)
+        if self.checker.nq != 2:
+            raise InputError(f"the scene has {self.checker.nq} joints, expected one arm of two joints")
+        self._own = problem is not None
+        steps = _STEPS if problem is None else (_OWN_STEP, *(step for step in _STEPS if step[0] in _GENERAL))
+        self.steps = tuple(LessonStep(*step) for step in steps)
+
+    def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
+        picture = cspace(self.scene)
+        document, base = page_parts(picture, options=options)
+        columns = {
+            key: base.data[key] for key in ("columns", "joints", "low", "high", "periodic", "size", "layers", "labels")
+        }
+        names = list(self.edges)
+        keys = ["through", "grazing", "just_past", "far"] if not self._own else names
+        presets = [
+            {"name": key, "title": name, "start": q0.tolist(), "goal": q1.tolist()}
+            for key, (name, (q0, q1)) in zip(keys, self.edges.items(), strict=True)
+        ]
+        data = {**columns, **planar_data(self.checker), "presets": presets, **view_data(self.scene)}
+        return document, (picture_panel("edge", "Configuration space", ("planar_distance.js",), data),)
+
+    # ---- the figure ------------------------------------------------------------------------
+
+    def _draw(self, figure: Figure) -> None:
+        left, right = figure.subplots(1, 2, gridspec_kw={"width_ratios": (1.0, 1.25)})
+        names = list(self.edges)
+        self._draw_samples(left, *self.edges[names[0]])
+        chosen = self.edges[names[min(2, len(names) - 1)]]
+        self._draw_intervals(right, *chosen)
+
+    def _draw_samples(self, axes: Axes, q0: Array, q1: Array) -> None:
+        found = sample_edge(self.checker, q0, q1, float(_STEP))
+        for name, obstacle in self.scene.obstacles.items():
+            for g in obstacle.geometries:
+                corners = silhouette(g.shape, obstacle.pose @ g.pose)
+                axes.fill(*corners.T, color=_SOFT if g.color is None else g.color, zorder=3)
+                axes.annotate(
+                    name,
+                    corners.mean(axis=0),
+                    xytext=(0, 9 if name == "plate" else -6),
+                    textcoords="offset points",
+                    ha="center",
+                    zorder=9,
+                )
+        for s, free in zip(found.fractions, found.free, strict=True):
+            self._draw_arm(axes, q0 + s * (q1 - q0), _SAMPLE if free else _TOUCH, 0.45)
+        words = "all free" if found.passes else f"{int((~found.free).sum())} in contact"
+        axes.set_title(f"fixed step of {np.degrees(found.step):.0f}°: {len(found.free)} samples, {words}", loc="left")
+        axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+        axes.spines[["top", "right"]].set_visible(False)
+
+    def _draw_arm(self, axes: Axes, q: Array, color: str, alpha: float) -> None:
+        name = self.checker.arms[0]
+        arm = self.scene.arms[name]
+        for link, T in arm.robot.link_poses(q).items():
+            for g in arm.robot.link(link).collisions:
+                axes.fill(
+                    *silhouette(g.shape, arm.base @ T @ g.pose).T, color=color, alpha=alpha, linewidth=0, zorder=2
+                )
+
+    def _draw_intervals(self, axes: Axes, q0: Array, q1: Array) -> None:
+        intervals = halve_edge(self.checker, q0, q1)
+        s = np.linspace(0.0, 1.0, 400)
+        curve = np.array([self.checker.clearance(q0 + x * (q1 - q0)) for x in s])
+        most = 1.15 * float(curve.max())
+        for interval in intervals:
+            _draw_box(axes, interval, most)
+        axes.plot(s, curve, color=_INK, linewidth=2.4, label="distance", zorder=5)
+        free = sum(i.verdict == "free" for i in intervals)
+        end = "the edge is free" if all(i.verdict in ("free", "halved") for i in intervals) else "the edge is not free"
+        axes.set_title(f"halving: {len(intervals)} distances, {free} intervals proven, {end}", loc="left")
+        axes.set(xlabel="along the edge", ylabel="distance, motion bound [m]", xlim=(0, 1), ylim=(0, most))
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.fill([], [], color=_FREE, alpha=0.35, label="motion bound, proven free")
+        axes.fill([], [], facecolor="none", edgecolor=_OPEN, linestyle="--", label="motion bound, to be halved")
+        axes.figure.legend(loc="outside lower center", frameon=False, ncols=3, fontsize=12)
+
+
+def _draw_box(axes: Axes, interval: EdgeInterval, most: float) -> None:
+    """The bound of an interval as a box, and the distance at its middle."""
+    x, y = [interval.begin, interval.end, interval.end, interval.begin], [0.0, 0.0, interval.bound, interval.bound]
+    if interval.verdict == "free":
+        axes.fill(x, y, color=_FREE, alpha=0.3, linewidth=0, zorder=3)
+        axes.fill(x, y, facecolor="none", edgecolor=_FREE, linewidth=1.0, zorder=4)
+    elif interval.bound < most:
+        axes.fill(x, y, facecolor="none", edgecolor=_OPEN, linestyle="--", linewidth=1.0, zorder=2)
+    color = {"free": _FREE, "halved": _OPEN}.get(interval.verdict, _TOUCH)
+    axes.plot(
+        interval.middle, max(interval.distance, 0.0), "o", color=color, markeredgecolor="white", markersize=6, zorder=6
+    )
+
+
+def _goal(problem: Problem) -> Array:
+    """The goal in joint values.
+
+    Raises:
+        InputError: it is a pose.
+    """
+    goals = [goal for goals in problem.goal.values() for goal in goals]
+    if len(problem.arms) != 1 or not isinstance(goals[0], JointGoal):
+        raise InputError("the lesson is about an edge: the problem needs one arm and a goal in joint values")
+    return goals[0].q

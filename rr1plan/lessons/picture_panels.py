@@ -1,0 +1,75 @@
+"""Panels of lessons that draw their own pictures of configuration spaces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.resources import files
+from typing import Any
+
+from rr1plan.collision import CollisionChecker
+from rr1plan.playback.cspace.cspace_grid import compute_grid
+from rr1plan.playback.viewer.view_options import Panel
+from rr1plan.scene import Scene
+
+
+def picture_panel(name: str, title: str, scripts: Sequence[str], data: Any) -> Panel:
+    """A panel whose content, style and script are the files `page/<name>_panel.html`, `.css` (if any) and `.js`.
+
+    Args:
+        name: Name of the panel.
+        title: Its headline.
+        scripts: Files in `page` that its script needs, besides those that draw the picture of two joints.
+        data: For the scripts, with the axes of that picture (`slice_axes`).
+    """
+    page = files("rr1plan.lessons") / "page"
+    picture = files("rr1plan.playback.viewer") / "page" / "cspace_picture.js"
+    parts = [picture, page / "picture_sketch.js", *(page / script for script in scripts), page / f"{name}_panel.js"]
+    own = page / f"{name}_panel.css"
+    return Panel(
+        name,
+        title,
+        html=(page / f"{name}_panel.html").read_text(encoding="utf-8"),
+        css=(page / "picture_panel.css").read_text(encoding="utf-8")
+        + (own.read_text(encoding="utf-8") if own.is_file() else ""),
+        script="\n".join(part.read_text(encoding="utf-8") for part in parts),
+        data=data,
+        width=520,
+    )
+
+
+def slice_axes(scene: Scene, arm: str, columns: tuple[int, int]) -> dict[str, Any]:
+    """The axes of the picture of two joints: what `cspace_picture.js` finds in its data.
+
+    Args:
+        scene: The scene.
+        arm: The arm.
+        columns: Two of its joints.
+    """
+    robot = scene.arms[arm].robot
+    names = (robot.joint_names[columns[0]], robot.joint_names[columns[1]])
+    grid = compute_grid(scene, arm, names, resolution=8)
+    halves = [0.5 * float(centers[1] - centers[0]) for centers in grid.axes]
+    return {
+        "columns": list(columns),
+        "joints": [{"name": name, "straight": robot.joint(name).kind == "prismatic"} for name in names],
+        "low": [float(centers[0]) - half for centers, half in zip(grid.axes, halves, strict=True)],
+        "high": [float(centers[-1]) + half for centers, half in zip(grid.axes, halves, strict=True)],
+        "periodic": list(grid.periodic),
+    }
+
+
+def pair_layers(checker: CollisionChecker, arm: str, layers: Sequence[str]) -> list[int]:
+    """For each pair of solids the layer of an arm's slice that it belongs to: the number of a name, or -1.
+
+    Args:
+        checker: Of all arms of its scene.
+        arm: The arm whose slice it is.
+        layers: Names of obstacles and of other arms; a pair of the arm with itself is of the layer "self-collision".
+    """
+    found = []
+    for a, b in checker.pairs:
+        owners = [name if name in checker.scene.obstacles else checker.scene.owner(name) for name in (a, b)]
+        other = owners[1] if owners[0] == arm else owners[0]
+        name = "self-collision" if other == arm else other
+        found.append(layers.index(name) if arm in owners and name in layers else -1)
+    return [found[owner] for owner in checker.solid_owner.tolist()]

@@ -1,0 +1,245 @@
+"""Lesson "six_joints": the picture of two joints, where there are six."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from rr1plan.checks import counted
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError
+from rr1plan.lessons.free_share import FreeShare, free_share
+from rr1plan.lessons.inverse_solutions import InverseSolution, inverse_solutions, self_motion
+from rr1plan.lessons.lesson import Lesson, LessonStep
+from rr1plan.lessons.lesson_scenes import refuse_problem
+from rr1plan.lessons.mathml import math, root
+from rr1plan.lessons.picture_panels import pair_layers, picture_panel
+from rr1plan.playback.cspace.cspace_colors import layer_colors
+from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, compute_grid
+from rr1plan.playback.viewer.page_document import pack_array, view_document
+from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_scene
+from rr1plan.scene.problem import Problem
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from rr1plan.playback.viewer.page_document import Document
+    from rr1plan.playback.viewer.view_options import Panel, ViewOptions
+
+_SELF = "self-collision"
+_FREE, _TOUCH, _OPEN = "#14855a", "#c2255c", "#e08a00"
+# Of RR1 in the shipped scene: its tool's pose has eight solutions; its self-motion touches something.
+_POSED, _TURNING = (0.21, 0.12, -0.43, -1.45, 2.19, -2.34), (-0.719, -0.057, -0.386, -0.358, 0.639, -0.315)
+_AXES = {"x": "around x", "y": "around y", "z": "yaw (z)"}
+_CELLS = 180  # of a slice in the figure
+_SAMPLES = 10_000
+_DIGITS = "₁₂₃₄₅₆"
+
+
+class SixJointsLesson(Lesson):
+    """An arm of six joints: slices, inverse solutions, self-motion, and the free share."""
+
+    name = "six_joints"
+
+    def __init__(self, scene: Scene | None, problem: Problem | None) -> None:
+        refuse_problem(self.name, problem)
+        self.scene = load_scene("rr1_table") if scene is None else scene
+        self.arm = self.scene.only_arm(None)
+        robot = self.scene.arms[self.arm].robot
+        if robot.nq != 6:
+            raise InputError(f"lesson 'six_joints' needs an arm of six joints, and arm {self.arm!r} has {robot.nq}")
+        if not np.isfinite(robot.limits.upper - robot.limits.lower).all():
+            raise InputError(f"lesson 'six_joints' needs joint limits, and arm {self.arm!r} has a joint without")
+        own = np.array(self.scene.arms[self.arm].q)
+        posed, turning = (np.array(q) if scene is None else own for q in (_POSED, _TURNING))
+        self.checker = CollisionChecker(self.scene)
+        self.solutions = inverse_solutions(self.scene, self.arm, posed)
+        self.motions = {axis: self_motion(self.scene, self.arm, turning, axis=axis) for axis in "yxz"}
+        self.turning = turning
+        self.share = free_share(self.checker, _SAMPLES, rng=0)
+        self.steps = _steps(self.solutions, self.share, tuple(own))
+
+    # ---- the page --------------------------------------------------------------------------
+
+    def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
+        robot = self.scene.arms[self.arm].robot
+        grid = compute_grid(self.scene, resolution=8)
+        colors = {name: color for name, color in layer_colors(grid).items() if name in self.scene.obstacles}
+        colors[_SELF] = "#4a4f57"
+        limits = robot.limits
+        joints = [
+            {
+                "name": name.removesuffix("_joint"),
+                "straight": robot.joint(name).kind == "prismatic",
+                "symbol": f"θ{_DIGITS[k]}",
+            }
+            for k, name in enumerate(robot.joint_names)
+        ]
+        everything = {
+            "joints": joints,
+            "low": limits.lower.tolist(),
+            "high": limits.upper.tolist(),
+            "periodic": [False] * robot.nq,
+        }
+        data = {
+            "columns": [0, 1],
+            "pair": [0, 2],
+            **{key: value[:2] for key, value in everything.items()},
+            "all": everything,
+            "size": [1, 1],
+            "labels": pack_array(np.zeros(1), "u4"),
+            "arm": list(range(robot.nq)),
+            "layers": [{"name": name, "color": color, "kind": "thing"} for name, color in colors.items()],
+            "layerOf": pair_layers(self.checker, self.arm, list(colors)),
+            "solutions": [_solution_data(solution) for solution in self.solutions],
+            "motions": {axis: self._motion_data(axis) for axis in self.motions},
+        }
+        panel = picture_panel("slices", "Six joints", ("slice_raster.js",), data)
+        return view_document(self.scene, options=options), (panel,)
+
+    def _motion_data(self, axis: str) -> dict[str, Any]:
+        rows = self.motions[axis]
+        nearest = int(np.argmin(np.linalg.norm(rows - self.turning, axis=1)))
+        return {
+            "title": _AXES[axis],
+            "rows": np.round(rows, 5).tolist(),
+            "free": [self.checker.is_free(q) for q in rows],
+            "begin": nearest / max(len(rows) - 1, 1),
+        }
+
+    # ---- the figure ------------------------------------------------------------------------
+
+    def _draw(self, figure: Figure) -> None:
+        plots = figure.subplots(2, 3).ravel()
+        robot = self.scene.arms[self.arm].robot
+        posed = np.array(self.solutions[0].q)
+        handles: dict[str, Patch] = {}
+        # Two joints while another one turns; then other pairs.
+        lower, upper = robot.limits.lower, robot.limits.upper
+        views = [((0, 2), 4, lower[4] + share * (upper[4] - lower[4])) for share in (0.2, 0.5, 0.8)]
+        views += [((1, 2), 4, posed[4]), ((2, 4), 4, posed[4])]
+        for axes, ((i, j), other, value) in zip(plots, views, strict=False):
+            q = posed.copy()
+            q[other] = value
+            scene = self.scene.with_configuration(self.arm, q)
+            grid = compute_grid(scene, self.arm, (robot.joint_names[i], robot.joint_names[j]), resolution=_CELLS)
+            for name, patch in _draw_slice(axes, grid).items():
+                handles.setdefault(name, patch)
+            axes.set(xlim=(lower[i], upper[i]), ylim=(lower[j], upper[j]))
+            axes.set(xlabel=f"θ{_DIGITS[i]} [rad]", ylabel=f"θ{_DIGITS[j]} [rad]")
+            if (i, j) == (0, 2):
+                axes.set_title(f"θ{_DIGITS[other]} = {np.degrees(value):.0f}°", loc="left")
+        self._draw_share(plots[5])
+        figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=8, frameon=False, fontsize=12)
+
+    def _draw_share(self, axes: Axes) -> None:
+        """The estimate over the number of samples, with its confidence interval."""
+        counts = np.unique(np.round(np.geomspace(20, 2_000, 12)).astype(int))
+        rows = [free_share(self.checker, int(n), rng=0) for n in counts]
+        axes.fill_between(
+            counts, [r.low for r in rows], [r.high for r in rows], color="#2f66c8", alpha=0.2, linewidth=0
+        )
+        axes.plot(counts, [r.share for r in rows], color="#2f66c8", linewidth=2)
+        axes.set(xscale="log", ylim=(0.5, 1.0), xlabel="samples", ylabel="free share")
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.set_box_aspect(1)
+
+
+def _draw_slice(axes: Axes, grid: CSpaceGrid) -> dict[str, Patch]:
+    """One slice; returns what stands for its layers in a legend."""
+    handles = {}
+    for name, color in layer_colors(grid).items():
+        mask: NDArray[np.bool_] = grid.layers[name]
+        if mask.any() and name != LIMITS:
+            axes.contourf(*grid.axes, mask.T.astype(float), levels=(0.5, 1.5), colors=(color,))
+            handles[name] = Patch(color=color, label=name)
+    axes.set_box_aspect(1)
+    return handles
+
+
+def _solution_data(solution: InverseSolution) -> dict[str, Any]:
+    state = "free" if solution.is_valid else "contact" if solution.within_limits else "limits"
+    touching = ", ".join(f"{a} and {b}" for a, b in solution.touching)
+    text = {"free": "free", "contact": f"in contact: {touching}", "limits": "outside the joint limits"}[state]
+    return {"q": np.round(solution.q, 9).tolist(), "state": state, "text": text}
+
+
+def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple[float, ...]) -> tuple[LessonStep, ...]:
+    inside = [s for s in solutions if s.within_limits]
+    valid = [s for s in inside if s.is_valid]
+    years = 360.0**6 * 50e-6 / (365.25 * 86400)
+    return (
+        LessonStep(
+            "slices",
+            "A point in six dimensions",
+            """<p>RR1 has six joints: a configuration is a point in a box of six dimensions, and obstacles are bodies in
+            there. What can be drawn is a <b>slice</b>: two joints move, four stand still. In the slice everything is
+            as in the lessons on two joints. Click into it, and choose other joints above.</p>""",
+            home,
+        ),
+        LessonStep(
+            "others",
+            "Every other joint changes the picture",
+            """<p>Move the slider of a joint that is not in the slice, the wrist for instance. Images of obstacles move,
+            grow, tear and vanish: they are cuts through one body in six dimensions, as a plane cuts an apple.</p>
+            <p>Two free parts that look separate here may be joined through the four joints that are not drawn.
+            <b>A slice proves nothing about connections.</b></p>""",
+            home,
+        ),
+        LessonStep(
+            "many",
+            "Why nobody fills the grid",
+            f"""<p>There are 15 pairs of joints, and for each pair a slice for every value of four others. At 360 cells
+            per joint two joints have 129 600 cells, which takes the page a few milliseconds. Six joints have
+            360⁶ = 2.2 · 10¹⁵; at 50 µs each that is {years:,.0f} years.</p>
+            <p>So planners for six joints never compute the configuration space. They ask single configurations and
+            edges, and remember the answers as a tree or a roadmap.</p>""",
+            home,
+        ),
+        LessonStep(
+            "solutions",
+            f"One pose, {counted(len(solutions), 'solution')}",
+            f"""<p>The elbow of a 2R arm has two sides. A six-axis arm has shoulder, elbow and wrist to turn over:
+            this pose of the tool has {len(solutions)} solutions. {len(inside)} of them are within RR1's joint limits,
+            and {len(valid)} free of contact. Keys <kbd>1</kbd> to <kbd>{len(solutions)}</kbd> go to them: the tool
+            stays where it is.</p>
+            <p>Each dot is drawn at its two joints, but lies in another slice. A planner that takes all of them as goals
+            finds shorter paths, and finds one where a single goal would be walled off.</p>""",
+        ),
+        LessonStep(
+            "self_motion",
+            "One condition less, and the arm can move",
+            """<p>If the tool may turn around one of its axes, six joints have five conditions, and the solutions form
+            <b>curves</b>: the arm moves, the tool does not leave its place. For RR1 the yaw is its last joint alone.
+            Around a rod between the fingers (x or y) all six joints move; where the curve is dashed, the arm touches
+            something.</p>
+            <p>The velocities of such a motion lie in the null space of the Jacobian's five rows.</p>""",
+        ),
+        LessonStep(
+            "measure",
+            "What can be measured",
+            f"""<p>How much of the configuration space is free? Check random configurations and count. After
+            {math("n")} samples the error is about {
+                math(root("p", "(", "1", "−", "p", ")", "/", "n"))
+            }, in <b>any</b> number of dimensions. Press
+            <b>Sample 500</b> until the interval is narrow enough; four times the samples halve it.</p>
+            <p>10 000 samples in Python give {100 * share.share:.1f} % ({100 * share.low:.1f} to {
+                100
+                * share.high:.1f} %). That says how often a sample is free, not whether a narrow passage exists.</p>""",
+        ),
+        LessonStep(
+            "survives",
+            "What survives",
+            """<ul><li>Configurations, free or not; the exact test of one, and of a whole edge.</li>
+            <li>Paths as curves, and trees and roadmaps of them.</li>
+            <li>Inverse solutions as goals, null motions as freedom.</li></ul>
+            <p>What does not: the map, the components by eye, and the proof that there is <i>no</i> path. With two
+            joints a grid gives it; with six a planner that finds nothing has proven nothing.</p>""",
+            home,
+        ),
+    )

@@ -1,0 +1,338 @@
+"""Lesson "two_arms": four joints by slices, and two paths in a coordination diagram."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from matplotlib.colors import ListedColormap
+from numpy.typing import ArrayLike
+
+from rr1plan.checks import Array
+from rr1plan.collision import CollisionChecker
+from rr1plan.errors import InputError
+from rr1plan.lessons.lesson import Lesson, LessonStep
+from rr1plan.lessons.lesson_scenes import refuse_problem
+from rr1plan.lessons.path_schedules import PairCurve, PathPair, fastest_curve, path_pair, unscheduled_curve
+from rr1plan.lessons.picture_panels import pair_layers, picture_panel, slice_axes
+from rr1plan.lessons.planar_outlines import view_data
+from rr1plan.planners import RrtConnect
+from rr1plan.planners.shortcut import shorten
+from rr1plan.planning import Budget
+from rr1plan.playback.cspace.cspace_grid import compute_grid
+from rr1plan.playback.outlines import silhouette
+from rr1plan.playback.schedules.arm_colors import arm_color
+from rr1plan.playback.viewer.page_document import pack_array, view_document
+from rr1plan.scene import Scene
+from rr1plan.scene.model_library import load_scene
+from rr1plan.scene.problem import Problem
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from rr1plan.playback.viewer.page_document import Document
+    from rr1plan.playback.viewer.view_options import Panel, ViewOptions
+
+_INK, _SOFT, _BLOCKED, _ACCENT, _START, _GOAL = "#22262b", "#667080", "#c3cad5", "#e4500e", "#2f66c8", "#14855a"
+_PICTURE = 240  # cells of a slice in the figure
+_SEED = 0
+_GRAY = ListedColormap([_BLOCKED])
+
+# Of each arm a path that is free by itself.
+PATHS: dict[str, tuple[ArrayLike, ArrayLike]] = {
+    "take_turns": ([[1.2, -2.5], [0.0, -0.7], [-1.2, 2.5]], [[1.5, -2.2], [-0.3, -0.8], [-1.5, 2.2]]),
+    "back_up": (
+        [[-0.6, 0.0], [0.6, 0.0]],
+        [[1.6, -2.4], [0.5, 0.0], [1.6, -2.4], [-1.6, -2.4], [-0.5, 0.0], [-1.6, -2.4]],
+    ),
+    "swap_sides": ([[0.2, 0.0], [-0.2, 0.0]], [[0.2, 0.0], [-0.2, 0.0]]),
+}
+_TITLES = {"take_turns": "Take turns", "back_up": "Back up", "swap_sides": "Swap sides"}
+
+
+class _Schedule(NamedTuple):
+    """A way to move both arms: a curve in the diagram, or configurations of both arms that are on no path."""
+
+    name: str
+    title: str
+    text: str
+    tone: str
+    curve: PairCurve | None
+    joint: Array | None = None
+    times: Array | None = None
+
+
+class TwoArmsLesson(Lesson):
+    """Two 2R arms: slices of four joints, coordination diagrams, and what no order of the arms solves."""
+
+    name = "two_arms"
+
+    def __init__(self, scene: Scene | None, problem: Problem | None) -> None:
+        refuse_problem(self.name, problem)
+        if scene is not None:
+            raise InputError(
+                "lesson 'two_arms' has two arms and their paths; rr1plan.lessons.path_schedules has diagrams of yours"
+            )
+        self.scene = load_scene("planar2r_pair")
+        self.arms: tuple[str, str] = ("left", "right")
+        self.pairs = {name: path_pair(self.scene, *zip(self.arms, paths, strict=True)) for name, paths in PATHS.items()}
+        self.schedules = {
+            "take_turns": _turns(self.pairs["take_turns"]),
+            "back_up": _backing(self.pairs["back_up"]),
+            "swap_sides": _swap(self.scene, self.pairs["swap_sides"]),
+        }
+        self.steps = tuple(LessonStep(*step) for step in _steps(self.pairs, self.schedules))
+
+    # ---- the page --------------------------------------------------------------------------
+
+    def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
+        checker = CollisionChecker(self.scene)
+        arms = [self._arm(checker, name, k) for k, name in enumerate(self.arms)]
+        data = {
+            **slice_axes(self.scene, "left", (0, 1)),
+            "size": [1, 1],
+            "labels": pack_array(np.zeros(1), "u4"),
+            "layers": [],
+            "arms": arms,
+            "columnsOfBoth": [0, 1, 2, 3],
+            "scenarios": [self._scenario(name) for name in PATHS],
+            **view_data(self.scene),
+        }
+        panel = picture_panel("pair", "Two arms, four joints", ("slice_raster.js",), data)
+        return view_document(self.scene, options=options), (panel,)
+
+    def _arm(self, checker: CollisionChecker, name: str, number: int) -> dict[str, Any]:
+        other = self.arms[1 - number]
+        layers = {other: arm_color(1 - number), **dict.fromkeys(self.scene.obstacles, "#6b9b5e")}
+        axes = slice_axes(self.scene, name, (0, 1))
+        return {
+            "name": name,
+            "color": arm_color(number),
+            "ink": arm_color(number),
+            "layers": [{"name": n, "color": c, "kind": "thing", "spot": None} for n, c in layers.items()],
+            "layerOf": pair_layers(checker, name, list(layers)),
+            **axes,
+            "columns": [2 * number, 2 * number + 1],
+        }
+
+    def _scenario(self, name: str) -> dict[str, Any]:
+        pair = self.pairs[name]
+        flat = np.packbits(pair.blocked.ravel(), bitorder="little")
+        return {
+            "name": name,
+            "title": _TITLES[name],
+            "shape": list(pair.blocked.shape),
+            "blocked": pack_array(np.frombuffer(flat.tobytes() + bytes(-len(flat) % 4), dtype="<u4"), "u4"),
+            "lengths": [np.round(row, 6).tolist() for row in pair.lengths],
+            "configurations": [np.round(q, 6).tolist() for q in pair.configurations],
+            "schedules": [_schedule_data(schedule) for schedule in self.schedules[name]],
+        }
+
+    # ---- the figure ------------------------------------------------------------------------
+
+    def _draw(self, figure: Figure) -> None:
+        above, below = figure.subplots(2, 3)
+        pair, curve = self.pairs["take_turns"], self.schedules["take_turns"][2].curve
+        assert curve is not None
+        now = curve.places[int(np.searchsorted(curve.times, 0.4 * curve.duration))]
+        q = [rows[0] for rows in pair.at(now[None])]
+        self._draw_workspace(above[0], q)
+        for k in range(2):
+            self._draw_slice(above[1 + k], k, pair, q)
+        for axes, name in zip(below, PATHS, strict=True):
+            _draw_diagram(axes, self.pairs[name], self.schedules[name], now if name == "take_turns" else None)
+            axes.set_title(_TITLES[name].lower(), loc="left")
+        handles = {
+            line.get_label(): line
+            for axes in below
+            for line in axes.get_lines()
+            if not line.get_label().startswith("_")
+        }
+        figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=5, frameon=False, fontsize=12)
+
+    def _draw_workspace(self, axes: Axes, configurations: Sequence[Array]) -> None:
+        for k, (name, q) in enumerate(zip(self.arms, configurations, strict=True)):
+            arm = self.scene.arms[name]
+            for link, T in arm.robot.link_poses(q).items():
+                for g in arm.robot.link(link).collisions:
+                    corners = silhouette(g.shape, arm.base @ T @ g.pose)
+                    axes.fill(*corners.T, color=arm_color(k), alpha=0.85, linewidth=0)
+            x, y = arm.base[:2, 3].tolist()
+            axes.annotate(name, (x, y), xytext=(0, -26), textcoords="offset points", ha="center", color=arm_color(k))
+        for obstacle in self.scene.obstacles.values():
+            for g in obstacle.geometries:
+                axes.fill(*silhouette(g.shape, obstacle.pose @ g.pose).T, color="#6b9b5e", linewidth=0)
+        axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", ylim=(-1.5, 1.2))
+        axes.set_title("workspace", loc="left")
+        axes.spines[["top", "right"]].set_visible(False)
+
+    def _draw_slice(self, axes: Axes, k: int, pair: PathPair, configurations: Sequence[Array]) -> None:
+        """The slice of arm k while the other one stands still, with its path."""
+        name, other = self.arms[k], self.arms[1 - k]
+        grid = compute_grid(self.scene.with_configuration(other, configurations[1 - k]), name, resolution=_PICTURE)
+        for layer, color in ((other, arm_color(1 - k)), ("post", "#6b9b5e")):
+            if layer in grid.layers:
+                axes.contourf(*grid.axes, grid.layers[layer].T.astype(float), levels=(0.5, 1.5), colors=(color,))
+        path = pair.configurations[k]
+        axes.plot(*path.T, color="white", linewidth=5)
+        axes.plot(*path.T, color=_INK, linewidth=2)
+        for q, color in ((path[0], _START), (path[-1], _GOAL), (configurations[k], arm_color(k))):
+            axes.plot(*q, "o", color=color, markersize=10, markeredgecolor="white", markeredgewidth=1.5)
+        axes.set(xlabel=f"θ₁ of {name} [rad]", ylabel="θ₂ [rad]", box_aspect=1)
+        axes.set_title(f"slice: {other} stands still", loc="left")
+
+
+def _draw_diagram(axes: Axes, pair: PathPair, schedules: Sequence[_Schedule], now: Array | None) -> None:
+    """The diagram of two paths with its schedules, and where both arms are now."""
+    one, two = pair.lengths
+    inner = np.where(pair.blocked[1:-1, 1:-1], 1.0, np.nan)
+    axes.pcolormesh(one, two, inner.T, cmap=_GRAY, shading="flat", rasterized=True)
+    styles = {"at_once": (_SOFT, ":"), "left_first": (arm_color(0), "-"), "right_first": (arm_color(1), "--")}
+    for schedule in schedules:
+        if schedule.curve is not None:
+            color, line = styles.get(schedule.name, (_ACCENT, "-"))
+            axes.plot(
+                *schedule.curve.places.T, color=color, linestyle=line, linewidth=2.6, label=schedule.title.lower()
+            )
+    if now is not None:
+        axes.plot(*now, "o", color=_INK, markersize=10, markeredgecolor="white", markeredgewidth=2, zorder=5)
+    axes.set(
+        xlim=(0, one[-1]), ylim=(0, two[-1]), xlabel="path of left [rad]", ylabel="path of right [rad]", box_aspect=1
+    )
+
+
+def _turns(pair: PathPair) -> tuple[_Schedule, ...]:
+    left, right = (fastest_curve(pair, first=name) for name in pair.arms)
+    if left is None or right is None:
+        raise InputError("the arms cannot take turns on these paths")
+    return (
+        _Schedule(
+            "at_once",
+            "Both at once",
+            "Neither waits: the curve leads through the blocked region.",
+            "bad",
+            unscheduled_curve(pair),
+        ),
+        _Schedule("left_first", "Left first", _words("Right waits until left has left the middle", left), "good", left),
+        _Schedule(
+            "right_first", "Right first", _words("Left waits until right has left the middle", right), "good", right
+        ),
+    )
+
+
+def _words(text: str, curve: PairCurve) -> str:
+    return f"{text}. Both are there after {curve.duration:.1f} s."
+
+
+def _backing(pair: PathPair) -> tuple[_Schedule, ...]:
+    curve = fastest_curve(pair, back_up=True)
+    if curve is None:
+        raise InputError("the arms do not get past each other on these paths")
+    text = _words("Left makes room, goes back on its path to make room again, and then goes on", curve)
+    return (
+        _Schedule("at_once", "Both at once", "Neither waits, and they touch.", "bad", unscheduled_curve(pair)),
+        _Schedule("back_up", "Back up", text, "good", curve),
+    )
+
+
+def _swap(scene: Scene, pair: PathPair) -> tuple[_Schedule, ...]:
+    starts, goals = ({name: q[k] for name, q in zip(pair.arms, pair.configurations, strict=True)} for k in (0, -1))
+    problem = Problem(scene, starts, goals)
+    result = RrtConnect().plan(problem, budget=Budget(iterations=200_000), rng=_SEED)
+    path = shorten(result.path_or_raise(), scene, rng=_SEED)
+    steps = np.diff(path.waypoints, axis=0)
+    fastest = np.maximum(np.linalg.norm(steps[:, :2], axis=1), np.linalg.norm(steps[:, 2:], axis=1))
+    times = np.concatenate([[0.0], np.cumsum(fastest)])
+    text = f"Planned in all four joints at once: the arms make room for each other, and pass. {times[-1]:.1f} s."
+    return (
+        _Schedule(
+            "at_once", "Both at once", "The blocked region reaches from side to side.", "bad", unscheduled_curve(pair)
+        ),
+        _Schedule("joint", "Plan both together", text, "good", None, np.array(path.waypoints), times),
+    )
+
+
+def _schedule_data(schedule: _Schedule) -> dict[str, Any]:
+    curve = schedule.curve
+    times = schedule.times if curve is None else curve.times
+    return {
+        "name": schedule.name,
+        "title": schedule.title,
+        "text": schedule.text,
+        "tone": schedule.tone,
+        "times": np.round(np.asarray(times), 6).tolist(),
+        "places": None if curve is None else np.round(curve.places, 6).tolist(),
+        "joint": None if schedule.joint is None else np.round(schedule.joint, 6).tolist(),
+    }
+
+
+def _steps(pairs: dict[str, PathPair], schedules: dict[str, tuple[_Schedule, ...]]) -> tuple[tuple[str, str, str], ...]:
+    left, right = (schedules["take_turns"][k].curve for k in (1, 2))
+    assert left is not None
+    assert right is not None
+    cells = " × ".join(str(n - 2) for n in pairs["take_turns"].blocked.shape)
+    return (
+        (
+            "slices",
+            "Four joints make four dimensions",
+            "<p>Two arms of two joints have one configuration space of <b>four</b> dimensions: a point of it "
+            "says where both are. Nobody can draw that, but everybody can draw a <b>slice</b>: the right arm "
+            "stands still, and the left arm has a configuration space of two joints, in which the right arm is "
+            "an obstacle like the post.</p><p>Click into the slice, or walk with the arrow keys. <b>right</b> "
+            "shows the other slice.</p>",
+        ),
+        (
+            "moving",
+            "The other arm is an obstacle that moves",
+            "<p>Move the slider, or press <b>Run</b>: the right arm moves along its path, and its image sweeps "
+            "through the left arm's configuration space. The same slice at another time is another picture; its "
+            "free components merge and split. A path of the left arm is good if it is at a free point <i>at "
+            "every time</i>.</p>",
+        ),
+        (
+            "diagram",
+            "Two paths make a square",
+            "<p>With both paths given, only two numbers are left: how far each arm has come. Each point of the "
+            "<b>coordination diagram</b> is one pair of configurations; it is blocked where the arms touch "
+            f"(O’Donnell and Lozano-Pérez 1989). Drag the point: the arms follow.</p><p>The {cells} cells here "
+            "are not sampled. A cell is free if the arms are proven not to touch anywhere on the two "
+            "segments.</p>",
+        ),
+        (
+            "orders",
+            "A schedule is a curve",
+            "<p>From the lower left corner to the upper right one, without touching the blocked region. Where "
+            "the curve is level, right waits; where it rises straight, left waits. It may pass on either side: "
+            f"below, left goes first ({left.duration:.1f} s); above, right does ({right.duration:.1f} s). No "
+            "curve can be bent into one on the other side without crossing the region: the two orders are two "
+            "classes of schedules.</p>",
+        ),
+        (
+            "back_up",
+            "Sometimes an arm must back up",
+            "<p>The right arm reaches out low, folds, and reaches out high. Left swings from low to high. It has "
+            "to be high for the first, low for the second, and high in the end: every curve that only rises runs "
+            "into a dead end, whoever waits. The curve that gets through turns back to the left for a while: the "
+            "left arm goes <b>back</b> on its path and comes again.</p>",
+        ),
+        (
+            "barrier",
+            "And sometimes no schedule exists",
+            "<p>Both arms are stretched and swap sides. The blocked region is a barrier: whoever goes first, and "
+            "whoever waits or backs up, the arms meet. These paths have no schedule.</p><p><b>Prioritized "
+            "planning</b> plans one arm alone and the other around its motion (Erdmann and Lozano-Pérez 1987). "
+            "It fails here in both orders: alone, the first arm takes the straight path, stays stretched, and "
+            "cuts the other one's configuration space in two, at every time. Look at the slice.</p>",
+        ),
+        (
+            "joint",
+            "Plan both together",
+            "<p>In the four joints of both arms there is a way: RRT-Connect finds it at once. Both arms make "
+            "detours that neither needs when it is alone, and only a planner that moves both at the same time finds "
+            "them. The price is dimension: four arms have eight, twelve RR1 "
+            "seventy-two.</p><p>rr1plan therefore times paths of single arms where it can, and plans the few "
+            "arms that are in each other's way together.</p>",
+        ),
+    )

@@ -1,0 +1,121 @@
+"""The page of the lesson about kinematics: live numbers against Pinocchio's, the other elbow, the map of |det J|."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.lessons.kinematics_lesson import KinematicsLesson
+
+pytestmark = pytest.mark.browser
+
+POSES = ((0.5, 0.9), (-2.0, 2.2), (1.4, -0.7), (3.0, 0.05))
+
+
+@pytest.fixture(scope="module")
+def lesson() -> KinematicsLesson:
+    made = rp.lesson("kinematics")
+    assert isinstance(made, KinematicsLesson)
+    return made
+
+
+@pytest.fixture(scope="module")
+def page_file(lesson: KinematicsLesson, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return lesson.save_html(tmp_path_factory.mktemp("kinematics") / "kinematics.html")
+
+
+@pytest.fixture
+def page(opened: Any) -> Iterator[Any]:
+    opened.ask("RR1.steps.go(1); RR1.steps.go(0)")
+    yield opened
+    assert opened.complaints == []
+
+
+def live(page: Any, name: str) -> str:
+    return str(page.ask(f"document.querySelector('[data-live=\"{name}\"]').textContent")).replace("−", "-")
+
+
+def matrix(page: Any, name: str, size: int) -> np.ndarray:
+    return np.array([[float(live(page, f"{name}{i}{k}")) for k in range(size)] for i in range(size)])
+
+
+@pytest.mark.parametrize("q", POSES)
+def test_matrices_are_the_products_of_link_transforms(
+    page: Any, lesson: KinematicsLesson, q: tuple[float, float]
+) -> None:
+    page.ask(f"RR1.setQ({list(q)})")
+    frames = lesson.table.frames(q)
+    planar = [frame[np.ix_([0, 1, 3], [0, 1, 3])] for frame in frames]
+    np.testing.assert_allclose(matrix(page, "A", 3), planar[1], atol=0.006)
+    np.testing.assert_allclose(matrix(page, "B", 3), np.linalg.inv(planar[1]) @ planar[2], atol=0.006)
+    np.testing.assert_allclose(matrix(page, "C", 3), planar[2], atol=0.006)
+    jacobian = rp.Kinematics(lesson.scene).jacobian(q)[:2]
+    np.testing.assert_allclose(matrix(page, "J", 2), jacobian, atol=0.006)
+    sizes = np.linalg.svd(jacobian, compute_uv=False)
+    np.testing.assert_allclose([float(live(page, "s1")), float(live(page, "s2"))], sizes, atol=6e-4)
+    assert float(live(page, "w")) == pytest.approx(abs(np.linalg.det(jacobian)), abs=6e-4)
+    assert float(live(page, "det")) == pytest.approx(np.linalg.det(jacobian), abs=6e-4)
+
+
+@pytest.mark.parametrize("q", POSES)
+def test_the_other_elbow_reaches_the_same_point(page: Any, lesson: KinematicsLesson, q: tuple[float, float]) -> None:
+    page.ask(f"RR1.steps.go(2); RR1.setQ({list(q)})")
+    twin = np.radians([float(number) for number in re.findall(r"-?[\d.]+", live(page, "two"))])
+    tool, other = (lesson.flat.points(angles)[2] for angles in (q, twin))
+    np.testing.assert_allclose(other, tool, atol=5e-3)
+    assert np.abs(np.angle(np.exp(1j * (twin - np.array(q))))).max() > 0.05
+    drawn = page.ask("RR1.arm.twinSpots[1].position.toArray().slice(0, 2)")
+    np.testing.assert_allclose(drawn, tool, atol=1e-6)
+    page.page.locator("#panel-steps h2").click()
+    page.page.keyboard.press("e")
+    np.testing.assert_allclose(np.exp(1j * np.array(page.ask("Array.from(RR1.q)"))), np.exp(1j * twin), atol=2e-3)
+
+
+def test_what_is_drawn_belongs_to_the_step(page: Any) -> None:
+    names = ("frames[0][0]", "twinBars[0]", "columns[0]", "velocity", "force")
+    visible = f"[{', '.join(f'RR1.arm.{name}.visible' for name in names)}]"
+    expected = {
+        0: [True, False, False, False, False],
+        2: [False, True, False, False, False],
+        3: [False, False, True, False, False],
+        4: [False, False, False, True, True],
+        5: [False, False, False, True, False],
+    }
+    for step, shown in expected.items():
+        page.ask(f"RR1.steps.go({step})")
+        assert page.ask(visible) == shown
+
+
+def test_the_velocity_ellipse_is_the_image_of_the_unit_circle(page: Any, lesson: KinematicsLesson) -> None:
+    q = (0.4, 1.3)
+    page.ask(f"RR1.steps.go(4); RR1.setQ({list(q)})")
+    points = np.reshape(page.ask("Array.from(RR1.arm.velocity.geometry.attributes.position.array)"), (-1, 3))[:, :2]
+    jacobian = rp.Kinematics(lesson.scene).jacobian(q)[:2]
+    circle = (points - lesson.flat.points(q)[2]) @ np.linalg.inv(jacobian).T
+    lengths = np.linalg.norm(circle, axis=1)
+    # A ribbon around it.
+    assert lengths.mean() == pytest.approx(0.25, rel=0.02)
+    assert lengths.std() < 0.03
+
+
+def test_the_map_is_dark_where_the_arm_is_singular(page: Any) -> None:
+    page.ask("RR1.steps.go(4)")
+    pixels = page.picture()
+    box = page.ask("document.querySelector('#panel-cspace canvas').getBoundingClientRect().toJSON()")
+    plot = page.ask("[RR1.lesson.plot.x, RR1.lesson.plot.y, RR1.lesson.plot.size].map((v) => v / RR1.lesson.ratio)")
+    column = int(box["left"] + plot[0] + 0.15 * plot[2])
+
+    def brightness(bend: float) -> float:
+        row = int(box["top"] + plot[1] + (0.5 - bend / (2 * np.pi)) * plot[2])
+        return float(pixels[row, column].mean())
+
+    assert brightness(np.pi / 2) > 180
+    assert brightness(-np.pi / 2) > 180
+    assert brightness(0.2) < 140
+    assert brightness(-0.2) < 140

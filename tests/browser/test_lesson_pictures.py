@@ -1,0 +1,285 @@
+"""The pictures of the lessons about checking, two arms and six joints: the page computes what Python does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.lessons.continuous_checking_lesson import ContinuousCheckingLesson
+from rr1plan.lessons.edge_intervals import advance_edge, contact_share, halve_edge, sample_edge
+from rr1plan.lessons.six_joints_lesson import SixJointsLesson
+from rr1plan.lessons.two_arms_lesson import TwoArmsLesson
+from rr1plan.playback.viewer.page_capture import wait_until
+
+pytestmark = pytest.mark.browser
+
+READY = "Boolean(window.RR1 && RR1.ready && RR1.steps)"
+LESSONS = {
+    "continuous_checking": ContinuousCheckingLesson,
+    "two_arms": TwoArmsLesson,
+    "six_joints": SixJointsLesson,
+}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path]]:
+    folder, found = tmp_path_factory.mktemp("lessons"), {}
+    for name, kind in LESSONS.items():
+        lesson = rp.lesson(name)
+        assert isinstance(lesson, kind)
+        found[name] = lesson, lesson.save_html(folder / f"{name}.html")
+    return found
+
+
+@pytest.fixture
+def page(tab: Any, files: dict[str, tuple[Any, Path]], request: pytest.FixtureRequest) -> Iterator[tuple[Any, Any]]:
+    lesson, file = files[request.param]
+    tab.page.set_viewport_size({"width": 1440, "height": 900})
+    tab.open(file, READY)
+    if request.param != "continuous_checking":
+        wait_until(tab.page, "Boolean(RR1.planner)")
+    yield tab, lesson
+    assert tab.complaints == []
+
+
+def go_to(tab: Any, name: str) -> None:
+    for _ in range(12):
+        if tab.ask("RR1.steps.name") == name:
+            return
+        tab.page.keyboard.press("ArrowRight")
+    raise AssertionError(f"there is no step {name}")
+
+
+# ---- continuous checking ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("page", ["continuous_checking"], indirect=True)
+def test_the_page_looks_at_the_same_intervals(page: tuple[Any, Any]) -> None:
+    tab, lesson = page
+    names = tab.ask("RR1.panelData.edge.presets.map((preset) => preset.name)")
+    for name, (begin, end) in zip(names, lesson.edges.values(), strict=True):
+        tab.ask("(name) => RR1.edge.setPreset(name)", name)
+        for method, key in ((halve_edge, "halved"), (advance_edge, "advanced")):
+            expected = method(lesson.checker, begin, end)
+            found = tab.ask(f"RR1.edge.edge.{key}.map((i) => [i.begin, i.end, i.distance, i.bound, i.verdict])")
+            assert [row[4] for row in found] == [i.verdict for i in expected]
+            numbers = [[i.begin, i.end, i.distance, i.bound] for i in expected]
+            np.testing.assert_allclose([row[:4] for row in found[:-1]], numbers[:-1], atol=2e-5)
+        share = contact_share(lesson.checker, begin, end)
+        shown = tab.ask("RR1.edge.inContact")
+        np.testing.assert_allclose(shown, [] if share is None else [share], atol=2e-5)
+
+
+@pytest.mark.parametrize("page", ["continuous_checking"], indirect=True)
+def test_the_slider_sets_the_step_and_samples_follow(page: tuple[Any, Any]) -> None:
+    tab, lesson = page
+    begin, end = next(iter(lesson.edges.values()))
+    slider, said = tab.page.locator("#panel-edge .steps input"), tab.page.locator("#panel-edge .verdict")
+    assert "taken for free. It is not" in said.inner_text()
+    slider.focus()
+    for _ in range(30):
+        tab.page.keyboard.press("ArrowRight")
+    step = tab.ask("RR1.edge.stepSize")
+    expected = sample_edge(lesson.checker, begin, end, step)
+    assert tab.ask("RR1.edge.samples.map((sample) => sample.free)") == expected.free.tolist()
+    assert not expected.passes
+    assert "not free" in said.inner_text()
+
+
+@pytest.mark.parametrize("page", ["continuous_checking"], indirect=True)
+def test_keys_step_through_the_intervals_and_the_end_can_be_dragged(page: tuple[Any, Any]) -> None:
+    tab, lesson = page
+    go_to(tab, "halving")
+    assert tab.ask("RR1.edge.shown") == 1
+    for _ in range(3):
+        tab.page.keyboard.press(".")
+    tab.page.keyboard.press(",")
+    assert tab.ask("RR1.edge.shown") == 3
+    assert "halved" in tab.page.locator("#panel-edge .verdict").inner_text()
+    middle = tab.ask("RR1.edge.edge.at(RR1.edge.current.where)")
+    np.testing.assert_allclose(tab.ask("Array.from(RR1.q)"), middle, atol=1e-6)
+    before = tab.ask("RR1.edge.edge.q1")
+    canvas = "#panel-edge .plot canvas"
+    x, y = tab.ask(
+        """(canvas) => {
+            const box = document.querySelector(canvas).getBoundingClientRect(), { square, edge } = RR1.edge;
+            return square.of(edge.q1).map((v, k) => v / square.ratio + [box.left, box.top][k]);
+        }""",
+        canvas,
+    )
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x - 30, y + 20, steps=3)
+    tab.page.mouse.up()
+    q0, q1 = tab.ask("[RR1.edge.edge.q0, RR1.edge.edge.q1]")
+    assert q1[0] < before[0] - 0.1
+    expected = [i.verdict for i in halve_edge(lesson.checker, q0, q1)]
+    assert tab.ask("RR1.edge.edge.halved.map((i) => i.verdict)") == expected
+
+
+# ---- two arms --------------------------------------------------------------------------------
+
+
+def cells(tab: Any, owner: str) -> np.ndarray:
+    return np.array(tab.ask(f"Array.from(RR1.{owner}.square.cells.bits)")) > 0
+
+
+@pytest.mark.parametrize("page", ["two_arms"], indirect=True)
+def test_cells_of_slices_are_those_of_the_checker(page: tuple[Any, Any]) -> None:
+    tab, lesson = page
+    checker, rng = rp.CollisionChecker(lesson.scene), np.random.default_rng(0)
+    seen = []
+    for arm, places in ((0, [2.0, 3.0]), (1, [1.5, 2.0]), (0, [0.0, 0.0])):
+        tab.ask("([arm, places]) => { RR1.pair.setArm(arm); RR1.pair.setPlaces(places); }", [arm, places])
+        found, q = cells(tab, "pair"), np.array(tab.ask("RR1.pair.q()"))
+        low, high = (np.array(tab.ask(f"RR1.panelData.pair.{side}")) for side in ("low", "high"))
+        count = round(len(found) ** 0.5)
+        for _ in range(300):
+            cell = rng.integers(0, count, 2)
+            q[2 * arm : 2 * arm + 2] = low + (cell + 0.5) * (high - low) / count
+            seen.append(bool(found[cell[0] * count + cell[1]]))
+            assert seen[-1] != checker.is_free(q)
+    assert 40 < sum(seen) < len(seen) - 40
+
+
+@pytest.mark.parametrize("page", ["two_arms"], indirect=True)
+def test_the_diagram_moves_both_arms_along_their_paths(page: tuple[Any, Any]) -> None:
+    tab, lesson = page
+    go_to(tab, "diagram")
+    pair = lesson.pairs["take_turns"]
+    box = tab.page.locator("#panel-pair .diagram canvas").bounding_box()
+    tab.page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.3 * box["height"])
+    places = tab.ask("RR1.pair.places")
+    np.testing.assert_allclose(tab.ask("RR1.pair.q()"), np.hstack(pair.at([places]))[0], atol=1e-5)
+    assert 0.3 < places[0] / pair.lengths[0][-1] < 0.6
+    tab.page.locator("#panel-pair .diagram canvas").focus()
+    tab.page.keyboard.press("ArrowUp")
+    assert tab.ask("RR1.pair.places[1]") == pytest.approx(places[1] + 0.01 * pair.lengths[1][-1])
+    assert tab.ask("RR1.pair.places[0]") == pytest.approx(places[0])
+
+
+@pytest.mark.parametrize("page", ["two_arms"], indirect=True)
+def test_schedules_run_and_contacts_are_named(page: tuple[Any, Any]) -> None:
+    tab, _ = page
+    go_to(tab, "orders")
+    said = tab.page.locator("#panel-pair .verdict")
+    tab.page.keyboard.press("p")
+    wait_until(tab.page, "RR1.pair.time > 0.1")
+    tab.page.keyboard.press("p")
+    time = tab.ask("RR1.pair.time")
+    tab.picture()
+    assert tab.ask("RR1.pair.time") == time
+    assert "touch." not in said.inner_text()
+    tab.ask("RR1.pair.setSchedule('at_once'), RR1.pair.setTime(1.6)")
+    assert "touch." in said.inner_text()
+    tab.page.locator("#panel-pair [data-choice=left_first]").click()
+    assert tab.ask("RR1.pair.schedule.name") == "left_first"
+
+
+@pytest.mark.parametrize("page", ["two_arms"], indirect=True)
+def test_no_schedule_touches_anything_in_the_page(page: tuple[Any, Any]) -> None:
+    tab, _ = page
+    touching = tab.ask(
+        """() => {
+            const found = {};
+            for (const scenario of RR1.panelData.pair.scenarios) {
+                RR1.pair.setScenario(scenario.name);
+                for (const { name, times } of scenario.schedules) {
+                    RR1.pair.setSchedule(name);
+                    let count = 0;
+                    for (let k = 0; k <= 200; k++) {
+                        RR1.pair.setTime((k / 200) * times[times.length - 1]);
+                        if (RR1.planner.contacts(RR1.pair.q()).length) count += 1;
+                    }
+                    found[`${scenario.name} ${name}`] = count;
+                }
+            }
+            return found;
+        }"""
+    )
+    assert {name for name, count in touching.items() if count} == {
+        "take_turns at_once", "back_up at_once", "swap_sides at_once",
+    }  # fmt: skip
+
+
+# ---- six joints ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("page", ["six_joints"], indirect=True)
+def test_slices_of_all_pairs_of_joints_are_those_of_the_checker(page: tuple[Any, Any]) -> None:
+    tab, lesson = page
+    rng, seen = np.random.default_rng(0), []
+    limits = lesson.checker.limits
+    for columns in ([0, 2], [1, 2], [4, 3], [2, 5]):
+        q = rng.uniform(limits.lower, limits.upper)
+        q[2] = -0.9
+        tab.ask("([columns, q]) => { RR1.slices.pose(q); RR1.slices.setColumns(columns); }", [columns, q.tolist()])
+        found = cells(tab, "slices")
+        count = round(len(found) ** 0.5)
+        for _ in range(150):
+            cell = rng.integers(0, count, 2)
+            q[columns] = (limits.lower + (limits.upper - limits.lower) * (0.5 / count))[columns] + cell * (
+                (limits.upper - limits.lower)[columns] / count
+            )
+            seen.append(bool(found[cell[0] * count + cell[1]]))
+            assert seen[-1] != lesson.checker.is_free(q)
+    assert 40 < sum(seen) < len(seen) - 40
+
+
+@pytest.mark.parametrize("page", ["six_joints"], indirect=True)
+def test_keys_go_to_solutions_and_the_tool_stays(page: tuple[Any, Any]) -> None:
+    tab, lesson = page
+    go_to(tab, "solutions")
+    place = tab.ask("RR1.linkPose('rr1/tool')")
+    said = tab.page.locator("#panel-slices .verdict")
+    for key, solution in enumerate(lesson.solutions, start=1):
+        tab.page.keyboard.press(str(key))
+        np.testing.assert_allclose(tab.ask("Array.from(RR1.q)"), solution.q, atol=1e-6)
+        np.testing.assert_allclose(tab.ask("RR1.linkPose('rr1/tool')"), place, atol=1e-5)
+        words = said.inner_text()
+        assert words.startswith(f"Solution {key}: ")
+        assert ("free." in words) == solution.is_valid
+        assert ("outside the joint limits" in words) == (not solution.within_limits)
+
+
+@pytest.mark.parametrize("page", ["six_joints"], indirect=True)
+def test_the_self_motion_leaves_the_tool_where_it_is(page: tuple[Any, Any]) -> None:
+    tab, _ = page
+    go_to(tab, "self_motion")
+    slider = tab.page.locator("#panel-slices .motion input")
+    place = tab.ask("RR1.linkPose('rr1/tool')")[12:15]
+    joints = []
+    for share in (0.1, 0.5, 0.9):
+        slider.fill(str(share))
+        np.testing.assert_allclose(tab.ask("RR1.linkPose('rr1/tool')")[12:15], place, atol=1e-3)
+        joints.append(tab.ask("Array.from(RR1.q)"))
+    assert (np.ptp(joints, axis=0) > 0.05).all()
+
+
+@pytest.mark.parametrize("page", ["six_joints"], indirect=True)
+def test_samples_of_the_page_agree_with_those_of_python(page: tuple[Any, Any]) -> None:
+    tab, lesson = page
+    go_to(tab, "measure")
+    for _ in range(3):
+        tab.page.keyboard.press("m")
+    assert tab.ask("RR1.slices.counts.length") == 2000
+    share, low, high = tab.ask("RR1.slices.interval(2000)")
+    assert low < lesson.share.share < high
+    assert 0.03 < high - low < 0.05
+    assert f"{100 * share:.1f} %" in tab.page.locator("#panel-slices .verdict").inner_text()
+
+
+@pytest.mark.parametrize("name", ["two_arms", "six_joints"])
+def test_without_webassembly_the_page_says_so(tab: Any, files: dict[str, tuple[Any, Path]], name: str) -> None:
+    tab.page.add_init_script("WebAssembly.validate = () => false")
+    tab.open(files[name][1], READY)
+    wait_until(tab.page, "Boolean(RR1.noPlanner)")
+    assert "needs WebAssembly" in tab.page.locator(".missing").inner_text()
+    for _ in range(6):
+        tab.page.keyboard.press("ArrowRight")
+    assert tab.complaints == []

@@ -1,0 +1,125 @@
+"""The page of the lesson about motions: its phase plane and seven phases against Python, sliders, driving."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.lessons.motion_lesson import BLENDS, MotionLesson
+from rr1plan.lessons.phase_plane import fastest_motion
+from rr1plan.playback.viewer.page_capture import wait_until
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def lesson() -> MotionLesson:
+    made = rp.lesson("motion")
+    assert isinstance(made, MotionLesson)
+    return made
+
+
+@pytest.fixture(scope="module")
+def page_file(lesson: MotionLesson, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return lesson.save_html(tmp_path_factory.mktemp("motion") / "motion.html")
+
+
+@pytest.fixture
+def page(opened: Any) -> Iterator[Any]:
+    opened.ask("RR1.timing.stop(); RR1.steps.go(1); RR1.steps.go(0)")
+    yield opened
+    assert opened.complaints == []
+
+
+@pytest.mark.parametrize("blend", range(len(BLENDS)))
+@pytest.mark.parametrize("scales", [(1.0, 1.0), (0.4, 1.3), (1.5, 0.3)])
+def test_the_phase_plane_is_that_of_python(
+    page: Any, lesson: MotionLesson, blend: int, scales: tuple[float, float]
+) -> None:
+    limits, grid = lesson.limits, lesson.grids[BLENDS[blend]]
+    expected = fastest_motion(grid, scales[0] * limits.velocity, scales[1] * limits.acceleration)
+    page.ask("RR1.timing.show('plane')")
+    page.ask(f"Object.assign(RR1.timing.values, {{blend: {blend}, velocity: {scales[0]}, acceleration: {scales[1]}}})")
+    page.ask("RR1.timing.compute()")
+    np.testing.assert_allclose(page.ask("Array.from(RR1.timing.plane.speed)"), expected.speed, atol=1e-9)
+    np.testing.assert_allclose(page.ask("RR1.timing.plane.limit"), expected.limit, rtol=1e-9)
+    assert page.ask("RR1.timing.duration") == pytest.approx(expected.duration, rel=1e-9)
+    assert page.ask("RR1.timing.plane.switches") == list(expected.switches)
+    page.ask("Object.assign(RR1.timing.values, {blend: 3, velocity: 1, acceleration: 1})")
+
+
+def test_seven_phases_are_those_of_python(page: Any) -> None:
+    page.ask("RR1.timing.show('phases')")
+    rng = np.random.default_rng(3)
+    for _ in range(12):
+        numbers = np.exp(rng.uniform([-3.0, -1.0, 0.0, 2.5], [1.0, 1.3, 2.7, 7.0])).tolist()
+        motion = rp.seven_phases(*numbers)
+        names = ("distance", "speed", "push", "jerk")
+        values = ", ".join(f"{name}: {value!r}" for name, value in zip(names, numbers, strict=True))
+        page.ask(f"Object.assign(RR1.timing.values, {{{values}}}); RR1.timing.compute()")
+        np.testing.assert_allclose(page.ask("RR1.timing.seven.durations"), motion.durations, atol=1e-12)
+        times = np.linspace(0.0, 0.999 * motion.duration, 7)
+        states = page.ask(f"{times.tolist()}.map((t) => RR1.timing.seven.at(t))")
+        np.testing.assert_allclose(np.array(states)[:, :3], motion.state(times)[:, :3], atol=1e-9)
+
+
+def test_driving_follows_the_blended_path_at_the_speed_of_the_plane(page: Any, lesson: MotionLesson) -> None:
+    page.ask("RR1.steps.go(3)")
+    plane, grid = lesson.plane, lesson.plane.grid
+    for k in (0, 40, 130, len(grid.s) - 1):
+        page.ask(f"RR1.timing.at({float(plane.times[k] / plane.duration)!r})")
+        np.testing.assert_allclose(page.ask("Array.from(RR1.q)"), grid.q[k], atol=1e-4)
+    page.ask("RR1.timing.at(0)")
+    page.page.locator("#panel-steps h2").click()
+    page.page.keyboard.press("d")
+    wait_until(page.page, "RR1.timing.share > 0.05")
+    page.page.keyboard.press("d")
+    share = page.ask("RR1.timing.share")
+    page.picture()
+    assert page.ask("RR1.timing.share") == share
+    page.ask("RR1.timing.drive()")
+    page.ask("RR1.setJoint(0, 0.0)")
+    assert page.ask("RR1.timing.driving") == 0
+
+
+def test_sliders_of_every_step_move_what_is_shown(page: Any) -> None:
+    for step, names in enumerate(((), ("tries",), ("blend",), ("blend", "velocity", "acceleration"))):
+        page.ask(f"RR1.steps.go({step})")
+        assert page.ask("[...document.querySelectorAll('[data-knob]')].map((k) => k.dataset.knob)") == list(names)
+        for name in names:
+            before = page.ask("RR1.timing.duration")
+            page.page.locator(f"[data-knob={name}]").focus()
+            for _ in range(3 if name == "blend" else 25):
+                page.page.keyboard.press("ArrowLeft")
+            assert abs(page.ask("RR1.timing.duration") - before) > 0.001, name
+            for _ in range(3 if name == "blend" else 25):
+                page.page.keyboard.press("ArrowRight")
+            assert page.ask("RR1.timing.duration") == pytest.approx(before, rel=1e-6), name
+    assert page.ask("RR1.steps.index") == 3
+
+
+def test_a_click_in_the_phase_plane_puts_the_arm_there(page: Any, lesson: MotionLesson) -> None:
+    page.ask("RR1.steps.go(3)")
+    chart = page.page.locator("#panel-timing .chart")
+    box = chart.bounding_box()
+    left, right = page.ask("[RR1.timing.frame.left, RR1.timing.frame.right]")
+    chart.click(position={"x": left + 0.5 * (right - left), "y": 0.5 * box["height"]})
+    grid = lesson.plane.grid
+    k = int(np.searchsorted(grid.s, 0.5 * grid.s[-1]))
+    np.testing.assert_allclose(page.ask("Array.from(RR1.q)"), grid.q[k], atol=0.05)
+
+
+def test_rejected_shortcuts_are_told_from_those_that_are_taken(page: Any, lesson: MotionLesson) -> None:
+    page.ask("RR1.steps.go(1)")
+    for k, shortcut in enumerate(lesson.shortcuts[:8], 1):
+        page.ask(f"RR1.timing.set('tries', {k})")
+        said = page.page.locator("#panel-timing .said").inner_text()
+        assert said.startswith("Free: taken." if shortcut.free else "Not free: rejected.")
+        length = float(np.linalg.norm(np.diff(shortcut.path, axis=0), axis=1).sum())
+        assert f"{length:.2f} rad" in said
+    page.ask("RR1.timing.set('tries', 60)")
