@@ -288,12 +288,6 @@ def calls(folder: Path) -> dict[str, Call]:
     def shown_page(**options: Any) -> None:
         rp.show(**options).close()
 
-    def shown_picture(**options: Any) -> None:
-        picture.show(**options).close()
-
-    def shown_lesson(**options: Any) -> None:
-        lesson.show(**options).close()
-
     def in_viewer(verb: str, **options: Any) -> None:
         own = rp.ViewOptions(panels=[rp.Panel("own", "Own")])
         with rp.show(scene, options=own, open_browser=False, quiet=True) as viewer:
@@ -824,10 +818,8 @@ def calls(folder: Path) -> dict[str, Call]:
             f"CSpaceGrid.{verb}": (getattr(picture.grid, verb), {"q": q})
             for verb in ("cell", "component_of", "holds", "why_not_free", "wrapped")
         },
-        **{
-            f"CSpaceGrid.{verb}": (getattr(picture.grid, verb), {"a": q, "b": q})
-            for verb in ("connected", "shortest_path")
-        },
+        "CSpaceGrid.connected": (picture.grid.connected, {"a": q, "b": q}),
+        "CSpaceGrid.shortest_path": (picture.grid.shortest_path, {"a": q, "b": q}),
         "CSpace.figure": (picture.figure, {"width": 13.0}),
         "CSpace.save_svg": (picture.save_svg, {"file": folder / "o.svg"}),
         "CSpace.save_pdf": (picture.save_pdf, {"file": folder / "o.pdf"}),
@@ -835,7 +827,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "CSpace.save_png": (picture.save_png, {"file": folder / "o.png", "dpi": 20}),
         "CSpace.page_content": (picture.page_content, {"options": None}),
         "CSpace.save_html": (picture.save_html, {"file": folder / "o.html", "trajectory": None, "options": None}),
-        "CSpace.show": (shown_picture, live | {"trajectory": None, "options": None}),
+        "CSpace.show": (lambda **o: picture.show(**o).close(), live | {"trajectory": None, "options": None}),
         "CSpace.with_result": (picture.with_result, {"result": motion.result}),
         "lesson": (rp.lesson, {"name": "workspace", "scene": None, "problem": None}),
         "LessonStep": (rp.LessonStep, {"name": "a", "title": "A", "text": "<p>a</p>", "q": q}),
@@ -843,7 +835,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Lesson.save_png": (lesson.save_png, {"file": folder / "l.png"}),
         "Lesson.save_svg": (lesson.save_svg, {"file": folder / "l.svg"}),
         "Lesson.save_html": (lesson.save_html, {"file": folder / "l.html", "options": None}),
-        "Lesson.show": (shown_lesson, live | {"options": None}),
+        "Lesson.show": (lambda **o: lesson.show(**o).close(), live | {"options": None}),
         "planar_arm": (
             rp.planar_arm,
             {"joints": "RR", "lengths": (1.0, 0.8), "width": 0.08, "limits": [(-1.0, 1.0), None], "name": "mine"},
