@@ -86,9 +86,12 @@ def grab_point(tab: Any, element: str) -> tuple[float, float]:
     found = tab.ask(
         """element => {
         const pane = RR1.stage.pane.getBoundingClientRect();
-        const hits = [];
+        // Beside the tool's handle, which shows as soon as the mouse comes.
+        const { editing } = RR1, hits = [];
+        const tool = editing.picker.project(editing.hands.handles.place({ kind: "tool", arm: editing.arm }));
         for (let x = 4; x < pane.width; x += 8) for (let y = 4; y < pane.height; y += 8) {
             const hit = RR1.editing.picker.at({ clientX: x, clientY: y });
+            if (Math.hypot(x - tool.x, y - tool.y) < 30) continue;
             if (hit && hit.element === element && document.elementFromPoint(x, y).closest("#pane")) hits.push([x, y]);
         }
         return hits[hits.length >> 1] || null;
