@@ -168,9 +168,9 @@ def test_schedules_run_and_contacts_are_named(page: tuple[Any, Any]) -> None:
     tab, _ = page
     go_to(tab, "orders")
     said = tab.page.locator("#panel-pair .verdict")
-    tab.page.keyboard.press("p")
+    tab.page.keyboard.press("x")
     wait_until(tab.page, "RR1.pair.time > 0.1")
-    tab.page.keyboard.press("p")
+    tab.page.keyboard.press("x")
     time = tab.ask("RR1.pair.time")
     tab.picture()
     assert tab.ask("RR1.pair.time") == time
@@ -266,7 +266,7 @@ def test_samples_of_the_page_agree_with_those_of_python(page: tuple[Any, Any]) -
     tab, lesson = page
     go_to(tab, "measure")
     for _ in range(3):
-        tab.page.keyboard.press("m")
+        tab.page.keyboard.press("s")
     assert tab.ask("RR1.slices.counts.length") == 2000
     share, low, high = tab.ask("RR1.slices.interval(2000)")
     assert low < lesson.share.share < high
@@ -279,7 +279,7 @@ def test_without_webassembly_the_page_says_so(tab: Any, files: dict[str, tuple[A
     tab.page.add_init_script("WebAssembly.validate = () => false")
     tab.open(files[name][1], READY)
     wait_until(tab.page, "Boolean(RR1.noPlanner)")
-    assert "needs WebAssembly" in tab.page.locator(".missing").inner_text()
+    assert "needs WebAssembly" in tab.page.locator(".plot .missing").inner_text()
     for _ in range(6):
         tab.page.keyboard.press("ArrowRight")
     assert tab.complaints == []

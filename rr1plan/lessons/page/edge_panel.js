@@ -202,7 +202,7 @@ class EdgeLesson {
       const end = event.shiftKey ? 0 : 1;
       put(end, (end ? this.edge.q1 : this.edge.q0).map((v, axis) => v + (by[axis] * Math.PI) / 180));
     });
-    const keys = { ",": () => this.move(-1), ".": () => this.move(1), p: () => this.run() };
+    const keys = { ",": () => this.move(-1), ".": () => this.move(1), x: () => this.run() };
     window.addEventListener("keydown", (event) => {
       if (this.mode === "steps" || event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA"].includes(event.target.tagName)) return;
       const act = keys[event.key.toLowerCase()];

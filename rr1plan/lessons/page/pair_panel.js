@@ -207,7 +207,7 @@ class TwoArms {
       this.setPlaces(places.map((v, k) => Math.min(Math.max(v + 0.01 * by[k] * this.ends[k], 0), this.ends[k])));
     });
     window.addEventListener("keydown", (event) => {
-      if (event.key.toLowerCase() !== "p" || event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA"].includes(event.target.tagName)) return;
+      if (event.key.toLowerCase() !== "x" || event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA"].includes(event.target.tagName)) return;
       event.preventDefault();
       this.run();
     });
@@ -225,7 +225,7 @@ class TwoArms {
 
   follow() {
     if (!this.own) this.places = null;
-    const other = this.q().slice(2 - 2 * this.shown, 4 - 2 * this.shown).join();
+    const other = this.rasterKey();
     if (other !== this.rastered) this.rasterize();
     else { this.square.redraw(); }
     this.diagram.redraw();
@@ -236,10 +236,15 @@ class TwoArms {
     part(".walk output").textContent = `${this.time.toFixed(1)} / ${end.toFixed(1)} s`;
   }
 
+  /** What the slice depends on: the other arm, and obstacles that were moved. */
+  rasterKey() {
+    return [...this.q().slice(2 - 2 * this.shown, 4 - 2 * this.shown), ...obstaclePoses()].join();
+  }
+
   rasterize() {
     if (!this.rasters || !this.scenario) { this.square.redraw(); return; }
     const { low, high } = data, q = this.q();
-    this.rastered = q.slice(2 - 2 * this.shown, 4 - 2 * this.shown).join();
+    this.rastered = this.rasterKey();
     const bits = this.rasters[this.shown].bits([2 * this.shown, 2 * this.shown + 1], low, high, q);
     this.square.show(cellsOf(bits, CELLS));
   }

@@ -47,6 +47,9 @@ class SliceRaster {
   }
 }
 
+/** Where obstacles are that can be moved in the page. */
+const obstaclePoses = () => (viewer.planner ? viewer.planner.obstacles.flatMap((name) => [...viewer.planner.obstaclePose(name)]) : []);
+
 /** Cells for `Square`, from bits of layers. */
 function cellsOf(bits, count) {
   return Object.assign(Object.create(Cells.prototype), { n: count, m: count, bits, labels: new Uint8Array(bits.length) });

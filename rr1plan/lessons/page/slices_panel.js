@@ -141,7 +141,7 @@ class SixJoints {
     });
     window.addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA"].includes(event.target.tagName)) return;
-      if (event.key.toLowerCase() === "m" && this.mode === "measure") { event.preventDefault(); this.sample(); }
+      if (event.key.toLowerCase() === "s" && this.mode === "measure") { event.preventDefault(); this.sample(); }
       if (/^[1-9]$/.test(event.key) && this.mode === "solutions" && data.solutions[event.key - 1]) this.pose(data.solutions[event.key - 1].q);
     });
   }
@@ -156,7 +156,7 @@ class SixJoints {
       out.textContent = degrees(q[k]);
     });
     if (this.mode === "solutions") this.pressSolution(String(this.solution()));
-    if (q.filter((_, k) => !this.columns.includes(k)).join() !== this.rastered) this.rasterize();
+    if (this.rasterKey() !== this.rastered) this.rasterize();
     else this.square.redraw();
     this.say();
   }
@@ -167,9 +167,14 @@ class SixJoints {
     return data.solutions.findIndex((row) => row.q.every((v, k) => Math.abs(v - q[k]) < 1e-6));
   }
 
+  /** What the slice depends on: the other joints, and obstacles that were moved. */
+  rasterKey() {
+    return [...this.q().filter((_, k) => !this.columns.includes(k)), ...obstaclePoses()].join();
+  }
+
   rasterize() {
     const q = this.q();
-    this.rastered = q.filter((_, k) => !this.columns.includes(k)).join();
+    this.rastered = this.rasterKey();
     if (!this.raster) { this.square.redraw(); return; }
     const bits = this.raster.bits(this.columns, data.low, data.high, q);
     this.blocked = bits.reduce((count, cell) => count + (cell ? 1 : 0), 0) / bits.length;
