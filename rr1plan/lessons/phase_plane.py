@@ -103,20 +103,25 @@ def phase_plane(
         path: A path of arms of the scene, of at least two different waypoints.
         scene: The scene, which certifies blends and gives limits.
         max_blend: Largest distance from a corner to the beginning of its blend [rad]; 0 stops at every corner.
-        velocity_scale: Share of the velocity limits to use, above 0.
-        acceleration_scale: Share of the acceleration limits to use, above 0.
+        velocity_scale: Share of the velocity limits to use, 0.001 to 1000.
+        acceleration_scale: Share of the acceleration limits to use, 0.001 to 1000.
 
     Raises:
         UnknownNameError: a joint's arm is not in the scene.
         InputError: a number out of range, a path that does not move, or a joint without limits.
     """
-    velocity, acceleration = (
-        positive_number("velocity_scale", velocity_scale),
-        positive_number("acceleration_scale", acceleration_scale),
-    )
+    velocity = _scale("velocity_scale", velocity_scale)
+    acceleration = _scale("acceleration_scale", acceleration_scale)
     grid = path_grid(path, scene, max_blend=max_blend)
     limits = scene.limits(_arms(path))
     return fastest_motion(grid, velocity * limits.velocity, acceleration * limits.acceleration)
+
+
+def _scale(name: str, value: float) -> float:
+    scale = positive_number(name, value)
+    if not 1e-3 <= scale <= 1e3:
+        raise InputError(f"{name} is {scale:g}, expected 0.001 to 1000")
+    return scale
 
 
 def path_grid(path: Path, scene: Scene, *, max_blend: float = 0.4) -> PathGrid:

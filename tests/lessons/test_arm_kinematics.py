@@ -124,5 +124,5 @@ def test_the_arm_is_singular_where_it_is_straight_or_folded(lesson: KinematicsLe
 
 
 def test_chains_that_have_no_table() -> None:
-    with pytest.raises(rp.InputError, match="expected a Robot"):
+    with pytest.raises(rp.InputError, match="expected Robot"):
         rp.dh_table("rr1")
