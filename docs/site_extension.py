@@ -1,7 +1,7 @@
 """What the documentation site adds to Sphinx: reference pages of all public names, and pages to try.
 
 The reference has one page for each room of the package, made from `rr1plan`'s exports, so no name can be missing.
-Pages made by `make_site.py` are embedded in the lesson of their name, and linked from their picture in the gallery.
+Pages made by `make_site.py` are embedded in the lesson of that name, and linked from their picture in the gallery.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ ROOMS = {
     "Many arms": ("rr1plan.multi", "rr1plan.playback.schedules"),
     "Sequences": ("rr1plan.sequences",),
     "Simulation": ("rr1plan.playback.simulation", "rr1plan.experiments"),
-    "Pages and pictures": ("rr1plan.playback.viewer",),
+    "Pages and pictures": ("rr1plan.playback.viewer", "rr1plan.playback.search_trees"),
     "Configuration spaces and lessons": ("rr1plan.playback.cspace", "rr1plan.lessons"),
     "Files": ("rr1plan.export", "rr1plan.saved_motion"),
     "Real arms": ("rr1plan.hardware", "rr1plan.calibration", "rr1plan.mirror"),
