@@ -835,6 +835,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Lesson.save_png": (lesson.save_png, {"file": folder / "l.png"}),
         "Lesson.save_svg": (lesson.save_svg, {"file": folder / "l.svg"}),
         "Lesson.save_html": (lesson.save_html, {"file": folder / "l.html", "options": None}),
+        "Lesson.page_content": (lesson.page_content, {"options": None}),
         "Lesson.show": (lambda **o: lesson.show(**o).close(), live | {"options": None}),
         "planar_arm": (
             rp.planar_arm,
@@ -886,6 +887,7 @@ _NOT_CALLED = {
         "Schedule",
         "Schedule.instants",
         "Schedule.leg_duration",
+        "CollisionChecker.memory_image",
         "CoordinationDiagram",
         "Timeline",
         "Wait",

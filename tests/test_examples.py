@@ -175,7 +175,7 @@ def files_read_back_exactly_and_altered_ones_are_refused(said: str, folder: Path
     assert "proven again: True" in said
     assert "there: Report(not valid: collision" in said
     assert "what differs: obstacle 'late_ball' is new" in said
-    assert "from samples: 1.18" in said
+    assert "from samples: 1.177 s" in said
     assert FREE in said
     assert "refused: 14_altered.json: was altered" in said
 

@@ -9,6 +9,7 @@ import threading
 import time
 
 import numpy as np
+from tornado.httpclient import AsyncHTTPClient
 from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 from rr1plan.errors import BackendError
@@ -77,7 +78,9 @@ def _wait_for_page(viewer: Viewer) -> None:
 
 async def _acknowledge(url: str, arrivals: queue.Queue[float]) -> None:
     """Acknowledge messages to the panel, as a slider that was moved, until the viewer closes."""
-    address = url.replace("http://", "ws://") + "updates"
+    page = (await AsyncHTTPClient().fetch(url)).body.decode()
+    token = page.partition('"token":"')[2].partition('"')[0]  # only pages may follow and act
+    address = f"{url.replace('http://', 'ws://')}updates?token={token}"
     connection: WebSocketClientConnection = await websocket_connect(address, max_message_size=_LARGEST)
     try:
         while (text := await connection.read_message()) is not None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from rr1plan.checks import check_callback, known_name
+from rr1plan.checks import check_callback, known_name, shown
 from rr1plan.errors import CancelledError, InputError, MissingPackageError
 from rr1plan.files.file_access import make_folder
 from rr1plan.lessons.lesson_catalog import lesson, lesson_names
@@ -57,7 +57,7 @@ def save_figures(
     """
     check_callback("progress", progress)
     if names is not None and (isinstance(names, str) or not isinstance(names, Sequence) or not names):
-        raise InputError(f"names is {names!r:.80}, expected some of {', '.join(figure_names())}")
+        raise InputError(f"names is {shown(names)}, expected some of {', '.join(figure_names())}")
     wanted = figure_names() if names is None else tuple(known_name("figure", name, figure_names()) for name in names)
     folder = make_folder(out, f"{wanted[0]}.png")
     began, files = time.perf_counter(), {}

@@ -82,7 +82,8 @@ def shorten(
     for _ in range(smooth):
         points = shortener.cut_corners(points)
     # Rounding may make a path longer whose waypoints are on a line.
-    before, after = (load_library().rr1_polyline_length(rows, *rows.shape) for rows in (path.waypoints, points))
+    rows = (np.ascontiguousarray(path.waypoints), points)
+    before, after = (load_library().rr1_polyline_length(points, *points.shape) for points in rows)
     return Path.trusted(path.joint_names, points) if after <= before else path
 
 

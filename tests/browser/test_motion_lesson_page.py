@@ -99,7 +99,7 @@ def test_sliders_of_every_step_move_what_is_shown(page: Any) -> None:
             assert abs(page.ask("RR1.timing.duration") - before) > 0.001, name
             for _ in range(3 if name == "blend" else 25):
                 page.page.keyboard.press("ArrowRight")
-            assert page.ask("RR1.timing.duration") == pytest.approx(before, rel=1e-6), name
+            assert page.ask("RR1.timing.duration") == pytest.approx(before, rel=1e-3), name  # sliders go by steps
     assert page.ask("RR1.steps.index") == 3
 
 

@@ -19,7 +19,7 @@ def two_arms() -> rp.Scene:
 @pytest.mark.parametrize("name", ["rr1_table", "planar2r_path", "two arms"])
 def test_no_pair_comes_nearer_than_its_levers_say(name: str) -> None:
     checker = rp.CollisionChecker(two_arms() if name == "two arms" else rp.load_scene(name))
-    levers, rng = corridor._levers(checker), np.random.default_rng(0)
+    levers, rng = checker.tables.pair_levers(checker.nq), np.random.default_rng(0)
     compared = 0
     for _ in range(100):
         q = rng.uniform(-2.0, 2.0, checker.nq)

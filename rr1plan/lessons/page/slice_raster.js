@@ -40,7 +40,7 @@ class SliceRaster {
     const { exact } = this.planner.scene, scratch = this.planner.scratch.exact;
     this.ranges.forEach(([first, count], layer) => {
       if (!count) return;
-      core.call("rr1_raster_pairs", exact, scratch, tables, first, first + count, 0, cells, this.out);
+      core.call("rr1_raster_pairs", exact, scratch, tables, first, first + count, 0, cells, [0, 0], this.out);
       this.out.values.forEach((hit, c) => { if (hit) bits[c] |= 1 << layer; });
     });
     return bits;
