@@ -16,8 +16,8 @@ for name, (begin, end) in edges.items():
         samples = sample_edge(checker, begin, end, np.radians(step))
         print(f"{name}, step of {step:g}°: {len(samples.free)} samples, {'free' if samples.passes else 'in contact'}")
     halved, advanced = halve_edge(checker, begin, end), advance_edge(checker, begin, end)
-    print(f"{name}, halving: {len(halved)} distances, {'free' if is_proven_free(halved) else 'in contact'}")
-    print(f"{name}, advancing: {len(advanced)} distances, {'free' if is_proven_free(advanced) else 'in contact'}")
+    print(f"{name}, halving: {'free' if is_proven_free(halved) else 'in contact'}, distances: {len(halved)}")
+    print(f"{name}, advancing: {'free' if is_proven_free(advanced) else 'in contact'}, distances: {len(advanced)}")
     assert checker.edge_is_free(begin, end) == is_proven_free(halved) == is_proven_free(advanced)
 
 longest = max((i for i in halve_edge(checker, *edges["past"]) if i.verdict == "free"), key=lambda i: i.end - i.begin)

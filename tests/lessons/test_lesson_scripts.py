@@ -68,9 +68,9 @@ CLAIMS: dict[str, tuple[str, ...]] = {
     "07_continuous_checking": (
         r"through, step of 12°: 9 samples, free",
         r"through, step of 3°: 32 samples, in contact",
-        r"through, halving: \d+ distances, in contact",
-        r"past, halving: \d\d distances, free",
-        r"far, halving: 1 distances, free",
+        r"through, halving: in contact, distances: \d+",
+        r"past, halving: free, distances: \d\d",
+        r"far, halving: free, distances: 1\b",
     ),
     "08_two_arms": (
         r"take turns: 1[67]% of the diagram is blocked",

@@ -304,7 +304,7 @@ class EdgeLesson {
     const last = this.shown === this.list.length, share = `${(100 * current.begin).toFixed(1)} to ${(100 * current.end).toFixed(1)} %`;
     if (current.verdict === "contact") put(`Contact at ${(100 * current.where).toFixed(2)} % of the edge: ${names}. The edge is not free, and this configuration shows it.`, "bad");
     else if (current.verdict === "free") {
-      const all = last ? ` All is proven: the edge is free, after ${this.list.length} distances.` : "";
+      const all = last ? ` All is proven: the edge is free, after ${this.list.length} ${this.list.length === 1 ? "distance" : "distances"}.` : "";
       put(`${share}: distance ${cm(current.distance)} between ${names}, which approach each other by ${cm(current.bound)} at most. Proven free.${all}`, "good");
     } else put(`${share}: distance ${cm(current.distance)} between ${names}, which might approach each other by ${cm(current.bound)}. Not proven, so the interval is halved.`, "open");
   }
