@@ -92,7 +92,7 @@ _ROBOT_NAMES = {("Calibration", "robot")}
 
 
 def teaching_calls() -> dict[str, Call]:
-    """Those of what lessons compute."""
+    """Calls of the functions behind lessons."""
     robot = rp.load_robot("planar2r")
     scene, q = rp.Scene().with_arm("arm", robot), np.zeros(2)
     problem = rp.Problem(scene, "home", [0.5, 0.5])

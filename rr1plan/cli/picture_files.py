@@ -19,7 +19,7 @@ _VIEW_FILES = {"html": "page", "png": "picture", "video": "video", "glb": "3-D m
 
 
 def check_files(options: Namespace) -> bool:
-    """Whether files are asked for rather than a live page.
+    """Whether the options name files instead of a live page.
 
     Raises:
         InputError: one cannot be written.
@@ -61,7 +61,7 @@ def write_files(
 def film_replay(
     motion: MotionPlan | SequencePlan, replay: rp.Replay | rp.SequenceReplay, options: Namespace, console: Console
 ) -> None:
-    """Write a video of what the simulation did."""
+    """Write a video of a simulation."""
     with tempfile.TemporaryDirectory(prefix="rr1plan-page-") as folder:
         target = Path(folder) / "page.html"
         if isinstance(motion, SequencePlan):

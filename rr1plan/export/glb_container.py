@@ -33,7 +33,7 @@ class GlbArrays:
         return self._add(np.asarray(values, dtype="<u4").ravel(), _INDICES)
 
     def track(self, values: ArrayLike) -> int:
-        """The accessor of times, shape (n,), or of what is animated, shape (n, 3) or (n, 4)."""
+        """The accessor of times, shape (n,), or of animated vectors or quaternions, shape (n, 3) or (n, 4)."""
         return self._add(np.asarray(values, dtype="<f4"), None)
 
     def _add(self, values: NDArray[Any], target: int | None) -> int:

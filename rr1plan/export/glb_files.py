@@ -27,7 +27,7 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
-# Colors of what has none, those of the page.
+# Default colors, those of the page.
 _LINK, _OBSTACLE, _HELD = (0.77, 0.79, 0.82), (0.58, 0.65, 0.74), (0.96, 0.73, 0.27)
 _STILL = 1e-9  # [rad or m] a joint that moves less is not animated
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.playback.viewer.page_document import unpack_array
 
-_SECTIONS = 32  # of what is round
+_SECTIONS = 32  # of cylinders, capsules and spheres
 _SHARP = np.radians(35.0)  # edges with a larger angle between their faces are drawn sharp, as on the page
 _PLANE = 4.0  # [m] edge of the square that stands for a half-space
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 _CELLS = 120  # of the map of |det J|, along each joint
-# Of frames: x, y; of the velocity and the force ellipse. Told apart without seeing red or green.
+# Of the x and y axes of frames, of the velocity and the force ellipse; safe for red-green color blindness.
 X_AXIS, Y_AXIS, VELOCITY, FORCE = "#d55e00", "#0072b2", "#a3428f", "#00805c"
 SPEED, PULL = 0.25, 0.1  # lengths on the picture of 1 m/s [m] and of 1 N [m]
 
@@ -238,7 +238,7 @@ def _steps(lesson: KinematicsLesson) -> tuple[LessonStep, ...]:
         the arm has to pass a singularity.</p>"""
         if revolute
         else """<p>det J is now <b><span data-live="det"></span></b>. It is zero on the dashed lines of the
-        configuration space, if there are any; the tool then lies on the rim of what it reaches.</p>"""
+        configuration space, if there are any; the tool then lies on the rim of its reachable region.</p>"""
     )
     rows = (
         (

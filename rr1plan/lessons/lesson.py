@@ -31,7 +31,7 @@ class LessonStep:
     """One step of a lesson: a few short paragraphs and what they are about.
 
     Args:
-        name: A name unique in the lesson, by which the lesson's script knows the step.
+        name: A name unique in the lesson, which the lesson's script refers to.
         title: Its headline.
         text: Its paragraphs as HTML; formulas in MathML.
         q: The configuration that the page shows when the step is entered [rad or m]: all columns of the scene; None

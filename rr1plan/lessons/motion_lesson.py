@@ -39,7 +39,7 @@ _STEP, _SEED, _TRIES, _SHORTCUT_SEED = 0.4, 3, 60, 1
 BLENDS = (0.0, 0.03, 0.1, 0.4)
 JERKS = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 1280.0)
 """Jerk limits that the last step compares [rad/s³]."""
-# Of the path before and after shortcuts, of blends, of the limit curve, of braking: told apart without red or green.
+# Of the path before and after shortcuts, of blends, of the limit curve, of braking; safe for color blindness.
 RAW, SHORT, BLENDED, LIMIT, BRAKE = "#8b97a6", "#0072b2", "#d55e00", "#a3428f", "#00805c"
 
 

@@ -125,7 +125,7 @@ def _steps(picture: CSpace, cells: Decomposition) -> tuple[LessonStep, ...]:
         ),
         LessonStep(
             "components",
-            "Free space falls apart",
+            "Free space has components",
             f"""<p>Configurations that a path can join form a <b>component</b>. Here free space has {parts} of them,
             one tint each. Start and goal are in different ones.</p>
             <p>A path cannot change its component: it is a connected set, and the components are not connected.</p>""",

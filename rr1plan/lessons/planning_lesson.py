@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.page_document import Document
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
-# Of the planners, in the order of the lesson; told apart without seeing red or green, and by their dashes.
+# Of the planners, in the order of the lesson; safe for red-green color blindness, and lines differ in their dashes.
 COLORS = {
     "Dijkstra": "#7a8594",
     "A*": "#22262b",

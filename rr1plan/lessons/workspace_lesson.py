@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 _TURN = 2.0 * np.pi
-# Reached in two ways, in one; told apart without seeing red or green, and by hatching.
+# Of regions reached twice and once; safe for red-green color blindness, and one is hatched.
 TWICE, ONCE = "#9dbfe8", "#f6c98f"
 _PIXELS = 420  # of the map in the figure
 

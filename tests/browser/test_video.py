@@ -1,4 +1,4 @@
-"""Videos of motions: each picture is that of its own moment, whatever the machine's speed."""
+"""Videos of motions: each picture shows its moment, whatever the speed of the machine."""
 
 from __future__ import annotations
 

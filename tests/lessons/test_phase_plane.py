@@ -107,7 +107,7 @@ def test_the_motion_keeps_all_limits_and_cannot_be_faster(path: rp.Path, problem
         assert (speeds <= VELOCITY * (1.0 + 2e-3)).all()
         assert (pushes <= ACCELERATION * (1.0 + 1e-6)).all()
         tight |= (speeds > VELOCITY * 0.98).any(axis=1) | (pushes > ACCELERATION * 0.98).any(axis=1)
-    # Time-optimal: everywhere some limit is reached, but for the intervals with a switching point.
+    # Time-optimal: some limit is reached everywhere except in intervals with a switching point.
     assert tight.mean() > 0.95
     signs = np.sign(np.where(np.abs(u) < 1e-6, 0.0, u))
     assert set(np.flatnonzero(np.diff(signs)) + 1) == set(plane.switches)

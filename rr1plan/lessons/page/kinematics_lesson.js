@@ -27,7 +27,7 @@ class Kinematics {
     this.legend = steps.corner("kinematics");
   }
 
-  /** How far the tool gets, for the sizes of what is drawn. */
+  /** The reach of the tool, which scales what is drawn. */
   reach() {
     return flat.bars.map(([x, y]) => Math.hypot(x, y)).reduce((a, b) => a + b, 0) || 1.7;
   }

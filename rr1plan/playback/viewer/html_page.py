@@ -80,7 +80,7 @@ def plans_by_itself(document: Document) -> bool:
 
 
 def planner_script() -> str:
-    """The page's planner as a script of its own, which defines `PagePlanner`."""
+    """The page's planner as a separate script, which defines `PagePlanner`."""
     return "\n".join([_core_script(), _asset("referee.js"), _asset("planner.js")])
 
 
@@ -90,7 +90,7 @@ def _core_script() -> str:
 
 
 def embed_html(text: str, height: int = 600) -> str:
-    """A page inside a notebook, kept apart from it so that browsers do not draw it while it is out of sight."""
+    """A page in a sandboxed frame of a notebook, which browsers do not draw while it is scrolled out of view."""
     style = f"width:100%;height:{int(height)}px;border:0;border-radius:8px"
     return f'<iframe srcdoc="{html.escape(text)}" sandbox="allow-scripts allow-downloads" style="{style}"></iframe>'
 

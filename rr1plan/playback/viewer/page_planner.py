@@ -47,7 +47,7 @@ _MOST_BYTES = 4_000_000  # of the tables, deflated
 
 
 def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float = 0.0) -> dict[str, Any]:
-    """The data of `PagePlanner.load` in `page/planner.js`, but for the modules; kept with the scene.
+    """The data of `PagePlanner.load` in `page/planner.js` without the modules; kept with the scene.
 
     Args:
         scene: The scene.

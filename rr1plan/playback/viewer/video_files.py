@@ -27,7 +27,7 @@ _DITHER = 6.0  # of 255, about the distance between neighboring gray values of a
 
 
 class Frames(Protocol):
-    """The pictures of a video, each made when it is asked for, in any order."""
+    """The pictures of a video, each made on access, in any order."""
 
     def __len__(self) -> int:
         """Number of pictures."""
@@ -91,7 +91,7 @@ def _gif(frames: Frames, fps: float) -> bytes:
 
 
 def _colors_to_keep(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Colors in the frequencies by which median cut is to divide them, shape (n, 3).
+    """Colors for median cut, repeated by their frequencies, shape (n, 3).
 
     By area a palette has the grays of the background alone: colors of small things count more than their pixels.
     """

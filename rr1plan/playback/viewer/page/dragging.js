@@ -278,7 +278,7 @@ class Dragging {
 /** Shift turns, Ctrl or Command lifts. */
 const modeOf = (event) => (event.shiftKey ? "turn" : event.ctrlKey || event.metaKey ? "lift" : "move");
 
-/** Handles of what is selected, drawn as buttons over the picture: the tool of an arm, a joint, an obstacle. */
+/** Handles of the selected tool, joint or obstacle, drawn as buttons over the picture. */
 class Handles {
   constructor(viewer, editing, dragging) {
     Object.assign(this, { viewer, editing, dragging });

@@ -88,7 +88,7 @@ class Kinematics {
     return name;
   }
 
-  /** The speed of an arm's tool [m/s] at poses, for joint velocities qd: the sum of what each joint contributes. */
+  /** The speed of an arm's tool [m/s] at poses, for joint velocities qd: the sum over the joints. */
   toolSpeed(arm, qd, poses) {
     const { robot, firstLink, firstColumn } = arm, sum = [0, 0, 0], tool = 16 * this.toolIndex(arm) + 12;
     for (let child = robot.tool; ;) {

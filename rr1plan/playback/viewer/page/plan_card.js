@@ -52,7 +52,7 @@ class PlanCard {
     document.body.style.setProperty("--above", isOpen ? `${find("editing").offsetHeight + 10}px` : "0px");
   }
 
-  /** Tells what came of an act, in the tone of good, open or bad. */
+  /** Shows the result of an action, as good, open or bad. */
   say(text, tone = "open") {
     const answer = find("answer");
     answer.hidden = !text;

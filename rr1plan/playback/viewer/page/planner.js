@@ -7,7 +7,7 @@
 //   planner.obstacles  .frames                      names of obstacles that can be moved, and of frames for inverse kinematics
 //   planner.isFree(q)  .edgeIsFree(q0, q1)          certified with the padding of the scene
 //   planner.contacts(q)                             [[element, element], ...] of all pairs in contact
-//   planner.clearance(q, most)                      least distance beyond the padding of what moves [m], `most` at most
+//   planner.clearance(q, most)                      least distance of moving pairs beyond their padding [m], `most` at most
 //   planner.withinLimits(q)
 //   planner.inverseKinematics(frame, target, q)     a configuration that brings a frame ("arm" or "arm/link") to a target,
 //                                                   near q, or null; target: [x, y, z], or 16 numbers, column after column
@@ -78,7 +78,7 @@ class PagePlanner {
     this.#keepMargin(0);
   }
 
-  /** The kernels and the tables, for what has no method here. */
+  /** The kernels and the tables, for calls that have no method here. */
   get core() { return this.#core; }
   get scene() { return this.#memory.scene; }
   get scratch() { return this.#memory.scratch; }

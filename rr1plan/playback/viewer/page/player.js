@@ -1,6 +1,6 @@
 // The clock: where in the motion we are, and whether it runs.
 
-const LONGEST_STEP = 0.25; // [s] by which one frame advances the clock, however late it is
+const LONGEST_STEP = 0.25; // [s], most that one frame advances the clock
 
 class Player {
   /** track: the motion, or null; others: motions beside it, which the clock waits for. */
