@@ -263,7 +263,7 @@ def test_clearance_lines_end_on_the_nearest_bodies(calm: Any, motions: Any) -> N
         rod = calm.ask(f"() => {{ const m = new RR1.THREE.Matrix4(); {matrix}; return m.toArray(); }}")
         assert np.linalg.norm(rod[4:7]) == pytest.approx(distances.min(), abs=slack)
     calm.ask("RR1.setShown('nearest', false)")
-    assert calm.page.locator("#nearest").is_hidden()
+    calm.page.locator("#nearest").wait_for(state="hidden")  # the next frame hides it
 
 
 @pytest.mark.parametrize(("width", "height"), [(1440, 900), (800, 600), (390, 844)])

@@ -141,24 +141,27 @@ def test_a_cancelled_video_leaves_nothing(page: FilePath, tmp_path: FilePath) ->
 
 @pytest.mark.usefixtures("needs_browser")
 def test_ctrl_c_ends_the_browser_too(page: FilePath, tmp_path: FilePath) -> None:
+    # A folder for temporary files with a name too long for the browser's socket.
+    temporary = tmp_path / ("temporary" * 9)
+    temporary.mkdir()
     # More pictures than can be taken while the test waits.
     code = (
         "import sys, rr1plan as rp\n"
         f"rp.save_video({str(tmp_path / 'long.gif')!r}, {str(page)!r}, fps=50, speed=0.002, size={SIZE},"
         " progress=lambda p: print('picture', flush=True))"
     )
-    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    environment = {**os.environ, "TMPDIR": str(temporary)}
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=environment) as program:
         assert program.stdout is not None
         assert program.stdout.readline() == "picture\n"
-        assert _speak_of(tmp_path)
+        assert _speak_of(temporary)
         program.send_signal(signal.SIGINT)
         program.communicate(timeout=60)
     assert program.returncode != 0
     end = time.monotonic() + 30
-    while _speak_of(tmp_path) and time.monotonic() < end:
+    while _speak_of(temporary) and time.monotonic() < end:
         time.sleep(0.1)
-    assert not _speak_of(tmp_path)
+    assert not _speak_of(temporary)
     assert not (tmp_path / "long.gif").exists()
 
 

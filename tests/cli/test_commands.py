@@ -167,7 +167,7 @@ def test_motions_of_every_kind_are_validated_viewed_and_replayed(
     names = [name.split("/")[1] for name in saved.trajectory.joint_names]
     Path("t.yaml").write_text(yaml.safe_dump({"joint_names": names, "points": points}))
     for name, verdict, pieces in (
-        ("t.json", OK, "quartic"),
+        ("t.json", OK, "quadratic"),
         ("t.csv", OK, "quintic"),
         ("t.yaml", INVALID_PLAN, "linear"),
     ):

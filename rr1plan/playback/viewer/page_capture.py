@@ -38,6 +38,8 @@ _FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+# Chromium keeps a socket in a folder of its own below TMPDIR, and a socket's path has at most 107 bytes.
+_LONGEST_TEMPORARY_FOLDER = 60
 _PATIENCE = 90.0  # [s] for a page to come up, drawn by a busy processor
 
 Page = str | os.PathLike[str] | Viewer | HasPage | Scene | Robot | Problem
@@ -47,6 +49,14 @@ _T = TypeVar("_T")
 def find_browser() -> str | None:
     """The file of a Chromium on this machine, or None."""
     return next((found for name in _BROWSERS if (found := shutil.which(name))), None)
+
+
+def _browser_environment() -> dict[str, str | float | bool]:
+    """This process's environment, with a folder for temporary files in which the browser's socket can have a name."""
+    environment: dict[str, str | float | bool] = {**os.environ}
+    if os.name == "posix" and len(tempfile.gettempdir()) > _LONGEST_TEMPORARY_FOLDER:
+        environment["TMPDIR"] = "/tmp"
+    return environment
 
 
 @contextmanager
@@ -71,7 +81,11 @@ def open_browser(size: tuple[int, int] = (1280, 800)) -> Iterator[Any]:
     ):
         try:
             context = playwright.chromium.launch_persistent_context(
-                folder, executable_path=binary, args=_FLAGS, viewport={"width": width, "height": height}
+                folder,
+                executable_path=binary,
+                args=_FLAGS,
+                viewport={"width": width, "height": height},
+                env=_browser_environment(),
             )
         except Error as error:
             raise BackendError(f"{binary} does not start: {error}") from error
