@@ -155,7 +155,7 @@ class SceneContent(Value, NotebookView):
         return np.concatenate([np.zeros(0), *(self.arms[a].q for a in self.arm_names(arms))])
 
     def split(self, q: Array, arms: Sequence[str] | None = None) -> dict[str, Array]:
-        """PlacedArm of every arm of the scene, with q (nq,) for the named ones and the scene's for the rest.
+        """The configuration of every arm by name: parts of q (nq,) for the named arms, the scene's for the others.
 
         Raises:
             UnknownNameError: no such arm.
