@@ -28,7 +28,8 @@ from rr1plan.mirror.message_reader import MessageReader
 from rr1plan.mirror.mirror_page import MirrorPage
 from rr1plan.mirror.mirror_report import MirrorEvent, MirrorReport, MirrorState, MirrorStatistics
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
-from rr1plan.playback.viewer import Viewer
+from rr1plan.playback.viewer import Viewer, ViewOptions
+from rr1plan.playback.viewer.view_options import checked_options
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -104,20 +105,17 @@ class Mirror:
         if self._page is not None:
             self._page.viewer.close()
 
-    def show(self, *, port: int | None = None, open_browser: bool = True, quiet: bool = False) -> Viewer:
+    def show(self, *, options: ViewOptions | None = None) -> Viewer:
         """Open a live page that shows the arms as measured, with their deviation from the plan.
 
         Args:
-            port: As in `show`.
-            open_browser: As in `show`.
-            quiet: As in `show`.
+            options: How the page looks (default: `ViewOptions()`); it does not play and does not plan.
 
         Raises:
-            InputError: an invalid port.
             BackendError: no free port.
         """
-        self._page = MirrorPage(self.scene, self.plan, self._statistics.joint_names, port)
-        return self._page.open(open_browser, quiet)
+        self._page = MirrorPage(self.scene, self.plan, self._statistics.joint_names, checked_options(options))
+        return self._page.viewer
 
     def run(self, stream: Iterable[StateMessage | StreamError], *, duration: float | None = None) -> MirrorReport:
         """Follow a stream to its end, for a time, or until Ctrl-C.

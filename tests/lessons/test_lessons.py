@@ -70,7 +70,7 @@ def test_a_page_holds_every_step_and_loads_nothing(name: str, lessons: dict[str,
 
 
 def test_a_live_page_is_served(lessons: dict[str, rp.Lesson]) -> None:
-    with lessons["workspace"].show(open_browser=False, quiet=True) as viewer:
+    with lessons["workspace"].show(options=rp.ViewOptions(quiet=True)) as viewer:
         assert viewer.url.startswith("http")
 
 

@@ -204,7 +204,7 @@ def test_sources_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
 
 def test_the_page_gets_states_and_the_panel(scene: rp.Scene, plan: rp.Trajectory) -> None:
     with rp.Mirror(scene, plan) as mirror:
-        viewer = mirror.show(open_browser=False, quiet=True, port=0)
+        viewer = mirror.show(options=rp.ViewOptions(quiet=True, port=0))
         report = mirror.run(messages(plan)[:20])
         assert report.messages == 20
         assert not viewer.closed
