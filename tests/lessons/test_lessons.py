@@ -52,11 +52,17 @@ def test_a_lesson_draws_a_figure_for_slides(name: str, lessons: dict[str, rp.Les
     assert picture.shape[1] == 1950
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
     assert svg.read_text().rstrip().endswith("</svg>")
-    assert lessons[name].figure(width=6.0).get_figwidth() == 6.0
+
+
+def test_a_figure_has_a_width_that_can_be_drawn_and_the_ending_of_its_format(
+    lessons: dict[str, rp.Lesson], tmp_path: Path
+) -> None:
+    drawn = lessons["workspace"]
+    assert drawn.figure(width=6.0).get_figwidth() == 6.0
     with pytest.raises(rp.InputError, match=r"ends in \.svg"):
-        lessons[name].save_svg(tmp_path / "a.png")
+        drawn.save_svg(tmp_path / "a.png")
     with pytest.raises(rp.InputError, match="at most 100"):
-        lessons[name].figure(width=101)
+        drawn.figure(width=101)
 
 
 @pytest.mark.parametrize("name", NAMES)
