@@ -12,7 +12,9 @@ from PIL import Image
 
 import rr1plan as rp
 from rr1plan.lessons.configuration_space_lesson import ConfigurationSpaceLesson
+from rr1plan.lessons.edge_intervals import advance_edge, halve_edge
 from rr1plan.lessons.no_path_lesson import NoPathLesson
+from rr1plan.lessons.planar_outlines import planar_data
 from rr1plan.lessons.torus_picture import torus_image
 from rr1plan.lessons.workspace_lesson import WorkspaceLesson, solution_counts
 
@@ -104,6 +106,31 @@ def test_a_lesson_about_a_query_takes_one_without_a_path(tmp_path: Path) -> None
         rp.lesson("no_path", problem=rp.Problem(scene, [0.0, 0.3], rp.JointGoal([0.4, 0.3])))
     with pytest.raises(rp.InputError, match="free ends"):
         rp.lesson("no_path", problem=rp.Problem(scene, [np.pi / 2, 0.3], rp.JointGoal([0.4, 0.3])))
+
+
+def test_a_lesson_about_distances_needs_an_obstacle() -> None:
+    alone = rp.Scene().with_arm("arm", rp.planar_arm("RR"))
+    with pytest.raises(rp.InputError, match="'continuous_checking' is about distances; add an obstacle"):
+        rp.lesson("continuous_checking", problem=rp.Problem(alone, [0.0, 0.3], [0.4, 0.3]))
+    for decide in (halve_edge, advance_edge):
+        with pytest.raises(rp.InputError, match="no distances; add an obstacle"):
+            decide(rp.CollisionChecker(alone), [0.0, 0.3], [0.4, 0.3])
+
+
+def test_a_lesson_about_distances_takes_polygons_and_refuses_what_is_not_flat() -> None:
+    corners = [(0.5, 0.5), (0.8, 0.4), (0.6, 0.9)]
+    alone = rp.Scene().with_arm("arm", rp.planar_arm("RR"))
+    wedge = alone.with_obstacle("wedge", rp.polygon_prism(corners))
+    (outline,) = planar_data(rp.CollisionChecker(wedge))["outlines"]["wedge"]
+    assert {tuple(np.round(point, 9)) for point in outline["points"]} == set(corners)
+    lesson = rp.lesson("continuous_checking", problem=rp.Problem(wedge, [0.0, 0.3], [0.4, 0.3]))
+    assert "wedge" in str(lesson.page_content()[1].panels)
+    corner = rp.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    tilted = rp.transforms.pose([2.0, 2.0, 0.0], rpy=(0.2, 0.0, 0.0))
+    for shape in (rp.HalfSpace((0.0, 1.0, 0.0), -3.0), corner, rp.polygon_prism(corners)):
+        scene = alone.with_obstacle("odd", shape, tilted)
+        with pytest.raises(rp.InputError, match=r"'odd' has a .*, expected spheres"):
+            rp.lesson("continuous_checking", problem=rp.Problem(scene, [0.0, 0.3], [0.4, 0.3]))
 
 
 def test_wrong_questions_are_refused() -> None:
