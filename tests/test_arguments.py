@@ -713,6 +713,7 @@ def calls(folder: Path) -> dict[str, Call]:
         **calibration_calls(folder),
         **teaching_calls(),
         **mirror_calls(scene, trajectory, folder),
+        "SearchTree": (rp.SearchTree, {"vertices": [[0.0, 0.0], [1.0, 0.0]], "edges": [[0, 1]]}),
         "JointGoal": (rp.JointGoal, {"q": q}),
         "PoseGoal": (
             rp.PoseGoal,
@@ -941,7 +942,7 @@ _NOT_CALLED = {
     ),
     *("SequencePlan", "SequenceReplay", "CarriedObject", "Lesson"),
     *("ReplayRecord", "CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
-    *("Progress", "SearchTree", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
+    *("Progress", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
     *("AddedMotion", "Dependency", "Node", "PlanExecution", "Part", "Part.until", "PlanGraph", "PlanGraph.from_dict"),
     *("PlanGraph.with_times", "Route", "RunningPlan", "RunningPlan.part_at", "RunningPlan.with_parts"),
     *("PairProposal.get", "Geometry", "Inertial", "Joint", "Joint.motion", "Link", "Mimic", "Attachment", "Obstacle"),

@@ -88,6 +88,7 @@ class Mirror:
         self.state: MirrorState | None = None
         self._statistics = MirrorStatistics(planned, np.zeros(len(planned)))
         self._page: MirrorPage | None = None
+        self._closed = False
         self._record = None if record is None else _opened(record)
 
     def __enter__(self) -> Mirror:
@@ -99,7 +100,8 @@ class Mirror:
         self.close()
 
     def close(self) -> None:
-        """Close the file and the page; more than once is fine."""
+        """Close the file and the page; more than once is fine. A closed mirror receives nothing."""
+        self._closed = True
         if self._record is not None:
             self._record.close()
         if self._page is not None:
@@ -153,8 +155,10 @@ class Mirror:
             The state of the arms; None if the message cannot be used; `events` gives the reason.
 
         Raises:
-            InputError: something other than a message.
+            InputError: something other than a message, or the mirror is closed.
         """
+        if self._closed:
+            raise InputError("the mirror is closed")
         if isinstance(item, StreamError):
             self._fault(item)
             return None
