@@ -31,6 +31,8 @@ from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
 from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, pair
 from rr1plan.shapes.content_digest import feed_digest
 
+_NO_ARM = "the scene has no arm; add one: [arms.NAME] in a scene file, with_arm in Python"
+
 
 @dataclass(frozen=True, eq=False)
 class SceneContent(Value, NotebookView):
@@ -118,7 +120,7 @@ class SceneContent(Value, NotebookView):
             self.arm(name)
             return name
         if not self.arms:
-            raise InputError("the scene has no arm; add one: [arms.NAME] in a scene file, with_arm in Python")
+            raise InputError(_NO_ARM)
         if len(self.arms) != 1:
             raise InputError(
                 f"the scene has {len(self.arms)} arms ({', '.join(self.arms)}); say which one with option arm"
@@ -138,6 +140,8 @@ class SceneContent(Value, NotebookView):
             raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
         for name in arms:
             self.arm(name)
+        if not self.arms:
+            raise InputError(_NO_ARM)
         if not arms or len(set(arms)) != len(arms):
             raise InputError(f"arms is {shown(tuple(arms))}, expected distinct names, at least one")
         return tuple(name for name in self.arms if name in arms)
@@ -155,7 +159,7 @@ class SceneContent(Value, NotebookView):
         return np.concatenate([np.zeros(0), *(self.arms[a].q for a in self.arm_names(arms))])
 
     def split(self, q: Array, arms: Sequence[str] | None = None) -> dict[str, Array]:
-        """PlacedArm of every arm of the scene, with q (nq,) for the named ones and the scene's for the rest.
+        """The configuration of every arm by name: parts of q (nq,) for the named arms, the scene's for the others.
 
         Raises:
             UnknownNameError: no such arm.
