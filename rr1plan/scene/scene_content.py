@@ -96,7 +96,7 @@ class SceneContent(Value, NotebookView):
     @cached_property
     def element_names(self) -> tuple[str, ...]:
         """Elements with collision geometry: "arm/link" of links with a shape, obstacles, attached objects."""
-        links = [f"{a}/{link.name}" for a, arm in self.arms.items() for link in arm.robot.links if link.collisions]
+        links = [f"{a}/{link}" for a, arm in self.arms.items() for link in arm.robot.solid_links]
         return (*links, *self.obstacles, *self.attachments)
 
     def arm(self, name: str) -> Arm:
@@ -242,7 +242,7 @@ class SceneContent(Value, NotebookView):
     def contact_rules(self) -> ContactRules:
         """The pairs of elements that must not touch, shared by scenes with equal rules."""
         names, held = self.element_names, self.attachments.items()
-        links = [name for name, arm in self.arms.items() for link in arm.robot.links if link.collisions]
+        links = [name for name, arm in self.arms.items() for _ in arm.robot.solid_links]
         content = RuleContent(
             names,
             (*links, *[None] * len(self.obstacles), *(thing.arm for thing in self.attachments.values())),

@@ -49,7 +49,7 @@ def arrays_of(scene: Scene, arms: list[str] | None) -> list[np.ndarray]:
     edges = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
     own = (checker.solid_pairs, checker.solid_owner, checker.solid_padding, checker.pairs, checker.static_contacts)
     arm, pairs_of_kernel = vars(edges.arm).values(), vars(edges.pairs).values()
-    tables = (*arm, *edges.cores, *edges.obstacles, *pairs_of_kernel, edges.rest, *exact, *static)
+    tables = (*arm, *edges.cores, *edges.obstacles.arrays, *pairs_of_kernel, edges.rest, *exact, *static)
     return [*map(np.asarray, own), *(np.asarray(a) for a in tables if isinstance(a, np.ndarray | float))]
 
 

@@ -186,26 +186,31 @@ def exact_struct(tables: ExactTables, columns: int, like: CStruct | None = None)
     Args:
         tables: The tables.
         columns: Number of columns of q.
-        like: A struct of tables that share arrays with these, of which a changed copy is faster made.
+        like: A struct of tables with the same arms, of which a changed copy is faster made.
     """
     fields = {
-        "joint_count": len(tables.joints),
         "body_count": len(tables.bodies),
         "pair_count": len(tables.pairs),
-        "column_count": columns,
-        "joints": tables.joints,
-        "placements": tables.joint_values,
         "bodies": tables.bodies,
         "shapes": tables.body_values,
         "corners": tables.corners,
         "links": tables.links,
-        "chain": tables.chain,
-        "chain_reach": tables.chain_reach,
         "pairs": tables.pairs,
         "padding": tables.padding,
         "meshes": _no_meshes() if tables.meshes is NO_MESHES else CStruct("MeshTables", **vars(tables.meshes)),
     }
-    return CStruct("ExactTables", **fields) if like is None else like.copied(**fields)
+    if like is not None:
+        return like.copied(**fields)
+    return CStruct(
+        "ExactTables",
+        joint_count=len(tables.joints),
+        column_count=columns,
+        joints=tables.joints,
+        placements=tables.joint_values,
+        chain=tables.chain,
+        chain_reach=tables.chain_reach,
+        **fields,
+    )
 
 
 @cache
