@@ -68,6 +68,9 @@ def obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
     Raises:
         InputError: a shape that cannot be made solid.
     """
+    first, *more = obstacle.geometries
+    if not more and not isinstance(first.shape, _MADE_SOLID):
+        return ObstacleGeometry((name,), (first.shape,), first.pose.tobytes(), obstacle.pose)
     shapes: list[Shape] = []
     frames: list[bytes] = []
     for geometry in obstacle.geometries:

@@ -134,13 +134,13 @@ class SceneContent(Value, NotebookView):
         """
         if arms is None:
             return tuple(self.arms)
-        if isinstance(arms, str) or not isinstance(arms, Sequence):
+        if isinstance(arms, str) or not isinstance(arms, (tuple, Sequence)):  # tuples are found faster
             raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
         for name in arms:
             self.arm(name)
         if not arms or len(set(arms)) != len(arms):
             raise InputError(f"arms is {shown(tuple(arms))}, expected distinct names, at least one")
-        return tuple(name for name in self.arms if name in arms)
+        return tuple([name for name in self.arms if name in arms])
 
     def joint_names(self, arms: Sequence[str] | None = None) -> tuple[str, ...]:
         """Column names "arm/joint" of those arms, in order."""

@@ -218,7 +218,9 @@ def _no_meshes() -> CStruct:
     return CStruct("MeshTables", **vars(NO_MESHES))
 
 
-def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, queue: int | None = None) -> CStruct:
+def exact_scratch(
+    tables: ExactTables, columns: int, terms: int = _TERMS, queue: int | None = None, pairs: int = 0
+) -> CStruct:
     """Memory that the exact kernel writes.
 
     Args:
@@ -226,6 +228,7 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, queue:
         columns: Number of columns of q.
         terms: Coefficients of the longest curve.
         queue: Pairs and intervals that can be open at once, a power of two (default: enough for curves).
+        pairs: Most pairs of other tables with these bodies that it has to serve too.
     """
     queue = queue or max(_QUEUE, 1 << (16 * len(tables.pairs)).bit_length())
     stride = len(tables.joints) + 1
@@ -239,7 +242,7 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, queue:
         centers=tables.centers.copy(),
     )
     scratch.give_room(
-        directions=len(tables.pairs),
+        directions=max(len(tables.pairs), pairs),
         travel=len(tables.bodies) * stride,
         coefficients=terms * columns,
         q=columns,
