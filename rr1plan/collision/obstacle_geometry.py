@@ -18,7 +18,6 @@ from rr1plan.scene import Obstacle
 from rr1plan.shapes import Mesh, PointCloud, Shape
 from rr1plan.transforms import identity
 
-
 # Shapes that are checked as others; see `obstacle_pieces`.
 _MADE_SOLID = (Mesh, PointCloud)
 
