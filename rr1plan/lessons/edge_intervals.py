@@ -126,7 +126,7 @@ def halve_edge(
     of_kind("checker", checker, CollisionChecker)
     whole_number("most", most, 1, 10_000_000)
     q0, q1 = checker.checked(q0), checker.checked(q1)
-    speeds = _approach_speeds(checker, q1 - q0)
+    speeds = _approach_speeds(checker, q0, q1)
     found: list[EdgeInterval] = []
     waiting = deque([(0.0, 1.0)])
     while waiting:
@@ -175,7 +175,7 @@ def advance_edge(
     whole_number("most", most, 1, 10_000_000)
     positive_number("shortest", shortest)
     q0, q1 = checker.checked(q0), checker.checked(q1)
-    speeds = _approach_speeds(checker, q1 - q0)
+    speeds = _approach_speeds(checker, q0, q1)
     found: list[EdgeInterval] = []
     at = 0.0
     while at < 1.0 and len(found) < most:
@@ -193,11 +193,11 @@ def advance_edge(
     return tuple(found)
 
 
-def _approach_speeds(checker: CollisionChecker, change: Array) -> Array:
+def _approach_speeds(checker: CollisionChecker, q0: Array, q1: Array) -> Array:
     """How much the two solids of each pair approach each other on a whole edge at most [m], shape (p,)."""
     if not checker.pairs:
         raise InputError("the scene has nothing that the arm could touch, and so no distances; add an obstacle")
-    return checker.tables.pair_levers(checker.nq) @ np.abs(change)
+    return checker.tables.pair_levers(np.maximum(np.abs(q0), np.abs(q1))) @ np.abs(q1 - q0)
 
 
 def _clearances(checker: CollisionChecker, q: Array) -> Array:

@@ -366,7 +366,7 @@ def test_cspace_draws_a_slice_of_a_bigger_arm(capsys: pytest.CaptureFixture[str]
         (["rr1_table", "--at", "0", "0"], "--at has 2 numbers, expected 6"),
         (["rr1_table", "--at", "0", "wrist"], "'0 wrist' is neither a configuration's name nor numbers"),
         (["planar2r_path", "--seconds", "0"], "'0' is not a number above zero"),
-        (["rr1_table", "--query", "above_parcel"], "the problem has 6 columns"),
+        (["rr1_table", "--query", "above_parcel"], "the problem moves 6 joints of 1 arm, expected two"),
         (["rr1_table", "--seconds", "3"], "--seconds has no effect: there is no query of two joints"),
         (["rr1_table", "--planner", "prm"], "--planner has no effect"),
         (["planar2r_path", "--joints", "joint2", "joint1", "--query", "elbow_flip"], "the problem's columns are"),
