@@ -79,11 +79,13 @@ def view(options: Namespace, console: Console) -> int:
     return serve(rp.show(scene, options=look) if motion is None else motion.show(options=look), options, console)
 
 
-def _other(motion: object, options: Namespace, console: Console) -> dict[str, rp.Trajectory]:
-    """The motion to compare, by the name of its file."""
+def _other(
+    motion: MotionPlan | rp.SequencePlan | None, options: Namespace, console: Console
+) -> dict[str, rp.Trajectory]:
+    """The motion to compare, by the name of its file, in the scene of the motion beside it."""
     if motion is None:
         raise InputError(f"{options.what} is a scene; --compare takes a motion beside another motion")
-    other = saved_motion(options.compare, options, console)
+    other = saved_motion(options.compare, options, console, scene=motion.scene)
     try:
         return {Path(options.compare).stem: other.trajectory}
     except NoPlanError as error:

@@ -312,6 +312,9 @@ def test_another_motion_is_compared_on_the_page(motion: Path, capsys: pytest.Cap
     other = Path(shutil.copy(motion, "other.json"))
     assert run(["view", str(motion), "--html", "page.html", "--compare", str(other)]) == OK
     assert '"compare":[{"name":"other","columns":[0,' in Path("page.html").read_text()
+    # Samples have no scene of their own.
+    samples = rp.save_csv(other.with_suffix(".csv"), rp.load_motion(other).trajectory)
+    assert run(["view", str(motion), "--html", "page.html", "--compare", str(samples)]) == OK
     assert run(["view", "rr1_shelf", "--html", "page.html", "--compare", str(other)]) != OK
     assert "--compare takes a motion beside another motion" in capsys.readouterr().err
 
