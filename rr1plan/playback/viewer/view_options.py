@@ -68,6 +68,8 @@ class ViewOptions:
             about 0.3 MB larger.
         compare: Another motion of the same arms by its name, e.g. {"anytime": other.trajectory}: drawn as a ghost
             beside the motion of the page, its curves dashed beside those of that motion, both on one clock.
+        side_by_side: Show the motion to compare, and the simulated one of a replay, each in its own picture beside that
+            of the page's motion, with the same camera; otherwise overlaid. A chip of the page (V) switches between both.
         tree: What a planner explored (`PlanResult.tree`, `Roadmap.graph`), drawn as the paths of the tools; pages of a
             `MotionPlan` take that of their planner. Its columns are the joints of the arms of the page's problem, or of
             all arms.
@@ -86,6 +88,7 @@ class ViewOptions:
     play: bool = True
     planner: bool = True
     compare: Mapping[str, Trajectory] = field(default_factory=dict)
+    side_by_side: bool = False
     tree: SearchTree | None = None
     clearances: bool | None = None
 
@@ -103,6 +106,7 @@ class ViewOptions:
         object.__setattr__(self, "panels", panels)
         object.__setattr__(self, "play", true_or_false("play", self.play))
         object.__setattr__(self, "planner", true_or_false("planner", self.planner))
+        object.__setattr__(self, "side_by_side", true_or_false("side_by_side", self.side_by_side))
         of_kind("tree", self.tree, SearchTree, optional=True)
         if self.clearances is not None:
             object.__setattr__(self, "clearances", true_or_false("clearances", self.clearances))

@@ -254,4 +254,5 @@ function arrows(pen, x, y, dx, dy, count, unit) {
 }
 
 const symbol = (axis) => data.joints[axis].symbol || `${data.joints[axis].straight ? "d" : "θ"}${"₁₂"[axis]}`;
-const reading = (axis, v) => (data.joints[axis].straight ? `${(1000 * v).toFixed(1)} mm` : `${((180 / Math.PI) * v).toFixed(1)}°`.replace("-", "−"));
+const readingOf = (straight, v) => (straight ? `${(1000 * v).toFixed(1)} mm` : `${((180 / Math.PI) * v).toFixed(1)}°`.replace("-", "−"));
+const reading = (axis, v) => readingOf(data.joints[axis].straight, v);

@@ -19,6 +19,7 @@ class Editing {
     this.isOpen = false;
     this.lit = null;
     this.planner = null;
+    this.asleep = false;
     this.hands = new Dragging(viewer, this);
     this.card = new PlanCard(viewer, this);
     this.keys = new Jogging(viewer, this);
@@ -66,9 +67,9 @@ class Editing {
     return this.viewer.world.canMove(name) && (!this.planner || this.planner.obstacles.includes(name));
   }
 
-  /** Arms can be moved here; a panel of a planar arm has its own way. */
+  /** Arms can be moved here; a panel of a planar arm has its own way, and sets `asleep`. */
   get active() {
-    return this.viewer.kinematics.arms.length > 0 && !document.body.classList.contains("lesson");
+    return this.viewer.kinematics.arms.length > 0 && !this.asleep;
   }
 
   /** The kinematics of an arm's tool, by the arm's index. */
@@ -150,6 +151,7 @@ class Editing {
     this.stale = true;
     this.refreshHeadline();
     viewer.redraw();
+    for (const f of viewer.listeners.obstacle) f(name);
   }
 
   /** Sets the start or the goal, and shows it as a ghost. */
