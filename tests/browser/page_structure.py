@@ -13,6 +13,7 @@ import json
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,7 @@ def _coarse(picture: np.ndarray) -> dict[str, np.ndarray]:
     x, y = (np.linspace(0, size, count + 1).round().astype(int) for size, count in ((width, columns), (height, rows)))
 
     def means(values: np.ndarray) -> np.ndarray:
-        return np.array([[values[a:b, c:d].mean(axis=(0, 1)) for c, d in zip(x, x[1:])] for a, b in zip(y, y[1:])])  # noqa: B905
+        return np.array([[values[a:b, c:d].mean(axis=(0, 1)) for c, d in pairwise(x)] for a, b in pairwise(y)])
 
     return {"colors": means(picture), "detail": means(steps)}
 
@@ -126,25 +127,34 @@ def _slice(file: Path) -> None:
     rp.cspace(scene, joints=("shoulder_joint", "elbow_joint"), resolution=90).save_html(file)
 
 
-PAGES: dict[str, Callable[[Path], None]] = {"motion": _motion, "cspace": _cspace, "slice": _slice}
+def makers() -> dict[str, Callable[[Path], object]]:
+    """Of each page that is compared what writes its file."""
+    own: dict[str, Callable[[Path], object]] = {"motion": _motion, "cspace": _cspace, "slice": _slice}
+    return own | {f"lesson_{name}": lambda file, name=name: rp.lesson(name).save_html(file) for name in rp.lesson_names()}
+
+
+def open_at_rest(page: Any, file: Path) -> None:
+    """Open a page, and wait until its planner is there and what it animates at first has ended."""
+    page.set_viewport_size({"width": SIZES[0][0], "height": SIZES[0][1]})
+    page.goto(file.as_uri())
+    wait_until(page, f"{READY} && Boolean(RR1.planner || RR1.noPlanner || !RR1.document.planner)")
+    page.evaluate("RR1.pause()")
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description="Store how pages are built.")
     parser.add_argument("--pictures", type=Path, help="a folder for the pictures")
-    parser.add_argument("--only", nargs="*", help="pages by name")
+    parser.add_argument("--only", nargs="*", choices=list(makers()), help="pages by name")
     args = parser.parse_args()
-    lessons = {f"lesson_{name}": rp.lesson(name).save_html for name in rp.lesson_names() if not args.only or f"lesson_{name}" in args.only}
     FOLDER.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder, open_browser(SIZES[0]) as browser:
-        for name, make in {**PAGES, **lessons}.items():
+        for name, make in makers().items():
             if args.only and name not in args.only:
                 continue
             file = Path(folder) / "page.html"
             make(file)
             page = browser.new_page()
-            page.goto(file.as_uri())
-            wait_until(page, f"{READY} && Boolean(RR1.planner || RR1.noPlanner || !RR1.document.planner)")
+            open_at_rest(page, file)
             found = {}
             for size in SIZES:
                 resize(page, size)

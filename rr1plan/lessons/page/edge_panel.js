@@ -88,7 +88,7 @@ class EdgeLesson {
     this.cells = new Cells();
     root.classList.add("picture-panel");
     document.body.classList.add("lesson");
-    viewer.editing.asleep = true;
+    viewer.editing.sleep();
     this.pressMode = choices(part(".modes"), [["steps", "Fixed steps"], ["halve", "Halving"], ["advance", "Advancing"]], (name) => this.setMode(name));
     this.pressPreset = choices(part(".presets"), data.presets.map(({ name, title }) => [name, title]), (name) => this.setPreset(name));
     this.step = part(".steps input");

@@ -16,6 +16,9 @@ class Steps {
     this.articles = [...root.querySelectorAll("article")];
     document.body.classList.add("has-steps");
     document.body.append(root);
+    this.texts = root.querySelector(".texts");
+    this.texts.onscroll = () => this.fade();
+    new ResizeObserver(() => this.fade()).observe(this.texts);
     for (const button of root.querySelectorAll("[data-move]")) button.onclick = () => this.go(this.index + Number(button.dataset.move));
     // Not where a slider has the focus, or a handle.
     const free = (target) => !target || (target.tagName !== "INPUT" && !target.classList.contains("handle"));
@@ -24,6 +27,12 @@ class Steps {
       { keys: ["ArrowLeft", "PageUp"], text: "The step before", when: free, act: () => this.go(this.index - 1) },
       { keys: ["ArrowRight", "PageDown"], text: "The next step", when: free, act: () => this.go(this.index + 1) },
     ]);
+  }
+
+  /** Text that goes on below fades out. */
+  fade() {
+    const { scrollHeight, scrollTop, clientHeight } = this.texts;
+    this.texts.classList.toggle("more", scrollHeight - scrollTop > clientHeight + 4);
   }
 
   get name() { return this.articles[this.index].dataset.step; }
@@ -53,7 +62,8 @@ class Steps {
     if (index < 0 || index >= this.articles.length || index === this.index) return;
     this.index = index;
     this.articles.forEach((article, k) => { article.hidden = k !== index; });
-    root.querySelector(".texts").scrollTop = 0;
+    this.texts.scrollTop = 0;
+    this.fade();
     root.querySelector("output").textContent = `${index + 1} / ${this.articles.length}`;
     for (const button of root.querySelectorAll("[data-move]")) {
       const next = index + Number(button.dataset.move);

@@ -73,7 +73,7 @@ class TwoArms {
   constructor() {
     root.classList.add("picture-panel");
     document.body.classList.add("lesson");
-    viewer.editing.asleep = true;
+    viewer.editing.sleep();
     this.shown = 0; // the arm whose slice is shown
     this.places = null;
     this.time = 0;

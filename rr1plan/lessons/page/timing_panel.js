@@ -441,8 +441,11 @@ class Timing {
   }
 
   /** Lines and what they are, right of the top. */
-  legend(pen, { right, top: up }, rows) {
+  legend(pen, { left, right, top: up }, rows) {
     let x = right;
+    // Where the title of the axis leaves no room, below it.
+    const wide = rows.reduce((sum, [, , text]) => sum + pen.measureText(text).width + 57, 0);
+    if (wide > right - left - 130) up += 17;
     pen.textAlign = "right";
     for (const [color, dash, text] of [...rows].reverse()) {
       pen.fillStyle = INK; pen.fillText(text, x, up - 7);

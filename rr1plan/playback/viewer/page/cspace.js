@@ -86,6 +86,7 @@ class Lesson {
       this.curve.push([share(0, q[data.columns[0]]), share(1, q[data.columns[1]])]);
     }
     this.motion = wrappedCopies(this.curve.length ? this.curve : [[0, 0]]);
+    this.fillTools();
     this.fillPhase();
   }
 
@@ -387,6 +388,7 @@ class Lesson {
   fillTools() {
     part(".grow").hidden = !this.tree.length;
     this.tools.elbow.hidden = !this.workspace || data.planar.kinds === "PP";
+    this.tools.phase.hidden = !this.track && !(this.live && data.start);
     this.tools.torus.hidden = !data.periodic.every(Boolean) || !viewer.stage.renderer;
     this.tools.undo.hidden = this.tools.reset.hidden = !this.live || !this.past.length;
     if (this.workspace) this.arm.readout.hint.hidden = !this.live || this.past.length > 0;
@@ -465,7 +467,7 @@ class Lesson {
       { keys: ["t"], text: "Show or hide the tree", when: () => this.tree.length > 0, act: () => tools.tree.click() },
       { keys: ["g"], text: "Grow the tree, or pause", when: () => this.tree.length > 0, act: () => this.grow() },
       { keys: ["d"], text: "Torus", ...click(tools.torus) },
-      { keys: ["f"], text: "Phase plane", act: () => tools.phase.click() },
+      { keys: ["f"], text: "Phase plane", ...click(tools.phase) },
       // As on the page of any other arm.
       { keys: ["j"], text: "Select the next obstacle", when: live, act: () => this.selectNext() },
       { keys: ["a"], text: "The start is where the arm is", when: live, act: () => this.endHere("start") },

@@ -13,7 +13,7 @@ class Workspace {
   prepare() {
     const { stage } = viewer, planar = Boolean(data.planar);
     document.body.classList.toggle("lesson", planar);
-    viewer.editing.asleep = planar;
+    viewer.editing.sleep(planar);
     this.readout ||= this.makeReadout();
     this.readout.box.hidden = !planar;
     stage.key.intensity = planar ? 0.42 : this.usual;
