@@ -61,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             rp.save_html(plain, scene, options=rp.ViewOptions(planner=False))
             page = browser.new_page()
             page.goto(file.as_uri())
-            page.wait_for_function("window.RR1 && RR1.planner")
+            page.wait_for_function("() => window.RR1 && RR1.planner")
             for seed, drag in enumerate(track(drags, "drags")):
                 results.append(measure(page, drag, seed))
             sizes = {"page": file.stat().st_size, "page without it": plain.stat().st_size}

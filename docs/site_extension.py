@@ -49,23 +49,22 @@ _PAGES = "pages"  # folder of the site with the pages of motions and lessons
 
 
 def public_names() -> dict[str, list[str]]:
-    """The public names on each page of the reference.
+    """The public names on each page of the reference, in the order of its modules in `ROOMS`.
 
     Raises:
         LookupError: a module with public names that no page lists.
     """
-    titles = {module: title for title, modules in ROOMS.items() for module in modules}
-    pages: dict[str, list[str]] = {title: [] for title in ROOMS}
+    named: dict[str, list[str]] = {module: [] for modules in ROOMS.values() for module in modules}
     for name in rr1plan.__all__:
         if name == "__version__":
             continue
         module = rr1plan._HOME.get(name, f"rr1plan.{name}")
         parents = [module.rsplit(".", dots)[0] for dots in range(module.count("."))]
-        known = [titles[parent] for parent in parents if parent in titles]
+        known = [parent for parent in parents if parent in named]
         if not known:
             raise LookupError(f"no page of the reference lists {module}: add it to ROOMS in {Path(__file__).name}")
-        pages[known[0]].append(name)
-    return pages
+        named[known[0]].append(name)
+    return {title: [name for module in modules for name in named[module]] for title, modules in ROOMS.items()}
 
 
 def _write_reference(app: Sphinx) -> None:

@@ -126,7 +126,7 @@ def halve_edge(
     of_kind("checker", checker, CollisionChecker)
     whole_number("most", most, 1, 10_000_000)
     q0, q1 = checker.checked(q0), checker.checked(q1)
-    speeds = checker.tables.pair_levers(checker.nq) @ np.abs(q1 - q0)
+    speeds = checker.tables.pair_levers(np.maximum(np.abs(q0), np.abs(q1))) @ np.abs(q1 - q0)
     found: list[EdgeInterval] = []
     waiting = deque([(0.0, 1.0)])
     while waiting:
@@ -174,7 +174,7 @@ def advance_edge(
     whole_number("most", most, 1, 10_000_000)
     positive_number("shortest", shortest)
     q0, q1 = checker.checked(q0), checker.checked(q1)
-    speeds = checker.tables.pair_levers(checker.nq) @ np.abs(q1 - q0)
+    speeds = checker.tables.pair_levers(np.maximum(np.abs(q0), np.abs(q1))) @ np.abs(q1 - q0)
     found: list[EdgeInterval] = []
     at = 0.0
     while at < 1.0 and len(found) < most:

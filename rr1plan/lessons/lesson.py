@@ -65,7 +65,7 @@ class Lesson(NotebookView, ABC):
     """
 
     name: ClassVar[str]
-    _aspect: ClassVar[float] = 0.56  # of the figure: height / width
+    _aspect: float = 0.56  # of the figure: height / width
     scene: Scene
     steps: tuple[LessonStep, ...]
 

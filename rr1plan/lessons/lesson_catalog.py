@@ -39,7 +39,7 @@ def lesson(name: str, scene: Scene | None = None, problem: Problem | None = None
         name: One of `lesson_names()`.
         scene: Your scene (default: the problem's, or the lesson's own), for most lessons with one arm of two joints,
             e.g. a `planar_arm`.
-        problem: Your query in that scene, for lessons that have one.
+        problem: Your query in that scene, for lessons that have one; for "two_arms" a query of two such arms.
 
     Returns:
         A value that draws itself: `show`, `save_html`, `save_png`, `save_svg`.

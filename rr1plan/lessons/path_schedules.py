@@ -10,6 +10,7 @@ comes from Dijkstra's algorithm on the cells.
 from __future__ import annotations
 
 import heapq
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,7 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.timing.coordination import coordination_diagram
 from rr1plan.path import Path
+from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.playback.cspace.cspace_cells import label_components
 from rr1plan.playback.cspace.cspace_grid import compute_grid
 from rr1plan.scene import Scene
@@ -71,6 +73,23 @@ class PathPair:
         )
         return one, two
 
+    def is_blocked(self, curve: PairCurve) -> bool:
+        """Whether a curve of straight pieces passes a cell that is not proven free."""
+        for begin, end in itertools.pairwise(curve.places):
+            shares = [np.array([0.0, 1.0])]
+            for lengths, a, b in zip(self.lengths, begin, end, strict=True):
+                shares.append((lengths - a) / (b - a) if b != a else np.zeros(0))
+            crossings = np.unique(np.clip(np.concatenate(shares), 0.0, 1.0))
+            inside = begin + 0.5 * (crossings[1:] + crossings[:-1])[:, None] * (end - begin)
+            # On a border both cells are there, of which one that is free is enough.
+            sides: list[list[NDArray[np.int64]]] = [
+                [np.searchsorted(lengths, inside[:, k], "left"), np.searchsorted(lengths, inside[:, k], "right")]
+                for k, lengths in enumerate(self.lengths)
+            ]
+            if np.logical_and.reduce([self.blocked[i, j] for i, j in itertools.product(*sides)]).any():
+                return True
+        return False
+
 
 @dataclass(frozen=True, eq=False)
 class PairCurve:
@@ -113,9 +132,12 @@ def path_pair(scene: Scene, one: tuple[str, ArrayLike], two: tuple[str, ArrayLik
     }
     if len(waypoints) < 2:
         raise InputError(f"both paths are of arm {one[0]!r}, expected two arms")
-    problem = Problem(
-        scene, {name: q[0] for name, q in waypoints.items()}, {name: q[-1] for name, q in waypoints.items()}
-    )
+    starts, goals = ({name: q[k] for name, q in waypoints.items()} for k in (0, -1))
+    problem = Problem(scene, starts, goals)
+    both = CollisionChecker(scene, problem.arms)
+    for what, q in (("starts", problem.start), ("goals", Problem(scene, goals, goals).start)):
+        if not both.is_free(q):
+            raise InputError(f"the arms cannot be at both {what}: {describe_collision(both, q)}")
     paths = []
     for name, q in waypoints.items():
         agent = Agent(problem, [name])

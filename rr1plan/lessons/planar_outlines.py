@@ -31,7 +31,7 @@ def planar_data(checker: CollisionChecker) -> dict[str, Any]:
         InputError: a shape that has no such outline.
     """
     scene = checker.scene
-    levers = checker.tables.pair_levers(checker.nq)
+    levers = checker.tables.pair_levers(checker.limits.travel)
     rows: dict[tuple[str, str], dict[str, Any]] = {}
     for owner, lever in zip(checker.solid_owner.tolist(), levers, strict=True):
         a, b = checker.pairs[owner]

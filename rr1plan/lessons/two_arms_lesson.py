@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,10 +14,10 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.lessons.lesson import Lesson, LessonStep
-from rr1plan.lessons.lesson_scenes import refuse_problem
 from rr1plan.lessons.path_schedules import PairCurve, PathPair, fastest_curve, path_pair, unscheduled_curve
 from rr1plan.lessons.picture_panels import pair_layers, picture_panel, slice_axes
 from rr1plan.lessons.planar_outlines import view_data
+from rr1plan.model.flat_arm import flat_arm
 from rr1plan.planners import RrtConnect
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
@@ -27,6 +28,7 @@ from rr1plan.playback.viewer.page_document import pack_array, view_document
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_scene
 from rr1plan.scene.problem import Problem
+from rr1plan.scene.subscene import subscene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,7 +51,18 @@ PATHS: dict[str, tuple[ArrayLike, ArrayLike]] = {
     ),
     "swap_sides": ([[0.2, 0.0], [-0.2, 0.0]], [[0.2, 0.0], [-0.2, 0.0]]),
 }
-_TITLES = {"take_turns": "Take turns", "back_up": "Back up", "swap_sides": "Swap sides"}
+_OWN = "own"  # the paths of a teacher's own query
+_TITLES = {"take_turns": "Take turns", "back_up": "Back up", "swap_sides": "Swap sides", _OWN: "Your paths"}
+# What each step shows: paths, schedule, time [s], and the picture that a small window scrolls to.
+_SHOWN = {
+    "slices": ("take_turns", "right_first", 0.0, ".slice"),
+    "moving": ("take_turns", "right_first", 2.6, ".slice"),
+    "diagram": ("take_turns", "at_once", 2.4, ".diagram"),
+    "orders": ("take_turns", "right_first", 0.0, ".diagram"),
+    "back_up": ("back_up", "back_up", 0.0, ".diagram"),
+    "barrier": ("swap_sides", "at_once", 0.0, ".diagram"),
+    "joint": ("swap_sides", "joint", 0.0, ".diagram"),
+}
 
 
 class _Schedule(NamedTuple):
@@ -63,6 +76,14 @@ class _Schedule(NamedTuple):
     joint: Array | None = None
     times: Array | None = None
 
+    @property
+    def duration(self) -> float:
+        """When the last arm arrives [s]."""
+        if self.curve is not None:
+            return self.curve.duration
+        assert self.times is not None
+        return float(self.times[-1])
+
 
 class TwoArmsLesson(Lesson):
     """Two 2R arms: slices of four joints, coordination diagrams, and what no order of the arms solves."""
@@ -70,10 +91,12 @@ class TwoArmsLesson(Lesson):
     name = "two_arms"
 
     def __init__(self, scene: Scene | None, problem: Problem | None) -> None:
-        refuse_problem(self.name, problem)
+        if problem is not None:
+            self._take_query(problem)
+            return
         if scene is not None:
             raise InputError(
-                "lesson 'two_arms' has two arms and their paths; rr1plan.lessons.path_schedules has diagrams of yours"
+                "lesson 'two_arms' is about a query of two arms, expected a problem: rp.Problem(scene, starts, goals)"
             )
         self.scene = load_scene("planar2r_pair")
         self.arms: tuple[str, str] = ("left", "right")
@@ -84,6 +107,29 @@ class TwoArmsLesson(Lesson):
             "swap_sides": _swap(self.scene, self.pairs["swap_sides"]),
         }
         self.steps = tuple(LessonStep(*step) for step in _steps(self.pairs, self.schedules))
+        self._shown: dict[str, tuple[str, str, float, str]] = _SHOWN
+
+    def _take_query(self, problem: Problem) -> None:
+        """A teacher's own query: of each arm a path that is planned without the other arm, and their schedules."""
+        scene, arms = problem.scene, problem.arms
+        flat = [name for name in scene.arms if flat_arm(scene.arms[name]) is not None]
+        if len(scene.arms) != 2 or len(arms) != 2 or len(flat) != 2:
+            raise InputError(
+                "lesson 'two_arms' needs a scene of two arms, each of two joints in a horizontal plane, and goals for "
+                f"both; here are {len(scene.arms)} arms, {len(flat)} of them such, and {len(arms)} with a goal"
+            )
+        self.scene, self.arms, self._aspect = scene, (arms[0], arms[1]), 0.9
+        pair = path_pair(scene, *((name, _path_alone(problem, name)) for name in self.arms))
+        schedules = _schedules(scene, pair)
+        self.pairs, self.schedules = {_OWN: pair}, {_OWN: schedules}
+        self.steps = tuple(LessonStep(*step) for step in _own_steps(pair, schedules))
+        first, best = schedules[0], min(schedules, key=lambda schedule: (schedule.tone == "bad", schedule.duration))
+        self._shown = {
+            "slices": (_OWN, best.name, 0.0, ".slice"),
+            "moving": (_OWN, best.name, 0.4 * best.duration, ".slice"),
+            "diagram": (_OWN, first.name, 0.4 * first.duration, ".diagram"),
+            "schedules": (_OWN, best.name, 0.0, ".diagram"),
+        }
 
     # ---- the page --------------------------------------------------------------------------
 
@@ -91,17 +137,20 @@ class TwoArmsLesson(Lesson):
         checker = CollisionChecker(self.scene)
         arms = [self._arm(checker, name, k) for k, name in enumerate(self.arms)]
         data = {
-            **slice_axes(self.scene, "left", (0, 1)),
+            **slice_axes(self.scene, self.arms[0], (0, 1)),
             "size": [1, 1],
             "labels": pack_array(np.zeros(1), "u4"),
             "layers": [],
             "arms": arms,
             "columnsOfBoth": [0, 1, 2, 3],
-            "scenarios": [self._scenario(name) for name in PATHS],
+            "scenarios": [self._scenario(name) for name in self.pairs],
             **view_data(self.scene),
         }
         panel = picture_panel("pair", "Two arms, four joints", ("slice_raster.js",), data)
         return view_document(self.scene, options=options), (panel,)
+
+    def _data(self) -> dict[str, tuple[str, str, float, str]]:
+        return self._shown
 
     def _arm(self, checker: CollisionChecker, name: str, number: int) -> dict[str, Any]:
         other = self.arms[1 - number]
@@ -133,20 +182,21 @@ class TwoArmsLesson(Lesson):
     # ---- the figure ------------------------------------------------------------------------
 
     def _draw(self, figure: Figure) -> None:
-        above, below = figure.subplots(2, 3)
-        pair, curve = self.pairs["take_turns"], self.schedules["take_turns"][2].curve
-        assert curve is not None
+        pictures = figure.subplots(2, 3 if len(self.pairs) > 1 else 2).ravel().tolist()
+        first = next(iter(self.pairs))
+        pair = self.pairs[first]
+        curve = next((s.curve for s in reversed(self.schedules[first]) if s.curve is not None), unscheduled_curve(pair))
         now = curve.places[int(np.searchsorted(curve.times, 0.4 * curve.duration))]
         q = [rows[0] for rows in pair.at(now[None])]
-        self._draw_workspace(above[0], q)
+        self._draw_workspace(pictures[0], q)
         for k in range(2):
-            self._draw_slice(above[1 + k], k, pair, q)
-        for axes, name in zip(below, PATHS, strict=True):
-            _draw_diagram(axes, self.pairs[name], self.schedules[name], now if name == "take_turns" else None)
+            self._draw_slice(pictures[1 + k], k, pair, q)
+        for axes, name in zip(pictures[3:], self.pairs, strict=True):
+            _draw_diagram(axes, self.pairs[name], self.schedules[name], now if name == first else None)
             axes.set_title(_TITLES[name].lower(), loc="left")
         handles = {
             line.get_label(): line
-            for axes in below
+            for axes in pictures[3:]
             for line in axes.get_lines()
             if not line.get_label().startswith("_")
         }
@@ -164,7 +214,8 @@ class TwoArmsLesson(Lesson):
         for obstacle in self.scene.obstacles.values():
             for g in obstacle.geometries:
                 axes.fill(*silhouette(g.shape, obstacle.pose @ g.pose).T, color="#6b9b5e", linewidth=0)
-        axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", ylim=(-1.5, 1.2))
+        axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+        axes.margins(0.08)
         axes.set_title("workspace", loc="left")
         axes.spines[["top", "right"]].set_visible(False)
 
@@ -172,7 +223,7 @@ class TwoArmsLesson(Lesson):
         """The slice of arm k while the other one stands still, with its path."""
         name, other = self.arms[k], self.arms[1 - k]
         grid = compute_grid(self.scene.with_configuration(other, configurations[1 - k]), name, resolution=_PICTURE)
-        for layer, color in ((other, arm_color(1 - k)), ("post", "#6b9b5e")):
+        for layer, color in {other: arm_color(1 - k), **dict.fromkeys(self.scene.obstacles, "#6b9b5e")}.items():
             if layer in grid.layers:
                 axes.contourf(*grid.axes, grid.layers[layer].T.astype(float), levels=(0.5, 1.5), colors=(color,))
         path = pair.configurations[k]
@@ -189,7 +240,9 @@ def _draw_diagram(axes: Axes, pair: PathPair, schedules: Sequence[_Schedule], no
     one, two = pair.lengths
     inner = np.where(pair.blocked[1:-1, 1:-1], 1.0, np.nan)
     axes.pcolormesh(one, two, inner.T, cmap=_GRAY, shading="flat", rasterized=True)
-    styles = {"at_once": (_SOFT, ":"), "left_first": (arm_color(0), "-"), "right_first": (arm_color(1), "--")}
+    styles = {"at_once": (_SOFT, ":")} | {
+        f"{name}_first": (arm_color(k), line) for k, (name, line) in enumerate(zip(pair.arms, ("-", "--"), strict=True))
+    }
     for schedule in schedules:
         if schedule.curve is not None:
             color, line = styles.get(schedule.name, (_ACCENT, "-"))
@@ -198,8 +251,13 @@ def _draw_diagram(axes: Axes, pair: PathPair, schedules: Sequence[_Schedule], no
             )
     if now is not None:
         axes.plot(*now, "o", color=_INK, markersize=10, markeredgecolor="white", markeredgewidth=2, zorder=5)
+    first, second = pair.arms
     axes.set(
-        xlim=(0, one[-1]), ylim=(0, two[-1]), xlabel="path of left [rad]", ylabel="path of right [rad]", box_aspect=1
+        xlim=(0, one[-1]),
+        ylim=(0, two[-1]),
+        xlabel=f"path of {first} [rad]",
+        ylabel=f"path of {second} [rad]",
+        box_aspect=1,
     )
 
 
@@ -238,20 +296,82 @@ def _backing(pair: PathPair) -> tuple[_Schedule, ...]:
 
 
 def _swap(scene: Scene, pair: PathPair) -> tuple[_Schedule, ...]:
-    starts, goals = ({name: q[k] for name, q in zip(pair.arms, pair.configurations, strict=True)} for k in (0, -1))
-    problem = Problem(scene, starts, goals)
-    result = RrtConnect().plan(problem, budget=Budget(iterations=200_000), rng=_SEED)
-    path = shorten(result.path_or_raise(), scene, rng=_SEED)
-    steps = np.diff(path.waypoints, axis=0)
-    fastest = np.maximum(np.linalg.norm(steps[:, :2], axis=1), np.linalg.norm(steps[:, 2:], axis=1))
-    times = np.concatenate([[0.0], np.cumsum(fastest)])
-    text = f"Planned in all four joints at once: the arms make room for each other, and pass. {times[-1]:.1f} s."
+    together = _together(scene, pair)
+    if together is None:
+        raise InputError("the arms do not pass each other")
     return (
         _Schedule(
             "at_once", "Both at once", "The blocked region reaches from side to side.", "bad", unscheduled_curve(pair)
         ),
-        _Schedule("joint", "Plan both together", text, "good", None, np.array(path.waypoints), times),
+        together,
     )
+
+
+def _together(scene: Scene, pair: PathPair) -> _Schedule | None:
+    """Both arms planned in their four joints at once, each at 1 rad/s or slower; None if no path is found."""
+    starts, goals = ({name: q[k] for name, q in zip(pair.arms, pair.configurations, strict=True)} for k in (0, -1))
+    problem = Problem(scene, starts, goals)
+    result = RrtConnect().plan(problem, budget=Budget(iterations=200_000), rng=_SEED)
+    if result.path is None:
+        return None
+    path = shorten(result.path, scene, rng=_SEED)
+    steps = np.diff(path.waypoints, axis=0)
+    fastest = np.maximum(np.linalg.norm(steps[:, :2], axis=1), np.linalg.norm(steps[:, 2:], axis=1))
+    times = np.concatenate([[0.0], np.cumsum(fastest)])
+    text = f"Planned in all four joints at once: the arms make room for each other, and pass. {times[-1]:.1f} s."
+    return _Schedule("joint", "Plan both together", text, "good", None, np.array(path.waypoints), times)
+
+
+# ---- a teacher's own query -------------------------------------------------------------------
+
+
+def _path_alone(problem: Problem, name: str) -> Array:
+    """Waypoints of an arm's path among the obstacles, without the other arm."""
+    alone = subscene(problem.scene, {name: problem.scene.split(problem.start, problem.arms)[name]})
+    start = alone.arms[name].q
+    result = RrtConnect().plan(
+        Problem(alone, start, {name: problem.goal[name]}), budget=Budget(iterations=200_000), rng=_SEED
+    )
+    if result.path is None:
+        raise InputError(f"arm {name!r} gets no path, even without the other arm: {result.reason}")
+    return np.array(shorten(result.path, alone, rng=_SEED).waypoints)
+
+
+def _schedules(scene: Scene, pair: PathPair) -> tuple[_Schedule, ...]:
+    """Both at once, each arm first, backing up where neither order is possible, and both planned together."""
+    at_once = unscheduled_curve(pair)
+    if not pair.is_blocked(at_once):
+        text = _words("The arms do not get in each other's way", at_once)
+        return (_Schedule("at_once", "Both at once", text, "good", at_once),)
+    text = "Neither waits: the curve leads through the blocked region."
+    found = [_Schedule("at_once", "Both at once", text, "bad", at_once)]
+    for name, other in (pair.arms, pair.arms[::-1]):
+        curve = fastest_curve(pair, first=name)
+        if curve is not None:
+            text = _words(f"{other} waits until {name} has passed", curve)
+            found.append(_Schedule(f"{name}_first", f"{name} first", text, "good", curve))
+    if len(found) == 1:
+        curve = fastest_curve(pair, back_up=True)
+        if curve is not None:
+            text = _words("Waiting is not enough: an arm goes back on its path to make room", curve)
+            found.append(_Schedule("back_up", "Back up", text, "good", curve))
+    together = _together(scene, pair)
+    return (*found, *([] if together is None else [together]))
+
+
+def _own_steps(pair: PathPair, schedules: Sequence[_Schedule]) -> list[tuple[str, str, str]]:
+    found = "".join(
+        f"<li><b>{escape(schedule.title)}</b>: "
+        + (f"{schedule.duration:.1f} s" if schedule.tone == "good" else "they touch")
+        + "</li>"
+        for schedule in schedules
+    )
+    none = "" if any(schedule.tone == "good" for schedule in schedules) else "<p>No way was found.</p>"
+    text = (
+        "<p>From the lower left corner to the upper right one, without touching the blocked region: a level piece lets "
+        f"{escape(pair.arms[1])} wait, an upright one {escape(pair.arms[0])}.</p><ul>{found}</ul>{none}"
+    )
+    return [*_first_steps(pair), ("schedules", "A schedule is a curve", text)]
 
 
 def _schedule_data(schedule: _Schedule) -> dict[str, Any]:
@@ -268,27 +388,25 @@ def _schedule_data(schedule: _Schedule) -> dict[str, Any]:
     }
 
 
-def _steps(pairs: dict[str, PathPair], schedules: dict[str, tuple[_Schedule, ...]]) -> tuple[tuple[str, str, str], ...]:
-    left, right = (schedules["take_turns"][k].curve for k in (1, 2))
-    assert left is not None
-    assert right is not None
-    cells = " × ".join(str(n - 2) for n in pairs["take_turns"].blocked.shape)
-    return (
+def _first_steps(pair: PathPair) -> list[tuple[str, str, str]]:
+    one, two = (escape(name) for name in pair.arms)
+    cells = " × ".join(str(n - 2) for n in pair.blocked.shape)
+    return [
         (
             "slices",
             "Four joints make four dimensions",
             "<p>Two arms of two joints have one configuration space of <b>four</b> dimensions: a point of it "
-            "says where both are. Nobody can draw that, but everybody can draw a <b>slice</b>: the right arm "
-            "stands still, and the left arm has a configuration space of two joints, in which the right arm is "
-            "an obstacle like the post.</p><p>Click into the slice, or walk with the arrow keys. <b>right</b> "
-            "shows the other slice.</p>",
+            f"says where both are. Nobody can draw that, but everybody can draw a <b>slice</b>: {two} "
+            f"stands still, and {one} has a configuration space of two joints, in which {two} is "
+            "an obstacle like all others.</p><p>Click into the slice, or walk with the arrow keys. "
+            f"<b>{two}</b> shows the other slice.</p>",
         ),
         (
             "moving",
             "The other arm is an obstacle that moves",
-            "<p>Move the slider, or press <b>Run</b>: the right arm moves along its path, and its image sweeps "
-            "through the left arm's configuration space. The same slice at another time is another picture; its "
-            "free components merge and split. A path of the left arm is good if it is at a free point <i>at "
+            f"<p>Move the slider, or press <b>Run</b>: {two} moves along its path, and its image sweeps "
+            f"through the configuration space of {one}. The same slice at another time is another picture; its "
+            f"free components merge and split. A path of {one} is good if it is at a free point <i>at "
             "every time</i>.</p>",
         ),
         (
@@ -300,6 +418,15 @@ def _steps(pairs: dict[str, PathPair], schedules: dict[str, tuple[_Schedule, ...
             "are not sampled. A cell is free if the arms are proven not to touch anywhere on the two "
             "segments.</p>",
         ),
+    ]
+
+
+def _steps(pairs: dict[str, PathPair], schedules: dict[str, tuple[_Schedule, ...]]) -> tuple[tuple[str, str, str], ...]:
+    left, right = (schedules["take_turns"][k].curve for k in (1, 2))
+    assert left is not None
+    assert right is not None
+    return (
+        *_first_steps(pairs["take_turns"]),
         (
             "orders",
             "A schedule is a curve",

@@ -142,7 +142,7 @@ def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
         raise InputError(f"trajectory and arms have different joints: only one of them has {odd!r}")
     columns = [trajectory.joint_names.index(name) for name in names]
     checker = CollisionChecker(scene, trajectory.arms)
-    levers = checker.tables.pair_levers(checker.nq)
+    levers = checker.tables.pair_levers(checker.limits.travel)
     turning = np.concatenate([rotary(scene.arms[arm].robot) for arm in checker.arms])
     pairs = tuple(checker.pairs[owner] for owner in checker.solid_owner)
     now, step = trajectory.start_time, _LONGEST

@@ -61,7 +61,7 @@ class AgentBodies:
         )
         self.reach = np.zeros(checker.nq)
         for body in range(len(tables.bodies)):
-            for column, lever in tables.levers(body):
+            for column, lever in tables.levers(body, checker.limits.travel):
                 self.reach[column] = max(self.reach[column], lever)
 
     def scratch(self) -> CStruct:

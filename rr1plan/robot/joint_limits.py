@@ -69,6 +69,11 @@ class Limits(Value):
     def __len__(self) -> int:
         return len(self.lower)
 
+    @property
+    def travel(self) -> Array:
+        """Largest absolute value of each joint [rad or m], shape (nq,)."""
+        return np.maximum(np.abs(self.lower), np.abs(self.upper))
+
     def scaled(self, *, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
         """The same limits with velocity, acceleration and jerk multiplied by factors above zero.
 

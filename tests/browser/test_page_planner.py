@@ -164,7 +164,7 @@ def shelf_page(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Tab:
     tab = Tab(browser.new_page())
     scene = rp.load_scene("rr1_shelf")
     tab.open(rp.save_html(tmp_path_factory.mktemp("page") / "shelf.html", scene))
-    tab.page.wait_for_function("RR1.planner")
+    tab.page.wait_for_function("() => RR1.planner")
     tab.ask(f"() => {{ {ANSWERS} window.answers = answers; }}")
     return tab
 
@@ -291,7 +291,7 @@ def test_without_simd_a_page_plays_as_ever(browser: Any, tmp_path: Path) -> None
     tab.page.add_init_script("WebAssembly.validate = () => false;")
     problem = rp.load_problems("planar2r_path")["over_the_seam"]
     tab.open(rp.plan_motion(problem, rng=0).save_html(tmp_path / "motion.html"))
-    tab.page.wait_for_function("RR1.noPlanner")
+    tab.page.wait_for_function("() => RR1.noPlanner")
     assert tab.ask("[RR1.planner, RR1.noPlanner]") == [None, "this browser has no WebAssembly SIMD"]
     assert tab.ask("RR1.playing && RR1.duration > 0")
     assert not tab.complaints

@@ -127,12 +127,12 @@ def test_what_trimesh_writes_is_read(tmp_path: Path, encoding: str) -> None:
 def test_compressed_points_of_all_lengths_of_matches_are_read(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     # Rows that repeat at once, later and never: short, long and overlapping references, and runs of literals.
-    points = np.repeat(rng.integers(0, 3, (40, 3)) * rng.choice([1.0, np.pi], (40, 1)), rng.integers(1, 30, 40), axis=0)
+    points = np.repeat(rng.integers(0, 3, (16, 3)) * rng.choice([1.0, np.pi], (16, 1)), rng.integers(1, 30, 16), axis=0)
     points = points.astype(np.float32).astype(float)
-    (tmp_path / "a.pcd").write_bytes(compressed_pcd(points))
-    (tmp_path / "b.pcd").write_bytes(pcd("binary", points))
+    compressed = compressed_pcd(points)
+    (tmp_path / "a.pcd").write_bytes(compressed)
     np.testing.assert_array_equal(read_points(tmp_path / "a.pcd"), points)
-    assert len(compressed_pcd(points)) < 0.5 * len(pcd("binary", points))
+    assert len(compressed) < 0.5 * len(pcd("binary", points))
 
 
 def test_rays_that_met_nothing_are_left_out(tmp_path: Path) -> None:

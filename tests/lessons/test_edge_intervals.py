@@ -60,7 +60,7 @@ def test_proven_intervals_cover_the_edge_and_hold_at_every_point(checker: rp.Col
 def test_bodies_move_by_no_more_than_the_bound(checker: rp.CollisionChecker) -> None:
     for q0, q1 in edges(40, 3):
         first = halve_edge(checker, q0, q1, most=1)[0]
-        levers = checker.tables.pair_levers(2) @ np.abs(q1 - q0)
+        levers = checker.tables.pair_levers(np.maximum(np.abs(q0), np.abs(q1))) @ np.abs(q1 - q0)
         middle = checker.solid_distances(0.5 * (q0 + q1))
         for s in (0.0, 0.2, 0.9, 1.0):
             moved = np.abs(checker.solid_distances(q0 + s * (q1 - q0)) - middle)

@@ -14,6 +14,7 @@ import rr1plan as rp
 from rr1plan.lessons.configuration_space_lesson import ConfigurationSpaceLesson
 from rr1plan.lessons.no_path_lesson import NoPathLesson
 from rr1plan.lessons.torus_picture import torus_image
+from rr1plan.lessons.two_arms_lesson import TwoArmsLesson
 from rr1plan.lessons.workspace_lesson import WorkspaceLesson, solution_counts
 
 NAMES = rp.lesson_names()
@@ -52,11 +53,17 @@ def test_a_lesson_draws_a_figure_for_slides(name: str, lessons: dict[str, rp.Les
     assert picture.shape[1] == 1950
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
     assert svg.read_text().rstrip().endswith("</svg>")
-    assert lessons[name].figure(width=6.0).get_figwidth() == 6.0
+
+
+def test_a_figure_has_a_width_that_can_be_drawn_and_the_ending_of_its_format(
+    lessons: dict[str, rp.Lesson], tmp_path: Path
+) -> None:
+    drawn = lessons["workspace"]
+    assert drawn.figure(width=6.0).get_figwidth() == 6.0
     with pytest.raises(rp.InputError, match=r"ends in \.svg"):
-        lessons[name].save_svg(tmp_path / "a.png")
+        drawn.save_svg(tmp_path / "a.png")
     with pytest.raises(rp.InputError, match="at most 100"):
-        lessons[name].figure(width=101)
+        drawn.figure(width=101)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -98,6 +105,69 @@ def test_a_lesson_about_a_query_takes_one_without_a_path(tmp_path: Path) -> None
         rp.lesson("no_path", problem=rp.Problem(scene, [0.0, 0.3], rp.JointGoal([0.4, 0.3])))
     with pytest.raises(rp.InputError, match="free ends"):
         rp.lesson("no_path", problem=rp.Problem(scene, [np.pi / 2, 0.3], rp.JointGoal([0.4, 0.3])))
+
+
+def two_arms(first: str, second: str) -> rp.Scene:
+    """Two arms that face each other."""
+    scene = rp.Scene(name="own")
+    for name, joints, base in (("one", first, rp.transforms.pose([-1.1, 0, 0])), ("two", second, FACING)):
+        limits = [(-2.8, 2.8) if kind == "R" else (0.0, 0.5) for kind in joints]
+        scene = scene.with_arm(name, rp.planar_arm(joints, (1.0, 0.7), limits=limits), base=base)
+    return scene.with_obstacle("disc", rp.Cylinder(0.15, 0.2), (0.0, -1.4, 0.0))
+
+
+FACING = rp.transforms.pose([1.1, 0.1, 0.0], rpy=[0.0, 0.0, np.pi])
+
+
+@pytest.mark.parametrize(
+    ("joints", "goals", "names"),
+    [
+        # Far from each other, one after the other, and past each other only if both are planned together.
+        (("RR", "RR"), {"one": [2.0, 0.5], "two": [2.0, 0.5]}, ["at_once"]),
+        (("RR", "RP"), {"one": [-1.3, 0.9], "two": [-1.2, 0.3]}, ["at_once", "two_first", "joint"]),
+        (("RR", "RR"), {"one": [-0.8, 0.3], "two": [-0.8, 0.3]}, ["at_once", "joint"]),
+    ],
+)
+def test_two_arms_of_ones_own_get_paths_and_schedules(
+    joints: tuple[str, str], goals: dict[str, list[float]], names: list[str], tmp_path: Path
+) -> None:
+    scene = two_arms(*joints)
+    apart = names == ["at_once"]
+    starts = {name: [1.5, 0.5] if apart else [0.8, 0.2] for name in scene.arms}
+    lesson = rp.lesson("two_arms", problem=rp.Problem(scene, starts, goals))
+    assert isinstance(lesson, TwoArmsLesson)
+    pair, schedules = lesson.pairs["own"], lesson.schedules["own"]
+    assert [schedule.name for schedule in schedules] == names
+    checker = rp.CollisionChecker(scene)
+    for schedule in schedules:
+        times = np.linspace(0.0, schedule.duration, 1000)
+        curve = schedule.curve
+        if curve is not None:
+            assert pair.is_blocked(curve) == (schedule.tone == "bad")
+            places = np.column_stack([np.interp(times, curve.times, curve.places[:, k]) for k in range(2)])
+            q = np.hstack(pair.at(places))
+        else:
+            q = np.column_stack([np.interp(times, schedule.times, column) for column in schedule.joint.T])
+        np.testing.assert_allclose(q[0], [*starts["one"], *starts["two"]], atol=1e-9)
+        np.testing.assert_allclose(q[-1], [*goals["one"], *goals["two"]], atol=1e-9)
+        assert all(map(checker.is_free, q)) == (schedule.tone == "good")
+        assert schedule.title in lesson.steps[-1].text
+    assert lesson.save_png(tmp_path / "a.png").stat().st_size > 10_000
+
+
+def test_two_arms_that_the_lesson_cannot_be_about_are_refused() -> None:
+    scene = two_arms("RR", "RR")
+    starts = {name: [0.8, 0.2] for name in scene.arms}
+    with pytest.raises(rp.InputError, match="is about a query of two arms"):
+        rp.lesson("two_arms", scene)
+    with pytest.raises(rp.InputError, match="2 arms, 2 of them such, and 1 with a goal"):
+        rp.lesson("two_arms", problem=rp.Problem(scene, None, {"one": [0.1, 0.0]}))
+    with pytest.raises(rp.InputError, match="2 arms, 0 of them such"):
+        rp.lesson("two_arms", problem=rp.load_problems("rr1_pair")["change_places"])
+    with pytest.raises(rp.InputError, match="cannot be at both goals: 'one/link1' and 'two/link2' overlap"):
+        rp.lesson("two_arms", problem=rp.Problem(scene, starts, {"one": [0.0, 0.0], "two": [0.08, 0.0]}))
+    with pytest.raises(rp.InputError, match=r"arm 'one' gets no path, .* 'one/link2' and 'disc' overlap"):
+        rp.lesson("two_arms", problem=rp.Problem(scene, starts, {"one": [-0.9, 0.0], "two": [0.8, 0.0]}))
 
 
 def test_wrong_questions_are_refused() -> None:

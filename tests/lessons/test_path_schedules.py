@@ -131,5 +131,5 @@ def test_wrong_paths_are_refused(scene: rp.Scene) -> None:
         path_pair(scene, ("left", free), ("middle", free))
     with pytest.raises(rp.InputError, match="not free, even without the other arm"):
         path_pair(scene, ("left", [[0.2, 0.0], [-1.4, 0.0]]), ("right", [[1.5, -2.2], [1.4, -2.2]]))
-    with pytest.raises(rp.InputError, match="diagrams of yours"):
+    with pytest.raises(rp.InputError, match="is about a query of two arms"):
         rp.lesson("two_arms", scene)

@@ -16,10 +16,18 @@ def two_arms() -> rp.Scene:
     return box.with_obstacle("floor", rp.HalfSpace((0.0, 0.0, 1.0), -0.02))
 
 
-@pytest.mark.parametrize("name", ["rr1_table", "planar2r_path", "two arms"])
+def scene_of(name: str) -> rp.Scene:
+    if name in ("RP", "PR", "PP"):
+        arm = rp.planar_arm(name, (1.0, 0.7), limits=[(-3.0, 3.0), (-3.0, 3.0)])
+        return rp.Scene().with_arm("arm", arm).with_obstacle("disc", rp.Cylinder(0.1, 0.2), (0.9, 0.9, 0.0))
+    return two_arms() if name == "two arms" else rp.load_scene(name)
+
+
+@pytest.mark.parametrize("name", ["rr1_table", "planar2r_path", "two arms", "RP", "PR", "PP"])
 def test_no_pair_comes_nearer_than_its_levers_say(name: str) -> None:
-    checker = rp.CollisionChecker(two_arms() if name == "two arms" else rp.load_scene(name))
-    levers, rng = checker.tables.pair_levers(checker.nq), np.random.default_rng(0)
+    checker = rp.CollisionChecker(scene_of(name))
+    levers, rng = checker.tables.pair_levers(np.full(checker.nq, 3.0)), np.random.default_rng(0)
+    assert levers.max() < 10.0
     compared = 0
     for _ in range(100):
         q = rng.uniform(-2.0, 2.0, checker.nq)

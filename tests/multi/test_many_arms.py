@@ -48,6 +48,20 @@ def test_plans_are_safe_and_start_and_end_where_they_have_to(name: str, rr1: rp.
     assert all(group.stage for group in result.groups)
 
 
+@pytest.mark.parametrize("kinds", [("RP", "RP"), ("RR", "RP"), ("PR", "RP")])
+def test_arms_slide_beyond_joints_that_turn(kinds: tuple[str, str], assert_safe: Check) -> None:
+    scene = rp.Scene()
+    facing = (rp.transforms.pose([-1.1, 0, 0]), rp.transforms.pose([1.1, 0.1, 0.0], rpy=[0.0, 0.0, np.pi]))
+    for name, joints, base in zip(("one", "two"), kinds, facing, strict=True):
+        limits = [(-2.8, 2.8) if kind == "R" else (0.0, 0.5) for kind in joints]
+        scene = scene.with_arm(name, rp.planar_arm(joints, (1.0, 0.7), limits=limits), base=base)
+    turns = {name: arm.robot.limits.upper[0] > 1.0 for name, arm in scene.arms.items()}
+    starts = {name: [0.8 if turning else 0.4, 0.2] for name, turning in turns.items()}
+    goals = {name: [-0.8 if turning else 0.0, 0.3] for name, turning in turns.items()}
+    problem = rp.Problem(scene, starts, goals)
+    assert_safe(problem, plan_many_arms(problem, rng=0, budget=_BUDGET), 60)
+
+
 def test_the_same_seed_gives_the_same_motion(rr1: rp.Robot) -> None:
     one, two = (plan_many_arms(_problem("ring-3", rr1), rng=7, budget=_BUDGET) for _ in range(2))
     assert one.trajectory is not None

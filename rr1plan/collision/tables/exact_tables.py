@@ -19,7 +19,7 @@ from rr1plan.collision.collision_geometry import CollisionGeometry, SolidPairs
 from rr1plan.collision.convex.mesh_trees import NO_MESHES, MeshTree
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry
 from rr1plan.collision.tables.arm_tables import instance_tables
-from rr1plan.collision.tables.body_tables import BodyTables
+from rr1plan.collision.tables.body_tables import FAR, BodyTables
 from rr1plan.collision.tables.obstacle_tables import FixedSolids
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.object_cache import kept_in
@@ -71,11 +71,12 @@ class ExactTables(NamedTuple):
     centers: Array
     meshes: MeshTree
 
-    def levers(self, body: int) -> Iterator[tuple[int, float]]:
+    def levers(self, body: int, travel: Array) -> Iterator[tuple[int, float]]:
         """The column of each driven joint above a body, root first, and how far its change moves the body at most.
 
         Args:
             body: Index of the body.
+            travel: Largest absolute value that each column of q takes [rad or m], shape (nq,).
 
         Returns:
             Columns and levers [m/rad, or m/m].
@@ -85,23 +86,38 @@ class ExactTables(NamedTuple):
         for k in range(first, behind):
             _, slides, column, _ = self.joints[self.chain[k]].tolist()
             gain = abs(float(self.joint_values[self.chain[k], 15]))
-            yield column, gain * (1.0 if slides else float(self.chain_reach[k]) + radius)
+            reach = float(self.chain_reach[k])
+            if not slides and reach >= FAR:  # a prismatic joint follows, whose travel counts here
+                reach = self._stretched(body, k, travel)
+            yield column, gain * (1.0 if slides else reach + radius)
 
-    def pair_levers(self, columns: int) -> Array:
+    def _stretched(self, body: int, k: int, travel: Array) -> float:
+        """How far the center of a body's ball gets from joint k of the chain [m]: all that lies between, in a line."""
+        behind = int(self.bodies[body, -1])
+        reach = float(np.linalg.norm(self.body_values[body, 12:15]))
+        for joint in self.chain[k + 1 : behind].tolist():
+            _, slides, column, _ = self.joints[joint].tolist()
+            reach += float(np.linalg.norm(self.joint_values[joint, 9:12]))
+            if slides:
+                gain, offset = np.abs(self.joint_values[joint, 15:]).tolist()
+                reach += gain * min(float(travel[column]), FAR) + offset
+        return reach
+
+    def pair_levers(self, travel: Array) -> Array:
         """For each pair, how far a change of each column moves its bodies against each other at most, shape (p, nq).
 
         Args:
-            columns: Number of columns of q.
+            travel: Largest absolute value that each column of q takes [rad or m], shape (nq,).
 
         Returns:
             Levers [m/rad, or m/m].
         """
-        rows = np.zeros((len(self.pairs), columns))
+        rows = np.zeros((len(self.pairs), len(travel)))
         for row, (first, second, shared) in zip(rows, self.pairs.tolist(), strict=True):
             for body in (first, second):
                 if 0 <= body < len(self.bodies):
                     # Joints that both bodies hang on do not move them against each other.
-                    for column, lever in islice(self.levers(body), shared, None):
+                    for column, lever in islice(self.levers(body, travel), shared, None):
                         row[column] += lever
         return rows
 

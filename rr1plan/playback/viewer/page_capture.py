@@ -38,7 +38,7 @@ _FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-# Chromium keeps a socket in a folder of its own below TMPDIR, and a socket's path has at most 107 bytes.
+# Chromium makes a socket in TMPDIR, and the path of a socket has at most 107 bytes.
 _LONGEST_TEMPORARY_FOLDER = 60
 _PATIENCE = 90.0  # [s] for a page to come up, drawn by a busy processor
 
