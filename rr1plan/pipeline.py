@@ -117,9 +117,7 @@ def plan_motion(
             if shorten and not chosen.keeps_shape:
                 with _timed(seconds, "shorten", progress):
                     stream = seed ^ SHORTCUTS.stream
-                    path = shorten_path(
-                        path, problem.scene, checker=motions, iterations=SHORTCUTS.tries, rng=stream
-                    )
+                    path = shorten_path(path, problem.scene, checker=motions, iterations=SHORTCUTS.tries, rng=stream)
             for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
                 with _timed(seconds, "retime", progress):
                     trajectory = retime(

@@ -158,7 +158,10 @@ def _play(parser: Parser) -> None:
     parser.add_argument("--mode", choices=("dynamic", "kinematic"), default="dynamic", help="(%(default)s)")
     parser.add_argument("--timestep", type=_positive, default=0.002, help="step of the simulator [s] (%(default)s)")
     parser.add_argument(
-        "--html", type=_named_file, metavar="FILE", help="write a page that plays what was planned and what was simulated"
+        "--html",
+        type=_named_file,
+        metavar="FILE",
+        help="write a page that plays what was planned and what was simulated",
     )
     parser.add_argument(
         "--side-by-side", action="store_true", help="both in their own pictures, with the same camera and on one clock"
@@ -252,7 +255,9 @@ def _view(parser: Parser) -> None:
     parser.add_argument("--spheres", action="store_true", help="show the spheres that contain each link")
     parser.add_argument("--compare", metavar="MOTION", help="another motion file, drawn over the motion on one clock")
     parser.add_argument(
-        "--side-by-side", action="store_true", help="with --compare: each motion in its own picture, with the same camera"
+        "--side-by-side",
+        action="store_true",
+        help="with --compare: each motion in its own picture, with the same camera",
     )
     _view_from(parser, "of the page")
     files = ("--html", "--png", "--video", "--glb")

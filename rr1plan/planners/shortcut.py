@@ -117,9 +117,7 @@ class _Shortener:
         while not (over or done):
             over = self._expired()
             steps = 0 if over else _CHUNK
-            done = bool(
-                call(self._path, self._state, steps, iterations, SHORTCUTS.patience, *self._checker.context)
-            )
+            done = bool(call(self._path, self._state, steps, iterations, SHORTCUTS.patience, *self._checker.context))
         self._checker.edges_checked += self._path.value.edges
 
     def waypoints(self) -> Array:

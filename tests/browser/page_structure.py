@@ -1,8 +1,8 @@
-"""How a page is built, in few numbers: where its parts are, and a coarse picture of each.
+"""How a page is built, in few numbers: where its parts are, and a coarse picture of its window.
 
-Fonts and graphics differ between machines, and pixels with them. What stays is where cards, pictures and buttons are, and
-how bright, how colorful and how detailed the parts of the window are. `python tests/browser/page_structure.py` stores
-that of all pages anew, in `structures`; look at the pictures first: `--pictures FOLDER` writes them.
+Fonts and graphics differ between machines, and pixels with them. What stays is where cards, pictures and buttons are,
+and of what color and how detailed the parts of the window are. `python tests/browser/page_structure.py` stores that of
+all pages anew, in `structures`; look at the pictures first: `--pictures FOLDER` writes them.
 """
 
 from __future__ import annotations
@@ -31,13 +31,18 @@ READY = "Boolean(window.RR1 && RR1.ready)"
 PARTS = (
     "#stage", "#headline", "#side", "#bar", "#play", "#scrub", "#fold", "#panels", "#panel-steps", ".texts",
     ".panel", ".panel .plot", ".panel canvas", ".panel .pair", ".panel .sliders", ".panel .tools", ".panel .verdict",
-    ".panel .walk", ".panel .knobs", ".panel .chart", ".panel .race", ".panel .bars", ".readout", ".corner", "#tiles .tile",
+    ".panel .walk", ".panel .knobs", ".panel .chart", ".panel .race", ".panel .bars", ".readout", ".corner", ".tile",
 )  # fmt: skip
-_BOXES = """(parts) => Object.fromEntries(parts.flatMap((part) => [...document.querySelectorAll(part)].flatMap((node, k) => {
-  const box = node.getBoundingClientRect();
-  return box.width && box.height && getComputedStyle(node).visibility !== "hidden"
-    ? [[`${part} ${k}`, [box.left / innerWidth, box.top / innerHeight, box.right / innerWidth, box.bottom / innerHeight]]] : [];
-})))"""
+_BOXES = """(parts) => {
+  const box = (node) => {
+    const { left, top, right, bottom } = node.getBoundingClientRect();
+    return [left / innerWidth, top / innerHeight, right / innerWidth, bottom / innerHeight];
+  };
+  const shown = (node) => node.checkVisibility({ visibilityProperty: true }) && node.offsetWidth !== 0;
+  const rows = (part) => [...document.querySelectorAll(part)].map((node, k) => [`${part} ${k}`, node]);
+  const found = parts.flatMap(rows).filter(([, node]) => shown(node));
+  return Object.fromEntries(found.map(([name, node]) => [name, box(node)]));
+}"""
 GRID = (12, 8)  # of the longer side and the shorter one
 BOX_TOLERANCE = 0.08  # of the window: other fonts make other lines
 COLOR_TOLERANCE = 22  # of 255, the mean of a field
@@ -130,7 +135,9 @@ def _slice(file: Path) -> None:
 def makers() -> dict[str, Callable[[Path], object]]:
     """Of each page that is compared what writes its file."""
     own: dict[str, Callable[[Path], object]] = {"motion": _motion, "cspace": _cspace, "slice": _slice}
-    return own | {f"lesson_{name}": lambda file, name=name: rp.lesson(name).save_html(file) for name in rp.lesson_names()}
+    return own | {
+        f"lesson_{name}": lambda file, name=name: rp.lesson(name).save_html(file) for name in rp.lesson_names()
+    }
 
 
 def open_at_rest(page: Any, file: Path) -> None:

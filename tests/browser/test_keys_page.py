@@ -24,13 +24,14 @@ def page_file(rr1_table: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> 
 def calm(opened: Any) -> Iterator[Any]:
     opened.ask("RR1.own = [], RR1.keys.dialog.close()")
     opened.ask("document.activeElement.blur()")
-    opened.ask("[...RR1.keys.rows].filter((row) => row.title === 'Own').forEach((row) => RR1.keys.rows.splice(RR1.keys.rows.indexOf(row), 1))")
+    opened.ask("RR1.keys.rows = RR1.keys.rows.filter((row) => row.title !== 'Own'), 0")
     yield opened
     assert opened.complaints == []
 
 
 def add(tab: Any, name: str, options: str = "{}", when: str = "() => true", keys: str = '["u"]') -> None:
-    tab.ask(f"RR1.keys.add('Own', [{{ keys: {keys}, text: '{name}', when: {when}, act: () => RR1.own.push('{name}') }}], {options})")
+    row = f"{{ keys: {keys}, text: '{name}', when: {when}, act: () => RR1.own.push('{name}') }}"
+    tab.ask(f"RR1.keys.add('Own', [{row}], {options})")
 
 
 def test_the_last_row_counts_unless_one_is_first_or_has_the_focus(calm: Any) -> None:

@@ -95,13 +95,20 @@ def test_the_exported_notebook_shows_live_pages(exported: str, policy: str, tab:
         red, _, blue = np.moveaxis(np.asarray(Image.open(picture).convert("RGB"), dtype=int), -1, 0)
         assert ((red > 170) & (blue < 0.6 * red)).sum() > 200
         # Sealed: neither the notebook nor the network.
-        assert frame.evaluate("(() => { try { return String(parent.document.title); } catch (e) { return e.name; } })()") == "SecurityError"
+        assert (
+            frame.evaluate("(() => { try { return String(parent.document.title); } catch (e) { return e.name; } })()")
+            == "SecurityError"
+        )
         assert frame.evaluate("fetch('https://example.org/').then(() => 'answered', () => 'refused')") == "refused"
     motion = frames["\nmotion"]
     motion.evaluate("RR1.seek(RR1.player.end)")
     np.testing.assert_allclose(motion.evaluate("Array.from(RR1.q)"), [1.2, -0.4], atol=1e-6)
     assert motion.evaluate("RR1.editing.plan().certified")
-    assert frames["resolution=90)"].evaluate("Boolean(RR1.lesson.live) && RR1.lesson.update().verdict").startswith("Start and goal")
+    assert (
+        frames["resolution=90)"]
+        .evaluate("Boolean(RR1.lesson.live) && RR1.lesson.update().verdict")
+        .startswith("Start and goal")
+    )
     assert frames["\nviewer"].evaluate("RR1.stage.tiles().length") == 2
     local = [url for url in tab.requests if not url.startswith(("https://", "file:", "data:", "about:", "blob:"))]
     assert not [url for url in local if "/updates" not in url]

@@ -51,15 +51,16 @@ def test_what_is_moved_hidden_or_recolored_is_noticed(page: Any) -> None:
         "document.querySelector('.panel canvas').style.filter = 'invert(1)'": "colors differ",
         "document.querySelector('#pane canvas').style.filter = 'blur(40px) brightness(.6)'": "colors differ",
     }
+    keep = "window.before = [...document.querySelectorAll('*')].map((node) => [node, node.style.cssText]), 0"
+    restore = "window.before.forEach(([node, style]) => (node.style.cssText = style)), 0"
     for fault, words in faults.items():
-        html = "document.documentElement.outerHTML.length"
-        tab.evaluate(f"window.before = [...document.querySelectorAll('*')].map((node) => [node, node.getAttribute('style')]); {html}")
+        tab.evaluate(keep)
         tab.evaluate(fault)
         frames = tab.evaluate("RR1.frames")
         wait_until(tab, f"RR1.frames > {frames} + 2")
         found = structure.differences(structure.structure(tab), stored)
         assert any(words in word for word in found), (fault, found)
-        tab.evaluate("window.before.forEach(([node, style]) => style === null ? node.removeAttribute('style') : node.setAttribute('style', style)); 0")
+        tab.evaluate(restore)
     frames = tab.evaluate("RR1.frames")
     wait_until(tab, f"RR1.frames > {frames} + 2")
 

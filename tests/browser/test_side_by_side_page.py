@@ -18,7 +18,9 @@ pytestmark = pytest.mark.browser
 @pytest.fixture(scope="module")
 def motions(planar2r: rp.Robot) -> tuple[rp.Scene, rp.Trajectory, rp.Trajectory]:
     """Two motions of an arm: half a turn one way, and slower the other way."""
-    scene = rp.Scene(name="two ways").with_arm("arm", planar2r).with_obstacle("box", rp.Box((0.2, 0.2, 0.2)), [0, 1.2, 0])
+    scene = (
+        rp.Scene(name="two ways").with_arm("arm", planar2r).with_obstacle("box", rp.Box((0.2, 0.2, 0.2)), [0, 1.2, 0])
+    )
     names = scene.joint_names()
     one, other = (
         rp.Trajectory(names, np.array([0.0, end]), np.array([[[0.0, 0.5], [sign * np.pi / end, 0.0]]]))
@@ -74,7 +76,9 @@ def test_a_key_and_a_chip_switch_between_both_ways(calm: Any) -> None:
 def test_each_tile_shows_its_own_motion_with_the_same_camera(calm: Any, motions: Any) -> None:
     _, _, other = motions
     for layer in ("toolpath", "compare"):
-        calm.ask("layer => RR1.world.layers[layer].traverse((o) => { if (o.isLine || o.isMesh) o.visible = false; })", layer)
+        calm.ask(
+            "layer => RR1.world.layers[layer].traverse((o) => { if (o.isLine || o.isMesh) o.visible = false; })", layer
+        )
     calm.ask("document.body.classList.add('bare'), RR1.look([0, 0, 1])")
     first = calm.picture()
     calm.ask("q => RR1.setQ(q)", other(0.5).tolist())
@@ -96,8 +100,9 @@ def test_each_tile_shows_its_own_motion_with_the_same_camera(calm: Any, motions:
 def test_the_pointer_finds_the_arm_in_the_first_tile(calm: Any) -> None:
     found = calm.ask(
         """() => {
-            const T = RR1.linkPose("arm/tool"), base = RR1.linkPose(RR1.kinematics.arms[0].name + "/" + RR1.kinematics.arms[0].robot.links[0]);
-            const middle = new RR1.THREE.Vector3(...[12, 13, 14].map((k) => 0.75 * T[k] + 0.25 * base[k]));
+            const [{ name, robot }] = RR1.kinematics.arms, base = RR1.linkPose(`${name}/${robot.links[0]}`);
+            const tool = RR1.linkPose(`${name}/${robot.links[robot.tool]}`);
+            const middle = new RR1.THREE.Vector3(...[12, 13, 14].map((k) => 0.75 * tool[k] + 0.25 * base[k]));
             const at = RR1.editing.picker.project(middle), box = RR1.stage.pane.getBoundingClientRect();
             const hit = RR1.editing.picker.at({ clientX: at.x, clientY: at.y });
             return [at.x - box.left, RR1.stage.tiles()[0].width, hit && hit.element];

@@ -50,7 +50,9 @@ def settle(tab: Any) -> None:
 def check_cells(tab: Any, scene: rp.Scene) -> CSpaceGrid:
     """The cells of the page are those of Python's grid of the scene as the page has it, layer by layer."""
     for name in tab.ask("RR1.planner.obstacles"):
-        scene = scene.with_obstacle_at(name, np.reshape(tab.ask("n => Array.from(RR1.planner.obstaclePose(n))", name), (4, 4)).T)
+        scene = scene.with_obstacle_at(
+            name, np.reshape(tab.ask("n => Array.from(RR1.planner.obstaclePose(n))", name), (4, 4)).T
+        )
     scene = scene.with_configuration("rr1", tab.ask("Array.from(RR1.q)"))
     grid = compute_grid(scene, "rr1", JOINTS, CELLS)
     bits = np.array(tab.ask("Array.from(RR1.lesson.cells.bits)")).reshape(grid.free.shape)
@@ -82,7 +84,8 @@ def test_a_dragged_obstacle_takes_its_image_with_it(fresh: Any, rr1_table: rp.Sc
     before = check_cells(fresh, rr1_table)
     x, y = fresh.ask(
         """() => {
-            const center = RR1.world.boxAround("crate").getCenter(new RR1.THREE.Vector3()), at = RR1.editing.picker.project(center);
+            const center = RR1.world.boxAround("crate").getCenter(new RR1.THREE.Vector3());
+            const at = RR1.editing.picker.project(center);
             return [at.x, at.y];
         }"""
     )

@@ -120,8 +120,8 @@ def screenshot(
         The file.
 
     Raises:
-        InputError: no such page, a picture's name that does not end in .png, one that cannot be written, or a size, time
-            or step that makes no sense.
+        InputError: no such page, a picture's name that does not end in .png, one that cannot be written, or a size, a
+            time or a step that makes no sense.
         NoPlanError: a plan without a motion.
         MissingPackageError: playwright or a Chromium is not installed (extra `video`).
         BackendError: the browser does not start, or the page does not.
@@ -142,9 +142,7 @@ def screenshot(
 
 
 @contextmanager
-def opened_page(
-    page: Page, size: tuple[int, int], bare: bool = False, step: int | None = None
-) -> Iterator[Any]:
+def opened_page(page: Page, size: tuple[int, int], bare: bool = False, step: int | None = None) -> Iterator[Any]:
     """A page in a tab of a headless browser, as playwright's page.
 
     Args:

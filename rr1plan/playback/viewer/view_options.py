@@ -69,7 +69,7 @@ class ViewOptions:
         compare: Another motion of the same arms by its name, e.g. {"anytime": other.trajectory}: drawn as a ghost
             beside the motion of the page, its curves dashed beside those of that motion, both on one clock.
         side_by_side: Show the motion to compare, and the simulated one of a replay, each in its own picture beside that
-            of the page's motion, with the same camera; otherwise overlaid. A chip of the page (V) switches between both.
+            of the page's motion, with the same camera; otherwise overlaid. A chip of the page (V) switches.
         tree: What a planner explored (`PlanResult.tree`, `Roadmap.graph`), drawn as the paths of the tools; pages of a
             `MotionPlan` take that of their planner. Its columns are the joints of the arms of the page's problem, or of
             all arms.
