@@ -1,8 +1,9 @@
 """How a page is built, in few numbers: where its parts are, and a coarse picture of its window.
 
-Fonts and graphics differ between machines, and pixels with them. What stays is where cards, pictures and buttons are,
-and of what color and how detailed the parts of the window are. `python tests/browser/page_structure.py` stores that of
-all pages anew, in `structures`; look at the pictures first: `--pictures FOLDER` writes them.
+Fonts and graphics differ between machines, and pixels with them. The places of cards, pictures and buttons
+stay, and so do the mean color and the amount of detail of each part of the window. Run
+`python tests/browser/page_structure.py` to store these numbers of all pages in `structures`, and with
+`--pictures FOLDER` to look at the pages first.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ FOLDER = Path(__file__).parent / "structures"
 SIZES = ((1440, 900), (800, 600), (390, 844))
 READY = "Boolean(window.RR1 && RR1.ready)"
 
-# What has a place of its own on a page. A part that is hidden, or not there, has no box.
+# Selectors of the parts whose boxes are compared. A hidden part has no box.
 PARTS = (
     "#stage", "#headline", "#side", "#bar", "#play", "#scrub", "#fold", "#panels", "#panel-steps", ".texts",
     ".panel", ".panel .plot", ".panel canvas", ".panel .pair", ".panel .sliders", ".panel .tools", ".panel .verdict",
@@ -45,9 +46,9 @@ _BOXES = """(parts) => {
 }"""
 GRID = (12, 8)  # of the longer side and the shorter one
 BOX_TOLERANCE = 0.08  # of the window: other fonts make other lines
-COLOR_TOLERANCE = 22  # of 255, the mean of a field
-DETAIL_TOLERANCE = 9  # of 255, the mean step between neighboring pixels in a field
-MOST_FIELDS_OFF = 0.1  # of the fields of a picture may be off
+COLOR_TOLERANCE = 12  # of 255, the mean of a field; serifs change it by 5 at most
+DETAIL_TOLERANCE = 6  # of 255, the mean step between neighboring pixels in a field
+MOST_FIELDS_OFF = 0.06  # of the fields of a picture may be off
 
 Structure = dict[str, Any]
 
@@ -145,6 +146,8 @@ def open_at_rest(page: Any, file: Path) -> None:
     page.set_viewport_size({"width": SIZES[0][0], "height": SIZES[0][1]})
     page.goto(file.as_uri())
     wait_until(page, f"{READY} && Boolean(RR1.planner || RR1.noPlanner || !RR1.document.planner)")
+    # The tables of a live configuration space are inflated after that.
+    wait_until(page, "!RR1.planner || !RR1.panelData.cspace?.live || Boolean(RR1.lesson.live)")
     page.evaluate("RR1.pause()")
 
 

@@ -18,9 +18,8 @@ pytestmark = pytest.mark.browser
 @pytest.fixture(scope="module")
 def motions(planar2r: rp.Robot) -> tuple[rp.Scene, rp.Trajectory, rp.Trajectory]:
     """Two motions of an arm: half a turn one way, and slower the other way."""
-    scene = (
-        rp.Scene(name="two ways").with_arm("arm", planar2r).with_obstacle("box", rp.Box((0.2, 0.2, 0.2)), [0, 1.2, 0])
-    )
+    scene = rp.Scene(name="two motions").with_arm("arm", planar2r)
+    scene = scene.with_obstacle("box", rp.Box((0.2, 0.2, 0.2)), [0, 1.2, 0])
     names = scene.joint_names()
     one, other = (
         rp.Trajectory(names, np.array([0.0, end]), np.array([[[0.0, 0.5], [sign * np.pi / end, 0.0]]]))

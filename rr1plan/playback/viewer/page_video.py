@@ -40,7 +40,7 @@ def save_video(
     bare: bool = False,
     progress: ProgressCallback | None = None,
 ) -> FilePath:
-    """A video of a motion, or of what a lesson animates: MP4, GIF or WebP, filmed by a browser without a window.
+    """A video of a motion or of the animation in a lesson: MP4, GIF or WebP, filmed by a browser without a window.
 
     A picture is taken at every multiple of `speed / fps` seconds of the motion, and one at its end, so a slow machine
     takes longer and gives the same video.

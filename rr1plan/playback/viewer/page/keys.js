@@ -1,4 +1,4 @@
-// Keys of the page: what each of them does, and the list of them that "?" shows.
+// Keys of the page, and the list of them that "?" shows.
 //
 //   viewer.keys.add(title, rows, {on, first})    rows: [{ keys, text, act(event), when(target) }]
 //       keys: as in `KeyboardEvent.key`, letters in lower case, "Ctrl+z" also for the Command key; text: for the list
@@ -50,7 +50,7 @@ class Keys {
     if (!event.repeat || REPEATING.test(name)) row.act(event);
   }
 
-  /** Shows or hides the list of what keys do now. */
+  /** Shows or hides the list of the keys that have a meaning now. */
   help() {
     if (this.dialog.open) { this.dialog.close(); return; }
     const groups = new Map();
