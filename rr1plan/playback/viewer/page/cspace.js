@@ -103,6 +103,7 @@ class Lesson {
     if (data.live !== live || viewer.planner !== planner) return;
     this.live = new LiveQuery(planner, image);
     this.live.bits = this.cells.bits;
+    this.live.used = this.cells.used();
     this.live.stale.clear();
     part(".others").hidden = !data.others.length;
     if (this.isSlice) this.cutAt = this.otherValues();
@@ -137,7 +138,7 @@ class Lesson {
     this.showUsed();
     this.fillVerdict();
     this.repaint();
-    this.follow();
+    this.follow(false);
   }
 
   snapshot() {
@@ -270,7 +271,6 @@ class Lesson {
     this.placeNames(moving);
     this.showUsed();
     this.fillVerdict();
-    this.fillTools();
     for (const layer of ["toolpath", "path", "replay"]) if (viewer.world.layers[layer]) viewer.world.layers[layer].visible = false;
     this.arm.drawWay(this.curve.map((at) => at.map((part, axis) => value(axis, part))));
     this.placeTags();
@@ -278,7 +278,7 @@ class Lesson {
     found.took.rest = performance.now() - began;
     const painted = performance.now();
     this.repaint();
-    this.follow();
+    this.follow(false);
     found.took.paint = performance.now() - painted;
     return found;
   }
@@ -359,7 +359,7 @@ class Lesson {
 
   /** Names in the legend only what has an image. */
   showUsed() {
-    const used = this.cells.bits.reduce((all, bits) => all | bits, 0);
+    const used = this.live ? this.live.used : this.cells.used();
     [...part(".legend").children].forEach((chip, k) => { chip.hidden = !((used >>> k) & 1); });
   }
 
@@ -419,6 +419,7 @@ class Lesson {
   }
 
   pauseTree() {
+    if (!this.growing) return;
     cancelAnimationFrame(this.growing);
     this.growing = 0;
     this.tools.grow.textContent = "Grow";
@@ -556,7 +557,8 @@ class Lesson {
     viewer.setQ(full);
   }
 
-  follow() {
+  /** Shows the configuration; draw: also in the picture, where that is not done anyway. */
+  follow(draw = true) {
     const q = q2(), answer = this.place(q);
     this.sliders.forEach(({ slider, out }, axis) => {
       const v = wrapped(axis, q[axis]);
@@ -590,7 +592,7 @@ class Lesson {
       this.tools.elbow.disabled = Math.abs(this.workspace.side(q)) < 1e-6 || this.place(this.workspace.twin(q)).outside;
     }
     this.drawPhase();
-    this.draw();
+    if (draw) this.draw();
   }
 
   // ---- the pointer -------------------------------------------------------------------------
@@ -791,7 +793,7 @@ class Lesson {
   /** Names on the images, so that no reader depends on colors. */
   drawNames(pen) {
     pen.save();
-    pen.font = `600 ${12 * this.unit}px ${getComputedStyle(root).fontFamily}`;
+    pen.font = `600 ${12 * this.unit}px ${FONT}`;
     pen.textAlign = "center";
     pen.textBaseline = "middle";
     pen.lineJoin = "round";
@@ -892,11 +894,11 @@ class Lesson {
     }
     const { x, y, size } = this.plot;
     pen.save();
-    pen.font = `650 ${12.5 * this.unit}px ${getComputedStyle(root).fontFamily}`;
+    pen.font = `650 ${12.5 * this.unit}px ${FONT}`;
     pen.textBaseline = "middle";
     pen.lineJoin = "round";
     for (const [q, text, color] of marks) {
-      pen.font = `${text === "other elbow" ? 500 : 650} ${(text === "other elbow" ? 11 : 12.5) * this.unit}px ${getComputedStyle(root).fontFamily}`;
+      pen.font = `${text === "other elbow" ? 500 : 650} ${(text === "other elbow" ? 11 : 12.5) * this.unit}px ${FONT}`;
       const [px, py] = this.at(...this.shares(q)), wide = pen.measureText(text).width;
       // Beside the mark, or below it where there is no room: names of images stand to the left.
       const beside = px + 13 * this.unit + wide <= x + size, below = py + 19 * this.unit < y + size - 9 * this.unit ? 19 : -19;
