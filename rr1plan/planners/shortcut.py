@@ -22,7 +22,7 @@ from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.path import Path
-from rr1plan.planning_constants import CONSTANTS
+from rr1plan.planning_constants import SHORTCUTS
 from rr1plan.scene import Scene
 
 _MOST_ITERATIONS = 1_000_000
@@ -117,9 +117,7 @@ class _Shortener:
         while not (over or done):
             over = self._expired()
             steps = 0 if over else _CHUNK
-            done = bool(
-                call(self._path, self._state, steps, iterations, CONSTANTS.shortcut_patience, *self._checker.context)
-            )
+            done = bool(call(self._path, self._state, steps, iterations, SHORTCUTS.patience, *self._checker.context))
         self._checker.edges_checked += self._path.value.edges
 
     def waypoints(self) -> Array:
