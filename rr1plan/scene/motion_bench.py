@@ -1,4 +1,4 @@
-"""MotionBenchMaker's scenes and requests (YAML), and sets of its problems in one JSON file.
+"""MotionBenchMaker's scenes (YAML), and sets of its problems in one JSON file.
 
 In the YAML a cylinder's dimensions are [length, radius] and quaternions are xyzw. In the JSON
 boxes have full sides, cylinders radius and length, quaternions are xyzw, poses are world poses:
@@ -23,7 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rr1plan.checks import Array, counted
+from rr1plan.checks import Array
 from rr1plan.errors import FormatError, InputError
 from rr1plan.files.checked_tables import Table
 from rr1plan.files.documents import read_json, read_yaml
@@ -64,37 +64,6 @@ def read_bench_scene(file: str | Path) -> Scene:
         obstacles[name] = Obstacle(_read_object(entry, name), _read_pose(entry, "pose"))
     with top.blame():
         return Scene(obstacles=obstacles, name=top.string("name", "") or Path(file).stem)
-
-
-def read_bench_request(file: str | Path, scene: Scene, arm: str | None = None) -> Problem:
-    """Read a MotionBenchMaker request (YAML) as a problem of one arm of a scene.
-
-    Args:
-        file: The file, with `start_state.joint_state` and `goal_constraints`, which are
-            alternative goals.
-        scene: The scene; joints that are not planned for are held as the request says.
-        arm: The arm that moves (default: the only one).
-
-    Raises:
-        FormatError: not YAML, or not such a request, or a joint of the arm has no value.
-        UnknownNameError: no such arm.
-    """
-    arm = scene.only_arm(arm)
-    robot = scene.arm(arm).robot
-    top = read_yaml(file, _MAX_BYTES)
-    state = top.table("start_state").table("joint_state")
-    names, values = state.strings("name"), _numbers(state, "position")
-    if len(names) != len(values):
-        raise state.error(f"has {counted(len(names), 'name')} and {counted(len(values), 'position')}")
-    start = dict(zip(names, values, strict=True))
-    goals = [_read_goal(entry) for entry in top.tables("goal_constraints")]
-    if not goals:
-        raise top.error("has no goal_constraints, expected at least one")
-    with top.blame():
-        held = {name: value for name, value in start.items() if name not in robot.joint_names}
-        scene = scene.with_robot(arm, hold(robot, held))
-        alternatives = [JointGoal(_in_order(top, robot, "goal", goal)) for goal in goals]
-        return Problem(scene, {arm: _in_order(top, robot, "start", start)}, {arm: alternatives})
 
 
 def read_problem_set(file: str | Path, robot: Robot) -> dict[str, Problem]:
@@ -254,20 +223,6 @@ def _number(entry: Table, value: Any, key: str) -> float:
         if math.isfinite(number):
             return number
     raise entry.error(f"expected a finite number, got {value!r}", key)
-
-
-def _read_goal(entry: Table) -> dict[str, float]:
-    constraints = entry.tables("joint_constraints")
-    if not constraints:
-        raise entry.error("has no joint_constraints; other goals are not read")
-    return {c.string("joint_name"): _number(c, c.required("position"), "position") for c in constraints}
-
-
-def _in_order(top: Table, robot: Robot, role: str, values: Mapping[str, float]) -> list[float]:
-    missing = [name for name in robot.joint_names if name not in values]
-    if missing:
-        raise top.error(f"the {role} has no value for joint {missing[0]!r} (it has {', '.join(values) or 'none'})")
-    return [values[name] for name in robot.joint_names]
 
 
 # ---- JSON ------------------------------------------------------------------------------------

@@ -77,7 +77,8 @@ class SceneBodies:
             index.setdefault(body.element, []).append(i)
         rows = [(i, j) for a, b in scene.checked_pairs for i in index[a] for j in index[b]]
         self.pairs: NDArray[np.int64] = np.array(rows, dtype=np.int64).reshape(-1, 2)
-        self._center, self._half = (np.array([getattr(b, n) for b in self.bodies]) for n in ("center", "half"))
+        rows = ([getattr(body, name) for body in self.bodies] for name in ("center", "half"))
+        self._center, self._half = (np.array(row).reshape(-1, 3) for row in rows)
         self._radius = np.linalg.norm(self._half, axis=1)
         self._moving = [i for i, b in enumerate(self.bodies) if b.frame.split("/", 1)[0] in self._columns]
 
@@ -87,8 +88,10 @@ class SceneBodies:
         for name, arm in self._scene.arms.items():
             own = q[:, self._columns[name]] if name in self._columns else arm.q[None]
             poses |= {f"{name}/{link}": arm.base @ T for link, T in link_frames(arm.robot, own).items()}
-        placed = (poses[body.frame] @ body.pose for body in self.bodies)
-        return np.stack([np.broadcast_to(T, (len(q), 4, 4)) for T in placed], axis=1)
+        frames = np.empty((len(q), len(self.bodies), 4, 4))
+        for k, body in enumerate(self.bodies):
+            frames[:, k] = poses[body.frame] @ body.pose
+        return frames
 
     def nearby_pairs(self, frames: Array, pairs: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The samples and pairs of bodies whose boxes intersect.

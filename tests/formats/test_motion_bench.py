@@ -13,16 +13,13 @@ import pytest
 
 from rr1plan.errors import FormatError, InputError
 from rr1plan.robot import Robot
-from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_robot, load_scene, robot_folder
 from rr1plan.scene.motion_bench import (
     hold,
     problem_set_joints,
-    read_bench_request,
     read_bench_scene,
     read_problem_set,
 )
-from rr1plan.scene.problem import JointGoal
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from rr1plan.transforms import pose
 
@@ -45,19 +42,6 @@ world:
       primitive_poses:
         - {{position: [0, 0, 0], orientation: [0, 0, 0, 1]}}
         - {{position: [0, 0, 1], orientation: [0, 0, 0, 1]}}
-"""
-REQUEST = """
-start_state:
-  joint_state:
-    name: [joint2, joint1, wheel]
-    position: [0.2, 1e-1, 7]
-goal_constraints:
-  - joint_constraints:
-      - {joint_name: joint1, position: 1.5}
-      - {joint_name: joint2, position: -0.5}
-  - joint_constraints:
-      - {joint_name: joint2, position: 0.5}
-      - {joint_name: joint1, position: 1.0}
 """
 
 
@@ -154,30 +138,6 @@ def test_a_wrong_scene_is_refused(tmp_path: Path, old: str, new: str, message: s
 def test_deep_yaml_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="nested deeper"):
         read_bench_scene(written(tmp_path, "[" * 20_000))
-
-
-def test_a_request_becomes_a_problem_with_all_its_goals(tmp_path: Path, planar2r: Robot) -> None:
-    problem = read_bench_request(written(tmp_path, REQUEST), Scene().with_arm("arm", planar2r))
-    assert np.array_equal(problem.start, [0.1, 0.2])
-    goals = [goal.q for goal in problem.goal["arm"] if isinstance(goal, JointGoal)]
-    assert np.array_equal(goals, [[1.5, -0.5], [1.0, 0.5]])
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("[joint2, joint1, wheel]", "[joint2, joint, wheel]", "the start has no value for joint 'joint1'"),
-        ("[joint2, joint1, wheel]", "[joint2, joint1]", "has 2 names and 3 positions"),
-        ("joint_name: joint1, position: 1.5", "joint_name: x, position: 1.5", "the goal has no value for joint"),
-        ("position: 1.5", "position: .inf", "expected a finite number"),
-        ("goal_constraints", "goals", "has no goal_constraints"),
-        ("start_state", "start", "has no 'position'"),
-    ],
-)
-def test_a_wrong_request_is_refused(tmp_path: Path, planar2r: Robot, old: str, new: str, message: str) -> None:
-    assert old in REQUEST
-    with pytest.raises(FormatError, match=message):
-        read_bench_request(written(tmp_path, REQUEST.replace(old, new, 1)), Scene().with_arm("arm", planar2r))
 
 
 def test_a_problem_set_gives_named_problems_in_the_robot_s_order(tmp_path: Path, planar2r: Robot) -> None:

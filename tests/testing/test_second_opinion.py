@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -173,6 +174,17 @@ def test_without_python_fcl_the_error_says_how_to_get_it(
     with pytest.raises(rp.MissingPackageError, match="pip install 'python-fcl'"):
         rp.second_opinion(motion, scene)
     assert not rp.second_opinion(motion, scene, step=0.01, checkers=["Coal", "MuJoCo"])
+
+
+def test_where_nothing_can_touch_all_agree(planar2r: rp.Robot) -> None:
+    bare = replace(planar2r, links=tuple(replace(link, collisions=()) for link in planar2r.links))
+    for scene in (rp.Scene().with_arm("arm", bare), rp.Scene().with_arm("arm", planar2r)):
+        motion = rp.plan_motion(rp.Problem(scene, "home", [0.5, 0.5]), rng=0)
+        for what in (motion.trajectory, motion.path):
+            opinion = rp.second_opinion(what, scene)
+            assert opinion.free
+            assert opinion.agree
+            assert opinion.queries == 0
 
 
 def test_wrong_questions_are_refused(swing: tuple[rp.Scene, rp.Trajectory]) -> None:
