@@ -130,30 +130,14 @@ class MotionPlan(NotebookView):
             parts.append(f"{trajectory.duration:.3f} s in {counted(len(trajectory.coefficients), f'{kind} piece')}")
         return ", ".join(parts)
 
-    def show(
-        self,
-        *,
-        replay: Replay | None = None,
-        options: ViewOptions | None = None,
-        port: int | None = None,
-        open_browser: bool = True,
-        quiet: bool = False,
-    ) -> Viewer:
+    def show(self, *, replay: Replay | None = None, options: ViewOptions | None = None) -> Viewer:
         """Open the motion in a live Meshcat page and print its address; the arguments are those of `rr1plan.show`.
 
         End a script with `motion.show().wait()`, which keeps the page until it is closed.
         """
         from rr1plan.playback.viewer import show
 
-        return show(
-            self.scene,
-            **self._content(),
-            replay=replay,
-            options=self._page_options(options),
-            port=port,
-            open_browser=open_browser,
-            quiet=quiet,
-        )
+        return show(self.scene, **self._content(), replay=replay, options=self._page_options(options))
 
     def save_html(
         self, file: str | FilePath, *, replay: Replay | None = None, options: ViewOptions | None = None

@@ -13,7 +13,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Seed, Value, check_callback, counted, of_kind, shown
+from rr1plan.checks import (
+    Array,
+    Seed,
+    Value,
+    check_callback,
+    counted,
+    finite_array,
+    number_array,
+    of_kind,
+    read_only,
+    shown,
+)
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
 from rr1plan.progress import Progress as Progress
@@ -69,10 +80,29 @@ def _is_above_zero(value: Any, kind: type[Any]) -> bool:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SearchTree(Value):
-    """The graph a planner explored: configurations (n, nq) and edges as vertex indices (m, 2)."""
+    """The graph a planner explored.
+
+    Args:
+        vertices: Configurations [rad or m], shape (n, nq).
+        edges: Indices of the two vertices of each edge, shape (m, 2).
+
+    Raises:
+        InputError: vertices of another shape or not finite, or edges that are not pairs of them.
+    """
 
     vertices: Array
     edges: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        vertices = finite_array("vertices of the tree", self.vertices, (None, None))
+        edges = number_array("edges of the tree", self.edges)
+        if edges.ndim != 2 or edges.shape[1] != 2:
+            raise InputError(f"edges of the tree has shape {edges.shape}, expected (any, 2)")
+        wrong = edges[(edges != np.floor(edges)) | ~((edges >= 0) & (edges < len(vertices)))]
+        if wrong.size:
+            raise InputError(f"an edge of the tree has the vertex {wrong[0]:g}, expected 0 to {len(vertices) - 1}")
+        object.__setattr__(self, "vertices", read_only(vertices))
+        object.__setattr__(self, "edges", read_only(edges.astype(np.int64)))
 
 
 @dataclass(frozen=True, eq=False)

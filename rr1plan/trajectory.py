@@ -264,10 +264,13 @@ class Trajectory(Value, NotebookView):
         local = np.clip(flat, self.breaks[0], self.breaks[-1]) - self.breaks[piece]
         first = int(piece.min(initial=len(self.coefficients) - 1))
         used = self.coefficients[first : int(piece.max(initial=first)) + 1]
-        coefficients = _derived(used, derivative)[piece - first]
+        coefficients = _derived(used, derivative)
+        if len(used) > 1:  # else a row for all times
+            coefficients = coefficients[piece - first]
         value = np.zeros((len(flat), len(self.joint_names)))
         for k in range(coefficients.shape[1] - 1, -1, -1):
-            value = value * local[:, None] + coefficients[:, k]
+            value *= local[:, None]
+            value += coefficients[:, k]
         if derivative > 0:
             value[(flat < self.breaks[0]) | (flat > self.breaks[-1])] = 0.0
         return value.reshape(*times.shape, len(self.joint_names))

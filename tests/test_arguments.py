@@ -153,6 +153,11 @@ def calibration_calls(folder: Path) -> dict[str, Call]:
     }
 
 
+def silent() -> rp.ViewOptions:
+    """Options of live pages that are opened by nobody."""
+    return rp.ViewOptions(quiet=True)
+
+
 def mirror_calls(scene: rp.Scene, trajectory: rp.Trajectory, folder: Path) -> dict[str, Call]:
     """Those of mirrors and of manual control."""
     names, q = scene.joint_names(), np.zeros(2)
@@ -196,7 +201,7 @@ def mirror_calls(scene: rp.Scene, trajectory: rp.Trajectory, folder: Path) -> di
         ),
         "Mirror.receive": (mirror.receive, {"item": state}),
         "Mirror.run": (mirror.run, {"stream": [state], "duration": None}),
-        "Mirror.show": (mirror_shown, {"port": None, "open_browser": False, "quiet": True}),
+        "Mirror.show": (mirror_shown, {"options": silent()}),
     }
 
 
@@ -257,7 +262,7 @@ def calls(folder: Path) -> dict[str, Call]:
     steps = rp.plan_sequence(rp.Sequence(scene, [rp.FreeMotion(q + 0.1), rp.Pause(0.1)]), rng=0)
     steps.save(folder / "q.json")
     shown = dict.fromkeys(("trajectory", "path", "problem", "report", "replay", "options"))
-    live = {"port": None, "open_browser": False, "quiet": True}
+    live = {"options": silent()}
     picture = rp.cspace(scene, problem, resolution=8)
     lesson = rp.lesson("workspace")
     pose_goal = rp.PoseGoal("tool", [0.3, 0.2, 0.0])
@@ -292,7 +297,7 @@ def calls(folder: Path) -> dict[str, Call]:
 
     def in_viewer(verb: str, **options: Any) -> None:
         own = rp.ViewOptions(panels=[rp.Panel("own", "Own")])
-        with rp.show(scene, options=own, open_browser=False, quiet=True) as viewer:
+        with rp.Viewer(scene, options=own) as viewer:
             getattr(viewer, verb)(**options)
 
     def registered(**options: Any) -> None:
@@ -464,7 +469,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "SequencePlan.save_html": (steps.save_html, {"file": folder / "o.html", "replay": None, "options": None}),
         "SequencePlan.show": (
             lambda **options: steps.show(**options).close(),
-            live | {"replay": None, "options": None},
+            live | {"replay": None},
         ),
         "load_sequence": (
             rp.load_sequence,
@@ -537,7 +542,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Timeline.save": (line.save, {"file": folder / "o.svg", "dark": False}),
         "MotionPlan.page_content": (motion.page_content, {"options": None}),
         "MotionPlan.save_html": (motion.save_html, {"file": folder / "o.html", "replay": None, "options": None}),
-        "MotionPlan.show": (lambda **o: motion.show(**o).close(), live | {"replay": None, "options": None}),
+        "MotionPlan.show": (lambda **o: motion.show(**o).close(), live | {"replay": None}),
         "plan_motion": (
             rp.plan_motion,
             {"problem": problem, "planner": "rrt_connect", "retiming": "blend", "shorten": True, "margin": 0.002}
@@ -610,7 +615,7 @@ def calls(folder: Path) -> dict[str, Call]:
             {"scene": scene, "resolution": 8} | dict.fromkeys(("problem", "result", "arm", "joints", "at", "progress")),
         ),
         "save_html": (rp.save_html, {"file": folder / "o.html", "scene": scene} | shown),
-        "show": (shown_page, live | {"scene": scene} | shown),
+        "show": (shown_page, {"scene": scene} | shown | live),
         "screenshot": (
             rp.screenshot,
             {"file": folder / "o.png", "page": folder / "none.html", "size": (9, 9), "time": None}
@@ -709,6 +714,7 @@ def calls(folder: Path) -> dict[str, Call]:
         **calibration_calls(folder),
         **teaching_calls(),
         **mirror_calls(scene, trajectory, folder),
+        "SearchTree": (rp.SearchTree, {"vertices": [[0.0, 0.0], [1.0, 0.0]], "edges": [[0, 1]]}),
         "JointGoal": (rp.JointGoal, {"q": q}),
         "PoseGoal": (
             rp.PoseGoal,
@@ -811,7 +817,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "ViewOptions": (
             rp.ViewOptions,
             {"title": "x", "view": None, "spheres": False, "panels": (), "play": True, "planner": True}
-            | {"compare": {"other": trajectory}, "side_by_side": False, "tree": None, "clearances": None},
+            | {"compare": {"other": trajectory}, "side_by_side": False, "tree": None, "clearances": None}
+            | {"port": 7000, "quiet": False},
         ),
         "Viewer.load": (partial(in_viewer, "load"), {"scene": scene} | shown),
         "Viewer.update": (partial(in_viewer, "update"), {"q": q}),
@@ -833,7 +840,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "CSpace.save_png": (picture.save_png, {"file": folder / "o.png", "dpi": 20}),
         "CSpace.page_content": (picture.page_content, {"options": None}),
         "CSpace.save_html": (picture.save_html, {"file": folder / "o.html", "trajectory": None, "options": None}),
-        "CSpace.show": (lambda **o: picture.show(**o).close(), live | {"trajectory": None, "options": None}),
+        "CSpace.show": (lambda **o: picture.show(**o).close(), live | {"trajectory": None}),
         "CSpace.with_result": (picture.with_result, {"result": motion.result}),
         "lesson": (rp.lesson, {"name": "workspace", "scene": None, "problem": None}),
         "LessonStep": (rp.LessonStep, {"name": "a", "title": "A", "text": "<p>a</p>", "q": q}),
@@ -842,7 +849,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Lesson.save_svg": (lesson.save_svg, {"file": folder / "l.svg"}),
         "Lesson.save_html": (lesson.save_html, {"file": folder / "l.html", "options": None}),
         "Lesson.page_content": (lesson.page_content, {"options": None}),
-        "Lesson.show": (lambda **o: lesson.show(**o).close(), live | {"options": None}),
+        "Lesson.show": (lambda **o: lesson.show(**o).close(), live),
         "planar_arm": (
             rp.planar_arm,
             {"joints": "RR", "lengths": (1.0, 0.8), "width": 0.08, "limits": [(-1.0, 1.0), None], "name": "mine"},
@@ -937,7 +944,7 @@ _NOT_CALLED = {
     ),
     *("SequencePlan", "SequenceReplay", "CarriedObject", "Lesson"),
     *("ReplayRecord", "CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
-    *("Progress", "SearchTree", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
+    *("Progress", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
     *("AddedMotion", "Dependency", "Node", "PlanExecution", "Part", "Part.until", "PlanGraph", "PlanGraph.from_dict"),
     *("PlanGraph.with_times", "Route", "RunningPlan", "RunningPlan.part_at", "RunningPlan.with_parts"),
     *("PairProposal.get", "Geometry", "Inertial", "Joint", "Joint.motion", "Link", "Mimic", "Attachment", "Obstacle"),
@@ -992,8 +999,9 @@ def test_no_argument_is_forgotten(table: dict[str, Call]) -> None:
 
 @pytest.fixture
 def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Some wrong values are names of files that may be written."""
+    """Some wrong values are names of files that may be written; no browser shows pages that open with usual options."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("webbrowser.open", lambda url: True)
 
 
 @pytest.mark.parametrize("name", NAMES)

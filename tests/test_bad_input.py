@@ -33,6 +33,8 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "goal_beyond_reason": (lambda s: rp.Problem(s, "home", [1e300, 0]), rp.InputError, "joint joint1"),
     "no_scene": (lambda s: rp.Problem("rr1_table", "home", "home"), rp.InputError, "expected a Scene"),
     "arms_number": (lambda s: rp.Problem(s, "home", "home", arms=3), rp.InputError, "sequence of names"),
+    "checker_of_no_arms": (lambda s: rp.CollisionChecker(rp.Scene()), rp.InputError, "the scene has no arm"),
+    "kinematics_of_no_arms": (lambda s: rp.Kinematics(rp.Scene()), rp.InputError, "the scene has no arm"),
     "arms_of_model": (lambda s: rp.CollisionChecker(s, 3), rp.InputError, "sequence of names"),
     "roadmap_arms": (lambda s: rp.Roadmap(s, 3), rp.InputError, "sequence of names"),
     "flat_mesh_in_the_hand": (

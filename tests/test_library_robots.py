@@ -168,6 +168,20 @@ def test_a_robot_that_cannot_move_is_refused(tmp_path: Path) -> None:
         rp.load_robot(tmp_path / "stone.urdf")
 
 
+def test_joints_beside_the_way_to_the_tool_are_named_once(arm: Path, caplog: pytest.LogCaptureFixture) -> None:
+    branch = (
+        '<link name="side"/><joint name="d" type="revolute"><parent link="l1"/><child link="side"/>'
+        f'<axis xyz="0 0 1"/>{LIMIT.format(-1, 1)}</joint></robot>'
+    )
+    arm.write_text(arm.read_text().replace("</robot>", branch))
+    assert rp.load_robot(arm).tool == "side"
+    assert "all 4 joints are planned for, 2 of them not on the way to the tool 'side' (such as 'b')" in caplog.text
+    caplog.clear()
+    assert rp.load_robot(arm, groups=[("l0", "l3")]).joint_names == ("a", "b", "c")
+    assert rp.load_robot(arm, joints=["a", "d"]).tool == "side"
+    assert "on the way" not in caplog.text
+
+
 # ---- robot.toml --------------------------------------------------------------------------
 
 

@@ -50,7 +50,7 @@ def test_a_loaded_motion_is_what_planning_gave(motion: rp.MotionPlan, file: Path
     assert again.problem is not None
     assert again.status is rp.PlanStatus.FOUND
     assert again.save_html(tmp_path / "again.html").stat().st_size > 10_000
-    with again.show(open_browser=False, quiet=True) as viewer:
+    with again.show(options=rp.ViewOptions(quiet=True)) as viewer:
         assert viewer.url.startswith("http")
     assert again.save(tmp_path / "again.json").read_text() == again.to_json()
     assert str(motion.path.waypoints.shape[0]) in str(again)

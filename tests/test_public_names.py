@@ -162,7 +162,7 @@ class Mine(rp.Planner):
 
 rp.plan(problem, planner=Mine())
 rp.register_planner("mine", Mine)
-motion.show(options=rp.ViewOptions(view="top"), quiet=True).wait()
+motion.show(options=rp.ViewOptions(view="top", quiet=True)).wait()
 """
 WRONG = {
     "rp.plan_motoin(problem)": "attr-defined",

@@ -95,16 +95,20 @@ class Parser(argparse.ArgumentParser):
 
         self._rules.append(rule)
 
-    def different_files(self, source: str, *outputs: str) -> None:
-        """Declare options that name files to write: each another one, and none of them the file that is read."""
+    def different_files(self, sources: Iterable[str], *outputs: str) -> None:
+        """Declare options that name files to write: each another one, and none of them a file that is read."""
 
         def rule(options: argparse.Namespace) -> str | None:
-            read = getattr(options, source)
             # Unlike a Path, for names of any length.
-            files = {os.path.realpath(read): source.upper()} if os.path.isfile(read) else {}  # noqa: PTH113
+            read = ((source, getattr(options, _attribute(source))) for source in sources)
+            files = {
+                os.path.realpath(name): source if source.startswith("-") else source.upper()
+                for source, name in read
+                if name is not None and os.path.isfile(name)  # noqa: PTH113
+            }
             for option in outputs:
                 if option in options.given:
-                    name = getattr(options, option.lstrip("-").replace("-", "_"))
+                    name = getattr(options, _attribute(option))
                     other = files.setdefault(os.path.realpath(name), option)
                     if other != option:
                         return f"{other} and {option} are the same file {name!r}"
@@ -165,6 +169,11 @@ def spell_options(text: str, command: str, commands: Mapping[str, Parser]) -> st
         return found[0]
 
     return re.sub(r"\boption (\w+)", spell, text)
+
+
+def _attribute(option: str) -> str:
+    """Where a namespace has the value of an option or of an argument."""
+    return option.lstrip("-").replace("-", "_")
 
 
 def _note(action: argparse.Action, namespace: argparse.Namespace, option: str | None) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import rr1plan as rp
 from rr1plan.cli.console import Console
 from rr1plan.cli.saved_motions import single_motion
+from rr1plan.cli.served_page import announce, live_options
 from rr1plan.errors import InputError
 from rr1plan.scene.model_library import load_scene
 
@@ -28,8 +29,7 @@ def mirror(options: Namespace, console: Console) -> int:
         )
     with follower:
         if not options.no_page:
-            viewer = follower.show(port=options.port, open_browser=not options.no_browser, quiet=True)
-            console.say(f"page: {viewer.url}  (press Ctrl-C to end)")
+            announce(follower.show(options=live_options(options)), options, console, "press Ctrl-C to end")
         report = follower.run(stream, duration=options.duration)
     console.say(str(report))
     console.result(

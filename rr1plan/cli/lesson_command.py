@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
-from typing import Any
 
 import rr1plan as rp
 from rr1plan.checks import known_name
 from rr1plan.cli.console import Console
 from rr1plan.cli.picture_files import film
 from rr1plan.cli.plan import named_query
+from rr1plan.cli.served_page import live_options, serve
 from rr1plan.files.file_access import check_writable
 from rr1plan.lessons.lesson_catalog import LESSONS
 from rr1plan.scene.model_library import load_scene
@@ -29,12 +29,7 @@ def lesson(options: Namespace, console: Console) -> int:
     with console.progress(f"computing {options.lesson}"):
         made = rp.lesson(options.lesson, *_own(options))
     if options.html is None and options.figure is None and options.video is None:
-        live: dict[str, Any] = {"port": options.port, "open_browser": not options.no_browser, "quiet": True}
-        with made.show(**live) as viewer:
-            console.say(f"page: {viewer.url}  (close it or press Ctrl-C to end)")
-            console.result({"url": viewer.url})
-            viewer.wait()
-        return 0
+        return serve(made.show(options=live_options(options)), options, console)
     files = {}
     if options.html is not None:
         files["page"] = made.save_html(options.html)

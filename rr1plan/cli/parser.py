@@ -108,7 +108,7 @@ def _plan(parser: Parser) -> None:
     parser.needs("--spheres", "--html")
     parser.needs("--view", "--html")
     parser.needs("--embed", "--output")
-    parser.different_files("scene", "--output", "--csv", "--html", "--timeline", "--diagram")
+    parser.different_files(("scene",), "--output", "--csv", "--html", "--timeline", "--diagram")
     parser.details = lambda: f"{_planners()}\n\n{_retimings()}\n\n{_EXIT_CODES}"
 
 
@@ -170,7 +170,7 @@ def _play(parser: Parser) -> None:
     parser.needs("--side-by-side", "--html", "--video")
     parser.needs("--size", "--video")
     parser.needs("--bare", "--video")
-    parser.different_files("motion", "--html", "--video")
+    parser.different_files(("motion",), "--html", "--video")
 
 
 def _video(parser: Parser, of: str) -> None:
@@ -220,7 +220,6 @@ def _mirror(parser: Parser) -> None:
         help="joint states: udp://HOST:PORT, serial:PORT of a control box, a file (.jsonl), or a ROS bag",
     )
     parser.add_argument("--calibration", metavar="FILE", help="with serial: calibration of the arm and its channels")
-
     parser.add_argument("--plan", metavar="MOTION", help=f"what the arms are to do: {_MOTION}")
     parser.add_argument("--scene", help="the scene (default: the one that the motion's file holds)")
     parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds such messages)")
@@ -236,7 +235,7 @@ def _mirror(parser: Parser) -> None:
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
     parser.add_argument("--no-page", action="store_true", help="only print what is noticed")
     parser.excludes("--no-page", "--port", "--no-browser")
-    parser.different_files("source", "--record")
+    parser.different_files(("source", "--calibration", "--plan", "--scene"), "--record")
 
 
 def _view(parser: Parser) -> None:
@@ -267,7 +266,7 @@ def _view(parser: Parser) -> None:
     parser.needs("--time", "--png")
     parser.needs("--size", "--png", "--video")
     parser.needs("--bare", "--png", "--video")
-    parser.different_files("what", *files)
+    parser.different_files(("what", "--scene", "--compare"), *files)
 
 
 def _cspace(parser: Parser) -> None:

@@ -56,15 +56,20 @@ def play(options: Namespace, console: Console) -> int:
 
 
 def saved_motion(
-    file: str, options: Namespace, console: Console, checks: dict[str, bool] | None = None
+    file: str,
+    options: Namespace,
+    console: Console,
+    checks: dict[str, bool] | None = None,
+    scene: rp.Scene | None = None,
 ) -> MotionPlan | SequencePlan:
-    """A motion or a sequence from a file of any kind, judged in the scene that the options name or in its own."""
+    """A motion or a sequence from a file of any kind, judged in a scene, the one that the options name, or its own."""
     with console.progress("loading the scene"):
-        where = None if options.scene is None else load_scene(options.scene)
+        if scene is None and options.scene is not None:
+            scene = load_scene(options.scene)
     with console.progress("checking") as advance:
         if options.topic is None and holds_sequence(file):
-            return load_sequence(file, where, **(checks or {}), progress=told_to(advance))
-        return rp.load_motion(file, where, topic=options.topic, **(checks or {}), progress=told_to(advance))
+            return load_sequence(file, scene, **(checks or {}), progress=told_to(advance))
+        return rp.load_motion(file, scene, topic=options.topic, **(checks or {}), progress=told_to(advance))
 
 
 def single_motion(file: str, options: Namespace, console: Console, use: str) -> tuple[MotionPlan, rp.Trajectory]:

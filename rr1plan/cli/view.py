@@ -5,7 +5,6 @@ from __future__ import annotations
 from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import rr1plan as rp
 from rr1plan.checks import counted
@@ -13,6 +12,7 @@ from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.picture_files import check_files, film, write_files
 from rr1plan.cli.plan import named_query, page_options, summary, told_to, words
 from rr1plan.cli.saved_motions import saved_motion, say_changes
+from rr1plan.cli.served_page import live_options, serve
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.export.csv_files import save_csv
 from rr1plan.export.motion_files import is_motion_file
@@ -76,19 +76,17 @@ def view(options: Namespace, console: Console) -> int:
     if in_files:
         write_files(scene, motion, options, look, console)
         return 0
-    live: dict[str, Any] = {"port": options.port, "open_browser": not options.no_browser, "quiet": True}
-    with rp.show(scene, options=look, **live) if motion is None else motion.show(options=look, **live) as viewer:
-        console.say(f"page: {viewer.url}  (close it or press Ctrl-C to end)")
-        console.result({"url": viewer.url})
-        viewer.wait()
-    return 0
+    look = live_options(options, look)
+    return serve(rp.show(scene, options=look) if motion is None else motion.show(options=look), options, console)
 
 
-def _other(motion: object, options: Namespace, console: Console) -> dict[str, rp.Trajectory]:
-    """The motion to compare, by the name of its file."""
+def _other(
+    motion: MotionPlan | rp.SequencePlan | None, options: Namespace, console: Console
+) -> dict[str, rp.Trajectory]:
+    """The motion to compare, by the name of its file, in the scene of the motion beside it."""
     if motion is None:
         raise InputError(f"{options.what} is a scene; --compare takes a motion beside another motion")
-    other = saved_motion(options.compare, options, console)
+    other = saved_motion(options.compare, options, console, scene=motion.scene)
     try:
         return {Path(options.compare).stem: other.trajectory}
     except NoPlanError as error:

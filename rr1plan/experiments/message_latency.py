@@ -40,10 +40,10 @@ def measure_latency(size: int, *, repeats: int = 200, seed: int = 0) -> dict[str
     letters = np.random.default_rng(seed).integers(97, 123, size, dtype=np.uint8).tobytes().decode()
     arrivals: queue.Queue[float] = queue.Queue()
     acknowledged: queue.Queue[float] = queue.Queue()
-    options = ViewOptions(panels=(Panel(_PANEL, "Latency", data={}),))
+    options = ViewOptions(port=0, panels=(Panel(_PANEL, "Latency", data={}),))
     scene = Scene().with_arm("rr1", load_robot("rr1"))
     arrived, answered = [], []
-    with Viewer(scene, options=options, port=0) as viewer:
+    with Viewer(scene, options=options) as viewer:
         viewer.on_slider(lambda _joint, _value: acknowledged.put(time.perf_counter()))
         client = threading.Thread(target=lambda: asyncio.run(_acknowledge(viewer.url, arrivals)), daemon=True)
         client.start()

@@ -189,6 +189,8 @@ def _command_plan(
 
 def _only_moving_arm(trajectory: Trajectory, scene: Scene) -> tuple[str, Scene, Trajectory]:
     """The arm that moves, the scene with the others where the trajectory has them, and the motion of the one."""
+    if not trajectory.arms:
+        raise InputError("the trajectory has no joints, expected those of an arm")
     by_arm = {arm: _joints_in_order(trajectory, scene, arm) for arm in trajectory.arms}
     moving = [arm for arm, own in by_arm.items() if np.abs(own.coefficients[:, 1:]).max(initial=0.0) > 0.0]
     if len(moving) > 1:

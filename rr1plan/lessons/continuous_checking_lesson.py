@@ -122,6 +122,9 @@ class ContinuousCheckingLesson(Lesson):
         self.checker = CollisionChecker(self.scene)
         if self.checker.nq != 2:
             raise InputError(f"the scene has {self.checker.nq} joints, expected one arm of two joints")
+        if not self.checker.pairs:
+            raise InputError("lesson 'continuous_checking' is about distances; add an obstacle")
+        self._outlines = planar_data(self.checker)
         self._own = problem is not None
         steps = _STEPS if problem is None else (_OWN_STEP, *(step for step in _STEPS if step[0] in _GENERAL))
         self.steps = tuple(LessonStep(*step) for step in steps)
@@ -138,7 +141,7 @@ class ContinuousCheckingLesson(Lesson):
             {"name": key, "title": name, "start": q0.tolist(), "goal": q1.tolist()}
             for key, (name, (q0, q1)) in zip(keys, self.edges.items(), strict=True)
         ]
-        data = {**columns, **planar_data(self.checker), "presets": presets, **view_data(self.scene)}
+        data = {**columns, **self._outlines, "presets": presets, **view_data(self.scene)}
         return document, (picture_panel("edge", "Configuration space", ("planar_distance.js",), data),)
 
     # ---- the figure ------------------------------------------------------------------------

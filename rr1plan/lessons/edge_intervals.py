@@ -121,12 +121,12 @@ def halve_edge(
         verdict "contact" or "undecided".
 
     Raises:
-        InputError: a wrong shape, or fewer than one interval.
+        InputError: a wrong shape, fewer than one interval, or a scene without obstacles.
     """
     of_kind("checker", checker, CollisionChecker)
     whole_number("most", most, 1, 10_000_000)
     q0, q1 = checker.checked(q0), checker.checked(q1)
-    speeds = checker.tables.pair_levers(np.maximum(np.abs(q0), np.abs(q1))) @ np.abs(q1 - q0)
+    speeds = _approach_speeds(checker, q0, q1)
     found: list[EdgeInterval] = []
     waiting = deque([(0.0, 1.0)])
     while waiting:
@@ -168,13 +168,14 @@ def advance_edge(
         is a contact if the edge is not free.
 
     Raises:
-        InputError: a wrong shape, fewer than one step, or a shortest one that is not above zero.
+        InputError: a wrong shape, fewer than one step, a shortest one that is not above zero, or a scene
+            without obstacles.
     """
     of_kind("checker", checker, CollisionChecker)
     whole_number("most", most, 1, 10_000_000)
     positive_number("shortest", shortest)
     q0, q1 = checker.checked(q0), checker.checked(q1)
-    speeds = checker.tables.pair_levers(np.maximum(np.abs(q0), np.abs(q1))) @ np.abs(q1 - q0)
+    speeds = _approach_speeds(checker, q0, q1)
     found: list[EdgeInterval] = []
     at = 0.0
     while at < 1.0 and len(found) < most:
@@ -190,6 +191,13 @@ def advance_edge(
         found.append(EdgeInterval(at, at + step, float(distances[k]), float(speeds[k] * step), pair, "free"))
         at += step
     return tuple(found)
+
+
+def _approach_speeds(checker: CollisionChecker, q0: Array, q1: Array) -> Array:
+    """How much the two solids of each pair approach each other on a whole edge at most [m], shape (p,)."""
+    if not checker.pairs:
+        raise InputError("the scene has nothing that the arm could touch, and so no distances; add an obstacle")
+    return checker.tables.pair_levers(np.maximum(np.abs(q0), np.abs(q1))) @ np.abs(q1 - q0)
 
 
 def _clearances(checker: CollisionChecker, q: Array) -> Array:

@@ -168,27 +168,16 @@ class Lesson(NotebookView, ABC):
 
         return page_parts(self, options)
 
-    def show(
-        self,
-        *,
-        options: ViewOptions | None = None,
-        port: int | None = None,
-        open_browser: bool = True,
-        quiet: bool = False,
-    ) -> Viewer:
+    def show(self, *, options: ViewOptions | None = None) -> Viewer:
         """Open the same page live and print its address; end a script with `show().wait()`.
 
         Args:
             options: As in `save_html`.
-            port: First port to try, the next free one is taken; None: 7000.
-            open_browser: Open the page in a browser, where there is a screen.
-            quiet: Do not print the address, which is `Viewer.url`.
 
         Raises:
-            InputError: no port.
             BackendError: no free port.
             MissingPackageError: Meshcat is not installed.
         """
         from rr1plan.lessons.lesson_page import show_page
 
-        return show_page(self, options, port=port, open_browser=open_browser, quiet=quiet)
+        return show_page(self, options)

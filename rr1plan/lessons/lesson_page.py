@@ -8,11 +8,10 @@ from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path as FilePath
 
-from rr1plan.checks import true_or_false
 from rr1plan.files.file_access import write_text
 from rr1plan.lessons.lesson import Lesson
 from rr1plan.playback.viewer.html_page import page_html
-from rr1plan.playback.viewer.live_viewer import Viewer, open_viewer
+from rr1plan.playback.viewer.live_viewer import Viewer, announced
 from rr1plan.playback.viewer.page_document import Document
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 
@@ -22,20 +21,17 @@ def save_page(lesson: Lesson, file: str | os.PathLike[str], options: ViewOptions
     return write_text(file, page_html(*page_parts(lesson, options)))
 
 
-def show_page(
-    lesson: Lesson, options: ViewOptions | None, *, port: int | None, open_browser: bool, quiet: bool
-) -> Viewer:
+def show_page(lesson: Lesson, options: ViewOptions | None) -> Viewer:
     """Open a lesson live in the browser of this machine; see `Lesson.show`."""
-    open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
-    return open_viewer(_LessonViewer(lesson, options, port), open_browser, quiet)
+    return announced(_LessonViewer(lesson, options))
 
 
 class _LessonViewer(Viewer):
     """A live page of a lesson."""
 
-    def __init__(self, lesson: Lesson, options: ViewOptions | None, port: int | None) -> None:
+    def __init__(self, lesson: Lesson, options: ViewOptions | None) -> None:
         document, options = page_parts(lesson, options)
-        self._open(lesson.scene, document, options, port)
+        self._open(lesson.scene, document, options)
 
 
 def page_parts(lesson: Lesson, options: ViewOptions | None) -> tuple[Document, ViewOptions]:

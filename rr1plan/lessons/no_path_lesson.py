@@ -51,11 +51,13 @@ class NoPathLesson(Lesson):
         self.scene = problem.scene
         require_flat_arm(self.name, self.scene)
         self.picture = cspace(self.scene, problem)
-        if not self.picture.proves_no_path or self.picture.decomposition is None or not _all_free(self.picture):
+        picture = self.picture
+        ends_free = picture.goals and not picture.start_blocked_by and not any(picture.goals_blocked_by)
+        if not picture.proves_no_path or picture.decomposition is None or not ends_free:
             raise InputError(
-                f"lesson 'no_path' needs free ends that no path joins, and a proof of it; here: {self.picture.verdict}"
+                f"lesson 'no_path' needs free ends that no path joins, and a proof of it; here: {picture.verdict}"
             )
-        self.cells = self.picture.decomposition
+        self.cells = picture.decomposition
         result = RrtConnect(range=_RANGE, tree=True).plan(problem, budget=Budget(10.0, _ITERATIONS), rng=0)
         self.picture = self.picture.with_result(result)
         self.steps = _steps(self.picture, self.cells)
@@ -90,11 +92,6 @@ class NoPathLesson(Lesson):
         handles = [*tints, Patch(facecolor=FULL, alpha=0.8)]
         labels = [*names, f"cells proven to be blocked, {cells.resolution} × {cells.resolution}"]
         figure.legend(handles, labels, loc="outside lower center", ncols=len(handles), frameon=False)
-
-
-def _all_free(picture: CSpace) -> bool:
-    """Whether start and all goals are free, and there is one."""
-    return not picture.start_blocked_by and bool(picture.goals) and not any(picture.goals_blocked_by)
 
 
 def _steps(picture: CSpace, cells: Decomposition) -> tuple[LessonStep, ...]:

@@ -12,7 +12,8 @@ from rr1plan.errors import InputError
 from rr1plan.model.flat_arm import flat_arm
 from rr1plan.playback.outlines import silhouette
 from rr1plan.scene import Scene
-from rr1plan.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from rr1plan.shapes.convex_hulls import is_own_hull
 
 _UPRIGHT = 1e-6
 
@@ -77,8 +78,20 @@ def _outline(name: str, shape: Shape, pose: Array) -> dict[str, Any]:
         half = 0.5 * shape.length * pose[:2, 2]
         ends = [(pose[:2, 3] - half).tolist(), (pose[:2, 3] + half).tolist()]
         return {"points": ends, "radius": shape.radius}
-    if isinstance(shape, Box):
+    if isinstance(shape, Box) or (isinstance(shape, Mesh) and _is_upright_prism(shape, pose)):
         return {"points": silhouette(shape, pose).tolist(), "radius": 0.0}
     raise InputError(
-        f"{name!r} has a {type(shape).__name__.lower()}, expected spheres, capsules, boxes or upright cylinders"
+        f"{name!r} has a {type(shape).__name__.lower()}, expected spheres, capsules, boxes, upright cylinders or "
+        "polygons (polygon_prism)"
     )
+
+
+def _is_upright_prism(mesh: Mesh, pose: Array) -> bool:
+    """Whether a mesh is a convex polygon, extruded vertically."""
+    vertices = mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
+    height = vertices[:, 2]
+    low, high = (vertices[np.abs(height - end) < _UPRIGHT, :2] for end in (height.min(), height.max()))
+    if len(low) != len(high) or len(low) + len(high) != len(vertices):
+        return False
+    apart = np.linalg.norm(low[:, None] - high, axis=2)
+    return bool(apart.min(axis=0).max() < _UPRIGHT and apart.min(axis=1).max() < _UPRIGHT) and is_own_hull(mesh)

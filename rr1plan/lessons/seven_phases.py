@@ -88,19 +88,3 @@ def seven_phases(distance: float, velocity: float, acceleration: float, jerk: fl
     cruise = max(0.0, (h - v * up) / v)
     durations = np.array([rise, up - 2.0 * rise, rise, cruise, rise, up - 2.0 * rise, rise])
     return SevenPhases(read_only(durations), read_only(_SIGNS * j))
-
-
-def three_phases_duration(distance: float, velocity: float, acceleration: float) -> float:
-    """Duration of the fastest motion without a limit of jerk [s]: constant acceleration, speed, deceleration.
-
-    Args:
-        distance: How far [rad], above 0.
-        velocity: Limit [rad/s].
-        acceleration: Limit [rad/s²].
-
-    Raises:
-        InputError: a number that is not above 0.
-    """
-    h, v = positive_number("distance", distance), positive_number("velocity", velocity)
-    a = positive_number("acceleration", acceleration)
-    return h / v + v / a if h >= v * v / a else 2.0 * float(np.sqrt(h / a))

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, Value, finite_array, of_kind, read_only, shape_of
+from rr1plan.checks import Array, Value, near_array, of_kind, read_only, shape_of
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.model.joint_turns import TURN, rotary
@@ -41,12 +41,12 @@ class CorridorPosition(NamedTuple):
     Args:
         use: Part of the certified distances that is used; below 1 the configuration is proven free of collision.
         time: Time of the sample of the motion for which that is so [s].
-        pair: The two elements that leave the least room.
+        pair: The two elements that leave the least room; empty if no pair can touch, and all configurations are free.
     """
 
     use: float
     time: float
-    pair: tuple[str, str]
+    pair: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,11 +92,11 @@ class Corridor(Value):
             planned: Others, of the same shape.
 
         Raises:
-            InputError: wrong shapes or not finite.
+            InputError: wrong shapes, not finite or too large.
         """
         count = len(self.joint_names)
         shape = (count,) if len(shape_of(planned)) == 1 else (None, count)
-        values, others = finite_array("q", q, shape), finite_array("planned", planned, shape)
+        values, others = near_array("q", q, shape), near_array("planned", planned, shape)
         if values.shape != others.shape:
             raise InputError(f"q and planned have shapes {values.shape} and {others.shape}, expected the same")
         return self._deviation(values, others)
@@ -112,9 +112,11 @@ class Corridor(Value):
             q: Configuration [rad or m], shape (nq,), columns as in `joint_names`.
 
         Raises:
-            InputError: wrong shape or not finite.
+            InputError: wrong shape, not finite or too large.
         """
-        off = np.abs(self._deviation(finite_array("q", q, (len(self.joint_names),)), self.configurations))
+        off = np.abs(self._deviation(near_array("q", q, (len(self.joint_names),)), self.configurations))
+        if not self.pairs:
+            return CorridorPosition(0.0, float(self.times[np.argmin(off.max(axis=1, initial=0.0))]), ())
         order = np.argsort(off @ self.levers.max(axis=0, initial=0.0), kind="stable")[:_NEAREST]
         uses = (off[order] @ self.levers.T) / self.distances[order]
         k = int(np.argmin(uses.max(axis=1)))

@@ -70,8 +70,9 @@ class StreamError:
     """What is wrong with a part of a stream.
 
     Args:
-        fault: "format" (cannot be read), "joints" (unknown or missing ones), "finite" (NaN or infinite), "order" (not
-            after the message before), "jump" (faster than the joint can move), or "silence" (no message for too long).
+        fault: "format" (cannot be read), "joints" (unknown or missing ones), "finite" (NaN, infinite, or
+            beyond 1e4), "order" (not after the message before), "jump" (faster than the joint can move), or "silence"
+            (no message for too long).
         message: Description for people.
     """
 

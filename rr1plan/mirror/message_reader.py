@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rr1plan.checks import Array
+from rr1plan.checks import FARTHEST, Array
 from rr1plan.mirror.joint_states import StateMessage, StreamError
 from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.scene import Scene
@@ -64,10 +64,11 @@ class MessageReader:
         if unknown or missing:
             what = f"unknown joint {unknown[0]!r}" if unknown else f"no joint {missing[0]!r}"
             return StreamError("joints", f"{what} {when}")
-        if not np.isfinite(message.positions).all():
-            return StreamError(
-                "finite", f"joint {names[int(np.argmin(np.isfinite(message.positions)))]!r} is not finite {when}"
-            )
+        plausible = np.abs(message.positions) <= FARTHEST
+        if not plausible.all():
+            k = int(np.argmin(plausible))
+            value = message.positions[k]
+            return StreamError("finite", f"joint {names[k]!r} is {value:g}, not a finite position, {when}")
         if self._time is not None and message.time <= self._time:
             return StreamError("order", f"the message of {message.time:.3f} s came after that of {self._time:.3f} s")
         return None

@@ -28,7 +28,8 @@ from rr1plan.mirror.message_reader import MessageReader
 from rr1plan.mirror.mirror_page import MirrorPage
 from rr1plan.mirror.mirror_report import MirrorEvent, MirrorReport, MirrorState, MirrorStatistics
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
-from rr1plan.playback.viewer import Viewer
+from rr1plan.playback.viewer import Viewer, ViewOptions
+from rr1plan.playback.viewer.view_options import checked_options
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -87,6 +88,7 @@ class Mirror:
         self.state: MirrorState | None = None
         self._statistics = MirrorStatistics(planned, np.zeros(len(planned)))
         self._page: MirrorPage | None = None
+        self._closed = False
         self._record = None if record is None else _opened(record)
 
     def __enter__(self) -> Mirror:
@@ -98,26 +100,24 @@ class Mirror:
         self.close()
 
     def close(self) -> None:
-        """Close the file and the page; more than once is fine."""
+        """Close the file and the page; more than once is fine. A closed mirror receives nothing."""
+        self._closed = True
         if self._record is not None:
             self._record.close()
         if self._page is not None:
             self._page.viewer.close()
 
-    def show(self, *, port: int | None = None, open_browser: bool = True, quiet: bool = False) -> Viewer:
+    def show(self, *, options: ViewOptions | None = None) -> Viewer:
         """Open a live page that shows the arms as measured, with their deviation from the plan.
 
         Args:
-            port: As in `show`.
-            open_browser: As in `show`.
-            quiet: As in `show`.
+            options: How the page looks (default: `ViewOptions()`); it does not play and does not plan.
 
         Raises:
-            InputError: an invalid port.
             BackendError: no free port.
         """
-        self._page = MirrorPage(self.scene, self.plan, self._statistics.joint_names, port)
-        return self._page.open(open_browser, quiet)
+        self._page = MirrorPage(self.scene, self.plan, self._statistics.joint_names, checked_options(options))
+        return self._page.viewer
 
     def run(self, stream: Iterable[StateMessage | StreamError], *, duration: float | None = None) -> MirrorReport:
         """Follow a stream to its end, for a time, or until Ctrl-C.
@@ -155,8 +155,10 @@ class Mirror:
             The state of the arms; None if the message cannot be used; `events` gives the reason.
 
         Raises:
-            InputError: something other than a message.
+            InputError: something other than a message, or the mirror is closed.
         """
+        if self._closed:
+            raise InputError("the mirror is closed")
         if isinstance(item, StreamError):
             self._fault(item)
             return None

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from importlib.resources import files
 from typing import Any
 
-from rr1plan.checks import true_or_false
 from rr1plan.mirror.mirror_report import MirrorEvent, MirrorState, MirrorStatistics
 from rr1plan.playback.viewer import Panel, Viewer, ViewOptions
-from rr1plan.playback.viewer.live_viewer import open_viewer
+from rr1plan.playback.viewer.live_viewer import announced
+from rr1plan.playback.viewer.view_options import with_panel
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -25,23 +26,20 @@ class MirrorPage:
         scene: The scene.
         plan: The plan; None: the panel has no deviations.
         names: The joints whose deviations the panel shows.
-        port: As in `show`.
+        options: How the page looks.
 
     Attributes:
         viewer: The page itself.
     """
 
-    def __init__(self, scene: Scene, plan: Trajectory | None, names: tuple[str, ...], port: int | None) -> None:
+    def __init__(self, scene: Scene, plan: Trajectory | None, names: tuple[str, ...], options: ViewOptions) -> None:
         html, css, script = (_asset(f"mirror.{kind}") for kind in ("html", "css", "js"))
         data = {"joints": list(names), "state": None}
         panel = Panel("mirror", "Mirror", html=html, css=css, script=script, data=data, width=_WIDTH)
-        options = ViewOptions(title=f"{scene.name}: mirror", play=False, panels=(panel,), planner=False)
-        self.viewer = Viewer(scene, trajectory=plan, options=options, port=port)
+        title = f"{scene.name}: mirror" if options.title is None else options.title
+        options = replace(with_panel(options, panel), title=title, play=False, planner=False)
+        self.viewer = announced(Viewer(scene, trajectory=plan, options=options))
         self._next_frame = self._next_panel = -math.inf
-
-    def open(self, open_browser: bool, quiet: bool) -> Viewer:
-        """Print the address of the page and open it in a browser."""
-        return open_viewer(self.viewer, true_or_false("open_browser", open_browser), true_or_false("quiet", quiet))
 
     def draw(self, state: MirrorState, now: float, statistics: MirrorStatistics, event: MirrorEvent | None) -> None:
         """Show a state that arrived at a time of this machine's clock [s], with the newest event."""

@@ -127,19 +127,15 @@ class _Shortener:
     def _expired(self) -> bool:
         return time.perf_counter() >= self._deadline
 
-    def _is_free(self, points: list[Array]) -> bool:
-        """Whether the edges between points are free; False after the deadline."""
-        return all(not self._expired() and self._checker.edge_is_free(a, b) for a, b in pairwise(points))
-
     def cut_corners(self, points: Array) -> Array:
         """Replace each corner by two points, at most a quarter of the distance to its neighbors away."""
         result = list(points[:1])
         for before, corner, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
             cut = 0.25
             for _ in range(_CLOSER):
-                ends = [corner + cut * (before - corner), corner + cut * (after - corner)]
-                if self._is_free(ends):
-                    result += ends
+                one, two = corner + cut * (before - corner), corner + cut * (after - corner)
+                if not self._expired() and self._checker.edge_is_free(one, two):
+                    result += [one, two]
                     break
                 cut *= 0.5
             else:

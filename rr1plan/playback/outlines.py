@@ -1,4 +1,4 @@
-"""Outlines of shapes: how far they reach, and their shadow on a plane for flat drawings."""
+"""Outlines of shapes: their shadow on a plane, for flat drawings."""
 
 from __future__ import annotations
 
@@ -9,25 +9,6 @@ from rr1plan.checks import Array
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 _TURN = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
-
-
-def bounding_radius(shape: Shape) -> float:
-    """Farthest distance of a point of the shape from its own origin [m]; inf for a half-space."""
-    match shape:
-        case Box():
-            return float(np.linalg.norm(shape.size) / 2)
-        case Sphere():
-            return shape.radius
-        case Cylinder():
-            return float(np.hypot(shape.radius, shape.length / 2))
-        case Capsule():
-            return shape.radius + shape.length / 2
-        case Mesh():
-            return float(np.linalg.norm(shape.vertices, axis=1).max())
-        case PointCloud():
-            return float(np.linalg.norm(shape.points, axis=1).max()) + shape.resolution * 3**0.5
-        case HalfSpace():
-            return float("inf")
 
 
 def silhouette(shape: Shape, pose: Array) -> Array:

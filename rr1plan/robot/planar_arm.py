@@ -72,7 +72,10 @@ def planar_arm(
         for k, (kind, length, limit) in enumerate(zip(joints, (first, second), given, strict=True), 1)
     ]
     parts = _parts(joints, first, second, width)
-    links = [_link(*link) for link in zip(("base", "link1", "link2"), parts.bodies, parts.masses, strict=True)]
+    links = [
+        Link(name, solid_inertial(shapes, mass), shapes, shapes)
+        for name, shapes, mass in zip(("base", "link1", "link2"), parts.bodies, parts.masses, strict=True)
+    ]
     chain = [
         _joint(f"joint{k + 1}", kind, links[k : k + 2], parts.origins[k], parts.slides[k], ranges[k])
         for k, kind in enumerate(joints)
@@ -153,10 +156,6 @@ def _bar(begin: float, end: float, width: float, color: Color) -> Geometry:
     turned = as_pose((0.5 * (begin + end), 0.0, 0.0)).copy()
     turned[:3, :3] = rotation_about([0.0, 1.0, 0.0], np.pi / 2)
     return Geometry("part", Capsule(0.5 * width, end - begin), turned, color)
-
-
-def _link(name: str, shapes: tuple[Geometry, ...], mass: float) -> Link:
-    return Link(name, solid_inertial(shapes, mass), shapes, shapes)
 
 
 def _joint(

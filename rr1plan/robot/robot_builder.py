@@ -83,6 +83,14 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         locked_joint_states=_locked_states(known, locked),
         source=tree.source,
     )
+    way = chain_joints(tree.joints, robot.base, robot.tool)
+    beside = [name for name in names if name not in way]
+    if beside and not groups and choice.joints is None:
+        log.warning(
+            "%s: all %d joints are planned for, %s of them not on the way to the tool %r (such as %r); "
+            "option groups takes chains, (base link, tip link)",
+            robot.name, len(names), len(beside), robot.tool, beside[0],
+        )  # fmt: skip
     robot = with_assumed_masses(robot)
     robot = _with_self_contacts(robot, bool(known.disabled) and not known.is_partial, "home" in states)
     if not any(link.collisions for link in robot.links):

@@ -285,16 +285,12 @@ def _read_problem(entry: Table, robot: Robot, order: list[int], name: str) -> Pr
         return Problem(scene, start, [JointGoal(goal) for goal in goals])
 
 
-def _mesh_of(row: Sequence[Any]) -> list[Shape]:
-    return [Mesh(row[1], row[2])]
-
-
 # The length of a row, and the shapes it stands for.
 _MAKERS: dict[str, tuple[int, Callable[[Sequence[Any]], list[Shape]]]] = {
     "boxes": (4, lambda row: [Box(row[1])]),
     "cylinders": (5, lambda row: [Cylinder(row[1], row[2])]),
     "capsules": (5, lambda row: [Capsule(row[1], row[2])]),
-    "meshes": (5, _mesh_of),
+    "meshes": (5, lambda row: [Mesh(row[1], row[2])]),
     "spheres": (3, lambda row: [Sphere(row[1])]),
 }
 

@@ -31,6 +31,8 @@ from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
 from rr1plan.scene.scene_elements import Arm, Attachment, Obstacle, Pair, pair
 from rr1plan.shapes.content_digest import feed_digest
 
+_NO_ARM = "the scene has no arm; add one: [arms.NAME] in a scene file, with_arm in Python"
+
 
 @dataclass(frozen=True, eq=False)
 class SceneContent(Value, NotebookView):
@@ -96,7 +98,7 @@ class SceneContent(Value, NotebookView):
     @cached_property
     def element_names(self) -> tuple[str, ...]:
         """Elements with collision geometry: "arm/link" of links with a shape, obstacles, attached objects."""
-        links = [f"{a}/{link.name}" for a, arm in self.arms.items() for link in arm.robot.links if link.collisions]
+        links = [f"{a}/{link}" for a, arm in self.arms.items() for link in arm.robot.solid_links]
         return (*links, *self.obstacles, *self.attachments)
 
     def arm(self, name: str) -> Arm:
@@ -118,7 +120,7 @@ class SceneContent(Value, NotebookView):
             self.arm(name)
             return name
         if not self.arms:
-            raise InputError("the scene has no arm; add one: [arms.NAME] in a scene file, with_arm in Python")
+            raise InputError(_NO_ARM)
         if len(self.arms) != 1:
             raise InputError(
                 f"the scene has {len(self.arms)} arms ({', '.join(self.arms)}); say which one with option arm"
@@ -134,13 +136,15 @@ class SceneContent(Value, NotebookView):
         """
         if arms is None:
             return tuple(self.arms)
-        if isinstance(arms, str) or not isinstance(arms, Sequence):
+        if isinstance(arms, str) or not isinstance(arms, (tuple, Sequence)):  # tuples are found faster
             raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
         for name in arms:
             self.arm(name)
+        if not self.arms:
+            raise InputError(_NO_ARM)
         if not arms or len(set(arms)) != len(arms):
             raise InputError(f"arms is {shown(tuple(arms))}, expected distinct names, at least one")
-        return tuple(name for name in self.arms if name in arms)
+        return tuple([name for name in self.arms if name in arms])
 
     def joint_names(self, arms: Sequence[str] | None = None) -> tuple[str, ...]:
         """Column names "arm/joint" of those arms, in order."""
@@ -155,7 +159,7 @@ class SceneContent(Value, NotebookView):
         return np.concatenate([np.zeros(0), *(self.arms[a].q for a in self.arm_names(arms))])
 
     def split(self, q: Array, arms: Sequence[str] | None = None) -> dict[str, Array]:
-        """PlacedArm of every arm of the scene, with q (nq,) for the named ones and the scene's for the rest.
+        """The configuration of every arm by name: parts of q (nq,) for the named arms, the scene's for the others.
 
         Raises:
             UnknownNameError: no such arm.
@@ -242,7 +246,7 @@ class SceneContent(Value, NotebookView):
     def contact_rules(self) -> ContactRules:
         """The pairs of elements that must not touch, shared by scenes with equal rules."""
         names, held = self.element_names, self.attachments.items()
-        links = [name for name, arm in self.arms.items() for link in arm.robot.links if link.collisions]
+        links = [name for name, arm in self.arms.items() for _ in arm.robot.solid_links]
         content = RuleContent(
             names,
             (*links, *[None] * len(self.obstacles), *(thing.arm for thing in self.attachments.values())),

@@ -1,12 +1,12 @@
 """The gripper of a robot: its joints and links, and how far its fingers close around something.
 
 While an arm moves, its gripper is locked. Where the gripper itself moves, its joints become planning joints of another
-value of the robot (`with_gripper_joints`), so that checker, referee, simulator and pages treat them as any others.
+value of the robot (`unlocked_robot`), so that checker, referee, simulator and pages treat them as any others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -17,9 +17,8 @@ from rr1plan.checks import Array, known_name
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Robot
-from rr1plan.robot.joint_limits import Limits
-from rr1plan.robot.robot_builder import urdf_limits
 from rr1plan.scene import Arm, Obstacle, Pair, Scene, pair
+from rr1plan.scene.unlocked_joints import unlocked_robot
 from rr1plan.shapes import Box
 from rr1plan.transforms import inverse, pose
 
@@ -69,38 +68,6 @@ def _leader(robot: Robot, joint: Joint) -> str:
     return joint.name
 
 
-@lru_cache(maxsize=256)
-def with_gripper_joints(robot: Robot, joints: tuple[str, ...]) -> Robot:
-    """The same robot with some locked joints as its last planning joints, at their present values."""
-    rows = [robot.joint(name) for name in joints]
-    values = [robot.locked_joints[name] for name in joints]
-    return replace(
-        robot,
-        joint_names=(*robot.joint_names, *joints),
-        limits=Limits.stack([robot.limits, urdf_limits(rows)]),
-        configurations={name: np.append(q, values) for name, q in robot.configurations.items()},
-        locked_joints={name: value for name, value in robot.locked_joints.items() if name not in joints},
-        presets={},
-        locked_joint_states={},
-    )
-
-
-def with_grippers(scene: Scene, joints: Mapping[str, tuple[str, ...]]) -> Scene:
-    """A scene in which the gripper joints of some arms are planning joints, at their present values.
-
-    Args:
-        scene: The scene.
-        joints: The gripper joints by arm.
-    """
-    for name, own in joints.items():
-        if own:
-            arm = scene.arms[name]
-            q = np.append(arm.q, [arm.robot.locked_joints[joint] for joint in own])
-            robot = with_gripper_joints(arm.robot, own)
-            scene = replace(scene, arms={**scene.arms, name: Arm(robot, arm.base, q)})
-    return scene
-
-
 def only_gripper_joint(robot: Robot) -> str:
     """The joint that opens and closes the gripper.
 
@@ -148,7 +115,7 @@ def closing_value(arm: Arm, thing: Obstacle, squeeze: float) -> float:
     """
     robot, q = arm.robot, arm.q
     joint = robot.joint(only_gripper_joint(robot))
-    scene = Scene().with_arm("arm", with_gripper_joints(robot, (joint.name,)), arm.base)
+    scene = Scene().with_arm("arm", unlocked_robot(robot, (joint.name,)), arm.base)
     scene = replace(scene, obstacles={"thing": thing})
     fingers = {f"arm/{name}" for name in gripper_links(robot)}
     rest = [name for name in scene.element_names if name.startswith("arm/") and name not in fingers]
@@ -206,7 +173,7 @@ def _plate_contact(robot: Robot, width: float) -> _PlateContact:
     """
     joint, plate = robot.joint(only_gripper_joint(robot)), _plate(robot, width)
     value = closing_value(Arm(robot), plate, 0.0)
-    scene = Scene(obstacles={"thing": plate}).with_arm("arm", with_gripper_joints(robot, (joint.name,)))
+    scene = Scene(obstacles={"thing": plate}).with_arm("arm", unlocked_robot(robot, (joint.name,)))
     fingers = finger_contacts(robot, "arm", "thing")
     others = (pair(a, b) for a in scene.element_names for b in scene.element_names if a < b)
     checker = CollisionChecker(replace(scene, allowed=frozenset(others) - fingers))

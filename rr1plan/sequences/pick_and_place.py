@@ -118,6 +118,7 @@ def pick_and_place(
     )
     below = _supports(scene, obstacle, arm, [thing.pose, *map(_pose_of, places)]) if given is None else given
     rest = [(obstacle, name) for name in below]
+    fingers = [(f"{arm}/{name}", obstacle) for name in gripper_links(robot) if robot.link(name).collisions]
     above = [_shifted(goal, -height * _pose_of(goal)[:3, 2]) for goal in goals]
     over = [_shifted(goal, np.array([0.0, 0.0, height])) for goal in places]
     return [
@@ -130,7 +131,7 @@ def pick_and_place(
         FreeMotion(over, arm=arm),
         StraightLine(offset=[0.0, 0.0, -height], arm=arm, allow=rest),
         Detach(obstacle),
-        _open(robot, arm, width, [(f"{arm}/{name}", obstacle) for name in _fingers(robot)]),
+        _open(robot, arm, width, fingers),
         StraightLine(offset=[0.0, 0.0, -height], axes="tool", arm=arm),
     ]
 
@@ -244,10 +245,6 @@ def _open(robot: Robot, arm: str, width: float | None, allow: Iterable[tuple[str
         else:
             return MoveGripper(width=wide, arm=arm, allow=allow)
     return MoveGripper(open_value(robot), arm=arm, allow=allow)
-
-
-def _fingers(robot: Robot) -> list[str]:
-    return [name for name in gripper_links(robot) if robot.link(name).collisions]
 
 
 def _posed(R: Array, position: ArrayLike = (0.0, 0.0, 0.0)) -> Array:

@@ -12,7 +12,8 @@ from rr1plan.planners import chosen_planner
 from rr1plan.planning import Budget, Planner, PlanStatus, ProgressCallback
 from rr1plan.retiming import retiming_names
 from rr1plan.scene import Pair, Scene
-from rr1plan.sequences.grippers import finger_contacts, with_grippers
+from rr1plan.scene.unlocked_joints import unlocked_scene
+from rr1plan.sequences.grippers import finger_contacts
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, StraightLine
 from rr1plan.sequences.sequence import Sequence
 from rr1plan.sequences.sequence_plan import SequencePlan
@@ -60,7 +61,7 @@ def plan_sequence(
     chosen_planner(planner)
     found = SequenceSearch(sequence, planner, retiming, budget or Budget(), rng, progress).run()
     grippers = sequence.moving_grippers
-    scene = with_grippers(sequence.scene, grippers)
+    scene = unlocked_scene(sequence.scene, grippers)
     plan = SequencePlan(scene, found.status, found.reason, found.failed, sequence, gripper_joints=grippers)
     if found.status is not PlanStatus.FOUND:
         return plan

@@ -13,7 +13,7 @@ from rr1plan.export.motion_schema import SequenceStage as StageEntry
 from rr1plan.export.plan_files import read_plan_file
 from rr1plan.progress import ProgressCallback
 from rr1plan.scene import Scene, pair, scene_differences
-from rr1plan.sequences.grippers import with_grippers
+from rr1plan.scene.unlocked_joints import unlocked_scene
 from rr1plan.sequences.segments import Attach, Detach
 from rr1plan.sequences.sequence_plan import SequencePlan
 from rr1plan.sequences.stage_validation import validate_stages
@@ -83,7 +83,7 @@ def _with_planned_grippers(scene: Scene, grippers: Mapping[str, tuple[str, ...]]
         arm: tuple(name for name in joints if name in scene.arm(arm).robot.locked_joints)
         for arm, joints in grippers.items()
     }
-    return with_grippers(scene, locked)
+    return unlocked_scene(scene, locked)
 
 
 def _stage(entry: StageEntry) -> SequenceStage:

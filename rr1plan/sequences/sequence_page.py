@@ -38,14 +38,11 @@ class SequenceViewer(Viewer):
         motion: The motion and its stages.
         replay: What a simulation made of it, or None.
         options: As in `rr1plan.show`.
-        port: First port to try, or None.
     """
 
-    def __init__(
-        self, motion: StagedMotion, replay: SequenceReplay | None, options: ViewOptions | None, port: int | None
-    ) -> None:
+    def __init__(self, motion: StagedMotion, replay: SequenceReplay | None, options: ViewOptions | None) -> None:
         document, options = page_parts(motion, replay, options)
-        self._open(motion.scene, document, options, port)
+        self._open(motion.scene, document, options)
 
 
 def page_parts(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, counted, finite_array, known_name, true_or_false
+from rr1plan.checks import Array, counted, finite_array, known_name
 from rr1plan.errors import NoPlanError
 from rr1plan.export.plan_files import save_sequence_document
 from rr1plan.notebook_view import NotebookView
@@ -154,15 +154,7 @@ class SequencePlan(NotebookView):
 
     # ---- pages and files -------------------------------------------------------------------------
 
-    def show(
-        self,
-        *,
-        replay: SequenceReplay | None = None,
-        options: ViewOptions | None = None,
-        port: int | None = None,
-        open_browser: bool = True,
-        quiet: bool = False,
-    ) -> Viewer:
+    def show(self, *, replay: SequenceReplay | None = None, options: ViewOptions | None = None) -> Viewer:
         """Open the motion in a live page, where held objects move with the hand; arguments as in `rr1plan.show`.
 
         With a replay, objects are where the simulation had them, and a shadow shows what the arms did.
@@ -170,11 +162,10 @@ class SequencePlan(NotebookView):
         Raises:
             NoPlanError: there is no motion.
         """
-        from rr1plan.playback.viewer.live_viewer import open_viewer
+        from rr1plan.playback.viewer.live_viewer import announced
         from rr1plan.sequences.sequence_page import SequenceViewer
 
-        open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
-        return open_viewer(SequenceViewer(self._motion, replay, options, port), open_browser, quiet)
+        return announced(SequenceViewer(self._motion, replay, options))
 
     def save_html(
         self, file: str | FilePath, *, replay: SequenceReplay | None = None, options: ViewOptions | None = None

@@ -27,13 +27,13 @@ from rr1plan.planning import Budget, Planner, PlanStatus, Progress, ProgressCall
 from rr1plan.retiming import retime
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import JointGoal, PoseGoal, Problem
+from rr1plan.scene.unlocked_joints import unlocked_scene
 from rr1plan.sequences.grippers import (
     closing_value,
     finger_contacts,
     gripper_values,
     only_gripper_joint,
     opening_value,
-    with_grippers,
 )
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, Pause, Segment, StraightLine
 from rr1plan.sequences.sequence import Sequence, goals_by_arm, goals_of_links
@@ -278,7 +278,7 @@ class SequenceSearch:
             self._fail(k, PlanStatus.INFEASIBLE, str(error))
             return None
         joints = tuple(values)
-        own = with_grippers(_allowing(scene, segment), {name: joints})
+        own = unlocked_scene(_allowing(scene, segment), {name: joints})
         if segment.around is not None:
             own = replace(own, allowed=own.allowed | finger_contacts(arm.robot, name, segment.around))
         start = own.arms[name].q

@@ -171,11 +171,12 @@ def second_opinion(
         raise InputError("checkers is empty, expected at least one")
     check_callback("progress", progress)
     report = fraction_callback("second opinion", progress)
-    trajectory = motion if isinstance(motion, Trajectory) else _by_waypoint(motion)
-    comparison = _Comparison(scene, trajectory, tuple(n for n in CHECKERS if n in names), tolerance)
+    if isinstance(motion, Path):
+        motion = Trajectory.from_samples(motion.joint_names, np.arange(float(len(motion))), motion.waypoints)
+    comparison = _Comparison(scene, motion, tuple(n for n in CHECKERS if n in names), tolerance)
     bodies = comparison.bodies
-    times = bodies.sample_times(trajectory, trajectory.breaks, step)
-    pairs = bodies.reachable_pairs(trajectory, times)
+    times = bodies.sample_times(motion, motion.breaks, step)
+    pairs = bodies.reachable_pairs(motion, times)
     done, shares = 0, [part for whole in bodies.parts(times) for part in np.array_split(whole, -(-len(whole) // 200))]
     for part in shares:
         comparison.add(part, pairs)
@@ -183,10 +184,6 @@ def second_opinion(
         if report is not None:
             report(done / len(times))
     return comparison.opinion(len(times))
-
-
-def _by_waypoint(path: Path) -> Trajectory:
-    return Trajectory.from_samples(path.joint_names, np.arange(float(len(path))), path.waypoints)
 
 
 @dataclass

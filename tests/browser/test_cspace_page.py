@@ -363,7 +363,7 @@ def test_a_live_page_redraws_both_spaces_for_another_scene(tab: Any, rr1_table: 
     def seen(expression: str, expected: Any) -> None:
         wait_until(tab.page, f"JSON.stringify({expression}) === JSON.stringify({json.dumps(expected)})")
 
-    with first.show(port=0, open_browser=False, quiet=True) as viewer:
+    with first.show(options=rp.ViewOptions(port=0, quiet=True)) as viewer:
         tab.open(viewer.url, READY)
         wait_until(tab.page, "RR1.live.socket && RR1.live.socket.readyState === 1")
         assert tab.page.locator(".verdict").inner_text().startswith("Start and goal lie in the same")

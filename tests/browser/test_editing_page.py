@@ -553,6 +553,23 @@ def test_a_browser_without_vectors_says_so(tab: Any, page_file: FilePath) -> Non
     assert tab.complaints == []
 
 
+def test_where_nothing_can_be_touched_no_clearance_is_stated(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r)
+    problem = rp.Problem(scene, [0.0, 0.0], [1.4, 0.3])
+    tab.open(rp.save_html(tmp_path / "problem.html", scene, problem=problem))
+    wait_until(tab.page, "RR1.planner || RR1.noPlanner")
+    tab.page.keyboard.press("p")
+    frames(tab)
+    assert tab.ask("RR1.document.report.certified")
+    assert tab.ask("RR1.document.report.margins") == {}
+    assert tab.ask("q => RR1.editing.judge(Float64Array.from(q))", [0.0, 0.0])["text"] == "nothing to touch"
+    shown = tab.page.inner_text("body")
+    assert "Planned here" in shown
+    assert "Infinity" not in shown
+    assert "nothing to touch" in shown
+    assert tab.complaints == []
+
+
 def test_a_problem_without_a_motion_is_planned_and_played(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
     scene = rp.Scene().with_arm("arm", planar2r).with_obstacle("box", rp.Box((0.1, 0.1, 0.2)), [0.45, 0.25, 0.0])
     problem = rp.Problem(scene, [0.0, 0.0], rp.JointGoal([1.4, 0.3]))

@@ -27,7 +27,7 @@ def flat(planar2r: rp.Robot) -> rp.Scene:
 def test_all_browsers_follow_and_each_is_heard(browser: Any, flat: rp.Scene) -> None:
     heard: list[tuple[str, float]] = []
     tabs = [browser.new_page() for _ in range(3)]
-    with rp.show(flat, port=0, open_browser=False) as viewer:
+    with rp.show(flat, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
         viewer.on_slider(lambda joint, value: heard.append((joint, value)))
         for tab in tabs:
             tab.goto(viewer.url)
@@ -55,7 +55,7 @@ PROGRAM = """
 import sys, rr1plan as rp
 robot = rp.load_robot("planar2r")
 scene = rp.Scene(name=sys.argv[2]).with_arm("arm", robot)
-viewer = rp.show(scene, port=int(sys.argv[1]), open_browser=False)
+viewer = rp.show(scene, options=rp.ViewOptions(port=int(sys.argv[1]), quiet=True))
 viewer.update([float(sys.argv[3]), 0.0])
 sys.stdin.read()
 """
@@ -95,7 +95,7 @@ def test_a_viewer_in_a_notebook_follows_the_program_and_stays_when_it_ends(
     tab: Any, flat: rp.Scene, tmp_path: Path
 ) -> None:
     heard: list[tuple[str, float]] = []
-    viewer = rp.show(flat, port=0, open_browser=False, quiet=True)
+    viewer = rp.show(flat, options=rp.ViewOptions(port=0, quiet=True))
     viewer.on_slider(lambda joint, value: heard.append((joint, value)))
     notebook = tmp_path / "notebook.html"
     notebook.write_text(f"<!DOCTYPE html><p>A notebook</p>{viewer._repr_html_()}")

@@ -19,7 +19,7 @@ def test_the_panel_shows_deviations_and_turns_red_outside_the_corridor(tab: Any)
     still = rp.Trajectory.from_samples(names, [0.0, 1.0], [scene.configuration()] * 2)
     page = tab.page
     with rp.Mirror(scene, still) as mirror:
-        viewer = mirror.show(open_browser=False, quiet=True, port=0)
+        viewer = mirror.show(options=rp.ViewOptions(quiet=True, port=0))
         page.goto(viewer.url)
         wait_until(page, "window.RR1 && RR1.ready && RR1.live.socket && RR1.live.socket.readyState === 1")
         for k, off in enumerate((0.0, 0.001, 0.5)):
@@ -42,7 +42,7 @@ def test_a_slider_moves_a_simulated_joint(tab: Any) -> None:
     sim, page = rp.Simulation(scene), tab.page
     manual = rp.ManualController(scene.joint_names(), speed=1.0)
     sim.activate(manual)
-    with rp.show(scene, open_browser=False, quiet=True, port=0) as viewer:
+    with rp.show(scene, options=rp.ViewOptions(quiet=True, port=0)) as viewer:
         viewer.on_slider(manual.move)
         sim.on_step(lambda now: viewer.update(now.configuration()))
         page.goto(viewer.url)

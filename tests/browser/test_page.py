@@ -318,7 +318,7 @@ def test_a_panel_sees_and_moves_the_arm(tab: Any, planar2r: rp.Robot, tmp_path: 
 
 
 def test_a_live_page_follows_the_program(tab: Any, two_arms: rp.Scene) -> None:
-    with show(two_arms, trajectory=wander(two_arms), port=0, open_browser=False) as viewer:
+    with show(two_arms, trajectory=wander(two_arms), options=rp.ViewOptions(port=0, quiet=True)) as viewer:
         tab.open(viewer.url)
         wait_until(tab.page, "RR1.live.socket && RR1.live.socket.readyState === 1")
         q = two_arms.configuration() + 0.125

@@ -136,7 +136,7 @@ def test_a_page_without_them_has_no_chips_for_them(tab: Any, scene: rp.Scene, tm
 
 
 def test_live_pages_show_them_follow_updates_and_drop_them_with_the_next_scene(tab: Any, scene: rp.Scene) -> None:
-    with show(scene, open_browser=False, options=rp.ViewOptions(spheres=True)) as viewer:
+    with show(scene, options=rp.ViewOptions(spheres=True, quiet=True)) as viewer:
         tab.open(viewer.url)
         before = tab.ask(DRAWN, "spheres")
         q = scene.configuration() + 0.2

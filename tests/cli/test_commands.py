@@ -319,6 +319,9 @@ def test_another_motion_is_compared_on_the_page(motion: Path, capsys: pytest.Cap
     assert '"sideBySide":false' in page
     assert run(["view", str(motion), "--html", "page.html", "--compare", str(other), "--side-by-side"]) == OK
     assert '"sideBySide":true' in Path("page.html").read_text()
+    # Samples have no scene of their own.
+    samples = rp.save_csv(other.with_suffix(".csv"), rp.load_motion(other).trajectory)
+    assert run(["view", str(motion), "--html", "page.html", "--compare", str(samples)]) == OK
     assert run(["view", "rr1_shelf", "--html", "page.html", "--compare", str(other)]) != OK
     assert "--compare takes a motion beside another motion" in capsys.readouterr().err
 
@@ -370,7 +373,7 @@ def test_cspace_draws_a_slice_of_a_bigger_arm(capsys: pytest.CaptureFixture[str]
         (["rr1_table", "--at", "0", "0"], "--at has 2 numbers, expected 6"),
         (["rr1_table", "--at", "0", "wrist"], "'0 wrist' is neither a configuration's name nor numbers"),
         (["planar2r_path", "--seconds", "0"], "'0' is not a number above zero"),
-        (["rr1_table", "--query", "above_parcel"], "the problem has 6 columns"),
+        (["rr1_table", "--query", "above_parcel"], "the problem moves 6 joints of 1 arm, expected two"),
         (["rr1_table", "--seconds", "3"], "--seconds has no effect: there is no query of two joints"),
         (["rr1_table", "--planner", "prm"], "--planner has no effect"),
         (["planar2r_path", "--joints", "joint2", "joint1", "--query", "elbow_flip"], "the problem's columns are"),

@@ -60,6 +60,9 @@ def one_line(capsys: pytest.CaptureFixture[str]) -> str:
         (["plan", "rr1_table", "--output", "a.json", "--csv", "./a.json"], "--output and --csv are the same file"),
         (["plan", "cell.toml", "--html", "cell.toml"], "SCENE and --html are the same file 'cell.toml'"),
         (["view", "cell.toml", "--html", "cell.toml"], "WHAT and --html are the same file"),
+        (["view", "rr1_table", "--compare", "cell.toml", "--html", "./cell.toml"], "--compare and --html are the same"),
+        (["mirror", "a.jsonl", "--plan", "cell.toml", "--record", "cell.toml"], "--plan and --record are the same"),
+        (["mirror", "a.jsonl", "--scene", "cell.toml", "--record", "cell.toml"], "--scene and --record are the same"),
         (["cspace", "cell.toml", "--svg", "cell.toml"], "--svg: 'cell.toml' does not end in .svg"),
     ],
 )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import CONTACT, EdgeKernel
@@ -151,21 +149,6 @@ def test_where_it_finds_a_contact_coal_does_too(worlds, name):
             gap = checker.solid_distance(q0 + where * (q1 - q0), pair) - checker.solid_padding[pair]
             assert gap < 1e-6
     assert found > 20
-
-
-@settings(deadline=None, max_examples=60)
-@given(
-    st.floats(0.1, 0.4) | st.floats(0.6, 0.9),
-    st.floats(-3.0, 3.0),
-    st.floats(0.2, 3.0),
-    st.sampled_from(["plate", "needle"]),
-)
-def test_nothing_thin_slips_between_the_spheres(planar, distance, angle, swing, kind):
-    shape = Box((0.001, 0.2, 0.2)) if kind == "plate" else Cylinder(0.0005, 0.4)
-    place = pose([distance * np.cos(angle), distance * np.sin(angle), 0.0], rpy=[0, 0, angle + 1.0])
-    checker = CollisionChecker(Scene().with_arm("p", planar).with_obstacle("thin", shape, place))
-    motion = checker
-    assert not motion.edge_is_free([angle - swing, 0.0], [angle + swing, 0.0])
 
 
 def test_both_directions_of_an_edge_have_one_answer_by_spheres(worlds):

@@ -152,5 +152,7 @@ def test_wrong_questions_are_refused(motion: rp.MotionPlan, calibration: rp.Cali
     two = rp.Scene().with_arm("a", rp.load_robot("rr1")).with_arm("b", rp.load_robot("rr1"), [0.0, 2.0, 0.0])
     q = np.stack([two.configuration(), two.configuration() + 0.1])
     both = rp.Trajectory.from_samples(two.joint_names(), [0.0, 1.0], q)
+    with pytest.raises(rp.InputError, match="the trajectory has no joints"):
+        rp.plan_commands(rp.Trajectory.rest((), []), calibration, box, scene=two)
     with pytest.raises(rp.InputError, match="a and b move; a control box drives one arm"):
         rp.plan_commands(both, calibration, box, scene=two)

@@ -12,7 +12,9 @@ from PIL import Image
 
 import rr1plan as rp
 from rr1plan.lessons.configuration_space_lesson import ConfigurationSpaceLesson
+from rr1plan.lessons.edge_intervals import advance_edge, halve_edge
 from rr1plan.lessons.no_path_lesson import NoPathLesson
+from rr1plan.lessons.planar_outlines import planar_data
 from rr1plan.lessons.torus_picture import torus_image
 from rr1plan.lessons.two_arms_lesson import TwoArmsLesson
 from rr1plan.lessons.workspace_lesson import WorkspaceLesson, solution_counts
@@ -77,7 +79,7 @@ def test_a_page_holds_every_step_and_loads_nothing(name: str, lessons: dict[str,
 
 
 def test_a_live_page_is_served(lessons: dict[str, rp.Lesson]) -> None:
-    with lessons["workspace"].show(open_browser=False, quiet=True) as viewer:
+    with lessons["workspace"].show(options=rp.ViewOptions(quiet=True)) as viewer:
         assert viewer.url.startswith("http")
 
 
@@ -168,6 +170,31 @@ def test_two_arms_that_the_lesson_cannot_be_about_are_refused() -> None:
         rp.lesson("two_arms", problem=rp.Problem(scene, starts, {"one": [0.0, 0.0], "two": [0.08, 0.0]}))
     with pytest.raises(rp.InputError, match=r"arm 'one' gets no path, .* 'one/link2' and 'disc' overlap"):
         rp.lesson("two_arms", problem=rp.Problem(scene, starts, {"one": [-0.9, 0.0], "two": [0.8, 0.0]}))
+
+
+def test_a_lesson_about_distances_needs_an_obstacle() -> None:
+    alone = rp.Scene().with_arm("arm", rp.planar_arm("RR"))
+    with pytest.raises(rp.InputError, match="'continuous_checking' is about distances; add an obstacle"):
+        rp.lesson("continuous_checking", problem=rp.Problem(alone, [0.0, 0.3], [0.4, 0.3]))
+    for decide in (halve_edge, advance_edge):
+        with pytest.raises(rp.InputError, match="no distances; add an obstacle"):
+            decide(rp.CollisionChecker(alone), [0.0, 0.3], [0.4, 0.3])
+
+
+def test_a_lesson_about_distances_takes_polygons_and_refuses_what_is_not_flat() -> None:
+    corners = [(0.5, 0.5), (0.8, 0.4), (0.6, 0.9)]
+    alone = rp.Scene().with_arm("arm", rp.planar_arm("RR"))
+    wedge = alone.with_obstacle("wedge", rp.polygon_prism(corners))
+    (outline,) = planar_data(rp.CollisionChecker(wedge))["outlines"]["wedge"]
+    assert {tuple(np.round(point, 9)) for point in outline["points"]} == set(corners)
+    lesson = rp.lesson("continuous_checking", problem=rp.Problem(wedge, [0.0, 0.3], [0.4, 0.3]))
+    assert "wedge" in str(lesson.page_content()[1].panels)
+    corner = rp.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    tilted = rp.transforms.pose([2.0, 2.0, 0.0], rpy=(0.2, 0.0, 0.0))
+    for shape in (rp.HalfSpace((0.0, 1.0, 0.0), -3.0), corner, rp.polygon_prism(corners)):
+        scene = alone.with_obstacle("odd", shape, tilted)
+        with pytest.raises(rp.InputError, match=r"'odd' has a .*, expected spheres"):
+            rp.lesson("continuous_checking", problem=rp.Problem(scene, [0.0, 0.3], [0.4, 0.3]))
 
 
 def test_wrong_questions_are_refused() -> None:

@@ -90,6 +90,34 @@ def test_contacts_are_those_of_mujoco(scene: rp.Scene) -> None:
         assert state.corridor is None
 
 
+def test_a_position_beyond_all_turns_is_a_fault_and_not_an_angle() -> None:
+    # As a float, 1e300 rad is every angle at once: no corridor holds it.
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    plan = rp.Trajectory.rest(scene.joint_names(), scene.configuration(), duration=1.0)
+    with rp.Mirror(scene, plan) as mirror:
+        assert mirror.receive(rp.StateMessage(0.0, plan.joint_names, [1e300, 0.0])) is None
+        assert mirror.corridor is not None
+        with pytest.raises(rp.InputError, match="q holds 1e"):
+            mirror.corridor.position([1e300, 0.0])
+        # Nothing is there that the arm could touch, so that it is free everywhere.
+        state = mirror.receive(rp.StateMessage(0.1, plan.joint_names, [2.0, 0.0]))
+        assert state is not None
+        assert state.proven_free
+        assert state.corridor == (0.0, 0.0, ())
+        assert mirror.report().faults == {"finite": 1}
+
+
+def test_a_closed_mirror_receives_nothing(scene: rp.Scene, plan: rp.Trajectory, tmp_path: Path) -> None:
+    first, second, *_ = messages(plan)
+    mirror = rp.Mirror(scene, plan, record=tmp_path / "run.jsonl")
+    mirror.receive(first)
+    mirror.close()
+    mirror.close()
+    with pytest.raises(rp.InputError, match="the mirror is closed"):
+        mirror.receive(second)
+    assert len(list(rp.read_states(tmp_path / "run.jsonl"))) == 1
+
+
 def test_faults_are_named_and_the_stream_goes_on(scene: rp.Scene, plan: rp.Trajectory) -> None:
     stream = messages(plan)
     q = stream[3].positions
@@ -111,7 +139,7 @@ def test_faults_are_named_and_the_stream_goes_on(scene: rp.Scene, plan: rp.Traje
     assert report.faults == {"order": 1, "finite": 1, "joints": 2, "silence": 1, "jump": 1}
     said = [event.message for event in mirror.events if event.kind not in ("outside", "contact")]
     assert said[0] == "the message of 0.000 s came after that of 0.000 s"
-    assert "'rr1/elbow_joint' is not finite" in said[1]
+    assert "'rr1/elbow_joint' is nan, not a finite position" in said[1]
     assert "unknown joint 'panda/joint1'" in said[2]
     assert "no joint 'rr1/hand_joint'" in said[4]
     assert "moved by 1.5" in said[5]
@@ -204,7 +232,7 @@ def test_sources_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
 
 def test_the_page_gets_states_and_the_panel(scene: rp.Scene, plan: rp.Trajectory) -> None:
     with rp.Mirror(scene, plan) as mirror:
-        viewer = mirror.show(open_browser=False, quiet=True, port=0)
+        viewer = mirror.show(options=rp.ViewOptions(quiet=True, port=0))
         report = mirror.run(messages(plan)[:20])
         assert report.messages == 20
         assert not viewer.closed

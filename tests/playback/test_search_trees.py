@@ -16,6 +16,22 @@ def tree_of(vertices: list[list[float]], edges: list[list[int]]) -> SearchTree:
     return SearchTree(np.array(vertices), np.array(edges, dtype=np.int64).reshape(-1, 2))
 
 
+@pytest.mark.parametrize(
+    ("vertices", "edges", "words"),
+    [
+        ([[0.0, np.nan]], [[0, 0]], r"vertices of the tree\[0, 1\] is nan"),
+        ([0.0, 1.0], [[0, 0]], "vertices of the tree has shape"),
+        ([[0.0, 1.0]], [0, 0], "edges of the tree has shape"),
+        ([[0.0, 1.0]], [[0, 9]], "has the vertex 9, expected 0 to 0"),
+        ([[0.0, 1.0]], [[0, -1]], "has the vertex -1"),
+        ([[0.0, 1.0]], [[0, 0.5]], "has the vertex 0.5"),
+    ],
+)
+def test_a_tree_that_is_none_is_refused(vertices: list[float], edges: list[int], words: str) -> None:
+    with pytest.raises(rp.InputError, match=words):
+        SearchTree(np.array(vertices), np.array(edges))
+
+
 def test_each_edge_is_its_roots_and_as_far_as_its_farther_end() -> None:
     tree = tree_of([[0, 0], [1, 0], [1, 1], [5, 5], [5, 7]], [[0, 1], [1, 2], [3, 4]])
     sides, reach = trees_of(tree, START, (GOAL,))

@@ -31,7 +31,7 @@ from rr1plan.playback.viewer import live_viewer
 
 @pytest.fixture
 def viewer(rr1_table: rp.Scene) -> Iterator[Viewer]:
-    with show(rr1_table, port=0, open_browser=False) as shown:
+    with Viewer(rr1_table, options=rp.ViewOptions(port=0)) as shown:
         yield shown
 
 
@@ -168,7 +168,7 @@ def test_sliders_of_pages_are_heard_and_anything_else_is_not(viewer: Viewer) -> 
 
 def test_a_taken_port_gives_the_next_one(rr1_table: rp.Scene, viewer: Viewer) -> None:
     taken = int(viewer.url.rsplit(":", 1)[1].strip("/"))
-    with show(rr1_table, port=taken, open_browser=False) as other:
+    with Viewer(rr1_table, options=rp.ViewOptions(port=taken)) as other:
         assert other.url != viewer.url
         assert "MeshCat" in fetch(other.url)
 
@@ -176,12 +176,12 @@ def test_a_taken_port_gives_the_next_one(rr1_table: rp.Scene, viewer: Viewer) ->
 @pytest.mark.parametrize("port", [-1, 70_000, "http", True, 1.5])
 def test_a_port_that_is_none_is_refused(rr1_table: rp.Scene, port: Any) -> None:
     with pytest.raises(rp.InputError, match="port"):
-        show(rr1_table, port=port, open_browser=False)
+        Viewer(rr1_table, options=rp.ViewOptions(port=port))
 
 
 def test_nothing_is_left_after_close(rr1_table: rp.Scene) -> None:
     before = threading.active_count()
-    viewer = show(rr1_table, port=0, open_browser=False)
+    viewer = Viewer(rr1_table, options=rp.ViewOptions(port=0))
     url = viewer.url
     viewer.close()
     viewer.close()
@@ -233,11 +233,18 @@ def test_a_wait_that_makes_no_sense_is_refused(viewer: Viewer, timeout: Any) -> 
         viewer.wait(timeout)
 
 
-def test_show_prints_the_address_unless_it_is_quiet(rr1_table: rp.Scene, capsys: pytest.CaptureFixture[str]) -> None:
-    with show(rr1_table, port=0, open_browser=False) as viewer:
+def test_show_prints_the_address_and_opens_it_unless_it_is_quiet(
+    rr1_table: rp.Scene, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.setenv("DISPLAY", ":0")
+    with show(rr1_table, options=rp.ViewOptions(port=0)) as viewer:
         assert capsys.readouterr().out == f"page: {viewer.url}\n"
-    with show(rr1_table, port=0, open_browser=False, quiet=True):
+        assert opened == [viewer.url]
+    with show(rr1_table, options=rp.ViewOptions(port=0, quiet=True)):
         assert capsys.readouterr().out == ""
+    assert len(opened) == 1
 
 
 def test_ctrl_c_ends_wait_and_leaves_the_viewer_usable(
@@ -311,7 +318,7 @@ async def _act(viewer: Viewer, heard: list[object]) -> None:
 
 
 def test_tokens_differ_and_stand_in_the_page_alone(viewer: Viewer, rr1_table: rp.Scene) -> None:
-    with show(rr1_table, port=0, open_browser=False) as other:
+    with Viewer(rr1_table, options=rp.ViewOptions(port=0)) as other:
         assert other._page.token != viewer._page.token
         assert len(viewer._page.token) > 20
         assert viewer._page.token in fetch(viewer.url)
@@ -329,7 +336,7 @@ def test_other_websites_can_neither_frame_nor_read_the_page(viewer: Viewer) -> N
 def test_viewers_share_one_port_and_one_thread(rr1_table: rp.Scene, planar2r: rp.Robot) -> None:
     before = threading.active_count()
     flat = rp.Scene(name="flat").with_arm("arm", planar2r)
-    with show(rr1_table, open_browser=False) as one, show(flat, open_browser=False) as two:
+    with Viewer(rr1_table) as one, Viewer(flat) as two:
         assert threading.active_count() == before + 1
         assert two.url == f"{one.url}2/"
         assert [re.search("<title>(.*)</title>", fetch(v.url))[1] for v in (one, two)] == ["rr1_table", "flat"]
@@ -348,17 +355,17 @@ def test_viewers_share_one_port_and_one_thread(rr1_table: rp.Scene, planar2r: rp
         with pytest.raises(rp.InputError, match="closed"):
             one.update(rr1_table.configuration())
         two.update([0.5, 0.6])
-        with show(rr1_table, open_browser=False) as third:
+        with Viewer(rr1_table) as third:
             assert third.url == one.url
     assert threading.active_count() == before
-    with show(flat, open_browser=False) as later:
+    with Viewer(flat) as later:
         assert later.url == one.url
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf")])
 def test_what_is_not_finite_is_never_sent(rr1_table: rp.Scene, bad: float) -> None:
     panel = rp.Panel("own", "Own", data={"value": 1.0})
-    with show(rr1_table, port=0, open_browser=False, options=rp.ViewOptions(panels=[panel])) as viewer:
+    with Viewer(rr1_table, options=rp.ViewOptions(port=0, panels=[panel])) as viewer:
 
         async def follow() -> list[Any]:
             listening = asyncio.ensure_future(listen(viewer, 1))
@@ -386,12 +393,16 @@ def test_ctrl_c_ends_the_program_and_leaves_nothing(tmp_path: FilePath) -> None:
     script = tmp_path / "program.py"
     script.write_text(
         "import rr1plan as rp\n"
-        "viewer = rp.show(rp.load_scene('rr1_table'), port=0, open_browser=False)\n"
+        "viewer = rp.show(rp.load_scene('rr1_table'), options=rp.ViewOptions(port=0))\n"
         "viewer.wait()\n"
         "print('after', flush=True)\n"
     )
     with subprocess.Popen(
-        [sys.executable, script], stdout=subprocess.PIPE, text=True, start_new_session=True
+        [sys.executable, script],
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")},
     ) as program:
         assert program.stdout is not None
         url = program.stdout.readline().removeprefix("page: ").strip()

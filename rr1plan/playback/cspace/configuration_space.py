@@ -147,29 +147,21 @@ class CSpace(CSpaceQuery, NotebookView):
         *,
         trajectory: Trajectory | None = None,
         options: ViewOptions | None = None,
-        port: int | None = None,
-        open_browser: bool = True,
-        quiet: bool = False,
     ) -> Viewer:
         """Open the same page live and print its address; end a script with `show().wait()`.
 
         Args:
             trajectory: The timed motion to play; None plays the path at a steady speed.
             options: As in `save_html`.
-            port: First port to try, the next free one is taken; None: 7000.
-            open_browser: Open the page in a browser, where there is a screen.
-            quiet: Do not print the address, which is `Viewer.url`.
 
         Raises:
-            InputError: the trajectory moves other joints than the two shown, or no port.
+            InputError: the trajectory moves other joints than the two shown.
             BackendError: no free port.
             MissingPackageError: Meshcat is not installed.
         """
         from rr1plan.playback.cspace.cspace_viewer import show_page
 
-        return show_page(
-            self, trajectory=trajectory, options=options, port=port, open_browser=open_browser, quiet=quiet
-        )
+        return show_page(self, trajectory=trajectory, options=options)
 
     def __str__(self) -> str:
         from rr1plan.playback.cspace.cspace_verdict import describe

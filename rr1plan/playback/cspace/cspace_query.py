@@ -253,7 +253,10 @@ def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: str | Arra
 
 def _check_problem(problem: Problem, arm: str | None, joints: tuple[str, str] | None) -> None:
     if len(problem.arms) != 1 or problem.nq != 2:
-        raise InputError(f"the problem has {problem.nq} columns, only one with two can be drawn in the plane")
+        raise InputError(
+            f"the problem moves {counted(problem.nq, 'joint')} of {counted(len(problem.arms), 'arm')}, expected two of "
+            "one arm; a slice of a larger configuration space takes the scene alone"
+        )
     if arm is not None and arm != problem.arms[0]:
         raise InputError(f"arm is {shown(arm)}, but the problem moves {problem.arms[0]!r}")
     known = problem.scene.arms[problem.arms[0]].robot.joint_names

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from rr1plan.checks import true_or_false
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_query import CSpaceQuery, compute_query
 from rr1plan.playback.simulation.replay import Replay
-from rr1plan.playback.viewer.live_viewer import Viewer, open_viewer
+from rr1plan.playback.viewer.live_viewer import Viewer, announced
 from rr1plan.playback.viewer.view_options import ViewOptions, with_panel
 from rr1plan.report import Report
 from rr1plan.scene import Scene
@@ -23,9 +22,6 @@ def show_page(
     *,
     trajectory: Trajectory | None = None,
     options: ViewOptions | None = None,
-    port: int | None = None,
-    open_browser: bool = True,
-    quiet: bool = False,
 ) -> CSpaceViewer:
     """Open the lesson live in the browser of this machine; the program can move the arm with `Viewer.update`.
 
@@ -33,17 +29,13 @@ def show_page(
         picture: The configuration space, with a question and its answer if it has one.
         trajectory: The timed motion to play; None plays the path at a steady speed.
         options: How the page looks (default: `ViewOptions()`).
-        port: First port to try, the next free one is taken; None: 7000.
-        open_browser: Open the page in a browser, where there is a screen.
-        quiet: Do not print the address, which is `Viewer.url`.
 
     Raises:
-        InputError: the trajectory moves other joints than the two shown, or no port.
+        InputError: the trajectory moves other joints than the two shown.
         BackendError: no free port.
         MissingPackageError: Meshcat is not installed.
     """
-    open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
-    return open_viewer(CSpaceViewer(picture, trajectory=trajectory, options=options, port=port), open_browser, quiet)
+    return announced(CSpaceViewer(picture, trajectory=trajectory, options=options))
 
 
 class CSpaceViewer(Viewer):
@@ -53,7 +45,6 @@ class CSpaceViewer(Viewer):
         picture: The configuration space.
         trajectory: The timed motion to play, or None.
         options: As in `show_page`.
-        port: First port to try, or None.
     """
 
     def __init__(
@@ -62,10 +53,9 @@ class CSpaceViewer(Viewer):
         *,
         trajectory: Trajectory | None = None,
         options: ViewOptions | None = None,
-        port: int | None = None,
     ) -> None:
         document, panel = page_parts(picture, trajectory=trajectory, options=options)
-        self._open(picture.grid.scene, document, with_panel(options, panel), port)
+        self._open(picture.grid.scene, document, with_panel(options, panel))
         self._picture = picture
 
     def load(

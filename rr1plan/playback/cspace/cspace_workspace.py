@@ -58,17 +58,13 @@ def _draw_reach(axes: Any, cspace: CSpaceQuery) -> tuple[Array, float]:
     flat = flat_arm(arm) if arm.robot.joint_names == grid.joint_names else None
     if flat is not None:
         reach = reach_of(flat, arm.robot.limits)
-        outline = Path.make_compound_path(*(Path(rim, closed=False) for rim in map(_closed, reach.rims)))
+        outline = Path.make_compound_path(*(Path(np.concatenate([rim, rim[:1]])) for rim in reach.rims))
         axes.add_patch(PathPatch(outline, facecolor="#eef1f5", edgecolor="#c5ccd6", linewidth=0.8, zorder=0))
         return reach.center, reach.radius
     base = arm.base[:2, 3]
     values = [axis[:: max(1, len(axis) // 24)] for axis in grid.axes]
     tools = [_tool(grid, np.array([a, b])) - base for a in values[0] for b in values[1]]
     return base, float(np.linalg.norm(tools, axis=1).max())
-
-
-def _closed(rim: Array) -> Array:
-    return np.concatenate([rim, rim[:1]])
 
 
 def _configurations(cspace: CSpaceQuery) -> list[tuple[Array, Any, float]]:

@@ -59,13 +59,15 @@ class JointMap:
         followed = values[..., self._source] * self._factor
         return np.asarray(followed if rates else followed + self._offset)
 
-    def follow_all(self, rows: Array) -> Array:
-        """The same for positions, velocities, accelerations and efforts at once, shape (4, n)."""
-        followed = rows.copy()
-        values = rows[:3, self._followed] * self._followed_factor
-        values[0] += self._followed_offset
-        followed[:3, self._following] = values
-        return followed
+    def leads(self, indices: NDArray[np.int64]) -> bool:
+        """Whether other joints mimic some of these."""
+        return not set(self._followed.tolist()).isdisjoint(indices.tolist())
+
+    def follow_all(self, rows: Array) -> None:
+        """Update those of mimicking joints among positions, velocities, accelerations and efforts, shape (4, n)."""
+        for k, row in enumerate(rows[:3]):
+            values = row[self._followed] * self._followed_factor
+            row[self._following] = values + self._followed_offset if k == 0 else values
 
     def expand(self, q: Array) -> Array:
         """Positions of all joints while the planning joints of all arms are at q (nq,); locked ones stay locked."""

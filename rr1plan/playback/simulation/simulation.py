@@ -14,6 +14,7 @@ which are stepped side by side on threads; the numbers do not depend on the numb
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
@@ -41,6 +42,7 @@ from rr1plan.errors import BackendError, ControllerError, InputError, UnknownNam
 from rr1plan.path import check_joint_names
 from rr1plan.playback.simulation.arm_variation import ArmVariation, varied_model
 from rr1plan.playback.simulation.contact_log import ContactLog
+from rr1plan.playback.simulation.contact_proof import ContactProof
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.playback.simulation.mujoco_model import MujocoScene, Solver, build_mujoco
@@ -50,11 +52,16 @@ from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
 
-_UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}")) for kind in ("QPOS", "QVEL", "QACC", "CTRL")]
+_UNSTABLE = np.array(
+    [getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}") for kind in ("QPOS", "QVEL", "QACC", "CTRL")], int
+)
 _MOST_STIFFNESS = 1e6  # [rad/s]
 _LONGEST_STEP = 1.0  # [s]
-# Fewer loose bodies are slower on several threads.
-_A_HEAP = 50
+# Fewer loose bodies are slower on several threads, and of fewer arms contacts are found sooner than excluded.
+_A_HEAP, _MANY_ARMS = 50, 4
+# What is left out where no contact is possible; arms have no springs and dampers, for which MuJoCo looks in each step.
+_DISABLED = mujoco.mjtDisableBit
+_NO_CONTACTS = int(_DISABLED.mjDSBL_CONTACT | _DISABLED.mjDSBL_SPRING | _DISABLED.mjDSBL_DAMPER)
 # Steps of one call; more take hours, and a replay of them more memory than there is.
 _MOST_STEPS = 5_000_000
 # Real time is waited for when the simulation is ahead of it by more than this [s].
@@ -88,8 +95,8 @@ class Tile:
         variation: How the arms differ from their description, unknown to the feed-forward torque.
 
     Attributes:
-        model: MuJoCo's model.
         data: MuJoCo's data.
+        proof: What decides whether contacts need to be searched for; None: they are searched for in every state.
         joints: Number of its joints.
         state: Views of their positions, velocities and efforts, shape (joints,) each.
         bodies: Index of each of its loose bodies among them.
@@ -103,10 +110,10 @@ class Tile:
         in_order = np.array_equal(columns, np.arange(first, first + count))
         self.columns: NDArray[np.int64] | slice = slice(first, first + count) if in_order else columns
         self.joints = count
-        self.model: Any = world.model
+        self._model: Any = world.model
         if variation is not None:
-            self.model = varied_model(world.model, world.scene, world.effort_limits, variation)
-        self.data: Any = mujoco.MjData(self.model)
+            self._model = varied_model(world.model, world.scene, world.effort_limits, variation)
+        self.data: Any = mujoco.MjData(self._model)
         if threads > 1 and len(world.body_names) >= _A_HEAP:
             mujoco.mju_threadpool(self.data, threads - 1)
         # Views of MuJoCo's arrays, which stay where they are: to make one takes as long as a small sum.
@@ -117,15 +124,46 @@ class Tile:
         self._described = data if variation is None else mujoco.MjData(world.model)
         self._bias = self._described.qfrc_bias[:count]
         self.bodies = {name: i for i, name in enumerate(world.body_names)}
-        self._torque, self._accelerations = np.zeros((2, self.model.nv))
+        self._torque, self._accelerations = np.zeros((2, self._model.nv))
         self._alarms = data.warning.number
-        self._state_size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_INTEGRATION)
+        self._state_size = mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_INTEGRATION)
+        self.proof: ContactProof | None = None
+        if len(world.scene.arms) >= _MANY_ARMS and not world.body_names:
+            # Scenes that cannot be checked can still be simulated.
+            with contextlib.suppress(InputError):
+                self.proof = ContactProof(world)
+
+    @property
+    def model(self) -> Any:
+        """MuJoCo's model; from now on contacts are searched for in every state, as it may be changed."""
+        if self.proof is not None:
+            self.proof = None
+            self._search(True)
+        return self._model
+
+    def _search(self, contacts: bool) -> None:
+        """Let MuJoCo search for contacts, or not."""
+        flags = self._model.opt.disableflags
+        self._model.opt.disableflags = flags & ~_NO_CONTACTS if contacts else flags | _NO_CONTACTS
 
     def refresh(self) -> None:
         """Compute all that follows from the state: poses, contacts, bias torques."""
-        mujoco.mj_step1(self.model, self.data)
+        if self.proof is not None:
+            self._search(not self.proof.covers(self.state[0], self.state[1], self._accelerations[: self.joints]))
+        mujoco.mj_step1(self._model, self.data)
 
-    def command(self, positions: Array, velocities: Array, accelerations: Array, efforts: Array) -> None:
+    def place(self, positions: Array, velocities: Array) -> None:
+        """Put its joints where all joints of the simulation are to be, without `refresh`."""
+        self.state[0][:] = positions[self.columns]
+        self.state[1][:] = velocities[self.columns]
+
+    def begin(self, positions: Array, velocities: Array) -> None:
+        """Begin anew with these positions and velocities of all joints of the simulation."""
+        mujoco.mj_resetData(self._model, self.data)
+        self.place(positions, velocities)
+        self.refresh()
+
+    def _command(self, positions: Array, velocities: Array, accelerations: Array, efforts: Array) -> None:
         """Set-points of all joints of the simulation for the next step, with the feed-forward torque."""
         control, joints = self._control, self.joints
         self._accelerations[:joints] = accelerations[self.columns]
@@ -144,14 +182,27 @@ class Tile:
             stage(model, data)
         mujoco.mj_rne(model, data, 0, data.qfrc_bias)
 
-    def advance(self) -> None:
-        """Take a step from the present state, and refresh what follows from the new one."""
-        mujoco.mj_step2(self.model, self.data)
+    def advance(self, desired: Array, state: Array) -> None:
+        """Take a step from the present state, and refresh what follows from the new one.
+
+        Args:
+            desired: Set-points of all joints of the simulation: positions, velocities, accelerations and efforts to
+                add, shape (4, n).
+            state: Gets positions, velocities and efforts of the joints of this model, shape (3, n).
+        """
+        self._command(*desired)
+        mujoco.mj_step2(self._model, self.data)
         self.refresh()
+        self.observe(state)
+
+    def observe(self, state: Array) -> None:
+        """Write positions, velocities and efforts of its joints to those of all joints, shape (3, n)."""
+        for row, values in zip(state, self.state, strict=True):
+            row[self.columns] = values
 
     def is_unstable(self) -> bool:
         """Whether MuJoCo has warned of values that are not finite or too large."""
-        return bool(self._alarms[_UNSTABLE].any())
+        return bool(self._alarms.any() and self._alarms[_UNSTABLE].any())
 
     def body_state(self, name: str) -> tuple[Array, Array]:
         """Position and quaternion (7,) of a loose body, and its linear and its own angular velocity (6,), as views."""
@@ -162,13 +213,13 @@ class Tile:
     def save(self) -> Array:
         """The state from which a run can be repeated exactly."""
         state = np.zeros(self._state_size)
-        mujoco.mj_getState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_getState(self._model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
         return state
 
     def restore(self, state: Array) -> None:
         """Go back to a saved state."""
-        mujoco.mj_resetData(self.model, self.data)
-        mujoco.mj_setState(self.model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_resetData(self._model, self.data)
+        mujoco.mj_setState(self._model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
         self.refresh()
 
 
@@ -176,7 +227,8 @@ class Simulation:
     """A scene in MuJoCo, to be stepped; nothing moves that no controller commands.
 
     Joint damping and friction of the description are left out: they belong to a drive, whose controller compensates
-    them. Obstacles with a mass are loose bodies. The scene is not changed.
+    them. Obstacles with a mass are loose bodies. The scene is not changed. Where four or more arms are proven to touch
+    nothing (`contact_proof`), MuJoCo does not search for contacts, which changes no result.
 
     Args:
         scene: The scene; arms start in their configurations.
@@ -228,8 +280,10 @@ class Simulation:
         self.joint_names = self._map.names
         self._warnings: list[str] = []
         self.tiles = self._build(scene)
-        self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 and len(self.tiles) > 1 else None
+        self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 and len(self.tiles) > 1 else None
         self._active: dict[Controller, NDArray[np.int64]] = {}
+        # Whether joints that others mimic have been commanded.
+        self._leading = False
         self._callbacks: list[StepCallback] = []
         self._pause = threading.Event()
         self._contacts = ContactLog(1.5 * self.dt)
@@ -293,7 +347,10 @@ class Simulation:
 
     @property
     def model(self) -> mujoco.MjModel:
-        """MuJoCo's model.
+        """MuJoCo's model, which may be changed between steps.
+
+        Steps of many arms take longer from then on: MuJoCo searches for contacts in all of them, as the proofs that
+        there are none hold for the scene as it was.
 
         Raises:
             InputError: arms that cannot meet have separate models; see `tiles`.
@@ -421,7 +478,7 @@ class Simulation:
         old, new = self.scene.obstacles, scene.obstacles
         stay = {name for name in self.body_names if name in new and np.array_equal(old[name].pose, new[name].pose)}
         for tile in tiles:
-            self._set_joints(tile, self._now.positions, self._now.velocities)
+            tile.place(self._now.positions, self._now.velocities)
             for name in stay & tile.bodies.keys():
                 for to, of in zip(tile.body_state(name), self._body(name).body_state(name), strict=True):
                     to[:] = of
@@ -468,6 +525,7 @@ class Simulation:
         )
         controller.activate(info, self._state(indices))
         self._active[controller] = indices
+        self._leading = self._leading or self._map.leads(indices)
 
     def deactivate(self, controller: Controller) -> None:
         """Stop a controller; its joints hold their last set-points.
@@ -583,10 +641,6 @@ class Simulation:
         self._warnings += warnings
         return tiles
 
-    def _set_joints(self, tile: Tile, positions: Array, velocities: Array) -> None:
-        tile.state[0][:] = positions[tile.columns]
-        tile.state[1][:] = velocities[tile.columns]
-
     def _body(self, name: str) -> Tile:
         """The model with a loose body."""
         known_name("loose body", name, self.body_names)
@@ -594,9 +648,7 @@ class Simulation:
 
     def _begin(self, positions: Array, velocities: Array) -> None:
         for tile in self.tiles:
-            mujoco.mj_resetData(tile.model, tile.data)
-            self._set_joints(tile, positions, velocities)
-            tile.refresh()
+            tile.begin(positions, velocities)
         self._origin = self.scene, self.tiles
         self._initial = [tile.save() for tile in self.tiles]
         self._set_off()
@@ -607,10 +659,14 @@ class Simulation:
         self._wall = 0.0
         self._contacts.clear()
         self._deepest = 0.0
-        self._observe()
+        state = np.empty((3, len(self.joint_names)))
+        for tile in self.tiles:
+            tile.observe(state)
+        self._now = JointState(self.time, *state)
         self._desired = np.zeros((4, len(self.joint_names)))
         self._desired[0] = self._now.positions
         self._note_contacts()
+        self._leading = False
         for controller in list(self._active):
             self.activate(controller)
 
@@ -643,16 +699,20 @@ class Simulation:
     def _step(self) -> None:
         for controller, indices in list(self._active.items()):
             self._take(controller, indices)
-        desired = self._desired if not self._map.followers else self._map.follow_all(self._desired)
-        for tile in self.tiles:
-            tile.command(*desired)
-        if self._pool is None:
-            for tile in self.tiles:
-                tile.advance()
-        else:
-            list(self._pool.map(Tile.advance, self.tiles))
+        if self._leading:
+            self._map.follow_all(self._desired)
+        state = np.empty((3, len(self.joint_names)))
+
+        def advance(first: int) -> None:
+            for tile in self.tiles[first :: self._threads] if self._pool else self.tiles:
+                tile.advance(self._desired, state)
+
+        others = [self._pool.submit(advance, first) for first in range(1, self._threads)] if self._pool else []
+        advance(0)
+        for other in others:
+            other.result()
         self.steps += 1
-        self._observe()
+        self._now = JointState(self.time, *state)
 
     def _take(self, controller: Controller, indices: NDArray[np.int64]) -> None:
         """Get the set-points of a controller."""
@@ -676,7 +736,8 @@ class Simulation:
         if not np.isfinite(wanted).all():
             field = SetPoint._fields[int(np.argmin(np.isfinite(wanted).all(axis=1)))]
             raise ControllerError(f"{name} returned {field} that are not finite at {self.time:.3f} s")
-        self._desired[:, indices] = wanted
+        for desired, values in zip(self._desired, wanted, strict=True):
+            desired[indices] = values
 
     def _note_contacts(self) -> None:
         for tile in self.tiles:
@@ -684,14 +745,6 @@ class Simulation:
             if depth >= 0.0:
                 self._contacts.add(tile.world, tile.data, self.time)
                 self._deepest = max(self._deepest, depth)
-
-    def _observe(self) -> None:
-        """Collect the state of all joints from the models."""
-        rates = np.empty((3, len(self.joint_names)))
-        for tile in self.tiles:
-            for row, values in zip(rates, tile.state, strict=True):
-                row[tile.columns] = values
-        self._now = JointState(self.time, *rates)
 
     def _state(self, indices: NDArray[np.int64]) -> JointState:
         now = self._now

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan.checks import Array, counted, finite_number, of_kind, shown
 from rr1plan.errors import InputError
@@ -93,6 +94,8 @@ class JointTrajectoryController(Controller):
 
     _active: Execution | None
     _queued: Execution | None
+    # What is active, columns in the order of this controller's joints.
+    _path: Trajectory
     # Set-points of the updates from a time on, shape (3, _BLOCK, n).
     _block: Array
     _block_start: float
@@ -151,7 +154,7 @@ class JointTrajectoryController(Controller):
         start = self._now if at is None else finite_number("at", at)
         if start < self._now:
             raise InputError(f"at is {start:g} s, which has passed: it is {self._now:g} s")
-        columns = [trajectory.joint_names.index(name) for name in self.joint_names]
+        columns = _columns(trajectory, self.joint_names)
         times = trajectory.sample_times(max(self.joints.dt, trajectory.duration / 1e6))
         for block in range(0, len(times), 4096):
             self.check_positions(trajectory(times[block : block + 4096])[:, columns])
@@ -197,7 +200,7 @@ class JointTrajectoryController(Controller):
 
     def _begin(self, execution: Execution) -> None:
         """Replace the active trajectory."""
-        columns = [execution.trajectory.joint_names.index(name) for name in self.joint_names]
+        columns = _columns(execution.trajectory, self.joint_names)
         if self._active is not None and not self._active.status.terminal:
             _end(self._active, ExecutionStatus.PREEMPTED, self._now, "a newer trajectory began")
         self._queued = None
@@ -205,11 +208,12 @@ class JointTrajectoryController(Controller):
         # Its time begins with the update, so that its first set-point is its beginning.
         execution.start = self._now
         execution.status = ExecutionStatus.ACTIVE
-        self._columns = columns
-        self._back = [self.joint_names.index(name) for name in execution.trajectory.joint_names]
+        trajectory = execution.trajectory
+        self._path = Trajectory(self.joint_names, trajectory.breaks, trajectory.coefficients[:, :, columns])
+        self._back = np.argsort(columns)
         self._block_start = -math.inf
 
-    def _check_start(self, trajectory: Trajectory, columns: list[int]) -> None:
+    def _check_start(self, trajectory: Trajectory, columns: NDArray[np.int64]) -> None:
         gap = np.abs(trajectory(trajectory.start_time)[columns] - self._last.positions)
         if (gap > self.start_tolerance).any():
             raise InputError(
@@ -239,10 +243,8 @@ class JointTrajectoryController(Controller):
         """Position, velocity and acceleration, from a block of updates that is evaluated at once."""
         k = round((since - self._block_start) / self.joints.dt) if math.isfinite(self._block_start) else _BLOCK
         if k >= _BLOCK:
-            assert self._active is not None
-            trajectory = self._active.trajectory
-            times = trajectory.start_time + since + self.joints.dt * np.arange(_BLOCK)
-            self._block = np.array([trajectory(times, derivative)[:, self._columns] for derivative in range(3)])
+            times = self._path.start_time + since + self.joints.dt * np.arange(_BLOCK)
+            self._block = np.array([self._path(times, derivative) for derivative in range(3)])
             self._block_start, k = since, 0
         return SetPoint(*self._block[:, k])
 
@@ -250,6 +252,12 @@ class JointTrajectoryController(Controller):
         i = int(np.argmax(error))
         many = counted(int((error > tolerance).sum()), "joint")
         return f"{many} off, {self.joint_names[i]!r} by {error[i]:.3g} (tolerance {tolerance:g})"
+
+
+def _columns(trajectory: Trajectory, names: Sequence[str]) -> NDArray[np.int64]:
+    """The columns of some joints in a trajectory."""
+    column = {name: i for i, name in enumerate(trajectory.joint_names)}
+    return np.array([column[name] for name in names], dtype=np.int64)
 
 
 def _end(execution: Execution, status: ExecutionStatus, time: float, message: str) -> None:

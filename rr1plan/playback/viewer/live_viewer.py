@@ -23,7 +23,6 @@ from rr1plan.checks import (
     known_name,
     of_kind,
     positive_number,
-    true_or_false,
 )
 from rr1plan.errors import InputError
 from rr1plan.path import Path
@@ -49,11 +48,10 @@ class Viewer:
 
     Args:
         scene, trajectory, path, problem, report, replay, options: As in `save_html`.
-        port: As in `show`.
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene.
-        InputError: an invalid port, data JSON cannot hold.
+        InputError: data JSON cannot hold.
         BackendError: no free port.
     """
 
@@ -67,14 +65,13 @@ class Viewer:
         report: Report | None = None,
         replay: Replay | None = None,
         options: ViewOptions | None = None,
-        port: int | None = None,
     ) -> None:
         document = view_document(
             scene, trajectory=trajectory, path=path, problem=problem, report=report, replay=replay, options=options
         )
-        self._open(scene, document, checked_options(options), port)
+        self._open(scene, document, checked_options(options))
 
-    def _open(self, scene: Scene, document: Document, options: ViewOptions, port: int | None) -> None:
+    def _open(self, scene: Scene, document: Document, options: ViewOptions) -> None:
         """Serve a document."""
         self._scene = scene
         self._document = document
@@ -82,13 +79,18 @@ class Viewer:
         self._ended = threading.Event()
         page_html(document, options)
         self._on_slider: SliderCallback | None = None
-        self._server, self._page = serve_page(self._html, self._hear, port)
+        self._server, self._page = serve_page(self._html, self._hear, options.port)
         self._page.set_document(document)
 
     @property
     def url(self) -> str:
         """Address of the page, for browsers of this machine."""
         return self._page.url
+
+    @property
+    def options(self) -> ViewOptions:
+        """The options of the page."""
+        return self._options
 
     @property
     def pages(self) -> int:
@@ -117,7 +119,7 @@ class Viewer:
     ) -> None:
         """Show something else on the same page; the arguments are those of `save_html`.
 
-        Of the options the title and the spheres count; view and panels are those that the page was opened with.
+        Of the options the title and the spheres count; the others are those that the page was opened with.
 
         Raises:
             UnknownNameError: a column that is not a joint of the scene.
@@ -285,13 +287,11 @@ def show(
     report: Report | None = None,
     replay: Replay | None = None,
     options: ViewOptions | None = None,
-    port: int | None = None,
-    open_browser: bool = True,
-    quiet: bool = False,
 ) -> Viewer:
     """Open a live page in the browser of this machine, and print its address.
 
-    The page is served as long as the program runs: end a script with `show(...).wait()`.
+    The page is served as long as the program runs: end a script with `show(...).wait()`. No browser is opened where
+    there is no screen, or from a notebook, where the viewer shows itself.
 
     Args:
         scene: As in `save_html`.
@@ -301,43 +301,29 @@ def show(
         report: As in `save_html`.
         replay: As in `save_html`.
         options: As in `save_html`.
-        port: First port to try, the next free one is taken; None: at 7000 or the next free port, all viewers of the
-            program at one port.
-        open_browser: Open the page in a browser, where there is a screen; not from a notebook, where the viewer shows
-            itself.
-        quiet: Do not print the address, which is `Viewer.url`.
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene.
-        InputError: an invalid port, data JSON cannot hold.
+        InputError: data JSON cannot hold.
         BackendError: no free port.
         MissingPackageError: Meshcat is not installed.
     """
-    open_browser, quiet = true_or_false("open_browser", open_browser), true_or_false("quiet", quiet)
-    viewer = Viewer(
-        scene,
-        trajectory=trajectory,
-        path=path,
-        problem=problem,
-        report=report,
-        replay=replay,
-        options=options,
-        port=port,
+    return announced(
+        Viewer(scene, trajectory=trajectory, path=path, problem=problem, report=report, replay=replay, options=options)
     )
-    return open_viewer(viewer, open_browser, quiet)
 
 
-def open_viewer(viewer: _SomeViewer, open_browser: bool, quiet: bool) -> _SomeViewer:
-    """Print the address of a viewer's page and open it in a browser, where there is a screen; returns the viewer."""
-    if not quiet:
+def announced(viewer: _SomeViewer) -> _SomeViewer:
+    """A viewer whose address is printed and opened in a browser, unless its options say `quiet`."""
+    if not viewer.options.quiet:
         print(f"page: {viewer.url}", flush=True)  # noqa: T201  (a script has no other way to say where its page is)
-    if open_browser and _has_screen() and "ipykernel" not in sys.modules:
-        webbrowser.open(viewer.url)
+        open_in_browser(viewer.url)
     return viewer
 
 
-def _has_screen() -> bool:
-    """Without one, Python would start a browser inside the terminal."""
-    if sys.platform in ("win32", "darwin"):
-        return True
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+def open_in_browser(url: str) -> None:
+    """Open a page in a browser, where there is a screen; not from a notebook."""
+    # Without a screen, Python would start a browser inside the terminal.
+    has_screen = sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if has_screen and "ipykernel" not in sys.modules:
+        webbrowser.open(url)

@@ -47,7 +47,7 @@ def video_bytes(suffix: str, frames: Frames, fps: float) -> bytes:
         fps: Pictures per second.
 
     Raises:
-        MissingPackageError: PyAV, or Pillow for GIF and WebP, is not installed.
+        MissingPackageError: PyAV is not installed, for MP4.
     """
     return _ENCODERS[suffix](frames, fps)
 
@@ -76,7 +76,8 @@ def _mp4(frames: Frames, fps: float) -> bytes:
 
 
 def _gif(frames: Frames, fps: float) -> bytes:
-    Image = _pillow()
+    from PIL import Image
+
     samples = np.linspace(0, len(frames) - 1, min(_PALETTE_SAMPLES, len(frames))).astype(int)
     colors = _colors_to_keep(np.concatenate([frames[int(i)].reshape(-1, 3) for i in samples]))
     palette = Image.fromarray(colors[None]).quantize(_PALETTE_SIZE, method=Image.Quantize.MEDIANCUT)
@@ -102,17 +103,10 @@ def _colors_to_keep(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _webp(frames: Frames, fps: float) -> bytes:
-    Image = _pillow()
+    from PIL import Image
+
     pictures = map(Image.fromarray, _in_order(frames))
     return _animation("WEBP", pictures, _durations(len(frames), fps, 1), {"quality": 88, "method": 3})
-
-
-def _pillow() -> Any:
-    try:
-        from PIL import Image
-    except ImportError as error:
-        raise MissingPackageError("pillow", "writing GIF and WebP", "video") from error
-    return Image
 
 
 def _animation(kind: str, pictures: Iterator[Any], durations: Sequence[int], options: dict[str, Any]) -> bytes:

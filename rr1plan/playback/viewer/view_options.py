@@ -75,10 +75,14 @@ class ViewOptions:
             all arms.
         clearances: Sample the clearances along the motion at 120 instants (True) or not at all (False); None: as many
             as about 0.1 s of processor time allow, which is none for many arms.
+        port: First port that a live page tries, the next free one is taken; 0: any; None: at 7000 or the next free
+            port, all live pages of the program at one port.
+        quiet: A live page neither prints its address, which is `Viewer.url`, nor opens a browser.
 
     Raises:
         UnknownNameError: no view of that name.
-        InputError: a view that is not a direction, panels of the same name, or more than one motion to compare.
+        InputError: a view that is not a direction, panels of the same name, more than one motion to compare, or an
+            invalid port.
     """
 
     title: str | None = None
@@ -91,6 +95,8 @@ class ViewOptions:
     side_by_side: bool = False
     tree: SearchTree | None = None
     clearances: bool | None = None
+    port: int | None = None
+    quiet: bool = False
 
     def __post_init__(self) -> None:
         if self.title is not None:
@@ -102,11 +108,11 @@ class ViewOptions:
         if len(set(names)) != len(names):
             raise InputError(f"panels are named {names}, expected names unique on the page")
         object.__setattr__(self, "view", check_view(self.view))
-        object.__setattr__(self, "spheres", true_or_false("spheres", self.spheres))
         object.__setattr__(self, "panels", panels)
-        object.__setattr__(self, "play", true_or_false("play", self.play))
-        object.__setattr__(self, "planner", true_or_false("planner", self.planner))
-        object.__setattr__(self, "side_by_side", true_or_false("side_by_side", self.side_by_side))
+        for name in ("spheres", "play", "planner", "side_by_side", "quiet"):
+            object.__setattr__(self, name, true_or_false(name, getattr(self, name)))
+        if self.port is not None:
+            whole_number("port", self.port, 0, 65535)
         of_kind("tree", self.tree, SearchTree, optional=True)
         if self.clearances is not None:
             object.__setattr__(self, "clearances", true_or_false("clearances", self.clearances))

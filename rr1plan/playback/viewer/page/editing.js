@@ -12,6 +12,8 @@ const CLOSE_EDITS = 800; // [ms] between steps of one jog, which are undone toge
 const ROUNDED = 1e-5; // [rad or m] what a motion may be off at its ends, by rounding
 const SAMPLES = 120; // of a motion, of which the least clearance is shown
 
+const inWords = (clearance) => (Number.isFinite(clearance) ? `clearance ${length(clearance)}` : "nothing to touch");
+
 class Editing {
   constructor(viewer) {
     this.viewer = viewer;
@@ -267,7 +269,7 @@ class Editing {
       return { tone: "bad", title: "Touching", text: names, sentence: `it touches: ${names}`, touching, clearance: null };
     }
     const clearance = planner.clearance(own);
-    return { tone: "good", title: "Free", text: `clearance ${length(clearance)}`, sentence: "", touching, clearance };
+    return { tone: "good", title: "Free", text: inWords(clearance), sentence: "", touching, clearance };
   }
 
   /** Why collisions of a configuration are not known: an arm that the planner does not move is elsewhere. */
@@ -316,7 +318,7 @@ class Editing {
     const report = {
       certified: answer.certified, valid: true, violations: [],
       title: answer.certified ? "Planned here, certified free" : "Planned here, not proven free",
-      margins: { clearance: { value: clearance.value, unit: "m", subject: [], time: clearance.time } },
+      margins: Number.isFinite(clearance.value) ? { clearance: { value: clearance.value, unit: "m", subject: [], time: clearance.time } } : {},
       checked: answer.certified ? ["collision in continuous time", "position", "velocity", "acceleration", "rest", "start", "goal"] : [],
       not_checked: answer.certified ? { "clearance between samples": `the least of ${SAMPLES + 1} instants is shown` } : { proof: answer.fault },
     };
@@ -328,7 +330,7 @@ class Editing {
     viewer.setMotion(this.motion.changes);
     this.refreshHeadline();
     viewer.play();
-    card.say(`${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(duration)}, planned in ${ms}, clearance ${length(clearance.value)}.`, answer.certified ? "good" : "open");
+    card.say(`${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(duration)}, planned in ${ms}, ${inWords(clearance.value)}.`, answer.certified ? "good" : "open");
     return answer;
   }
 

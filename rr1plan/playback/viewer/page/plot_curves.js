@@ -174,6 +174,7 @@ class PlotSource {
       this.unpacked.set(track, { times, values });
     }
     const { times, values } = this.unpacked.get(track);
+    if (!values.some(Number.isFinite)) return [];
     return [Object.assign(new SampledCurve(times, values, [0, null]), { name: "of all pairs", mark: "C", color: CURVES[7], unit: "mm" })];
   }
 

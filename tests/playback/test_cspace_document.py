@@ -106,7 +106,7 @@ def test_a_motion_of_other_joints_is_refused(lesson: rp.CSpace, tmp_path: Path) 
 
 
 def test_the_page_can_be_live(lesson: rp.CSpace) -> None:
-    with show_page(lesson, port=0, open_browser=False) as viewer:
+    with show_page(lesson, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
         assert viewer.url.startswith("http://127.0.0.1:")
         viewer.update({"arm": [0.1, 0.2]})
     assert viewer.closed
@@ -114,7 +114,7 @@ def test_the_page_can_be_live(lesson: rp.CSpace) -> None:
 
 def test_a_live_page_takes_scenes_and_refuses_what_does_not_fit(lesson: rp.CSpace, hopeless: rp.CSpace) -> None:
     scene, said = hopeless.grid.scene, "&quot;verdict&quot;:&quot;No path exists"
-    with show_page(lesson, port=0, open_browser=False, quiet=True) as viewer:
+    with show_page(lesson, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
         viewer.load(scene)
         assert "planar2r_no_path" in viewer._repr_html_()
         assert said not in viewer._repr_html_()

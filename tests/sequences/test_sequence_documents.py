@@ -61,7 +61,7 @@ def test_an_object_that_is_held_at_first_is_drawn_once(table: rp.Scene) -> None:
 
 
 def test_a_live_page_is_served(moved: rp.SequencePlan) -> None:
-    with moved.show(open_browser=False, quiet=True) as viewer:
+    with moved.show(options=rp.ViewOptions(quiet=True)) as viewer:
         assert viewer.url.startswith("http://")
     with pytest.raises(rp.InputError, match="replay"):
-        moved.show(replay="none", open_browser=False, quiet=True)
+        moved.show(replay="none", options=rp.ViewOptions(quiet=True))

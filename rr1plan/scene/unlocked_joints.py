@@ -1,0 +1,46 @@
+"""Locked joints, such as those of a gripper, as planning joints of another value of a robot or scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from rr1plan.robot import Robot
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.robot_builder import urdf_limits
+from rr1plan.scene import Arm, Scene
+
+
+@lru_cache(maxsize=256)
+def unlocked_robot(robot: Robot, joints: tuple[str, ...]) -> Robot:
+    """The same robot with some locked joints as its last planning joints, at their present values."""
+    rows = [robot.joint(name) for name in joints]
+    values = [robot.locked_joints[name] for name in joints]
+    return replace(
+        robot,
+        joint_names=(*robot.joint_names, *joints),
+        limits=Limits.stack([robot.limits, urdf_limits(rows)]),
+        configurations={name: np.append(q, values) for name, q in robot.configurations.items()},
+        locked_joints={name: value for name, value in robot.locked_joints.items() if name not in joints},
+        presets={},
+        locked_joint_states={},
+    )
+
+
+def unlocked_scene(scene: Scene, joints: Mapping[str, tuple[str, ...]]) -> Scene:
+    """A scene in which some locked joints are planning joints, at their present values.
+
+    Args:
+        scene: The scene.
+        joints: These joints by arm.
+    """
+    unlocked = {}
+    for name, own in joints.items():
+        if own:
+            arm = scene.arms[name]
+            q = np.append(arm.q, [arm.robot.locked_joints[joint] for joint in own])
+            unlocked[name] = Arm(unlocked_robot(arm.robot, own), arm.base, q)
+    return replace(scene, arms={**scene.arms, **unlocked}) if unlocked else scene

@@ -1,0 +1,178 @@
+"""Proofs that arms touch nothing: sound, used, and without any effect on what a simulation computes."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.playback.simulation.contact_proof import ContactProof
+from rr1plan.playback.simulation.mujoco_model import build_mujoco
+from rr1plan.robot import Geometry, Inertial, Joint, Link, Robot
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.transforms import pose
+
+FLOOR = rp.HalfSpace((0.0, 0.0, 1.0), -0.02)
+
+
+def ring(count: int, radius: float) -> rp.Scene:
+    """RR1 around a post, near enough to touch each other, the post and the floor."""
+    robot = rp.load_robot("rr1")
+    turns = 2.0 * np.pi * np.arange(count) / count
+    places = (pose([radius * np.cos(t), radius * np.sin(t), 0.0], rpy=[0.0, 0.0, t]) for t in turns)
+    arms = {f"a{i}": rp.Arm(robot, place) for i, place in enumerate(places)}
+    return rp.Scene(arms=arms).with_obstacle("floor", FLOOR).with_obstacle("post", rp.Cylinder(0.05, 1.2))
+
+
+def wander(scene: rp.Scene, names: tuple[str, ...], seed: int, seconds: float) -> rp.Trajectory:
+    """Through random configurations, at rest in each."""
+    rng, limits = np.random.default_rng(seed), scene.limits()
+    home = scene.configuration()
+    points = home + np.array([[0.0], [0.6], [0.4], [0.8]]) * (
+        rng.uniform(limits.lower, limits.upper, (4, len(home))) - home
+    )
+    own = np.zeros((len(points), len(names)))
+    known = scene.joint_names()
+    for column, name in enumerate(names):
+        own[:, column] = points[:, known.index(name)] if name in known else [0.0, *rng.uniform(0.0, 0.8, 3)]
+    rest = np.zeros_like(own)
+    return rp.Trajectory.from_samples(names, seconds * np.arange(len(own)), own, rest, rest)
+
+
+class Run:
+    """What a simulation of wandering arms and their grippers does."""
+
+    def __init__(self, scene: rp.Scene, seed: int, *, proofs: bool, push: float = 0.0) -> None:
+        sim = rp.Simulation(scene)
+        (tile,) = sim.tiles
+        self.proof = tile.proof
+        if not proofs:
+            _ = sim.model  # from now on contacts are searched for in every state
+            assert tile.proof is None
+        names = (*scene.joint_names(), *(f"{arm}/finger_joint" for arm in scene.arms))
+        follow = rp.JointTrajectoryController(names, goal_tolerance=np.inf)
+        sim.activate(follow)
+        follow.send(wander(scene, names, seed, 0.8))
+        self.states: list[bytes] = []
+
+        def note(sim: rp.Simulation) -> None:
+            self.states.append(sim.positions.tobytes() + sim.velocities.tobytes() + sim.efforts.tobytes())
+            tile.data.qfrc_applied[1] = push if sim.steps % 200 < 20 else 0.0
+
+        sim.on_step(note)
+        sim.step(1000)
+        self.contacts, self.deepest = sim.contacts, sim.max_penetration
+
+
+@pytest.mark.parametrize(("seed", "push"), [(1, 0.0), (2, 0.0), (3, 25.0)])
+def test_runs_with_and_without_proofs_are_equal_to_the_byte(seed: int, push: float) -> None:
+    scene = ring(4, 0.58)
+    fast, slow = (Run(scene, seed, proofs=proofs, push=push) for proofs in (True, False))
+    assert fast.states == slow.states
+    assert fast.contacts == slow.contacts
+    assert fast.deepest == slow.deepest
+    assert fast.contacts  # some states have contacts,
+    assert fast.proof is not None
+    assert 200 < fast.proof.proven < 1000  # and many are proven to have none
+
+
+def test_no_state_that_is_proven_has_a_contact() -> None:
+    scene = ring(4, 0.58)
+    world, rng = build_mujoco(scene), np.random.default_rng(3)
+    proof, data = ContactProof(world), mujoco.MjData(world.model)
+    limits = scene.limits()
+    planned = [world.joint_names.index(name) for name in scene.joint_names()]
+    mimics = [(i, i - 1) for i, name in enumerate(world.joint_names) if name.endswith("opposite_finger_joint")]
+    touching = proven = 0
+    for _ in range(400):
+        q, rates = np.zeros(len(world.joint_names)), rng.normal(size=(2, len(world.joint_names)))
+        home = scene.configuration()
+        q[planned] = home + rng.uniform(0.0, 0.5) * (rng.uniform(limits.lower, limits.upper) - home)
+        for follower, leader in mimics:
+            q[follower], rates[:, follower] = q[leader], rates[:, leader]
+        for step in range(6):
+            # Off the curve by more and more.
+            t = 0.002 * step
+            state = q + t * rates[0] + 0.5 * t * t * rates[1] + rng.normal(size=len(q)) * 1e-4 * step
+            found = proof.covers(state, rates[0], rates[1])
+            data.qpos[:] = state
+            mujoco.mj_forward(world.model, data)
+            proven, touching = proven + found, touching + (data.ncon > 0)
+            assert not (found and data.ncon)
+    assert proven == proof.proven
+    assert proven > 200
+    assert touching > 200
+
+
+def sliding() -> Robot:
+    """An arm that turns, slides and turns."""
+    rod = Geometry("rod", rp.Capsule(0.02, 0.3), pose([0.15, 0.0, 0.1], rpy=[0.0, 1.2, 0.0]))
+    inertial = Inertial(1.0, np.zeros(3), 0.01 * np.eye(3))
+    links = (Link("base"), *(Link(name, inertial, collisions=(rod,)) for name in ("turret", "carriage", "hand")))
+    joints = (
+        Joint("turn", "continuous", "base", "turret", pose([0.1, 0.0, 0.3])),
+        Joint("slide", "prismatic", "turret", "carriage", pose([0.2, 0.0, 0.1]), np.array([1.0, 0.0, 0.0]), -0.1, 0.4),
+        Joint("roll", "revolute", "carriage", "hand", pose([0.0, 0.1, 0.2]), np.array([0.0, 1.0, 0.0]), -2.0, 2.0),
+    )
+    limits = Limits(np.array([-3.1, -0.1, -2.0]), np.array([3.1, 0.4, 2.0]), *(np.ones(3) for _ in range(4)))
+    return Robot(
+        "sliding", links, joints, ("turn", "slide", "roll"), limits, {"home": np.zeros(3)}, {}, frozenset(), "hand"
+    )
+
+
+def test_levers_bound_how_far_joints_move_points(rr1: Robot) -> None:
+    rng = np.random.default_rng(4)
+    for robot in (rr1, sliding()):
+        scene = rp.Scene().with_arm("a", robot)
+        if robot is rr1:
+            scene = scene.with_obstacle("rod", rp.Capsule(0.01, 0.3), [0.4, 0.0, 0.9]).attach("rod", "a")
+        world = build_mujoco(scene)
+        model, data = world.model, mujoco.MjData(world.model)
+        proof = ContactProof(world)
+        reached = np.zeros(model.nv)
+        for _ in range(300):
+            lower, upper = np.array([[-3.0, 3.0]] * model.nv).T
+            for joint in proof._slides:
+                lower[joint], upper[joint] = -proof._travel[0], proof._travel[0]
+            q, j = rng.uniform(lower, upper), int(rng.integers(model.nv))
+            change = float(rng.uniform(-0.2, 0.2))
+            centers, turns = [], []
+            for value in (q[j], np.clip(q[j] + change, lower[j], upper[j])):
+                data.qpos[:] = q
+                data.qpos[j] = value
+                mujoco.mj_kinematics(model, data)
+                centers.append(data.geom_xpos.copy())
+                turns.append(data.geom_xmat.reshape(-1, 3, 3).copy())
+            out = rng.normal(size=(model.ngeom, 3))
+            out *= (model.geom_rbound / np.linalg.norm(out, axis=1))[:, None]
+            one, two = (c + np.einsum("nij,nj->ni", R, out) for c, R in zip(centers, turns, strict=True))
+            moved = np.linalg.norm(one - two, axis=1).max()
+            assert moved <= proof._levers[j] * abs(change) + 1e-12
+            reached[j] = max(reached[j], moved / (proof._levers[j] * abs(change)))
+        assert reached.max() > 0.5  # and they are not far too long
+
+
+def test_who_takes_the_model_may_change_it(rr1: Robot) -> None:
+    arms = {f"a{i}": rp.Arm(rr1, pose([1.2 * i, 0.0, 0.0])) for i in range(4)}
+    sim = rp.Simulation(rp.Scene(arms=arms).with_obstacle("floor", FLOOR))
+    (tile,) = sim.tiles
+    sim.step(20)
+    assert tile.proof is not None
+    assert tile.proof.proven == 21
+    assert sim.contacts == ()
+    # A floor that is higher than in the scene is in contact.
+    model = sim.model
+    assert tile.proof is None
+    assert not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    model.geom_pos[tile.world.geom_elements.index("floor"), 2] = 0.3
+    sim.step(1)
+    assert {pair for contact in sim.contacts for pair in contact.pair} >= {"floor", "a0/upper_arm_link"}
+
+
+def test_few_arms_and_loose_bodies_have_no_proofs(rr1: Robot) -> None:
+    arms = {f"a{i}": rp.Arm(rr1, pose([1.2 * i, 0.0, 0.0])) for i in range(4)}
+    scene = rp.Scene(arms=arms)
+    assert rp.Simulation(scene).tiles[0].proof is not None
+    assert rp.Simulation(scene.with_obstacle("ball", rp.Sphere(0.1), [0, 0, 3], mass=1.0)).tiles[0].proof is None
+    assert rp.Simulation(rp.Scene(arms={"a0": arms["a0"]})).tiles[0].proof is None
