@@ -38,6 +38,11 @@ class Stopwatch:
         """Wall time left [s]; below zero when it is used up."""
         return self._budget - self.seconds
 
+    @property
+    def time_left(self) -> float:
+        """The same for what needs some time: a millisecond at least [s]."""
+        return max(self.left, 1e-3)
+
     def cancel(self) -> None:
         """End the search in all threads."""
         self.cancelled = True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from itertools import combinations
 
@@ -15,6 +16,7 @@ from rr1plan.multi import portfolio
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import ends_are_apart, may_touch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.planning import Budget
@@ -54,7 +56,7 @@ def test_diagrams_are_the_same_on_threads(grid: rp.Problem, pools: dict[str, Pat
     paths = [pool.paths[0] for pool in pools.values()]
     pairs = list(combinations(paths, 2))
     alone, threaded = DiagramCache(), DiagramCache()
-    threaded.prepare(pairs * 2, 3)
+    threaded.prepare(pairs * 2, 3, Stopwatch(math.inf))
     met = 0
     for one, two in pairs:
         expected, found = alone.diagram(one, two), threaded.diagram(one, two)
