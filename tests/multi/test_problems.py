@@ -136,7 +136,7 @@ _SUNKEN = """
   <link name="world"/>
   <joint name="bolts" type="fixed"><parent link="world"/><child link="base"/></joint>
   <link name="base"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
-  <link name="arm"><collision><origin xyz="0.2 0 0.2"/><geometry><box size="0.4 0.04 0.04"/></geometry></collision></link>
+  <link name="arm"><collision><origin xyz="0.2 0 0.2"/><geometry><box size="0.4 0.1 0.1"/></geometry></collision></link>
   <joint name="turn" type="revolute">
     <parent link="base"/><child link="arm"/><axis xyz="0 0 1"/><limit lower="-2" upper="2" velocity="1" effort="10"/>
   </joint>

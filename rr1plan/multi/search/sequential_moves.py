@@ -87,7 +87,7 @@ class SequentialMoves:
     # ---- retreats ----------------------------------------------------------------------------
 
     def _retreats(self) -> Array | None:
-        """A configuration for each arm, where it is in the way of few starts and goals, shape (nq,); None if too late."""
+        """A configuration for each arm, in the way of few starts and goals, shape (nq,); None if it is too late."""
         ends = [(one.start, self._goal[columns]) for one, columns in zip(self._single, self._columns, strict=True)]
         placed = [
             [placed_configuration(one.bodies, q) for q in both] for one, both in zip(self._single, ends, strict=True)
