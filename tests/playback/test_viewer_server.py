@@ -239,6 +239,8 @@ def test_show_prints_the_address_and_opens_it_unless_it_is_quiet(
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", opened.append)
     monkeypatch.setenv("DISPLAY", ":0")
+    # Another test may have loaded it, and in notebooks viewers show themselves.
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
     with show(rr1_table, options=rp.ViewOptions(port=0)) as viewer:
         assert capsys.readouterr().out == f"page: {viewer.url}\n"
         assert opened == [viewer.url]
