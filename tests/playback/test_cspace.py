@@ -310,7 +310,7 @@ def test_bad_arguments_are_named(lesson: rp.Scene, rr1_table: rp.Scene) -> None:
         rp.cspace(rr1_table, joints=("elbow", "hand_joint"), resolution=8)
     with pytest.raises(InputError, match="two different ones"):
         rp.cspace(rr1_table, joints=("hand_joint", "hand_joint"), resolution=8)
-    with pytest.raises(InputError, match="6 columns"):
+    with pytest.raises(InputError, match="moves 6 joints of 1 arm"):
         rp.cspace(rr1_table, rp.Problem(rr1_table, None, "home"), resolution=8)
     grid = compute_grid(rp.Scene(arms={"arm": rp.Arm(rp.load_robot("planar2r_limited"))}), resolution=8)
     with pytest.raises(InputError, match="outside the picture"):
