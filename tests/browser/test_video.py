@@ -96,7 +96,10 @@ def test_every_picture_is_of_its_own_moment(
 @pytest.mark.usefixtures("needs_browser")
 def test_the_same_motion_gives_the_same_video(page: FilePath, tmp_path: FilePath) -> None:
     one, other = (save_video(tmp_path / f"{i}.gif", page, size=SIZE, fps=5) for i in range(2))
-    assert one.read_bytes() == other.read_bytes()
+    (first, times), (second, other_times) = pictures(one), pictures(other)
+    assert times == other_times
+    # Edges may be drawn a little otherwise when the processor is busy.
+    assert np.abs(np.asarray(first, dtype=float) - np.asarray(second, dtype=float)).mean() < 1.0
 
 
 @pytest.mark.usefixtures("needs_browser")
