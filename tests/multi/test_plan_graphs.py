@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.multi.execution import route_motion
 from rr1plan.multi.execution.route import RouteSteps
 from rr1plan.multi.execution.temporal_plan_graph import pairs_in_reach
 from rr1plan.multi.timing.coordination import coordination_diagram
 from rr1plan.multi.timing.passing_order import agreed_diagram
 from rr1plan.planning import Budget
-from rr1plan.retiming.path_speed import fastest_speeds
+from rr1plan.retiming.path_blends import Curve
+from rr1plan.retiming.path_speed import Grid, fastest_speeds
 
 _BUDGET = Budget(seconds=60.0)
 Plan = tuple[rp.Problem, rp.ManyArmsResult, rp.PlanGraph]
@@ -263,6 +265,27 @@ def test_executions_of_what_is_not_there_are_refused(ring: Plan, rr1: rp.Robot) 
         rp.execute_plan(graph, problem.scene, gap=-1.0)
     with pytest.raises(rp.UnknownNameError, match="arm03"):
         rp.execute_plan(graph, rp.place_grid(rr1, 1, 2))
+
+
+def test_an_arm_rests_where_no_speed_is_possible_and_goes_on(ring: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, _, graph = ring
+    route = next(route for route in graph.routes if route.segments > 5)
+    before = route.segments - 1
+
+    def slow(curve: Curve, grid: Grid, limits: rp.Limits, first: float = 0.0) -> np.ndarray:
+        x = fastest_speeds(curve, grid, limits, first)
+        if len(grid.piece) == route.segments:
+            x[before] = 0.0
+        return x
+
+    monkeypatch.setattr(route_motion, "fastest_speeds", slow)
+    limits = ring[0].scene.limits(route.arms)
+    motion = route_motion.RouteMotion(route, limits)
+    motion.go_to(route.segments, 0.0)
+    trajectory = motion.trajectory()
+    assert np.isfinite(trajectory.end_time)
+    np.testing.assert_allclose(trajectory(trajectory.end_time), route.gridpoints[-1], atol=1e-9)
+    np.testing.assert_allclose(trajectory(motion.pass_time(before), 1), 0.0, atol=1e-6)
 
 
 def test_a_profile_that_goes_on_from_a_gridpoint_is_the_rest_of_the_whole(ring: Plan) -> None:

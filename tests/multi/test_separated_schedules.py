@@ -105,3 +105,17 @@ def test_an_execution_says_for_whom_arms_wait(rr1: rp.Robot) -> None:
         assert all(graph.waits_for(wait.arm) for _ in wait.others)
     line = rp.timeline(late.trajectory, problem.scene, waits=late.waits)
     assert line.waits
+
+
+def test_arms_of_different_agents_have_an_order_too(rr1: rp.Robot) -> None:
+    problem = rp.ring_swap(rr1, 8, 0.6, rng=2)
+    result = rp.plan_many_arms(problem, rng=2, budget=rp.Budget(seconds=60.0))
+    assert result.trajectory is not None
+    assert sum(len(schedule.arms) > 1 for schedule in result.schedules) > 1
+    at = np.linspace(0.0, result.makespan, 300)
+    for schedule in result.separated.schedules:
+        (arm,) = schedule.arms
+        np.testing.assert_allclose(schedule.trajectory()(at), result.trajectory.select(arm)(at), atol=1e-12)
+    graph = rp.plan_graph(result)
+    late = rp.execute_plan(graph, problem.scene, {"arm04": rp.ArmDelay(start=0.5), "arm05": rp.ArmDelay(slowdown=0.3)})
+    assert rp.validate(late.trajectory, problem.scene, problem).certified

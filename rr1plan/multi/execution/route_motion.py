@@ -181,13 +181,19 @@ class RouteMotion:
         begin = max(self.now, self._hold) if self._x == 0.0 else self.now
         grids, speeds, gridpoints, first = [], [], [], self._x
         station, share = self.segment, self._share
-        stops = [k for k in self.route.stops if self.segment < k < self.limit]
-        for end in [*stops, self.limit]:
+        ends = [*(k for k in self.route.stops if self.segment < k < self.limit), self.limit]
+        while ends:
+            end = ends.pop(0)
             if end <= station:
                 continue
             grid, marks = self._span(station, share, end, first)
             x = fastest_speeds(self.route.curve, grid, self.limits, first)
             x[0] = first
+            resting = next((k for k, speed in zip(marks[:-1], x[1:-1], strict=True) if speed == 0.0 and k >= 0), end)
+            if resting < end:
+                # Where it can only rest another motion begins, which a single segment does not hold otherwise.
+                ends = [resting, end, *ends]
+                continue
             grids.append(grid)
             speeds.append(x[:-1])
             gridpoints += marks

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,12 +103,38 @@ def separate(schedules: Sequence[Schedule]) -> SeparatedSchedules:
     """
     found: list[Schedule] = []
     diagrams: dict[tuple[int, int], Blocked | None] = {}
+    agents: list[range] = []
     for schedule in schedules:
         parts = _separated(schedule)
         first = len(found)
         found += parts.schedules
+        agents.append(range(first, len(found)))
         diagrams |= {(first + i, first + j): known for (i, j), known in parts.diagrams.items()}
+    for k, cut in _ordered(found, agents).items():
+        found[k] = cut
+        diagrams = {both: known for both, known in diagrams.items() if k not in both}
     return SeparatedSchedules(tuple(found), diagrams)
+
+
+def _ordered(schedules: Sequence[Schedule], agents: Sequence[range]) -> dict[int, Schedule]:
+    """Schedules with shorter segments, of those that have no order with one of another agent.
+
+    The segments of single arms are longer than those of a joint path, which has been certified.
+
+    Args:
+        schedules: Of each arm, or of those that stay together.
+        agents: Indices of those that come from one agent.
+    """
+    unordered: dict[int, None] = {}
+    for one, two in combinations(agents, 2):
+        # What two agents of one schedule each pass is what they were scheduled by.
+        for i, j in product(one, two) if max(len(one), len(two)) > 1 else ():
+            blocked = closed_diagram(schedules[i].path, schedules[j].path, 0.0)
+            if blocked is not None and order_between(blocked, schedules[i], schedules[j]) is None:
+                unordered.update({i: None, j: None})
+    wholes = [_JointMotion(schedules[k], route_of(schedules[k]), schedules[k].trajectory()) for k in unordered]
+    parts = _cut_where_simultaneous([whole.projected(whole.schedule.arms) for whole in wholes])
+    return {k: part.schedule for k, part in zip(unordered, parts, strict=True)}
 
 
 def schedules_of_arms(schedule: Schedule) -> dict[str, Schedule]:
