@@ -77,8 +77,9 @@ class SceneBodies:
             index.setdefault(body.element, []).append(i)
         rows = [(i, j) for a, b in scene.checked_pairs for i in index[a] for j in index[b]]
         self.pairs: NDArray[np.int64] = np.array(rows, dtype=np.int64).reshape(-1, 2)
-        rows = ([getattr(body, name) for body in self.bodies] for name in ("center", "half"))
-        self._center, self._half = (np.array(row).reshape(-1, 3) for row in rows)
+        self._center, self._half = (
+            np.array([getattr(body, name) for body in self.bodies]).reshape(-1, 3) for name in ("center", "half")
+        )
         self._radius = np.linalg.norm(self._half, axis=1)
         self._moving = [i for i, b in enumerate(self.bodies) if b.frame.split("/", 1)[0] in self._columns]
 
