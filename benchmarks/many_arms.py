@@ -91,6 +91,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     cells = _cells(results)
     fits = _fits(cells)
     facts = {"robot": args.robot, "reach": f"{args.reach:g} m", "seeds": args.seeds, "limit": f"{args.limit:g} s"}
+    facts |= {"improvement": f"{args.improvement:g} s"} if args.improvement else {}
     parts = [heading("Motions of many arms", facts), *notes, _table(cells), _describe(fits), _failures(results)]
     save(args.out, "many_arms", {"results": results, "cells": cells, "fits": fits}, "\n\n".join(filter(None, parts)))
     _draw_success(args.out / "many_arms_success.png", cells, args.reach)
@@ -107,6 +108,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--radii", type=float, nargs="+", help="of rings, over the reach (default: by their arms)")
     parser.add_argument("--seeds", type=int, default=5, help="problems of each kind")
     parser.add_argument("--limit", type=float, default=60.0, help="budget of a plan [s]")
+    parser.add_argument(
+        "--improvement", type=float, default=0.0, help="time for making plans shorter, within --limit [s]"
+    )
     parser.add_argument("--step", type=float, default=0.0, help="time between Coal's looks [s]; 0: none")
     parser.add_argument("--robot", default="rr1", help="a robot's name or its URDF")
     parser.add_argument("--reach", type=float, default=_REACH, help="of its tool [m]")
@@ -130,7 +134,13 @@ def _tasks(args: argparse.Namespace) -> list[dict[str, Any]]:
         kinds += [{"set": "grid", "arms": n, "share": share} for share in args.spacings for n in args.arms]
     if "shelf" in args.sets:
         kinds.append({"set": "shelf", "arms": 2, "share": _SHELF})
-    common = {"limit": args.limit, "step": args.step, "robot": args.robot, "front": args.front}
+    common = {
+        "limit": args.limit,
+        "improvement": args.improvement,
+        "step": args.step,
+        "robot": args.robot,
+        "front": args.front,
+    }
     return [
         kind | common | {"size": kind["share"] * args.reach, "planner": planner, "seed": args.seed + seed}
         for kind in kinds
@@ -190,7 +200,7 @@ def _measure(task: Mapping[str, Any]) -> dict[str, Any]:
         return _measure_srmp(task, problem)
     plan = _PLANNERS.get(task["planner"], _plan_as_one)
     warm = random_grid(robot, 2, 2.0 * task["size"], 0)
-    found = plan(warm, task | {"limit": 5.0})["trajectory"]
+    found = plan(warm, task | {"limit": 5.0, "improvement": 0.0})["trajectory"]
     if found is not None:
         rp.validate(found, warm.scene)
     begin, cpu = time.perf_counter(), time.process_time()
@@ -213,13 +223,15 @@ def _measure(task: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plan_many(problem: rp.Problem, task: Mapping[str, Any]) -> dict[str, Any]:
-    result = plan_many_arms(problem, rng=task["seed"], budget=rp.Budget(seconds=task["limit"]))
+    budget, more = rp.Budget(seconds=task["limit"]), task["improvement"]
+    improvement = rp.Budget(seconds=more) if more > 0.0 else None
+    result = plan_many_arms(problem, rng=task["seed"], budget=budget, improvement=improvement)
     answer: dict[str, Any] = {"trajectory": result.trajectory, "stages": [group.stage for group in result.groups]}
     if result.trajectory is None:
         return answer | {"failed": result.reason}
     quality = result.quality
     figures = {"makespan": quality.makespan, "ratio": quality.ratio, "waiting": quality.waiting}
-    return answer | figures | {"length": quality.path_length}
+    return answer | figures | {"length": quality.path_length, "first_ratio": result.first.ratio}
 
 
 def _plan_prioritized(problem: rp.Problem, task: Mapping[str, Any]) -> dict[str, Any]:
@@ -326,8 +338,8 @@ def _cells(results: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         solved = [r for r in group if r["solved"]]
         row: dict[str, Any] = {"planner": planner, "set": name, "size": size, "share": group[0]["share"]}
         row |= {"arms": arms, "problems": len(group), "solved": len(solved)}
-        for key in ("seconds", "cpu", "referee", "ratio", "makespan", "waiting", "memory"):
-            row[key] = float(np.median([r[key] for r in solved])) if solved else float("nan")
+        for key in ("seconds", "cpu", "referee", "first_ratio", "ratio", "makespan", "waiting", "memory"):
+            row[key] = float(np.median([r.get(key, np.nan) for r in solved])) if solved else float("nan")
         for key, name in (("seconds", "late"), ("cpu", "late_cpu")):
             row[name] = float(np.quantile([r[key] for r in solved], _LATE)) if solved else float("nan")
         row["refused"] = sum("referee" in r and not r["solved"] for r in group)
@@ -373,12 +385,31 @@ def _describe(fits: Sequence[Mapping[str, Any]]) -> str:
 def _table(cells: Sequence[Mapping[str, Any]]) -> str:
     header = ["planner", "problems", "size [m]", "arms", "solved", "refused", "contacts"]
     header += ["median [s]", "p95 [s]", "CPU [s]", "p95 CPU [s]"]
-    header += ["referee [s]", "makespan / bound", "makespan [s]", "waiting [s]", "memory [MB]", "groups solved by"]
+    header += [
+        "referee [s]",
+        "first plan / bound",
+        "makespan / bound",
+        "makespan [s]",
+        "waiting [s]",
+        "memory [MB]",
+        "groups solved by",
+    ]
     rows = []
     for c in cells:
         share = f"{c['solved']} of {c['problems']}"
         stages = ", ".join(f"{stage} {count}" for stage, count in c["stages"].items()) or "-"
-        keys = ("seconds", "late", "cpu", "late_cpu", "referee", "ratio", "makespan", "waiting", "memory")
+        keys = (
+            "seconds",
+            "late",
+            "cpu",
+            "late_cpu",
+            "referee",
+            "first_ratio",
+            "ratio",
+            "makespan",
+            "waiting",
+            "memory",
+        )
         figures = [number(c[key]) for key in keys]
         rows.append(
             [c["planner"], c["set"], number(c["size"]), c["arms"], share, c["refused"], c["contacts"], *figures, stages]

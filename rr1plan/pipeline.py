@@ -21,7 +21,7 @@ from rr1plan.planners import chosen_planner, plan
 from rr1plan.planners.goal_configurations import joint_goals
 from rr1plan.planners.shortcut import shorten as shorten_path
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
-from rr1plan.planning_constants import CONSTANTS
+from rr1plan.planning_constants import SHORTCUTS, TREES
 from rr1plan.retiming import retime, retiming_names
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
@@ -97,7 +97,7 @@ def plan_motion(
     try:
         with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
-            margin = affordable_margin(problem, (problem.margin or CONSTANTS.margin) if margin is None else margin)
+            margin = affordable_margin(problem, (problem.margin or TREES.margin) if margin is None else margin)
             roomy = problem.with_margin(margin)
             with checker_from_pool(problem.scene, problem.arms, margin) as motions:
                 motions.warm_up()
@@ -116,10 +116,8 @@ def plan_motion(
         try:
             if shorten and not chosen.keeps_shape:
                 with _timed(seconds, "shorten", progress):
-                    stream = seed ^ CONSTANTS.shortcut_stream
-                    path = shorten_path(
-                        path, problem.scene, checker=motions, iterations=CONSTANTS.shortcuts, rng=stream
-                    )
+                    stream = seed ^ SHORTCUTS.stream
+                    path = shorten_path(path, problem.scene, checker=motions, iterations=SHORTCUTS.tries, rng=stream)
             for method in (retiming,) if jerk_limits else dict.fromkeys((retiming, "stop")):
                 with _timed(seconds, "retime", progress):
                     trajectory = retime(
@@ -253,7 +251,7 @@ def affordable_margin(problem: Problem, margin: float) -> float:
             rest = min(rest, max(checker.moving_clearance(q, margin) for q in goals))
     clearance = margin + rest
     return next(
-        (part for part in (margin * 0.5**k for k in range(CONSTANTS.margin_halvings + 1)) if 2.0 * part <= clearance),
+        (part for part in (margin * 0.5**k for k in range(TREES.margin_halvings + 1)) if 2.0 * part <= clearance),
         0.0,
     )
 

@@ -618,12 +618,13 @@ def calls(folder: Path) -> dict[str, Call]:
         "show": (shown_page, {"scene": scene} | shown | live),
         "screenshot": (
             rp.screenshot,
-            {"file": folder / "o.png", "page": folder / "none.html", "size": (9, 9), "time": None, "bare": False},
+            {"file": folder / "o.png", "page": folder / "none.html", "size": (9, 9), "time": None}
+            | {"step": None, "bare": False},
         ),
         "save_video": (
             rp.save_video,
             {"file": folder / "o.gif", "page": folder / "none.html", "size": (9, 9), "fps": 10.0, "speed": 1.0}
-            | {"bare": False, "progress": None},
+            | {"step": None, "bare": False, "progress": None},
         ),
         "save_glb": (
             rp.save_glb,
@@ -816,7 +817,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "ViewOptions": (
             rp.ViewOptions,
             {"title": "x", "view": None, "spheres": False, "panels": (), "play": True, "planner": True}
-            | {"compare": {"other": trajectory}, "tree": None, "clearances": None, "port": 7000, "quiet": False},
+            | {"compare": {"other": trajectory}, "side_by_side": False, "tree": None, "clearances": None}
+            | {"port": 7000, "quiet": False},
         ),
         "Viewer.load": (partial(in_viewer, "load"), {"scene": scene} | shown),
         "Viewer.update": (partial(in_viewer, "update"), {"q": q}),

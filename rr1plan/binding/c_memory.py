@@ -76,7 +76,7 @@ class CStruct:
         """
         layout, size = _layout(self.sources, self.name, tuple(counts.items()))
         room = np.empty(size, np.uint8) if unset else np.zeros(size, np.uint8)
-        begin = _data_of(room)
+        begin = address_of(self.sources, room, "uint8_t")
         first = -begin % _LINE
         for key, part in layout.items():
             setattr(self.value, key, begin + first + part.offset)
@@ -122,31 +122,26 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
     Raises:
         TypeError: `given` is of another type.
     """
-    if isinstance(given, CStruct):
-        if given.name != kind:
-            raise TypeError(f"a {given.name} is no {kind}")
-        return given.address
-    if not isinstance(given, np.ndarray):
+    if isinstance(given, np.ndarray):
+        if not given.flags.c_contiguous:
+            raise TypeError(f"an array for {kind} is not C-contiguous")
+        expected = _DTYPES.get(kind)
+        if expected is None:
+            row = given.itemsize * (given.shape[1] if given.ndim == 2 else 1)
+            size = sources.item_size(kind)
+            if row != size:
+                raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
+        elif given.dtype is not expected and given.dtype != expected:
+            raise TypeError(f"an array of {given.dtype} is not an array of {kind}")
+        if given.flags.writeable and given.size:
+            return ctypes.addressof(_start_of(given))  # a quarter of the time of the general case below
+        address: int = given.__array_interface__["data"][0]
+        return address
+    if not isinstance(given, CStruct):
         raise TypeError(f"a {type(given).__name__} is not an array of {kind}")
-    expected = _DTYPES.get(kind)
-    if not given.flags.c_contiguous:
-        raise TypeError(f"an array for {kind} is not C-contiguous")
-    if expected is None:
-        row = given.itemsize * (given.shape[1] if given.ndim == 2 else 1)
-        size = sources.item_size(kind)
-        if row != size:
-            raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
-    elif given.dtype is not expected and given.dtype != expected:
-        raise TypeError(f"an array of {given.dtype} is not an array of {kind}")
-    return _data_of(given)
-
-
-def _data_of(array: NDArray[Any]) -> int:
-    """Address of an array's first item."""
-    if array.flags.writeable and array.size:
-        return ctypes.addressof(_start_of(array))  # a quarter of the time of the general case below
-    address: int = array.__array_interface__["data"][0]
-    return address
+    if given.name != kind:
+        raise TypeError(f"a {given.name} is no {kind}")
+    return given.address
 
 
 def bound(sources: KernelSources, function: Any, prototype: Prototype) -> Callable[..., Any]:
@@ -212,5 +207,5 @@ def zeroed(sources: KernelSources, kind: str, count: int) -> NDArray[Any]:
     """Zeroed memory for structs (rows of bytes) or numbers, aligned for vectors."""
     item = sources.item_size(kind)
     room = np.zeros(count * item + _LINE, np.uint8)
-    part = _Part(-_data_of(room) % _LINE, count * item, item, _DTYPES.get(kind))
+    part = _Part(-address_of(sources, room, "uint8_t") % _LINE, count * item, item, _DTYPES.get(kind))
     return part.of(room)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from pathlib import Path
 
 import rr1plan as rp
 from rr1plan.checks import known_name
 from rr1plan.cli.console import Console
+from rr1plan.cli.picture_files import film
 from rr1plan.cli.plan import named_query
 from rr1plan.cli.served_page import live_options, serve
 from rr1plan.files.file_access import check_writable
@@ -22,11 +24,11 @@ def lesson(options: Namespace, console: Console) -> int:
         console.result([{"name": name, "title": title} for name, (_, title) in LESSONS.items()])
         return 0
     known_name("lesson", options.lesson, LESSONS)
-    for file in filter(None, (options.html, options.figure)):
+    for file in filter(None, (options.html, options.figure, options.video)):
         check_writable(file)
     with console.progress(f"computing {options.lesson}"):
         made = rp.lesson(options.lesson, *_own(options))
-    if options.html is None and options.figure is None:
+    if options.html is None and options.figure is None and options.video is None:
         return serve(made.show(options=live_options(options)), options, console)
     files = {}
     if options.html is not None:
@@ -34,6 +36,9 @@ def lesson(options: Namespace, console: Console) -> int:
     if options.figure is not None:
         save = made.save_png if options.figure.lower().endswith(".png") else made.save_svg
         files["figure"] = save(options.figure)
+    if options.video is not None:
+        film(made, options, console, step=options.step)
+        files["video"] = Path(options.video)
     for kind, file in files.items():
         console.say(f"{kind}: {file}")
     console.result({"lesson": options.lesson, "files": {kind: str(file) for kind, file in files.items()}})

@@ -157,10 +157,20 @@ def _play(parser: Parser) -> None:
     _topic(parser)
     parser.add_argument("--mode", choices=("dynamic", "kinematic"), default="dynamic", help="(%(default)s)")
     parser.add_argument("--timestep", type=_positive, default=0.002, help="step of the simulator [s] (%(default)s)")
+    parser.add_argument(
+        "--html",
+        type=_named_file,
+        metavar="FILE",
+        help="write a page that plays what was planned and what was simulated",
+    )
+    parser.add_argument(
+        "--side-by-side", action="store_true", help="both in their own pictures, with the same camera and on one clock"
+    )
     _video(parser, "what the simulation did")
+    parser.needs("--side-by-side", "--html", "--video")
     parser.needs("--size", "--video")
     parser.needs("--bare", "--video")
-    parser.different_files(("motion",), "--video")
+    parser.different_files(("motion",), "--html", "--video")
 
 
 def _video(parser: Parser, of: str) -> None:
@@ -242,11 +252,17 @@ def _view(parser: Parser) -> None:
         "--glb", type=_file_of(".glb"), metavar="FILE", help="write an animated 3-D model, for Blender, Unity or VR"
     )
     parser.add_argument("--spheres", action="store_true", help="show the spheres that contain each link")
-    parser.add_argument("--compare", metavar="MOTION", help="another motion file, drawn beside the motion on one clock")
+    parser.add_argument("--compare", metavar="MOTION", help="another motion file, drawn over the motion on one clock")
+    parser.add_argument(
+        "--side-by-side",
+        action="store_true",
+        help="with --compare: each motion in its own picture, with the same camera",
+    )
     _view_from(parser, "of the page")
     files = ("--html", "--png", "--video", "--glb")
     for option in files:
         parser.excludes(option, "--port", "--no-browser")
+    parser.needs("--side-by-side", "--compare")
     parser.needs("--time", "--png")
     parser.needs("--size", "--png", "--video")
     parser.needs("--bare", "--png", "--video")
@@ -280,6 +296,9 @@ def _cspace(parser: Parser) -> None:
     parser.add_argument(
         "--html", type=_file_of(".html"), metavar="FILE.html", help="write an offline page with sliders"
     )
+    _video(parser, "the path, or the growing tree where there is none")
+    parser.needs("--size", "--video")
+    parser.needs("--bare", "--video")
     _view_from(parser, "of the page, with --html", "from above for a planar arm, else one that shows the motion")
     parser.needs("--view", "--html")
     parser.details = lambda: f"{_planners()}\n\n{_EXIT_CODES}"
@@ -293,10 +312,14 @@ def _lesson(parser: Parser) -> None:
     parser.add_argument(
         "--figure", type=_file_of(".png", ".svg"), metavar="FILE", help="write the picture for slides: .png or .svg"
     )
+    _video(parser, "what a step animates")
+    parser.add_argument("--step", type=_count, help="with --video: the step of the lesson (default: the first)")
     parser.add_argument("--port", type=_count, help="port of the page on this machine (default: the next free one)")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
     parser.needs("--query", "--scene")
-    for file in ("--html", "--figure"):
+    for option in ("--step", "--size", "--bare"):
+        parser.needs(option, "--video")
+    for file in ("--html", "--figure", "--video"):
         parser.excludes(file, "--port", "--no-browser")
 
 
@@ -374,6 +397,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
             "rr1plan play motion.json",
             "rr1plan play motion.json --mode kinematic",
             "rr1plan play motion.json --video motion.mp4",
+            "rr1plan play motion.json --html both.html --side-by-side",
         ),
         _play,
     ),
@@ -394,6 +418,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
             "rr1plan view motion.json --html motion.html",
             "rr1plan view motion.json --video motion.gif --size 640 400 --fps 20 --bare",
             "rr1plan view motion.json --png start.png --glb motion.glb",
+            "rr1plan view motion.json --compare other.json --side-by-side",
         ),
         _view,
     ),

@@ -46,7 +46,7 @@ def write_files(
             with console.progress("taking a picture"):
                 rp.screenshot(options.png, page, size=_size(options), time=options.time, bare=options.bare)
         if options.video is not None:
-            _film(page, options, console)
+            film(page, options, console)
     if options.glb is not None:
         with console.progress("writing the 3-D model"):
             rp.save_glb(options.glb, what)
@@ -58,23 +58,28 @@ def write_files(
     )
 
 
-def film_replay(
+def write_replay(
     motion: MotionPlan | SequencePlan, replay: rp.Replay | rp.SequenceReplay, options: Namespace, console: Console
 ) -> None:
-    """Write a video of a simulation."""
+    """Write the page of a motion and its simulation, and a video: of both side by side, or of the simulation alone."""
+    both: Any = motion.save_html
+    look = rp.ViewOptions(side_by_side=options.side_by_side)
+    if options.html is not None:
+        console.say(f"page: {both(options.html, replay=replay, options=look)}")
+    if options.video is None:
+        return
     with tempfile.TemporaryDirectory(prefix="rr1plan-page-") as folder:
         target = Path(folder) / "page.html"
-        if isinstance(motion, SequencePlan):
-            assert isinstance(replay, SequenceReplay)
-            page = motion.save_html(target, replay=replay)
+        if options.side_by_side or isinstance(replay, SequenceReplay):
+            page = both(target, replay=replay, options=look)
         else:
-            assert not isinstance(replay, SequenceReplay)
             page = rp.save_html(target, motion.scene, replay=replay)
-        _film(page, options, console)
+        film(page, options, console)
     console.say(f"video: {options.video}")
 
 
-def _film(page: Path, options: Namespace, console: Console) -> None:
+def film(page: Any, options: Namespace, console: Console, **how: Any) -> None:
+    """Write the video of a page, or of a value that has one."""
     with console.progress("filming") as advance:
         rp.save_video(
             options.video,
@@ -84,6 +89,7 @@ def _film(page: Path, options: Namespace, console: Console) -> None:
             speed=options.speed,
             bare=options.bare,
             progress=told_to(advance),
+            **how,
         )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds
-from rr1plan.cli.picture_files import film_replay
+from rr1plan.cli.picture_files import write_replay
 from rr1plan.cli.plan import told_to
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.files.file_access import check_writable
@@ -29,8 +29,8 @@ def validate(options: Namespace, console: Console) -> int:
 
 def play(options: Namespace, console: Console) -> int:
     """Replay a saved motion in MuJoCo."""
-    if options.video is not None:
-        check_writable(options.video)
+    for file in filter(None, (options.html, options.video)):
+        check_writable(file)
     motion = saved_motion(options.motion, options, console)
     try:
         trajectory = motion.trajectory
@@ -50,8 +50,7 @@ def play(options: Namespace, console: Console) -> int:
     console.say(str(replay))
     said = replay.to_dict()
     console.say(f"  it took {milliseconds(said['wall_seconds'])}")
-    if options.video is not None:
-        film_replay(motion, replay, options, console)
+    write_replay(motion, replay, options, console)
     console.result({**said, **about(motion)})
     return 0 if replay else 4
 

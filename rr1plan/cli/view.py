@@ -9,7 +9,7 @@ from pathlib import Path
 import rr1plan as rp
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console, milliseconds
-from rr1plan.cli.picture_files import check_files, write_files
+from rr1plan.cli.picture_files import check_files, film, write_files
 from rr1plan.cli.plan import named_query, page_options, summary, told_to, words
 from rr1plan.cli.saved_motions import saved_motion, say_changes
 from rr1plan.cli.served_page import live_options, serve
@@ -71,7 +71,8 @@ def view(options: Namespace, console: Console) -> int:
     look, in_files = page_options(options), check_files(options)
     scene, motion = _what(options, console)
     if options.compare is not None:
-        look = replace(look or rp.ViewOptions(), compare=_other(motion, options, console))
+        other = _other(motion, options, console)
+        look = replace(look or rp.ViewOptions(), compare=other, side_by_side=options.side_by_side)
     if in_files:
         write_files(scene, motion, options, look, console)
         return 0
@@ -153,6 +154,9 @@ def cspace(options: Namespace, console: Console) -> int:
             kind: picture.save_html(file, options=look) if kind == "page" else picture.save(file)
             for kind, file in pictures.items()
         }
+    if options.video is not None:
+        film(picture, options, console)
+        files["video"] = Path(options.video)
     console.say(str(picture))
     if result is not None:
         found = result.reason if result.path is None else f"path found in {milliseconds(result.seconds)}"
@@ -191,8 +195,8 @@ def _pictures(options: Namespace, scene: rp.Scene) -> dict[str, str]:
         InputError: one cannot be written.
     """
     asked = {kind: getattr(options, kind) for kind in ("png", "svg", "pdf", "html")}
-    if not any(asked.values()):
+    if not any(asked.values()) and options.video is None:
         asked["png"] = f"{scene.name}-cspace.png"
-    for file in filter(None, asked.values()):
+    for file in filter(None, (*asked.values(), options.video)):
         check_writable(file)
     return {"page" if kind == "html" else kind: file for kind, file in asked.items() if file}

@@ -244,7 +244,7 @@ class CollisionChecker(CoalChecker):
             chosen = counts[self.solid_owner]
             tables = self.tables
             tables = tables._replace(pairs=tables.pairs[chosen], padding=tables.padding[chosen])
-            self._without[arms] = ExactKernel(tables, self.nq, self.exact_kernel.struct)
+            self._without[arms] = self.exact_kernel.of_pairs(tables)
         return self._without[arms]
 
     def edge_is_free(self, q0: ArrayLike, q1: ArrayLike) -> bool:

@@ -278,7 +278,8 @@ class CoalChecker:
     @cached_property
     def exact_kernel(self) -> ExactKernel:
         """The exact kernel of those pairs."""
-        return ExactKernel(self.tables, self.nq, arm_exact_struct(self.geometry.instances))
+        like, static = arm_exact_struct(self.geometry.instances), len(self.pair_tables.static)
+        return ExactKernel(self.tables, self.nq, like, static)
 
     def solid_distances(self, q: ArrayLike, pairs: NDArray[np.intp] | None = None) -> Array:
         """Distance of every pair in `solid_pairs`, or of these of them [m], negative where they overlap, shape (m,).
@@ -359,7 +360,7 @@ class CoalChecker:
         if tables is None:
             beyond = self._static.distances - self.padding
             return min(most, float(beyond.min()))
-        return ExactKernel(tables, self.nq, self.exact_kernel.struct).least_clearance(np.zeros(self.nq), most)
+        return self.exact_kernel.of_pairs(tables).least_clearance(np.zeros(self.nq), most)
 
     @cached_property
     def _static(self) -> StaticPairs:

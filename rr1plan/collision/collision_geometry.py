@@ -23,16 +23,16 @@ from numpy.typing import NDArray
 from rr1plan.checks import read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, arm_geometry
 from rr1plan.collision.arm_instances import ArmInstances, arm_instances
-from rr1plan.collision.convex.convex_bodies import is_surfaceless
 from rr1plan.collision.obstacle_geometry import obstacle_geometry, stationary_arm_geometry
 from rr1plan.collision.reach_broad_phase import Near, find_near
 from rr1plan.errors import InputError
-from rr1plan.kernels.planner_kernels import load_library
+from rr1plan.kernels.planner_kernels import SOURCES, constants, load_library
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Attachment, Scene
 from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
 
 _INTS = NDArray[np.int64]
+_SIZE_NUMBERS = SOURCES.item_size("ShapeSize") // 8
 
 
 class CollisionGeometry:
@@ -71,8 +71,10 @@ class CollisionGeometry:
         self.obstacles = (*standing, *[all_obstacles[name] for name in near.obstacles])
         self.rules = _rules(scene, near, arms)
         elements = tuple(chain.from_iterable([thing.elements for thing in self.obstacles]))
-        surfaceless = tuple([is_surfaceless(shape) for thing in self.obstacles for shape in thing.shapes])
-        self.pairs = _solid_pairs(_PairContent(self.instances, arms, self.rules, elements, surfaceless))
+        sizes = b"".join([thing.sizes for thing in self.obstacles])
+        # Half-spaces, point clouds and concave meshes are the last kinds.
+        surfaceless = np.frombuffer(sizes, np.int64)[::_SIZE_NUMBERS] >= constants()["BODY_HALF_SPACE"]
+        self.pairs = _solid_pairs(_PairContent(self.instances, arms, self.rules, elements, surfaceless.tobytes()))
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
@@ -105,7 +107,7 @@ def _rules(scene: Scene, near: Near, moving: Sequence[str]) -> ContactRules:
     if near.near_pairs is None:
         return scene.contact_rules
     held = [(name, thing) for name, thing in scene.attachments.items() if thing.arm in set(arms)]
-    links = [(f"{a}/{link.name}", a) for a in arms for link in scene.arms[a].robot.links if link.collisions]
+    links = [(f"{a}/{link}", a) for a in arms for link in scene.arms[a].robot.solid_links]
     owners = [*links, *((name, None) for name in near.obstacles), *((name, thing.arm) for name, thing in held)]
     names = {name for name, _ in owners} | set(arms)
     # Links of one arm are no near pair unless it moves.
@@ -160,14 +162,14 @@ class _PairContent:
         arms: Their names.
         rules: Which elements must not touch.
         elements: The element of each solid that does not move.
-        surfaceless: Which of these solids are half-spaces, point clouds or concave meshes.
+        surfaceless: Which of these solids are half-spaces, point clouds or concave meshes, as bytes of bool.
     """
 
     instances: ArmInstances
     arms: tuple[str, ...]
     rules: ContactRules
     elements: tuple[str, ...]
-    surfaceless: tuple[bool, ...]
+    surfaceless: bytes
 
 
 @lru_cache(maxsize=128)
@@ -178,7 +180,7 @@ def _solid_pairs(content: _PairContent) -> SolidPairs:
     elements, element_count = np.array([number[name] for name in (*moving, *content.elements)], np.int64), len(number)
     chains = np.zeros(len(elements), np.int64)
     chains[: len(instances.groups)] = instances.groups
-    surfaceless = np.array([*instances.surfaceless, *content.surfaceless], np.bool_)
+    surfaceless = np.array([*instances.surfaceless, *np.frombuffer(content.surfaceless, np.bool_)], np.bool_)
     sizes = np.bincount(elements, minlength=element_count)
     count = int(sizes[checked[:, 0]] @ sizes[checked[:, 1]])
     order, first = np.empty(len(elements), np.int64), np.empty(element_count + 1, np.int64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -48,12 +49,19 @@ class ExactKernel:
         tables: The bodies and pairs.
         columns: Number of columns of q.
         like: See `exact_struct`.
+        pairs: See `exact_scratch`.
     """
 
-    def __init__(self, tables: ExactTables, columns: int, like: CStruct | None = None) -> None:
+    def __init__(self, tables: ExactTables, columns: int, like: CStruct | None = None, pairs: int = 0) -> None:
         self.struct = exact_struct(tables, columns, like)
-        self.scratch = exact_scratch(tables, columns)
+        self.scratch = exact_scratch(tables, columns, pairs=pairs)
         self._least_clearance = load_library().rr1_least_clearance
+
+    def of_pairs(self, tables: ExactTables) -> ExactKernel:
+        """The kernel of other pairs of the same bodies, no more than its memory serves, in the same memory."""
+        other = copy(self)
+        other.struct = exact_struct(tables, self.struct.value.column_count, self.struct)
+        return other
 
     def least_clearance(self, q: Array, most: float) -> float:
         """The least distance of any pair beyond its padding [m], `most` at most; -inf where bodies overlap deeply.

@@ -18,6 +18,9 @@ from rr1plan.scene import Obstacle
 from rr1plan.shapes import Mesh, PointCloud, Shape
 from rr1plan.transforms import identity
 
+# Shapes that are checked as others; see `obstacle_pieces`.
+_MADE_SOLID = (Mesh, PointCloud)
+
 
 class ObstacleGeometry:
     """An object that does not move, as solids.
@@ -36,7 +39,7 @@ class ObstacleGeometry:
 
     def __init__(self, elements: Sequence[str], shapes: Sequence[Shape], frames: bytes, pose: Array) -> None:
         self.elements, self.shapes, self.frames, self.pose = elements, shapes, frames, pose
-        self.sizes = b"".join([shape_size(shape) for shape in shapes])
+        self.sizes = b"".join(map(shape_size, shapes))
 
     def at(self, pose: Array, elements: Sequence[str] | None = None) -> ObstacleGeometry:
         """The same object elsewhere, with the same elements by default: T_world_object, shape (4, 4)."""
@@ -64,11 +67,14 @@ def obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
     Raises:
         InputError: a shape that cannot be made solid.
     """
+    first, *more = obstacle.geometries
+    if not more and not isinstance(first.shape, _MADE_SOLID):
+        return ObstacleGeometry((name,), (first.shape,), first.pose.tobytes(), obstacle.pose)
     shapes: list[Shape] = []
     frames: list[bytes] = []
     for geometry in obstacle.geometries:
         shape, frame = geometry.shape, geometry.pose.tobytes()
-        for piece in pieces_of(name, shape, obstacle_pieces) if isinstance(shape, Mesh | PointCloud) else (shape,):
+        for piece in pieces_of(name, shape, obstacle_pieces) if isinstance(shape, _MADE_SOLID) else (shape,):
             shapes.append(piece)
             frames.append(frame)
     return ObstacleGeometry([name] * len(shapes), shapes, b"".join(frames), obstacle.pose)

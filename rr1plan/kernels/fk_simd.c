@@ -99,11 +99,10 @@ NOINLINE void place_frames(f64x8 t, const SceneTables *scene, Scratch *scratch) 
         int prismatic = arm->joints[j].prismatic == 1;
         f64x8 rate = t * (2.0 * motion->bend) + motion->rate;
         f64x8 value = t * (t * motion->bend + motion->rate) + motion->begin;
-        f64x8 zero = splat(0.0);
-        SineLanes turn = {zero, splat(1.0)};
+        // A joint that slides does not turn, and the other way round.
+        SineLanes turn = {splat(0.0), splat(1.0)};
         if (!prismatic) turn = sine_cosine_lanes(value);
-        f64x8 turn_rate = prismatic ? zero : rate, slide_rate = prismatic ? rate : zero;
-        f64x8 slide = prismatic ? value : zero;
+        const f64x8 *w = parent->angular, *v = parent->linear;
         f64x8 offset[3];
         for (int r = 0; r < 3; r++) {
             f64x8 a = parent->rotation[3 * r], b = parent->rotation[3 * r + 1], c = parent->rotation[3 * r + 2];
@@ -114,18 +113,20 @@ NOINLINE void place_frames(f64x8 t, const SceneTables *scene, Scratch *scratch) 
             frame->rotation[3 * r] = x * turn.cosine + y * turn.sine;
             frame->rotation[3 * r + 1] = y * turn.cosine - x * turn.sine;
             frame->rotation[3 * r + 2] = z;
-            offset[r] = a * p[0] + b * p[1] + c * p[2] + z * slide;
+            offset[r] = a * p[0] + b * p[1] + c * p[2];
+            if (prismatic) offset[r] = offset[r] + z * value;
             frame->origin[r] = parent->origin[r] + offset[r];
-            frame->angular[r] = parent->angular[r] + z * turn_rate;
+            frame->angular[r] = prismatic ? w[r] : w[r] + z * rate;
         }
-        const f64x8 *w = parent->angular, *v = parent->linear;
         f64x8 across[3] = {
             w[1] * offset[2] - w[2] * offset[1],
             w[2] * offset[0] - w[0] * offset[2],
             w[0] * offset[1] - w[1] * offset[0],
         };
-        for (int r = 0; r < 3; r++)
-            frame->linear[r] = v[r] + across[r] + frame->rotation[3 * r + 2] * slide_rate;
+        for (int r = 0; r < 3; r++) {
+            frame->linear[r] = v[r] + across[r];
+            if (prismatic) frame->linear[r] = frame->linear[r] + frame->rotation[3 * r + 2] * rate;
+        }
     }
 }
 

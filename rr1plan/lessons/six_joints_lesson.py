@@ -179,7 +179,8 @@ def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple
             "A point in six dimensions",
             """<p>RR1 has six joints: a configuration is a point in a box of six dimensions, and obstacles are bodies in
             there. What can be drawn is a <b>slice</b>: two joints move, four stand still. In the slice everything is
-            as in the lessons on two joints. Click into it, and choose other joints above.</p>""",
+            as in the lessons on two joints. Click into it, and choose other joints above.</p>
+            <p>Drag an obstacle or a link of the arm: the images follow.</p>""",
             home,
         ),
         LessonStep(

@@ -46,6 +46,8 @@ _IMPROVEMENTS = 6  # rounds for each group
 _SEARCH = "conflict_based_search"
 _METHODS = ("portfolio", _SEARCH)
 _CANCELLED = "the progress callback returned False"
+# Share of the budget that is kept for what cannot be interrupted, and most of it [s].
+_RESERVE, _MOST_RESERVE = 0.05, 0.1
 _POLL = 0.05  # time between two looks at what threads do [s]
 
 
@@ -189,7 +191,8 @@ def plan_many_arms(
         check_question(problem, improvement, progress)
     known_name("method", method, _METHODS)
     timing = HopTiming(retiming, torque_limits)
-    watch = Stopwatch((budget or Budget()).seconds, progress)
+    seconds = (budget or Budget()).seconds
+    watch = Stopwatch(seconds - min(_RESERVE * seconds, _MOST_RESERVE), progress)
     generator = as_generator(rng)
     largest = finite_number("margin", (problem.margin or MARGINS[0]) if margin is None else margin)
     if largest < 0.0:
@@ -313,14 +316,14 @@ class _GroupSearch:
         """Arms whose first paths meet: by boxes, and in large groups by diagrams, which are needed there anyway."""
         paths = {arm: pool.paths[0] for arm, pool in self._pools.items()}
         groups = []
-        for group in meeting_groups(paths, self._near, self._diagrams):
+        for group in meeting_groups(paths, self._near, self._diagrams, watch=self._watch):
             own = {arm: paths[arm] for arm in group}
             if len(group) <= COUPLED_FIRST:
                 groups.append(group)
                 continue
             pairs = [(own[a], own[b]) for a, b in combinations(own, 2) if b in self._near[a]]
-            self._diagrams.prepare(pairs, _processors())
-            groups += meeting_groups(own, self._near, self._diagrams, exactly=True)
+            self._diagrams.prepare(pairs, _processors(), self._watch)
+            groups += meeting_groups(own, self._near, self._diagrams, exactly=True, watch=self._watch)
         return groups
 
     def _planner(self, group: tuple[str, ...]) -> PrioritizedPlanner:
@@ -352,7 +355,7 @@ class _GroupSearch:
         owner = {arm: planner for planner in planners for arm in planner.arms}
         paths = {arm: s.path for p in planners for agent, s in p.schedules.items() for arm in agent.arms}
         again: list[PrioritizedPlanner] = []
-        for group in meeting_groups(paths, self._near, self._diagrams, exactly=True):
+        for group in meeting_groups(paths, self._near, self._diagrams, exactly=True, watch=self._watch):
             first, *others = dict.fromkeys(owner[arm] for arm in group)
             # A group may have parts that do not meet.
             if not others:

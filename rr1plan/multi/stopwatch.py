@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from copy import copy
 
 from rr1plan.planning import Progress, ProgressCallback
 
@@ -37,6 +38,21 @@ class Stopwatch:
     def left(self) -> float:
         """Wall time left [s]; below zero when it is used up."""
         return self._budget - self.seconds
+
+    @property
+    def time_left(self) -> float:
+        """The same for what needs some time: a millisecond at least [s]."""
+        return max(self.left, 1e-3)
+
+    def with_deadline(self, seconds: float) -> Stopwatch:
+        """The same clock, of which no more than some time is left.
+
+        Args:
+            seconds: That time [s].
+        """
+        other = copy(self)
+        other._budget = min(self._budget, self.seconds + seconds)
+        return other
 
     def cancel(self) -> None:
         """End the search in all threads."""

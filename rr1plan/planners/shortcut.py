@@ -22,13 +22,13 @@ from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.path import Path
-from rr1plan.planning_constants import CONSTANTS
+from rr1plan.planning_constants import SHORTCUTS
 from rr1plan.scene import Scene
 
 _MOST_ITERATIONS = 1_000_000
 _MOST_SMOOTH = 10
-# Steps of the compiled loop between two clock readings.
-_CHUNK = 128
+# Steps of the compiled loop between two clock readings, times the number of joints.
+_CHUNK = 896
 # Attempts to cut a corner, each at half the distance of the one before.
 _CLOSER = 4
 
@@ -112,14 +112,12 @@ class _Shortener:
         # The kernel skips pairs without relative motion; if one of them collides, no edge is free.
         if not self._checker.static_is_free:
             self._deadline = -math.inf
-        call = load_library().rr1_shorten
+        call, chunk = load_library().rr1_shorten, max(1, _CHUNK // self._points.shape[1])
         over = done = False
         while not (over or done):
             over = self._expired()
-            steps = 0 if over else _CHUNK
-            done = bool(
-                call(self._path, self._state, steps, iterations, CONSTANTS.shortcut_patience, *self._checker.context)
-            )
+            steps = 0 if over else chunk
+            done = bool(call(self._path, self._state, steps, iterations, SHORTCUTS.patience, *self._checker.context))
         self._checker.edges_checked += self._path.value.edges
 
     def waypoints(self) -> Array:

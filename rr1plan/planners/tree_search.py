@@ -14,7 +14,7 @@ from rr1plan.kernels.planner_kernels import CStruct, address_of, constants, load
 from rr1plan.kernels.random_state import RandomState, random_state
 from rr1plan.planners.planning_query import NO_LIMIT, Pace, Query
 from rr1plan.planning import SearchTree
-from rr1plan.planning_constants import CONSTANTS
+from rr1plan.planning_constants import TREES
 
 _SHORTEST = 1e-4  # smallest allowed step, as a share of the diagonal
 _CAPACITY = 256  # initial capacity of each tree in vertices
@@ -39,7 +39,7 @@ class TreeSearch:
     def __init__(self, query: Query, step: float = 0.0) -> None:
         self.query = query
         diagonal = query.space.diagonal
-        self._step, self._domain = step or CONSTANTS.tree_step * diagonal, CONSTANTS.tree_domain * diagonal
+        self._step, self._domain = step or TREES.step * diagonal, TREES.domain * diagonal
         if self._step < _SHORTEST * diagonal:
             raise InputError(f"range is {step:g}, expected at least {_SHORTEST * diagonal:.3g} for these joints")
         self.state = random_state(query.seed)

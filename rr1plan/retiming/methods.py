@@ -18,7 +18,7 @@ from rr1plan.checks import Array, finite_number, known_name, of_kind, positive_n
 from rr1plan.errors import InputError, RetimingError
 from rr1plan.model import Kinematics
 from rr1plan.path import Path
-from rr1plan.planning_constants import CONSTANTS
+from rr1plan.planning_constants import BLENDS
 from rr1plan.retiming.check_limits import check_limits
 from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, curves
 from rr1plan.retiming.path_speed import time_polyline
@@ -50,7 +50,7 @@ def retime(
     torque_limits: bool = False,
     velocity_scale: float = 1.0,
     acceleration_scale: float = 1.0,
-    max_blend: float = CONSTANTS.max_blend,
+    max_blend: float = BLENDS.largest,
 ) -> Trajectory:
     """Time a path under the limits of its arms, from rest to rest.
 

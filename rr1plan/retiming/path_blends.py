@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, Value
 from rr1plan.kernels.planner_kernels import load_library
-from rr1plan.planning_constants import CONSTANTS
+from rr1plan.planning_constants import BLENDS
 
-DUPLICATE = CONSTANTS.duplicate
+DUPLICATE = BLENDS.duplicate
 """Waypoints closer than this to another one or to the line between their neighbors are dropped [rad]."""
 
-HALVINGS = CONSTANTS.blend_halvings
+HALVINGS = BLENDS.halvings
 """Number of halvings of a blend after which the motion stops at its corner."""
 
 
@@ -74,12 +74,12 @@ def blend_sizes(points: Array, max_blend: float, checker: CurveChecker | None) -
     """
     sizes = np.empty(len(points))
     length = load_library().rr1_largest_blends(
-        points, *points.shape, max_blend, CONSTANTS.blend_reversal, CONSTANTS.smallest_blend, sizes
+        points, *points.shape, max_blend, BLENDS.reversal, BLENDS.smallest, sizes
     )
     if checker is not None:
         for i, size in enumerate(sizes.tolist()):
             if size > 0.0:
-                sizes[i] = _certified_size(points, i, size, CONSTANTS.smallest_blend * length, checker)
+                sizes[i] = _certified_size(points, i, size, BLENDS.smallest * length, checker)
     return sizes
 
 

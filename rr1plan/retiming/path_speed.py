@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.errors import RetimingError
 from rr1plan.kernels.planner_kernels import CStruct, constants, load_library
-from rr1plan.planning_constants import CONSTANTS
+from rr1plan.planning_constants import TIMING
 from rr1plan.retiming.path_blends import DUPLICATE, Curve
 from rr1plan.retiming.timed_pieces import Pieces
 from rr1plan.robot.joint_limits import Limits
 
-_STEP = CONSTANTS.time_step
+_STEP = TIMING.step
 # Initial sizes of the arena and of the arrays of timed pieces; both are doubled on demand.
 _ARENA = 1 << 16
 _PIECES = 256

@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from rr1plan.checks import Array
-from rr1plan.planning_constants import CONSTANTS
+from rr1plan.planning_constants import TIMING
 from rr1plan.retiming.polynomial_extrema import peaks
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.trajectory import Trajectory
 
-SHORTEST = CONSTANTS.shortest_piece
+SHORTEST = TIMING.shortest_piece
 """Shorter pieces [s] are dropped: their durations are below the rounding error of the breaks."""
 
 

@@ -105,6 +105,11 @@ class Robot(Value, NotebookView):
         return tuple(link.name for link in self.links)
 
     @cached_property
+    def solid_links(self) -> tuple[str, ...]:
+        """Names of the links with a collision shape."""
+        return tuple(link.name for link in self.links if link.collisions)
+
+    @cached_property
     def bodies(self) -> tuple[tuple[Link, ...], ...]:
         """Groups of links connected by fixed joints, each one rigid body; the base's group is the first."""
         found = {self.base: [self.links[0]]}
@@ -121,7 +126,7 @@ class Robot(Value, NotebookView):
         A link fixed to one with a collision shape, and a frame without a visual, do not count. If the robot has no
         collision shape, all links count.
         """
-        if not any(link.collisions for link in self.links):
+        if not self.solid_links:
             return self.link_names
         bare = (body for body in self.bodies if not any(link.collisions for link in body))
         return tuple(link.name for body in bare for link in body if link.visuals)

@@ -98,7 +98,7 @@ class SceneContent(Value, NotebookView):
     @cached_property
     def element_names(self) -> tuple[str, ...]:
         """Elements with collision geometry: "arm/link" of links with a shape, obstacles, attached objects."""
-        links = [f"{a}/{link.name}" for a, arm in self.arms.items() for link in arm.robot.links if link.collisions]
+        links = [f"{a}/{link}" for a, arm in self.arms.items() for link in arm.robot.solid_links]
         return (*links, *self.obstacles, *self.attachments)
 
     def arm(self, name: str) -> Arm:
@@ -136,7 +136,7 @@ class SceneContent(Value, NotebookView):
         """
         if arms is None:
             return tuple(self.arms)
-        if isinstance(arms, str) or not isinstance(arms, Sequence):
+        if isinstance(arms, str) or not isinstance(arms, (tuple, Sequence)):  # tuples are found faster
             raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
         for name in arms:
             self.arm(name)
@@ -144,7 +144,7 @@ class SceneContent(Value, NotebookView):
             raise InputError(_NO_ARM)
         if not arms or len(set(arms)) != len(arms):
             raise InputError(f"arms is {shown(tuple(arms))}, expected distinct names, at least one")
-        return tuple(name for name in self.arms if name in arms)
+        return tuple([name for name in self.arms if name in arms])
 
     def joint_names(self, arms: Sequence[str] | None = None) -> tuple[str, ...]:
         """Column names "arm/joint" of those arms, in order."""
@@ -246,7 +246,7 @@ class SceneContent(Value, NotebookView):
     def contact_rules(self) -> ContactRules:
         """The pairs of elements that must not touch, shared by scenes with equal rules."""
         names, held = self.element_names, self.attachments.items()
-        links = [name for name, arm in self.arms.items() for link in arm.robot.links if link.collisions]
+        links = [name for name, arm in self.arms.items() for _ in arm.robot.solid_links]
         content = RuleContent(
             names,
             (*links, *[None] * len(self.obstacles), *(thing.arm for thing in self.attachments.values())),

@@ -132,7 +132,7 @@ def _build(content: _Content) -> ArmTables:
         chains.append((*chains[carrier], len(joints)))
         joints.append((carrier, SLIDES if joint.kind == "prismatic" else TURNS, drive.column))
         frames.append(_frame(T @ joint.origin, joint, drive))
-    links = tuple(link.name for link in robot.links if link.collisions)
+    links = robot.solid_links
     elements = [(link.name, link.collisions, np.eye(4)) for link in robot.links if link.collisions]
     elements += [(held.link, held.geometries, np.frombuffer(held.pose).reshape(4, 4)) for held in content.held]
     poses = [carriers[link][1] @ T for link, _, T in elements]

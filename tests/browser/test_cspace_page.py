@@ -388,7 +388,7 @@ def test_a_live_page_redraws_both_spaces_for_another_scene(tab: Any, rr1_table: 
         seen("RR1.lesson.cells.n", 16)
         assert tab.page.locator("[data-tool=elbow]").is_hidden()
         assert "lesson" not in (tab.page.locator("body").get_attribute("class") or "")
-        assert tab.page.locator(".pair").inner_text().count("shoulder_joint") == 1
+        assert tab.page.locator(".pair.shown").inner_text().count("shoulder_joint") == 1
         chosen = np.array(tab.ask("RR1.document.camera.direction"))
         np.testing.assert_allclose(looked_from(tab), chosen / np.linalg.norm(chosen), atol=1e-2)
         viewer.load(first)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser.conftest import Tab
 
 import rr1plan as rp
 from rr1plan.playback.viewer.page_capture import wait_until
@@ -27,13 +28,23 @@ def page_file(lesson: rp.Lesson, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return lesson.save_html(tmp_path_factory.mktemp("lesson") / f"{lesson.name}.html")
 
 
-@pytest.fixture
-def page(tab: Any, page_file: Path) -> Iterator[Any]:
+@pytest.fixture(scope="module")
+def opened(browser: Any, page_file: Path) -> Iterator[Any]:
+    tab = Tab(browser.new_page())
     tab.page.set_viewport_size({"width": 1280, "height": 720})
-    tab.open(page_file, READY)
+    tab.open(page_file, f"{READY} && Boolean(RR1.planner || RR1.noPlanner || !RR1.document.planner)")
     yield tab
-    assert tab.complaints == []
-    assert [url for url in tab.requests if not url.startswith(("file:", "data:", "blob:"))] == []
+    tab.page.close()
+
+
+@pytest.fixture
+def page(opened: Any) -> Iterator[Any]:
+    """The page at its first step."""
+    opened.page.set_viewport_size({"width": 1280, "height": 720})
+    opened.ask("document.activeElement.blur(), RR1.pause(), RR1.steps.go(1), RR1.steps.go(0)")
+    yield opened
+    assert opened.complaints == []
+    assert [url for url in opened.requests if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
 def test_arrow_keys_walk_all_steps(page: Any, lesson: rp.Lesson) -> None:
@@ -61,9 +72,58 @@ def test_buttons_walk_too_and_end_at_the_ends(page: Any, lesson: rp.Lesson) -> N
     assert page.page.locator("#panel-steps output").inner_text() == f"{len(lesson.steps)} / {len(lesson.steps)}"
 
 
+@pytest.mark.parametrize("lesson", ["kinematics"], indirect=True)
 def test_the_address_names_the_first_step(tab: Any, page_file: Path) -> None:
     tab.open(f"{page_file.as_uri()}#step=3", READY)
     assert tab.ask("RR1.steps.index") == 2
+
+
+# Of each lesson with an animation a step that has one, and what it changes.
+ANIMATIONS = {
+    "no_path": ("planner", "RR1.lesson.grown"),
+    "planning": ("rrt", "RR1.search.at"),
+    "motion": ("blend", "RR1.timing.share"),
+    "continuous_checking": ("halving", "RR1.edge.shown"),
+    "two_arms": ("orders", "RR1.pair.time"),
+}
+
+
+@pytest.mark.parametrize("lesson", ANIMATIONS, indirect=True)
+def test_animations_are_paused_and_stepped_by_keyboard_and_filmed(page: Any, lesson: rp.Lesson) -> None:
+    step, value = ANIMATIONS[lesson.name]
+    page.ask("RR1.steps.go(0)")
+    while page.ask("RR1.steps.name") != step:
+        page.page.keyboard.press("ArrowRight")
+    # What a video shows: nothing at the begin, everything at the end.
+    page.ask("RR1.film.show(RR1.film.end)")
+    last = page.ask(value)
+    page.ask("RR1.film.show(RR1.film.start)")
+    first = page.ask(value)
+    assert 2.0 < page.ask("RR1.film.end") < 20.0
+    assert first < last
+    runs = "g" if lesson.name == "no_path" else "Space"
+    page.page.keyboard.press(runs)
+    wait_until(page.page, f"{value} > {first}")
+    page.page.keyboard.press(runs)
+    paused = page.ask(value)
+    page.picture()
+    assert page.ask(value) == paused
+    page.page.keyboard.press(".")
+    after = page.ask(value)
+    assert paused < after <= last or paused == last
+    page.page.keyboard.press(",")
+    assert page.ask(value) == pytest.approx(paused)
+
+
+def test_the_keys_of_a_step_are_listed(page: Any, lesson: rp.Lesson) -> None:
+    page.page.click("#panel-steps [data-help]")
+    words = page.page.locator("#help").inner_text()
+    page.page.keyboard.press("Escape")
+    assert "The next step" in words
+    assert "Look at everything" in words
+    # What does nothing here is not listed.
+    assert ("Run the schedule" in words) == (lesson.name == "two_arms")
+    assert ("Grow the search" in words) == (lesson.name == "planning")
 
 
 def test_moving_a_joint_moves_the_arm_in_every_step(page: Any, lesson: rp.Lesson) -> None:

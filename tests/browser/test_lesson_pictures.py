@@ -232,6 +232,35 @@ def test_slices_of_all_pairs_of_joints_are_those_of_the_checker(page: tuple[Any,
 
 
 @pytest.mark.parametrize("page", ["six_joints"], indirect=True)
+def test_the_slice_follows_an_obstacle_that_is_dragged(page: tuple[Any, Any]) -> None:
+    tab, lesson = page
+    go_to(tab, "slices")
+    before = cells(tab, "slices")
+    x, y = tab.ask(
+        """() => {
+            const center = RR1.world.boxAround("crate").getCenter(new RR1.THREE.Vector3());
+            const at = RR1.editing.picker.project(center);
+            return [at.x, at.y];
+        }"""
+    )
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x - 25, y + 30, steps=4)
+    tab.page.mouse.up()
+    wait_until(tab.page, "!RR1.slices.waiting")
+    after = cells(tab, "slices")
+    assert (before != after).any()
+    pose = np.reshape(tab.ask("Array.from(RR1.planner.obstaclePose('crate'))"), (4, 4)).T
+    checker = rp.CollisionChecker(lesson.scene.with_obstacle_at("crate", pose))
+    q, count, limits = np.array(tab.ask("Array.from(RR1.q)")), round(len(after) ** 0.5), lesson.checker.limits
+    wide = (limits.upper - limits.lower)[[0, 2]] / count
+    changed = np.flatnonzero(before != after)
+    for cell in np.random.default_rng(0).choice(changed, 40):
+        q[[0, 2]] = limits.lower[[0, 2]] + (np.array(divmod(int(cell), count)) + 0.5) * wide
+        assert after[cell] != checker.is_free(q)
+
+
+@pytest.mark.parametrize("page", ["six_joints"], indirect=True)
 def test_keys_go_to_solutions_and_the_tool_stays(page: tuple[Any, Any]) -> None:
     tab, lesson = page
     go_to(tab, "solutions")

@@ -17,69 +17,99 @@ nbclient = pytest.importorskip("nbclient", reason="nbclient is not installed")
 nbconvert = pytest.importorskip("nbconvert", reason="nbconvert is not installed")
 pytest.importorskip("ipykernel", reason="ipykernel is not installed")
 
-CELLS = (
-    "import rr1plan as rp\n"
-    "scene = rp.Scene(name='flat').with_arm('arm', rp.load_robot('planar2r'))\n"
-    "scene = scene.with_obstacle('ball', rp.Sphere(0.1), [1.2, 0.9, 0.0])\n"
-    "problem = rp.Problem(scene, [0.0, 0.3], [1.2, -0.4])\n"
-    "motion = rp.plan_motion(problem, rng=0)\n"
-    "assert motion",
-    "motion",
-    "motion.trajectory",
-    "rp.cspace(scene, problem, resolution=40)",
-    "viewer = rp.show(scene)\nviewer",
-    "viewer.update([0.5, 0.25])\nrp.show(scene).url, viewer.url",
+NOTEBOOK = Path(__file__).parent.parent.parent / "examples" / "notebook.ipynb"
+FRAMES = ("\nscene", "\nmotion", "resolution=90)", "\nviewer")  # ends of the cells that draw a page
+MORE = (
+    "rp.show(scene, quiet=True).url, viewer.url",
     # Of a plan that failed the text says more than a picture.
     "rp.plan_motion(rp.Problem(scene, [0.6, 0.0], [1.2, -0.4]), rng=0)",
+    "rp.lesson('no_path')",
+)
+# What a webview of VS Code allows with `notebook.experimental.enableCsp`; without that setting it allows more.
+VSCODE = (
+    "default-src 'none'; script-src https://*.vscode-cdn.net 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
+    "img-src https: http: data:; font-src https:; connect-src https:; child-src https: data:"
 )
 
 
 @pytest.fixture(scope="module")
 def ran() -> Any:
-    """The notebook after all cells have run in a kernel of their own."""
-    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(text) for text in CELLS])
+    """The example, with some more cells, after all have run in a kernel of their own."""
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    notebook.cells += [nbformat.v4.new_code_cell(text) for text in MORE]
     nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
     return notebook
 
 
-def outputs(ran: Any, cell: int) -> dict[str, str]:
-    return {kind: text for out in ran.cells[cell].outputs for kind, text in out.get("data", {}).items()}
+@pytest.fixture(scope="module")
+def exported(ran: Any) -> str:
+    return str(nbconvert.HTMLExporter().from_notebook_node(ran)[0])
+
+
+def outputs(ran: Any, ending: str) -> dict[str, str]:
+    """What the cell displayed that ends so."""
+    (cell,) = [cell for cell in ran.cells if cell.cell_type == "code" and cell.source.endswith(ending)]
+    return {kind: text for out in cell.outputs for kind, text in out.get("data", {}).items()}
+
+
+def test_the_example_is_stored_without_outputs() -> None:
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    nbformat.validate(notebook)
+    assert not any(cell.outputs or cell.execution_count for cell in notebook.cells if cell.cell_type == "code")
 
 
 def test_values_are_drawn_and_have_their_text_too(ran: Any) -> None:
-    for cell in (1, 3, 4):
-        assert outputs(ran, cell)["text/html"].startswith("<iframe srcdoc=")
-    assert "<svg" in outputs(ran, 2)["text/html"]
-    assert outputs(ran, 1)["text/plain"].startswith("MotionPlan(")
-    assert set(outputs(ran, 6)) == {"text/plain"}
-    assert "invalid_start" in outputs(ran, 6)["text/plain"]
+    for ending in (*FRAMES, "'no_path')"):
+        drawn = outputs(ran, ending)["text/html"]
+        assert drawn.startswith("<iframe srcdoc=")
+        assert 'sandbox="allow-scripts allow-downloads"' in drawn
+    assert "<svg" in outputs(ran, "motion.trajectory")["text/html"]
+    assert outputs(ran, "\nmotion")["text/plain"].startswith("MotionPlan(")
+    assert set(outputs(ran, "rng=0)")) == {"text/plain"}
+    assert "invalid_start" in outputs(ran, "rng=0)")["text/plain"]
 
 
 def test_viewers_of_a_notebook_are_at_one_port(ran: Any) -> None:
-    one, other = eval(outputs(ran, 5)["text/plain"])
+    one, other = eval(outputs(ran, "viewer.url")["text/plain"])
     assert one.removesuffix("2/") == other
 
 
 @pytest.mark.browser
-def test_the_exported_notebook_shows_the_arm(ran: Any, tab: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("policy", ["", VSCODE], ids=["jupyter", "vscode"])
+def test_the_exported_notebook_shows_live_pages(exported: str, policy: str, tab: Any, tmp_path: Path) -> None:
     page = tmp_path / "notebook.html"
-    page.write_text(nbconvert.HTMLExporter().from_notebook_node(ran)[0], encoding="utf-8")
+    meta = f'<head><meta http-equiv="Content-Security-Policy" content="{policy}">'
+    page.write_text(exported.replace("<head>", meta, 1) if policy else exported, encoding="utf-8")
     tab.page.route("https://**", lambda route: route.abort())  # what nbconvert's template wants from the network
     tab.page.goto(page.as_uri(), wait_until="domcontentloaded")
-    frames = tab.page.query_selector_all("iframe")
-    assert len(frames) == 3
-    for element in frames:
+    elements = tab.page.query_selector_all("iframe")
+    assert len(elements) == len(FRAMES) + 1
+    frames = {}
+    for name, element in zip((*FRAMES, "lesson"), elements, strict=True):
         element.scroll_into_view_if_needed()
-        frame = element.content_frame()
-        wait_until(frame, "Boolean(window.RR1 && RR1.ready) && RR1.frames > 5")
+        frames[name] = frame = element.content_frame()
+        wait_until(frame, "Boolean(window.RR1 && RR1.ready && RR1.planner) && RR1.frames > 5")
         frame.evaluate("RR1.pause()")
         picture = tmp_path / "frame.png"
         element.screenshot(path=picture)
         red, _, blue = np.moveaxis(np.asarray(Image.open(picture).convert("RGB"), dtype=int), -1, 0)
         assert ((red > 170) & (blue < 0.6 * red)).sum() > 200
-    motion = frames[0].content_frame()
+        # Sealed: neither the notebook nor the network.
+        assert (
+            frame.evaluate("(() => { try { return String(parent.document.title); } catch (e) { return e.name; } })()")
+            == "SecurityError"
+        )
+        assert frame.evaluate("fetch('https://example.org/').then(() => 'answered', () => 'refused')") == "refused"
+    motion = frames["\nmotion"]
     motion.evaluate("RR1.seek(RR1.player.end)")
     np.testing.assert_allclose(motion.evaluate("Array.from(RR1.q)"), [1.2, -0.4], atol=1e-6)
+    assert motion.evaluate("RR1.editing.plan().certified")
+    assert (
+        frames["resolution=90)"]
+        .evaluate("Boolean(RR1.lesson.live) && RR1.lesson.update().verdict")
+        .startswith("Start and goal")
+    )
+    assert frames["\nviewer"].evaluate("RR1.stage.tiles().length") == 2
     local = [url for url in tab.requests if not url.startswith(("https://", "file:", "data:", "about:", "blob:"))]
     assert not [url for url in local if "/updates" not in url]
 

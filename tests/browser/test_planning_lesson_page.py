@@ -93,7 +93,7 @@ def test_keys_and_buttons_walk_the_search(page: Any) -> None:
     assert page.ask("RR1.steps.index") == 0
     page.page.keyboard.press("p")
     wait_until(page.page, "RR1.search.at > 14")
-    assert page.page.locator("#panel-search .play").inner_text() == "Stop"
+    assert page.page.locator("#panel-search .play").inner_text() == "Pause"
     page.page.keyboard.press("p")
     assert page.page.locator("#panel-search .play").inner_text() == "Grow"
     at = page.ask("RR1.search.at")

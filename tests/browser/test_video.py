@@ -107,6 +107,35 @@ def test_values_are_filmed_and_photographed_without_a_page_file(scene: rp.Scene,
     assert size_of(screenshot(tmp_path / "robot.png", scene.arms["arm"].robot, size=SIZE)) == SIZE
 
 
+@pytest.mark.usefixtures("needs_browser")
+def test_a_configuration_space_is_filmed_along_its_path(tmp_path: FilePath) -> None:
+    """The arm beside the square, in which the dot walks the path."""
+    problem = next(iter(rp.load_problems("planar2r_path").values()))
+    picture = rp.cspace(problem.scene, problem, result=rp.RrtConnect().plan(problem, rng=0), resolution=40)
+    frames, _ = pictures(save_video(tmp_path / "cspace.gif", picture, size=(800, 480), fps=1))
+    assert len(frames) >= 4
+    changed = (np.abs(np.diff(np.array(frames[:3], dtype=int), axis=0)).max(axis=3) > 60).mean(axis=0)
+    assert changed[:, :430].mean() > 1e-3
+    assert changed[:, 430:].mean() > 1e-3
+
+
+@pytest.mark.usefixtures("needs_browser")
+def test_a_step_of_a_lesson_is_filmed_and_photographed(tmp_path: FilePath) -> None:
+    """Without a motion: the step runs through the intervals of an edge."""
+    lesson = rp.lesson("continuous_checking")
+    frames, _ = pictures(save_video(tmp_path / "step.webp", lesson, size=(700, 480), fps=1, step=4))
+    assert len(frames) >= 3
+    assert size_of(screenshot(tmp_path / "step.png", lesson, size=SIZE, step=2)) == SIZE
+    with pytest.raises(rp.InputError, match="step is 40, but the page has 7 steps"):
+        screenshot(tmp_path / "step.png", lesson, size=SIZE, step=40)
+
+
+@pytest.mark.usefixtures("needs_browser")
+def test_pages_that_are_no_lessons_have_no_steps(scene: rp.Scene, tmp_path: FilePath) -> None:
+    with pytest.raises(rp.InputError, match="no steps, which only lessons have"):
+        screenshot(tmp_path / "scene.png", scene, size=SIZE, step=2)
+
+
 def size_of(file: FilePath) -> tuple[int, int]:
     with Image.open(file) as picture:
         width, height = picture.size

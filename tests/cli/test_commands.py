@@ -246,8 +246,11 @@ def test_play_reports_tracking_and_contacts(motion: Path, capsys: pytest.Capture
     value = answer(capsys)
     assert value["contacts"] == []
     assert 0.0 < max(j["max_error"] for j in value["joints"].values()) < 5e-3
-    assert run(["play", str(motion), "--mode", "kinematic"]) == OK
+    assert run(["play", str(motion), "--mode", "kinematic", "--html", "both.html", "--side-by-side"]) == OK
     assert "contacts: none" in capsys.readouterr().out
+    page = Path("both.html").read_text()
+    assert '"sideBySide":true' in page
+    assert '"replay":{"columns"' in page
 
 
 def test_a_replay_that_does_not_follow_its_motion_is_no_success(
@@ -311,7 +314,11 @@ def test_spheres_are_put_on_pages_when_asked_for(motion: Path) -> None:
 def test_another_motion_is_compared_on_the_page(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
     other = Path(shutil.copy(motion, "other.json"))
     assert run(["view", str(motion), "--html", "page.html", "--compare", str(other)]) == OK
-    assert '"compare":[{"name":"other","columns":[0,' in Path("page.html").read_text()
+    page = Path("page.html").read_text()
+    assert '"compare":[{"name":"other","columns":[0,' in page
+    assert '"sideBySide":false' in page
+    assert run(["view", str(motion), "--html", "page.html", "--compare", str(other), "--side-by-side"]) == OK
+    assert '"sideBySide":true' in Path("page.html").read_text()
     # Samples have no scene of their own.
     samples = rp.save_csv(other.with_suffix(".csv"), rp.load_motion(other).trajectory)
     assert run(["view", str(motion), "--html", "page.html", "--compare", str(samples)]) == OK
@@ -515,6 +522,12 @@ def test_view_and_play_write_models_and_videos(motion: Path, capsys: pytest.Capt
         (["view", str(motion), "--video", "a.mp4", "--port", "7000"], "--port has no effect with --video"),
         (["view", str(motion), "--video", "a.avi"], ".mp4 or .gif or .webp"),
         (["play", str(motion), "--size", "640", "400"], "--size has no effect without --video"),
+        (["play", str(motion), "--side-by-side"], "--side-by-side has no effect without --html or --video"),
+        (["view", str(motion), "--side-by-side"], "--side-by-side has no effect without --compare"),
+        (["cspace", "planar2r_path", "--fps", "10"], "--fps has no effect without --video"),
+        (["cspace", "planar2r_path", "--video", "nowhere/a.gif"], "cannot write"),
+        (["lesson", "planning", "--step", "2"], "--step has no effect without --video"),
+        (["lesson", "planning", "--video", "a.gif", "--port", "7000"], "--port has no effect with --video"),
         (["play", str(motion), "--video", "nowhere/a.gif"], "cannot write"),
     ):
         assert run(words) == BAD_INPUT

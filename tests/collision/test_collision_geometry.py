@@ -13,6 +13,7 @@ from rr1plan.collision import (
     arm_instances,
     collision_geometry,
 )
+from rr1plan.collision.edge_kernel import ExactKernel
 from rr1plan.collision.tables import arm_tables, body_tables, exact_tables, link_spheres
 from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.collision.tables.exact_tables import exact_scratch
@@ -49,7 +50,7 @@ def arrays_of(scene: Scene, arms: list[str] | None) -> list[np.ndarray]:
     edges = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
     own = (checker.solid_pairs, checker.solid_owner, checker.solid_padding, checker.pairs, checker.static_contacts)
     arm, pairs_of_kernel = vars(edges.arm).values(), vars(edges.pairs).values()
-    tables = (*arm, *edges.cores, *edges.obstacles, *pairs_of_kernel, edges.rest, *exact, *static)
+    tables = (*arm, *edges.cores, *edges.obstacles.arrays, *pairs_of_kernel, edges.rest, *exact, *static)
     return [*map(np.asarray, own), *(np.asarray(a) for a in tables if isinstance(a, np.ndarray | float))]
 
 
@@ -189,6 +190,19 @@ def test_scratch_memory_is_nobody_elses(odd):
     for i, mine in enumerate(one):
         assert mine.flags.writeable
         assert not any(np.shares_memory(mine, other) for other in (*one[:i], *one[i + 1 :], *two, *kept))
+
+
+def test_kernels_of_other_pairs_share_memory_and_answer_as_their_own(odd):
+    checker = CollisionChecker(furnished(Scene().with_arm("a", odd)))
+    every, rng = checker.tables, np.random.default_rng(5)
+    for part in (slice(0, 1), slice(1, 4)):
+        tables = every._replace(pairs=every.pairs[part].copy(), padding=every.padding[part].copy())
+        few = ExactKernel(tables, checker.nq, pairs=len(every.pairs))
+        many = few.of_pairs(every)
+        assert many.scratch is few.scratch
+        for q in rng.uniform(-1.0, 1.0, (20, checker.nq)):
+            for kernel, own in ((many, every), (few, tables)):
+                assert kernel.least_clearance(q, 0.3) == ExactKernel(own, checker.nq).least_clearance(q, 0.3)
 
 
 # ---- without Coal ----------------------------------------------------------------------------------

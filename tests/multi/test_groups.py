@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from itertools import combinations
 
@@ -10,11 +11,12 @@ import pytest
 
 import rr1plan as rp
 from rr1plan import plan_many_arms, random_grid
-from rr1plan.collision.arm_groups import arms_in_reach
+from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
 from rr1plan.multi import portfolio
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import ends_are_apart, may_touch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.planning import Budget
@@ -54,7 +56,7 @@ def test_diagrams_are_the_same_on_threads(grid: rp.Problem, pools: dict[str, Pat
     paths = [pool.paths[0] for pool in pools.values()]
     pairs = list(combinations(paths, 2))
     alone, threaded = DiagramCache(), DiagramCache()
-    threaded.prepare(pairs * 2, 3)
+    threaded.prepare(pairs * 2, 3, Stopwatch(math.inf))
     met = 0
     for one, two in pairs:
         expected, found = alone.diagram(one, two), threaded.diagram(one, two)
@@ -65,6 +67,26 @@ def test_diagrams_are_the_same_on_threads(grid: rp.Problem, pools: dict[str, Pat
             np.testing.assert_array_equal(threaded.diagram(two, one), expected.T)
     assert met > 0
     assert len(threaded) == 2 * len(pairs)
+
+
+def test_what_is_not_looked_at_in_time_counts_as_meeting(grid: rp.Problem, pools: dict[str, PathPool]) -> None:
+    paths = {arm: pool.paths[0] for arm, pool in pools.items()}
+    near, diagrams, late = arms_in_reach(grid.scene, grid.arms, 0.002), DiagramCache(), Stopwatch(0.0)
+    groups = meeting_groups(paths, near, diagrams, exactly=True, watch=late)
+    assert sorted(groups) == sorted(interaction_groups(near))
+    diagrams.prepare(list(combinations(paths.values(), 2)), 3, late)
+    assert len(diagrams) == 0
+
+
+def test_an_earlier_deadline_ends_one_clock_and_not_the_other() -> None:
+    watch = Stopwatch(math.inf)
+    assert not watch.with_deadline(-1.0).goes_on()
+    assert watch.with_deadline(60.0).goes_on()
+    assert 59.0 < watch.with_deadline(60.0).left <= 60.0
+    assert watch.with_deadline(math.inf).left == math.inf
+    assert Stopwatch(1.0).with_deadline(60.0).left <= 1.0
+    assert Stopwatch(0.0).time_left > 0.0
+    assert watch.goes_on()
 
 
 def test_ends_keep_what_their_diagram_keeps(pools: dict[str, PathPool]) -> None:

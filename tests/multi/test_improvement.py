@@ -82,6 +82,29 @@ def test_a_motion_that_waits_gets_shorter() -> None:
     assert result.ratio < 1.05
 
 
+def _cycle(planar2r: rp.Robot, count: int) -> rp.Problem:
+    """Arms in a ring, all tilted one way; each goal, tilted the other way, crosses the next one's start."""
+    scene, start, goal = rp.Scene(), {}, {}
+    for k in range(count):
+        angle, name = 2.0 * np.pi * k / count, f"arm{k}"
+        scene = scene.with_arm(name, planar2r, (1.7 * np.cos(angle), 1.7 * np.sin(angle), 0.0))
+        start[name], goal[name] = [angle + np.pi + 0.35, 0.0], [angle + np.pi - 0.35, 0.0]
+    return rp.Problem(scene, start, goal)
+
+
+def test_many_arms_that_move_as_one_are_planned_anew(planar2r: rp.Robot) -> None:
+    problem = _cycle(planar2r, 5)
+    improver = _improver(problem)
+    assert [len(agent.arms) for agent in improver.schedules] == [5]
+    before = improver.quality.makespan
+    improver.run(iterations=20)
+    assert improver.quality.makespan < 0.95 * before
+    motion = merged_trajectory(problem, list(improver.schedules.values()))
+    assert rp.validate(motion, problem.scene, problem).certified
+    checker = CollisionChecker(problem.scene, problem.arms)
+    assert all(checker.is_free_slowly(q) for q in motion(np.linspace(0.0, motion.end_time, 100)))
+
+
 def test_without_improvement_the_first_plan_is_the_answer() -> None:
     result = plan_many_arms(_problem("ring-2"), rng=0, budget=_BUDGET)
     assert result.first is not None

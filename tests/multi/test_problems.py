@@ -21,7 +21,7 @@ from rr1plan import (
 )
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.multi.scenarios.endpoint_sampling import front_of
+from rr1plan.multi.scenarios.endpoint_sampling import floor_under, front_of, one_turn
 
 _KINDS: dict[str, Callable[[rp.Robot, int], rp.Problem]] = {
     "grid": lambda robot, seed: random_grid(robot, 6, 0.55, seed),
@@ -129,3 +129,53 @@ def test_problems_that_cannot_be_made_are_refused(rr1: rp.Robot) -> None:
         handover_window(rr1, 2.0)
     with pytest.raises(InputError, match="try a wider window"):
         handover_window(rr1, 0.10, 0, gap=0.001)
+
+
+_SUNKEN = """
+<robot name="sunken">
+  <link name="world"/>
+  <joint name="bolts" type="fixed"><parent link="world"/><child link="base"/></joint>
+  <link name="base"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+  <link name="arm"><collision><origin xyz="0.2 0 0.2"/><geometry><box size="0.4 0.1 0.1"/></geometry></collision></link>
+  <joint name="turn" type="revolute">
+    <parent link="base"/><child link="arm"/><axis xyz="0 0 1"/><limit lower="-2" upper="2" velocity="1" effort="10"/>
+  </joint>
+</robot>
+"""
+
+
+def test_robots_that_reach_down_to_the_floor_stand_on_it(rr1: rp.Robot, tmp_path: Path) -> None:
+    file = tmp_path / "sunken.urdf"
+    file.write_text(_SUNKEN)
+    sunken = rp.load_robot(file)
+    for robot in (sunken, rr1):
+        scene = rp.Scene().with_arm("arm", robot).with_obstacle("floor", floor_under(robot))
+        assert CollisionChecker(scene).static_is_free
+    assert floor_under(rr1).offset == 0.0
+    assert -0.06 < floor_under(sunken, rr1).offset < -0.05
+
+
+def test_joints_of_many_turns_are_drawn_within_one_around_home(planar2r: rp.Robot, rr1: rp.Robot) -> None:
+    limits = planar2r.limits
+    turning = planar2r.with_limits(
+        rp.Limits([-9.0, -np.inf], [9.0, np.inf], limits.velocity, limits.acceleration, limits.jerk, limits.effort)
+    )
+    low, high = one_turn(turning)
+    np.testing.assert_allclose(low, turning.home - np.pi)
+    np.testing.assert_allclose(high, turning.home + np.pi)
+    np.testing.assert_array_equal(one_turn(rr1), (rr1.limits.lower, rr1.limits.upper))
+    for seed in range(5):
+        problem = random_grid(turning, 4, 2.5, seed)
+        goal = np.concatenate([problem.goal[arm][0].q for arm in problem.arms])
+        for q in (problem.start, goal):
+            assert (np.abs(q.reshape(4, 2) - turning.home) <= np.pi).all()
+
+
+def test_rails_without_ends_are_refused_by_name() -> None:
+    rail = rp.planar_arm("PR")
+    limits = rail.limits
+    endless = rail.with_limits(
+        rp.Limits([-np.inf, -1.0], [np.inf, 1.0], limits.velocity, limits.acceleration, limits.jerk, limits.effort)
+    )
+    with pytest.raises(InputError, match=f"{rail.joint_names[0]!r} has no position limits"):
+        random_grid(endless, 2, 3.0)

@@ -173,3 +173,24 @@ def test_blocked_times_join_cells_one_after_the_other(path: AgentPath) -> None:
     assert times.rows.tolist() == [3]
     assert times.begin[0] == pytest.approx(1.0)
     assert times.end[0] == pytest.approx(3.0)
+
+
+def test_a_long_motion_at_one_speed_ends_exactly_where_the_next_piece_begins(planar2r: rp.Robot) -> None:
+    limits = planar2r.limits
+    slow = planar2r.with_limits(
+        rp.Limits(
+            limits.lower, limits.upper, 0.01 * limits.velocity, 50.0 * limits.acceleration, limits.jerk, limits.effort
+        )
+    )
+    problem = rp.Problem(rp.Scene().with_arm("arm", slow), [-2.4, -1.2], [1.7, 1.9])
+    agent = Agent(problem, problem.arms)
+    points = np.array([[-2.4, -1.2], [0.91, 1.0], [1.7, 1.9]])
+    path = AgentPath(agent, Path(agent.joint_names, points), _Checker(True))
+    durations, c = path.hop(0, path.segments)
+    assert durations.max() > 10.0
+    ends = sum(c[:, k] * durations[:, None] ** k for k in range(c.shape[1]))
+    np.testing.assert_allclose(ends[:-1], c[1:, 0], atol=1e-13)
+    rates = sum(k * c[:, k] * durations[:, None] ** (k - 1) for k in range(1, c.shape[1]))
+    np.testing.assert_allclose(rates[:-1], c[1:, 1], atol=1e-9)
+    np.testing.assert_allclose(ends[-1], path.goal, atol=1e-13)
+    assert durations.sum() == pytest.approx(path.fastest)

@@ -411,14 +411,14 @@ def test_states_are_broadcast_at_a_rate(scene: rp.Scene, tmp_path: Path) -> None
 
 def test_arms_that_cannot_meet_have_models_of_their_own_and_threads_change_nothing() -> None:
     robot = rp.load_robot("rr1")
-    arms = {f"a{i}": rp.Arm(robot, pose([5.0 * i, 0.0, 0.0])) for i in range(45)}
+    arms = {f"a{i}": rp.Arm(robot, pose([5.0 * i, 0.0, 0.0])) for i in range(75)}
     scene = rp.Scene(arms=arms).with_obstacle("floor", rp.HalfSpace((0.0, 0.0, 1.0), -0.02))
     names = list(scene.joint_names())
     runs = []
     for threads in (1, 3):
         sim = rp.Simulation(scene, threads=threads)
-        assert len(sim.tiles) == 3
-        with pytest.raises(rp.InputError, match="3 MuJoCo models"):
+        assert len(sim.tiles) == 2
+        with pytest.raises(rp.InputError, match="2 MuJoCo models"):
             _ = sim.model
         follow = rp.JointTrajectoryController(names)
         sim.activate(follow)
@@ -426,7 +426,7 @@ def test_arms_that_cannot_meet_have_models_of_their_own_and_threads_change_nothi
         sim.step(50)
         runs.append(sim.positions)
         # One clock: every arm does exactly the same.
-        each = sim.configuration().reshape(45, -1)
+        each = sim.configuration().reshape(75, -1)
         np.testing.assert_allclose(each, np.broadcast_to(each[0], each.shape), atol=1e-12)
     np.testing.assert_array_equal(*runs)
 

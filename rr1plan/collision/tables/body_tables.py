@@ -15,13 +15,14 @@ from rr1plan.collision.arm_geometry import Solid
 from rr1plan.collision.convex.convex_bodies import occupied_cells
 from rr1plan.collision.convex.enclosing_ball import around_points
 from rr1plan.collision.convex.mesh_trees import box_of_mesh
-from rr1plan.kernels.planner_kernels import constants, load_library
+from rr1plan.kernels.planner_kernels import CStruct, constants, load_library
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 # Stands for infinity where infinity times zero would be NaN.
 FAR = 1e12
 _INTS = NDArray[np.int64]
 _KIND = constants()
+_BOX, _CYLINDER = _KIND["BODY_BOX"], _KIND["BODY_CYLINDER"]
 
 
 class BodyTables(NamedTuple):
@@ -113,23 +114,23 @@ _SIZE = struct.Struct("=q4d")
 def shape_size(shape: Shape) -> bytes:
     """A shape as a `ShapeSize` of the kernels."""
     match shape:
-        case Box((x, y, z)):
-            return _SIZE.pack(_KIND["BODY_BOX"], x, y, z, 0.0)
-        case Sphere(radius):
-            return _SIZE.pack(_KIND["BODY_POINT"], radius, 0.0, 0.0, 0.0)
-        case Cylinder(radius, length):
-            return _SIZE.pack(_KIND["BODY_CYLINDER"], radius, length, 0.0, 0.0)
-        case Capsule(radius, length):
-            return _SIZE.pack(_KIND["BODY_SEGMENT"], radius, length, 0.0, 0.0)
-        case HalfSpace(normal, offset):
-            return _SIZE.pack(_KIND["BODY_HALF_SPACE"], *normal, offset)
+        case Box():
+            return _SIZE.pack(_BOX, *shape.size, 0.0)
+        case Cylinder():
+            return _SIZE.pack(_CYLINDER, shape.radius, shape.length, 0.0, 0.0)
+        case Sphere():
+            return _SIZE.pack(_KIND["BODY_POINT"], shape.radius, 0.0, 0.0, 0.0)
+        case Capsule():
+            return _SIZE.pack(_KIND["BODY_SEGMENT"], shape.radius, shape.length, 0.0, 0.0)
+        case HalfSpace():
+            return _SIZE.pack(_KIND["BODY_HALF_SPACE"], *shape.normal, shape.offset)
         case PointCloud():
             return _SIZE.pack(_KIND["BODY_CELLS"], 0.0, 0.0, 0.0, 0.0)
         case _:
             return _SIZE.pack(_KIND["BODY_CORNERS" if shape.convex else "BODY_MESH"], 0.0, 0.0, 0.0, 0.0)
 
 
-def describe_solids(sizes: bytearray, counts: Sequence[int], links: int, first_body: int) -> tuple[_INTS, Array, int]:
+def describe_solids(sizes: bytearray, counts: Sequence[int], links: int, first_body: int) -> tuple[CStruct, int]:
     """Solids of objects as the kernels describe them.
 
     Args:
@@ -139,15 +140,17 @@ def describe_solids(sizes: bytearray, counts: Sequence[int], links: int, first_b
         first_body: Row of the exact kernel's tables of the first solid of the others.
 
     Returns:
-        A `FixedSolid` and a `SolidShape` of each, shapes (n, 8) and (n, 23); and how many are meshes or point clouds,
-        whose `SolidShape` is zero.
+        Their `FixedSolids`, without frames and objects; and how many are meshes or point clouds, whose `SolidShape` is
+        zero.
     """
-    solids, shapes = np.empty((sum(counts), 8), np.int64), np.empty((sum(counts), 23))
-    rows = np.frombuffer(sizes).reshape(-1, 5)
+    count = sum(counts)
+    fixed = CStruct("FixedSolids", count=count)
+    fixed.give_room(unset=True, solids=count, shapes=count)
     found = load_library().rr1_describe_solids(
-        rows, np.array(counts, np.int64), len(counts), links, first_body, solids, shapes
+        *(np.frombuffer(sizes).reshape(-1, 5), np.array(counts, np.int64), len(counts), links, first_body),
+        *(fixed.value.solids, fixed.value.shapes),
     )
-    return solids, shapes, found
+    return fixed, found
 
 
 @lru_cache(maxsize=1024)
@@ -158,7 +161,7 @@ def body_core(shape: Shape) -> BodyCore:
     if isinstance(shape, Mesh):
         return _corners(shape) if shape.convex else _surface(shape)
     size = bytearray(shape_size(shape))
-    values = describe_solids(size, [1], 0, 0)[1][0].tolist()
+    values = describe_solids(size, [1], 0, 0)[0].part("shapes").view(np.float64)[0].tolist()
     return BodyCore(_SIZE.unpack(size)[0], (0.0, 0.0, 0.0), tuple(values[3:15]), _NONE)
 
 

@@ -14,7 +14,7 @@ from rr1plan.collision.clearance_maps import instance_maps
 from rr1plan.collision.collision_geometry import CollisionGeometry
 from rr1plan.collision.convex.convex_cores import CoreTables
 from rr1plan.collision.tables.link_spheres import LinkSpheres, instance_spheres
-from rr1plan.collision.tables.obstacle_tables import LANES, FixedSolids, ObstacleTables, fixed_links
+from rr1plan.collision.tables.obstacle_tables import LANES, FixedSolids, fixed_links
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.object_cache import kept_in
 
@@ -31,7 +31,7 @@ class EdgeTables(NamedTuple):
     Args:
         instances: The arms that move.
         cores: The cores of their bodies and fixed links, then of each obstacle that has one.
-        obstacles: What does not move: fixed links and obstacles.
+        obstacles: What does not move, fixed links and obstacles: their `ObstacleTables`.
         pairs: Which of them must not touch.
         padding: Distance to keep of each pair [m], shape (p,).
         rest: What must be left of a gap beyond everything else for a proof [m].
@@ -40,7 +40,7 @@ class EdgeTables(NamedTuple):
 
     instances: ArmInstances
     cores: CoreTables
-    obstacles: ObstacleTables
+    obstacles: CStruct
     pairs: PaddedPairs
     padding: Array
     rest: float
@@ -131,7 +131,7 @@ def scene_struct(
     return CStruct(
         "SceneTables",
         arm=_arm_struct(tables),
-        obstacles=tables.obstacles.struct(),
+        obstacles=tables.obstacles,
         pairs=pair_struct(tables.pairs, tables.padding),
         exact=exact,
         column_count=columns,

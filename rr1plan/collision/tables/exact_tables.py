@@ -202,26 +202,31 @@ def exact_struct(tables: ExactTables, columns: int, like: CStruct | None = None)
     Args:
         tables: The tables.
         columns: Number of columns of q.
-        like: A struct of tables that share arrays with these, of which a changed copy is faster made.
+        like: A struct of tables with the same arms, of which a changed copy is faster made.
     """
     fields = {
-        "joint_count": len(tables.joints),
         "body_count": len(tables.bodies),
         "pair_count": len(tables.pairs),
-        "column_count": columns,
-        "joints": tables.joints,
-        "placements": tables.joint_values,
         "bodies": tables.bodies,
         "shapes": tables.body_values,
         "corners": tables.corners,
         "links": tables.links,
-        "chain": tables.chain,
-        "chain_reach": tables.chain_reach,
         "pairs": tables.pairs,
         "padding": tables.padding,
         "meshes": _no_meshes() if tables.meshes is NO_MESHES else CStruct("MeshTables", **vars(tables.meshes)),
     }
-    return CStruct("ExactTables", **fields) if like is None else like.copied(**fields)
+    if like is not None:
+        return like.copied(**fields)
+    return CStruct(
+        "ExactTables",
+        joint_count=len(tables.joints),
+        column_count=columns,
+        joints=tables.joints,
+        placements=tables.joint_values,
+        chain=tables.chain,
+        chain_reach=tables.chain_reach,
+        **fields,
+    )
 
 
 @cache
@@ -229,7 +234,9 @@ def _no_meshes() -> CStruct:
     return CStruct("MeshTables", **vars(NO_MESHES))
 
 
-def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, queue: int | None = None) -> CStruct:
+def exact_scratch(
+    tables: ExactTables, columns: int, terms: int = _TERMS, queue: int | None = None, pairs: int = 0
+) -> CStruct:
     """Memory that the exact kernel writes.
 
     Args:
@@ -237,6 +244,7 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, queue:
         columns: Number of columns of q.
         terms: Coefficients of the longest curve.
         queue: Pairs and intervals that can be open at once, a power of two (default: enough for curves).
+        pairs: Most pairs of other tables with these bodies that it has to serve too.
     """
     queue = queue or max(_QUEUE, 1 << (16 * len(tables.pairs)).bit_length())
     stride = len(tables.joints) + 1
@@ -250,7 +258,7 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, queue:
         centers=tables.centers.copy(),
     )
     scratch.give_room(
-        directions=len(tables.pairs),
+        directions=max(len(tables.pairs), pairs),
         travel=len(tables.bodies) * stride,
         coefficients=terms * columns,
         q=columns,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,29 +27,6 @@ _CORE_MESH, _CORE_LEFT_OUT = constants()["CORE_MESH"], constants()["CORE_LEFT_OU
 _MOST_POINTS = 2000
 
 
-class ObstacleTables(NamedTuple):
-    """Solids that do not move and that some moving body must not touch, as `obstacle_tables.h` has them.
-
-    Args:
-        kinds: Kind, and 1 if its gap is exact, not only a lower bound; shape (o, 2), o a multiple of the lanes.
-        shapes: Rotation row by row, center, half sizes (of a cylinder its radius twice and half its length), radius
-            around it, low end along the third axis; shape (o, 17). A half-space is all below its center along its
-            third axis; there are no others.
-        boxes: Box around each, low and high, shape (6, o).
-        core: Row of the cores of each, CORE_CLOSED_FORM, CORE_LEFT_OUT or CORE_MESH, shape (o,).
-    """
-
-    kinds: _INTS
-    shapes: Array
-    boxes: Array
-    core: _INTS
-
-    def struct(self) -> CStruct:
-        """The tables as C reads them."""
-        kinds, shapes, boxes, core = self
-        return CStruct("ObstacleTables", count=len(kinds), kinds=kinds, shapes=shapes, boxes=boxes, core=core)
-
-
 class FixedSolids:
     """Solids of objects that do not move, as `fixed_solids.h` has them.
 
@@ -60,55 +36,55 @@ class FixedSolids:
         links: How many objects, the first ones, are links of arms that move: their rows and cores are with the arms'.
 
     Attributes:
-        solids: A `FixedSolid` of each, shape (n, 8).
+        count: How many solids there are.
         struct: All as C reads it.
     """
 
     def __init__(self, things: Sequence[ObstacleGeometry], first_body: int = 0, links: int = 0) -> None:
         counts = [len(thing.shapes) for thing in things]
         sizes = bytearray().join([thing.sizes for thing in things])
-        self.solids, shapes, special = describe_solids(sizes, counts, links, first_body)
-        self._links = sum(counts[:links])
+        self.count, self._links = sum(counts), sum(counts[:links])
         self._exact_kinds = np.frombuffer(sizes, np.int64)[5 * self._links :: 5]
-        # Meshes and point clouds by their number among all solids, except those of links.
-        self._special = self._describe_special(things, shapes) if special else []
-        self._cores = [(i, shape_core(shape)) for i, shape in self._special if self.solids[i, 3] == 0]
-        self.struct = CStruct(
-            "FixedSolids",
-            count=len(self.solids),
-            solids=self.solids,
-            shapes=shapes,
+        self.struct, special = describe_solids(sizes, counts, links, first_body)
+        self.struct.set(
             frames=np.frombuffer(bytearray().join([thing.frames for thing in things])).reshape(-1, 16),
             objects=np.frombuffer(bytearray().join([thing.pose.tobytes() for thing in things])).reshape(-1, 16),
         )
-        if self._cores:
-            self._set_cores()
+        # Meshes and point clouds by their number among all solids, except those of links; and those with cores.
+        self._special: list[tuple[int, Shape]] = []
+        self._cores: list[tuple[int, CoreTables]] = []
+        if special:
+            self._describe_special([shape for thing in things for shape in thing.shapes])
 
-    def _set_cores(self) -> None:
-        """Add the corners of cores, and where those of each solid begin."""
-        parts, rows = [core for _, core in self._cores], [i for i, _ in self._cores]
-        self.solids[rows, 4] = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
-        self.solids[rows, 5] = np.cumsum([0, *(len(part.blocks) for part in parts[:-1])])
+    @property
+    def solids(self) -> _INTS:
+        """A `FixedSolid` of each, shape (n, 8)."""
+        return np.asarray(self.struct.part("solids").view(np.int64))
+
+    def _describe_special(self, shapes: Sequence[Shape]) -> None:
+        """Describe meshes and point clouds: write their rows of `SolidShape`, their kinds of cores, and the cores."""
+        solids, rows = self.solids, self.struct.part("shapes").view(np.float64)
+        for i in np.flatnonzero(solids[:, 3] == _CORE_LEFT_OUT).tolist():
+            shape = shapes[i]
+            exact = body_core(shape)
+            rows[i, :15] = *exact.ball, *exact.values
+            if is_concave(shape):
+                solids[i, 3] = _CORE_MESH
+            elif isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
+                solids[i, 3], rows[i, 19:] = 0, shape_core(shape).values[0, [0, 1, 2, 4]]
+            if i >= self._links:
+                self._special.append((i, shape))
+                if solids[i, 3] == 0:
+                    self._cores.append((i, shape_core(shape)))
+        if not self._cores:
+            return
+        numbers, parts = [i for i, _ in self._cores], [core for _, core in self._cores]
+        solids[numbers, 4] = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
+        solids[numbers, 5] = np.cumsum([0, *(len(part.blocks) for part in parts[:-1])])
         self.struct.set(
             points=np.concatenate([part.points for part in parts]),
             blocks=np.concatenate([part.blocks for part in parts]),
         )
-
-    def _describe_special(self, things: Sequence[ObstacleGeometry], rows: Array) -> list[tuple[int, Shape]]:
-        """Describe meshes and point clouds: write their rows of `SolidShape`, and their kinds of cores."""
-        special: list[tuple[int, Shape]] = []
-        flat = [shape for thing in things for shape in thing.shapes]
-        for i in np.flatnonzero(self.solids[:, 3] == _CORE_LEFT_OUT).tolist():
-            shape = flat[i]
-            exact = body_core(shape)
-            rows[i, :15] = *exact.ball, *exact.values
-            if is_concave(shape):
-                self.solids[i, 3] = _CORE_MESH
-            elif isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
-                self.solids[i, 3], rows[i, 19:] = 0, shape_core(shape).values[0, [0, 1, 2, 4]]
-            if i >= self._links:
-                special.append((i, shape))
-        return special
 
     def add_bodies(self, bodies: BodyTables, links: int) -> tuple[BodyTables, MeshTree]:
         """Rows for the exact kernel after those of the arms, and the triangles of concave meshes.
@@ -155,7 +131,7 @@ class FixedSolids:
             bodies: The cores of the arms' bodies.
             links: The `core` of each solid that is a link (default: there are none).
         """
-        if links is not None:
+        if links is not None and self._links:
             self.solids[: self._links, 3] = links
         if not self._cores:
             return bodies
@@ -165,30 +141,34 @@ class FixedSolids:
         load_library().rr1_place_cores(self.struct, tables.rows, tables.values, tables.points, tables.blocks)
         return tables
 
-    def place_obstacles(self, places: _INTS, count: int) -> tuple[ObstacleTables, float]:
+    def place_obstacles(self, places: _INTS, count: int) -> tuple[CStruct, float]:
         """The solids as obstacles, after their cores, and what rounding may take from a gap to them [m].
 
         Args:
             places: Where each solid is in the tables, -1: it is not, shape (n,). Other rows are nowhere.
             count: How many rows there are.
+
+        Returns:
+            Their `ObstacleTables`.
         """
-        kinds, shapes = np.empty((count, 2), np.int64), np.empty((count, 17))
-        boxes, core = np.empty((6, count)), np.empty(count, np.int64)
-        rounding = load_library().rr1_place_obstacles(self.struct, places, count, kinds, shapes, boxes, core)
-        return ObstacleTables(kinds, shapes, boxes, core), rounding
+        tables = CStruct("ObstacleTables", count=count)
+        tables.give_room(unset=True, kinds=count, shapes=count, boxes=6 * count, core=count)
+        at = tables.value
+        place = load_library().rr1_place_obstacles
+        return tables, place(self.struct, places, count, at.kinds, at.shapes, at.boxes, at.core)
 
 
 def boxes_of(things: Sequence[ObstacleGeometry]) -> Array:
     """Low and high corner of the box around each solid of some objects [m], infinite for a half-space, shape (n, 6)."""
     fixed = FixedSolids(things)
-    count = len(fixed.solids)
-    return np.ascontiguousarray(fixed.place_obstacles(np.arange(count), count)[0].boxes.T)
+    boxes = fixed.place_obstacles(np.arange(fixed.count), fixed.count)[0].part("boxes")
+    return np.ascontiguousarray(boxes.reshape(6, -1).T)
 
 
 def balls_of(things: Sequence[ObstacleGeometry]) -> Array:
     """A ball around each solid of some objects: center and radius [m], shape (n, 4)."""
     fixed = FixedSolids(things)
-    count = len(fixed.solids)
+    count = fixed.count
     values, poses, centers = np.empty((count, 27)), np.empty((count, 12)), np.empty((count, 3))
     fixed.place_bodies(values, poses, centers)
     return np.column_stack([centers, values[:, 15]])

@@ -88,6 +88,7 @@ class EdgeLesson {
     this.cells = new Cells();
     root.classList.add("picture-panel");
     document.body.classList.add("lesson");
+    viewer.editing.sleep();
     this.pressMode = choices(part(".modes"), [["steps", "Fixed steps"], ["halve", "Halving"], ["advance", "Advancing"]], (name) => this.setMode(name));
     this.pressPreset = choices(part(".presets"), data.presets.map(({ name, title }) => [name, title]), (name) => this.setPreset(name));
     this.step = part(".steps input");
@@ -106,6 +107,7 @@ class EdgeLesson {
     lookFromAbove(data.view, data.height);
     this.setPreset(data.presets[0].name);
     viewer.add("outlines", this.outlines());
+    viewer.films.push(() => this.film());
     viewer.on("load", () => { viewer.add("outlines", this.outlines()); this.refresh(); });
   }
 
@@ -149,10 +151,20 @@ class EdgeLesson {
     this.refresh();
   }
 
+  /** Time for each interval [ms]. */
+  get pace() { return clamp(9000 / this.list.length, 60, 700); }
+
+  /** What a video shows: the intervals one after the other. */
+  film() {
+    if (this.mode === "steps") return null;
+    const show = (t) => { this.shown = clamp(Math.floor((1000 * t) / this.pace) + 1, 1, this.list.length); this.refresh(); };
+    return { start: 0, end: (this.pace * this.list.length) / 1000, show };
+  }
+
   run() {
     if (this.timer) { this.stop(); return; }
     if (this.shown >= this.list.length) this.shown = 0;
-    const pace = clamp(9000 / this.list.length, 60, 700);
+    const { pace } = this;
     const tick = () => {
       this.shown += 1;
       if (this.shown >= this.list.length) this.stop();
@@ -160,7 +172,7 @@ class EdgeLesson {
     };
     this.timer = setInterval(tick, pace);
     tick();
-    this.runButton.textContent = "Stop";
+    this.runButton.textContent = "Pause";
   }
 
   stop() {
@@ -193,21 +205,15 @@ class EdgeLesson {
       else canvas.style.cursor = grip(event) === null ? "" : "move";
     });
     for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { held = null; });
-    const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-    canvas.addEventListener("keydown", (event) => {
-      const by = arrows[event.key];
-      if (!by || event.ctrlKey || event.metaKey || event.altKey) return;
-      event.preventDefault();
-      event.stopPropagation();
+    viewer.keys.arrows("Edge", "In the picture: move the end of the edge; with Shift its begin", canvas, (by, event) => {
       const end = event.shiftKey ? 0 : 1;
       put(end, (end ? this.edge.q1 : this.edge.q0).map((v, axis) => v + (by[axis] * Math.PI) / 180));
     });
-    const keys = { ",": () => this.move(-1), ".": () => this.move(1), x: () => this.run() };
-    window.addEventListener("keydown", (event) => {
-      if (this.mode === "steps" || event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA"].includes(event.target.tagName)) return;
-      const act = keys[event.key.toLowerCase()];
-      if (act) { event.preventDefault(); act(); }
-    });
+    const walks = () => this.mode !== "steps";
+    viewer.keys.add("Edge", [
+      { keys: [" ", "x"], text: "Run through the intervals, or pause", when: walks, act: () => this.run() },
+      { keys: [",", "."], text: "One interval back or on", when: walks, act: ({ key }) => this.move(key === "." ? 1 : -1) },
+    ]);
   }
 
   refresh() {

@@ -3,8 +3,6 @@
 //   steps.on(name, enter)    enter() is called whenever the step of that name is entered
 //   steps.reset = f          f() is called before every step, and undoes what steps have shown
 //   steps.corner(name)       an element in a corner of the workspace, for a legend or numbers
-//   steps.overlay(draw)      draw(pen, at) draws over the square of the configuration space, again after resizing and by
-//                            .paint(): at(q) is the point [px] of two joint values;  .show(on) shows or hides it
 //   steps.torus(on)          shows the configuration space as a torus or as a square, where the page can
 //   steps.go(index)          enter a step;  steps.index, steps.name: the present one
 //
@@ -18,16 +16,23 @@ class Steps {
     this.articles = [...root.querySelectorAll("article")];
     document.body.classList.add("has-steps");
     document.body.append(root);
+    this.texts = root.querySelector(".texts");
+    this.texts.onscroll = () => this.fade();
+    new ResizeObserver(() => this.fade()).observe(this.texts);
     for (const button of root.querySelectorAll("[data-move]")) button.onclick = () => this.go(this.index + Number(button.dataset.move));
-    // Before the page's own keys, of which the arrows move the clock.
-    window.addEventListener("keydown", (event) => {
-      const move = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-      const busy = ["INPUT", "SELECT", "TEXTAREA", "CANVAS"].includes(event.target.tagName) || event.target.classList.contains("handle");
-      if (!move || busy || event.ctrlKey || event.metaKey || event.altKey || event.shiftKey) return;
-      event.preventDefault();
-      event.stopImmediatePropagation();
-      this.go(this.index + move);
-    }, true);
+    // Not where a slider has the focus, or a handle.
+    const free = (target) => !target || (target.tagName !== "INPUT" && !target.classList.contains("handle"));
+    // PageUp and PageDown are what presenters send.
+    viewer.keys.add("Lesson", [
+      { keys: ["ArrowLeft", "PageUp"], text: "The step before", when: free, act: () => this.go(this.index - 1) },
+      { keys: ["ArrowRight", "PageDown"], text: "The next step", when: free, act: () => this.go(this.index + 1) },
+    ]);
+  }
+
+  /** Text that goes on below fades out. */
+  fade() {
+    const { scrollHeight, scrollTop, clientHeight } = this.texts;
+    this.texts.classList.toggle("more", scrollHeight - scrollTop > clientHeight + 4);
   }
 
   get name() { return this.articles[this.index].dataset.step; }
@@ -41,8 +46,6 @@ class Steps {
     viewer.stage.pane.parentElement.append(corner);
     return corner;
   }
-
-  overlay(draw) { return new Overlay(draw); }
 
   torus(on) {
     const space = viewer.lesson;
@@ -59,7 +62,8 @@ class Steps {
     if (index < 0 || index >= this.articles.length || index === this.index) return;
     this.index = index;
     this.articles.forEach((article, k) => { article.hidden = k !== index; });
-    root.querySelector(".texts").scrollTop = 0;
+    this.texts.scrollTop = 0;
+    this.fade();
     root.querySelector("output").textContent = `${index + 1} / ${this.articles.length}`;
     for (const button of root.querySelectorAll("[data-move]")) {
       const next = index + Number(button.dataset.move);
@@ -69,37 +73,6 @@ class Steps {
     if (data.poses[index]) viewer.setQ(data.poses[index]);
     if (this.hooks[this.name]) this.hooks[this.name]();
     viewer.redraw();
-  }
-}
-
-/** A canvas over the square of the configuration space. */
-class Overlay {
-  constructor(draw) {
-    this.draw = draw;
-    this.canvas = document.createElement("canvas");
-    Object.assign(this.canvas, { className: "overlay", hidden: true });
-    this.canvas.setAttribute("aria-hidden", "true");
-    const plot = viewer.lesson.canvas.parentElement;
-    plot.append(this.canvas);
-    new ResizeObserver(() => this.paint()).observe(plot);
-  }
-
-  show(on) {
-    this.canvas.hidden = !on;
-    this.paint();
-  }
-
-  paint() {
-    if (this.canvas.hidden) return;
-    const { canvas, plot, ratio } = viewer.lesson, { low, high } = viewer.panelData.cspace;
-    this.canvas.width = canvas.width;
-    this.canvas.height = canvas.height;
-    const pen = this.canvas.getContext("2d");
-    pen.beginPath();
-    pen.rect(plot.x, plot.y, plot.size, plot.size);
-    pen.clip();
-    const at = (q) => [plot.x + (plot.size * (q[0] - low[0])) / (high[0] - low[0]), plot.y + plot.size * (1 - (q[1] - low[1]) / (high[1] - low[1]))];
-    this.draw(pen, at, ratio);
   }
 }
 

@@ -73,6 +73,7 @@ class TwoArms {
   constructor() {
     root.classList.add("picture-panel");
     document.body.classList.add("lesson");
+    viewer.editing.sleep();
     this.shown = 0; // the arm whose slice is shown
     this.places = null;
     this.time = 0;
@@ -93,6 +94,7 @@ class TwoArms {
     this.setArm(0);
     this.setScenario(data.scenarios[0].name);
     viewer.on("change", () => this.follow());
+    viewer.films.push(() => ({ start: 0, end: this.end / this.rate, show: (t) => this.setTime(t * this.rate) }));
     viewer.on("planner", (planner, reason) => this.meet(planner, reason));
     if (viewer.planner || viewer.noPlanner) this.meet(viewer.planner, viewer.noPlanner);
   }
@@ -160,10 +162,14 @@ class TwoArms {
 
   q() { return data.columnsOfBoth.map((column) => viewer.q[column]); }
 
+  get end() { return this.schedule.times[this.schedule.times.length - 1]; }
+
+  /** Short motions are slowed down, so that eyes can follow. */
+  get rate() { return Math.min(1, this.end / 4); }
+
   run() {
     if (this.timer) { this.stop(); return; }
-    // Short motions are slowed down, so that eyes can follow.
-    const end = this.schedule.times[this.schedule.times.length - 1], rate = Math.min(1, end / 4);
+    const { end, rate } = this;
     if (this.time >= end) this.time = 0;
     let last = performance.now();
     const tick = (now) => {
@@ -173,7 +179,7 @@ class TwoArms {
       if (!this.timer) this.stop();
     };
     this.timer = requestAnimationFrame(tick);
-    this.runButton.textContent = "Stop";
+    this.runButton.textContent = "Pause";
   }
 
   stop() {
@@ -192,25 +198,19 @@ class TwoArms {
     };
     hold(this.square, (q) => this.poseShown(q));
     hold(this.diagram, (places) => this.setPlaces(places));
-    const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-    const keys = (canvas, put) => canvas.addEventListener("keydown", (event) => {
-      const by = arrows[event.key];
-      if (!by || event.ctrlKey || event.metaKey || event.altKey) return;
-      event.preventDefault();
-      event.stopPropagation();
+    const keys = (text, canvas, put) => viewer.keys.arrows("Two arms", text, canvas, (by, event) => {
       this.stop();
       put(by.map((v) => v * (event.shiftKey ? 10 : 1)));
     });
-    keys(this.square.canvas, (by) => this.poseShown(this.shownQ().map((v, axis) => v + (by[axis] * Math.PI) / 180)));
-    keys(this.diagram.canvas, (by) => {
+    keys("In the slice: move the arm; with Shift farther", this.square.canvas, (by) => this.poseShown(this.shownQ().map((v, axis) => v + (by[axis] * Math.PI) / 180)));
+    keys("In the diagram: move both arms along their paths", this.diagram.canvas, (by) => {
       const places = this.places || [0, 0];
       this.setPlaces(places.map((v, k) => Math.min(Math.max(v + 0.01 * by[k] * this.ends[k], 0), this.ends[k])));
     });
-    window.addEventListener("keydown", (event) => {
-      if (event.key.toLowerCase() !== "x" || event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA"].includes(event.target.tagName)) return;
-      event.preventDefault();
-      this.run();
-    });
+    viewer.keys.add("Two arms", [
+      { keys: [" ", "x"], text: "Run the schedule, or pause", act: () => this.run() },
+      { keys: [",", "."], text: "A 20th of a second back or on", act: ({ key }) => { this.stop(); this.setTime(this.time + (key === "." ? 0.05 : -0.05)); } },
+    ]);
   }
 
   shownQ() { return this.q().slice(2 * this.shown, 2 * this.shown + 2); }
@@ -230,7 +230,7 @@ class TwoArms {
     else { this.square.redraw(); }
     this.diagram.redraw();
     this.say();
-    const end = this.schedule.times[this.schedule.times.length - 1];
+    const { end } = this;
     Object.assign(this.clock, { max: end, value: this.time });
     fillSlider(this.clock);
     part(".walk output").textContent = `${this.time.toFixed(1)} / ${end.toFixed(1)} s`;

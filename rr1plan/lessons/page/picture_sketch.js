@@ -39,7 +39,7 @@ class Sketch {
   }
 
   font(size, weight = 400) {
-    this.pen.font = `${weight} ${size * this.unit}px ${getComputedStyle(root).fontFamily}`;
+    this.pen.font = `${weight} ${size * this.unit}px ${FONT}`;
   }
 
   /** Letters that are read on every ground. */

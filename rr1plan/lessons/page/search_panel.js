@@ -21,6 +21,7 @@ class Search {
     this.choose({ planner: "RRT", bias: 0.05 });
     viewer.on("load", () => this.place());
     viewer.on("change", () => { if (this.playing && viewer.origin !== "search") this.stop(); });
+    viewer.films.push(() => ({ start: 0, end: this.length / this.rate, show: (t) => this.go(Math.round(t * this.rate)) }));
     new ResizeObserver(() => this.drawRace()).observe(part(".race"));
   }
 
@@ -45,13 +46,10 @@ class Search {
     part(".at").oninput = () => { this.stop(); this.go(Number(part(".at").value)); };
     part(".step").oninput = () => this.choose({ step: this.steps[Number(part(".step").value)] });
     part(".bias").oninput = () => this.choose({ bias: this.biases[Number(part(".bias").value)] });
-    const keys = { p: () => this.play(), ",": () => this.walk(-1), ".": () => this.walk(1) };
-    window.addEventListener("keydown", (event) => {
-      const act = keys[event.key.toLowerCase()];
-      if (!act || event.ctrlKey || event.metaKey || event.altKey) return;
-      event.preventDefault();
-      act();
-    });
+    viewer.keys.add("Search", [
+      { keys: [" ", "p"], text: "Grow the search, or pause", act: () => this.play() },
+      { keys: [",", "."], text: "One step back or on", act: ({ key }) => this.walk(key === "." ? 1 : -1) },
+    ]);
   }
 
   choose(wish) {
@@ -82,16 +80,19 @@ class Search {
 
   get length() { return this.record.ends.length; }
 
+  /** Steps per second: all of them in nine seconds, or less. */
+  get rate() { return Math.max(12, this.length / 9); }
+
   play() {
     if (this.playing) { this.stop(); return; }
     if (this.at >= this.length) this.go(0);
     if (matchMedia("(prefers-reduced-motion: reduce)").matches) { this.go(this.length); return; }
-    const from = this.at, rate = Math.max(12, this.length / 9), began = performance.now();  // at most nine seconds
+    const from = this.at, { rate } = this, began = performance.now();
     const frame = (now) => {
       this.go(Math.min(this.length, from + Math.max(0, Math.floor((rate * (now - began)) / 1000))));
       if (this.at < this.length) this.playing = requestAnimationFrame(frame); else this.stop();
     };
-    part(".play").textContent = "Stop";
+    part(".play").textContent = "Pause";
     this.playing = requestAnimationFrame(frame);
   }
 

@@ -30,9 +30,12 @@ class SixJoints {
     this.wire();
     this.setMode("slice");
     viewer.on("change", () => this.follow());
+    viewer.on("obstacle", () => { this.waiting ||= requestAnimationFrame(() => { this.waiting = 0; this.follow(); }); });
     viewer.on("planner", (planner, reason) => this.meet(planner, reason));
     if (viewer.planner || viewer.noPlanner) this.meet(viewer.planner, viewer.noPlanner);
     this.setColumns(data.pair);
+    // There and back along the self-motion.
+    viewer.films.push(() => (this.mode === "motion" ? { start: 0, end: 8, show: (t) => this.setAlong(0.5 - 0.5 * Math.cos((t * Math.PI) / 4)) } : null));
   }
 
   meet(planner, reason) {
@@ -130,20 +133,14 @@ class SixJoints {
     canvas.addEventListener("pointerdown", (event) => { held = true; canvas.setPointerCapture(event.pointerId); put(this.square.under(event)); });
     canvas.addEventListener("pointermove", (event) => { if (held) put(this.square.under(event)); });
     for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { held = false; });
-    const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-    canvas.addEventListener("keydown", (event) => {
-      const by = arrows[event.key];
-      if (!by || event.ctrlKey || event.metaKey || event.altKey) return;
-      event.preventDefault();
-      event.stopPropagation();
+    viewer.keys.arrows("Slice", "In the picture: move the two joints; with Shift farther", canvas, (by, event) => {
       const q = this.q();
       put(this.columns.map((column, axis) => q[column] + by[axis] * (event.shiftKey ? 10 : 1) * (data.high[axis] - data.low[axis]) / 200));
     });
-    window.addEventListener("keydown", (event) => {
-      if (event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA"].includes(event.target.tagName)) return;
-      if (event.key.toLowerCase() === "s" && this.mode === "measure") { event.preventDefault(); this.sample(); }
-      if (/^[1-9]$/.test(event.key) && this.mode === "solutions" && data.solutions[event.key - 1]) this.pose(data.solutions[event.key - 1].q);
-    });
+    viewer.keys.add("Slice", [
+      { keys: ["s"], text: "Check 500 more configurations", when: () => this.mode === "measure", act: () => this.sample() },
+      { keys: data.solutions.map((_, k) => String(k + 1)), text: "Go to a solution", when: () => this.mode === "solutions", act: ({ key }) => this.pose(data.solutions[key - 1].q) },
+    ]);
   }
 
   // ---- what is shown ---------------------------------------------------------------------------

@@ -108,17 +108,17 @@ class Timing {
     this.wire();
     this.show("path");
     viewer.on("change", () => { if (this.driving && viewer.origin !== "timing") this.stop(); });
+    viewer.films.push(() => (this.duration ? { start: 0, end: this.duration, show: (t) => this.at(t / this.duration) } : null));
     new ResizeObserver(() => this.drawChart()).observe(part(".chart"));
   }
 
   wire() {
     part(".play").onclick = () => this.drive();
     part(".at").oninput = () => { this.stop(); this.at(Number(part(".at").value)); };
-    window.addEventListener("keydown", (event) => {
-      if (event.key.toLowerCase() !== "d" || event.ctrlKey || event.metaKey || event.altKey) return;
-      event.preventDefault();
-      this.drive();
-    });
+    viewer.keys.add("Motion", [
+      { keys: [" ", "d"], text: "Drive the arm, or pause", when: () => this.duration > 0, act: () => this.drive() },
+      { keys: [",", "."], text: "A 60th of a second back or on", when: () => this.duration > 0, act: ({ key }) => this.walk((key === "." ? 1 : -1) / 60) },
+    ]);
     const chart = part(".chart");
     const point = (event) => {
       const box = chart.getBoundingClientRect();
@@ -229,7 +229,7 @@ class Timing {
       this.at(Math.min(1, from + Math.max(0, now - began) / 1000 / this.duration));
       if (this.share < 1) this.driving = requestAnimationFrame(frame); else this.stop();
     };
-    part(".play").textContent = "Stop";
+    part(".play").textContent = "Pause";
     this.driving = requestAnimationFrame(frame);
   }
 
@@ -237,6 +237,12 @@ class Timing {
     cancelAnimationFrame(this.driving);
     this.driving = 0;
     part(".play").textContent = "Drive";
+  }
+
+  /** The arm some time [s] later or before. */
+  walk(by) {
+    this.stop();
+    this.at(Math.min(Math.max(this.share + by / this.duration, 0), 1));
   }
 
   /** The arm at a share of the time. */
@@ -435,8 +441,11 @@ class Timing {
   }
 
   /** Lines and what they are, right of the top. */
-  legend(pen, { right, top: up }, rows) {
+  legend(pen, { left, right, top: up }, rows) {
     let x = right;
+    // Where the title of the axis leaves no room, below it.
+    const wide = rows.reduce((sum, [, , text]) => sum + pen.measureText(text).width + 57, 0);
+    if (wide > right - left - 130) up += 17;
     pen.textAlign = "right";
     for (const [color, dash, text] of [...rows].reverse()) {
       pen.fillStyle = INK; pen.fillText(text, x, up - 7);

@@ -55,7 +55,7 @@ _LATEST = 1e7  # later times are rounded to more than a nanosecond [s]
 # Share of the budget that is kept for the referee and for kernel calls, and most of it [s].
 _RESERVE, _MOST_RESERVE = 0.2, 0.1
 # Share of the budget for a motion that changes no other arm.
-_SHARE = 0.5
+_SHARE = 0.3
 _GoalLike = Goal | Array | str | Sequence[Goal | Array]
 # The referee begins so much before the change, so that it sees the two motions meet [s].
 _LEAD = 0.01

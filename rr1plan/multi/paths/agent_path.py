@@ -243,7 +243,7 @@ class AgentPath:
             half = 0.5 * grid.delta[0]
             grid = Grid(grid.piece.repeat(2), grid.offset[0] + np.array([0.0, half]), np.array([half, half]))
         x = fastest_speeds(self.curve, grid, self.agent.limits)
-        return _merged(timed(self.curve, grid, x).within(self.agent.limits), grid, x, self.curve)
+        return _merged(timed(self.curve, grid, x), grid, x, self.curve).within(self.agent.limits)
 
     def at(self, gridpoint: int) -> Array:
         """Configuration of the agent at a gridpoint, shape (nq,)."""
@@ -364,7 +364,17 @@ def _merged(pieces: Pieces, grid: Grid, x: Array, curve: Curve) -> Pieces:
     scale = _SAME * max(float(np.abs(gain).max()), 1e-12)
     goes_on = (np.abs(np.diff(gain)) <= scale) & (grid.piece[1:] == grid.piece[:-1]) & ~bent[1:]
     first = np.flatnonzero(np.concatenate([[True], ~goes_on]))
-    return Pieces(np.add.reduceat(pieces.durations, first), pieces.coefficients[first])
+    durations, coefficients = np.add.reduceat(pieces.durations, first), pieces.coefficients[first].copy()
+    # From its two ends, so that it ends exactly where the next one begins, however long it is.
+    last = np.append(first[1:], len(grid.delta))
+    joined = np.flatnonzero(last - first > 1)
+    length, direction = np.add.reduceat(grid.delta, first)[joined], curve.coefficients[grid.piece[first[joined]], 1]
+    begin, end = x[first[joined]], x[last[joined]]
+    speed = np.sqrt(begin)
+    durations[joined] = 2.0 * length / (speed + np.sqrt(end))
+    coefficients[joined, 1] = speed[:, None] * direction
+    coefficients[joined, 2] = (0.25 * (end - begin) / length)[:, None] * direction
+    return Pieces(durations, coefficients)
 
 
 def _reversed(pieces: Pieces) -> Pieces:

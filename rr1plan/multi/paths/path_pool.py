@@ -94,7 +94,14 @@ class PathPool:
         question = question or self.agent.question({}, self.margin)
         with checker_from_pool(question.scene, question.arms, self.margin) as checker:
             shorter = [
-                shorten(part, question.scene, checker=checker, iterations=_SHORTCUTS, rng=self._rng).waypoints
+                shorten(
+                    part,
+                    question.scene,
+                    checker=checker,
+                    iterations=_SHORTCUTS,
+                    seconds=self._watch.time_left,
+                    rng=self._rng,
+                ).waypoints
                 for part in parts
             ]
             path = AgentPath(self.agent, Path(self.agent.joint_names, np.concatenate(shorter)), checker)
@@ -113,7 +120,7 @@ class PathPool:
         question, points = self.agent.question({}, self.margin), path.path.waypoints
         with checker_from_pool(question.scene, question.arms, self.margin) as checker:
             # In turn with shortcuts that save length, and so corners, which take time.
-            for _ in range(_ROUNDS_IN_TIME):
+            for _ in range(_ROUNDS_IN_TIME if self._watch.goes_on() else 0):
                 attempts = _SHORTCUTS_IN_TIME * len(self.agent.arms)
                 points = shorten_in_time(points, self.agent, checker, self._rng, self._watch, attempts)
                 points = shorten(
@@ -121,12 +128,13 @@ class PathPool:
                     question.scene,
                     checker=checker,
                     iterations=attempts // 2,
+                    seconds=self._watch.time_left,
                     rng=self._rng,
                 ).waypoints
         return self.add_shortened([Path(self.agent.joint_names, points)])
 
     def _plan(self, leg: Problem, effort: int, *, patient: bool) -> PlanResult:
-        goes_on, seconds = self._watch.let_planner_go_on, max(self._watch.left, 1e-3)
+        goes_on, seconds = self._watch.let_planner_go_on, self._watch.time_left
         if patient:
             most = None if math.isfinite(seconds) else _NO_LIMIT
             return plan(leg, budget=Budget(seconds, most), rng=self._rng, progress=goes_on)

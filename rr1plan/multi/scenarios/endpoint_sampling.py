@@ -8,8 +8,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan.checks import Array, finite_array, of_kind
+from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
@@ -20,7 +22,9 @@ from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.timing.coordination import are_apart
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
+from rr1plan.scene.loose_bodies import bounding_box
 from rr1plan.scene.problem import PoseGoal, Problem
+from rr1plan.shapes.shapes import HalfSpace
 from rr1plan.transforms import pose
 
 CLEARANCE = 2e-3
@@ -72,7 +76,7 @@ def sample_configurations(
     near = arms_in_reach(scene, scene.arms, CLEARANCE)
     anywhere = Problem(scene, None, {arm: scene.arms[arm].q for arm in scene.arms})
     agents = {arm: Agent(anywhere, [arm]) for arm in scene.arms}
-    samplers = {arm: (draws or {}).get(arm) or _anywhere(agent) for arm, agent in agents.items()}
+    samplers = {arm: (draws or {}).get(arm) or _anywhere(scene.arms[arm].robot) for arm in agents}
     placed: dict[str, CStruct] = {}
     configurations: dict[str, Array] = {}
     waiting, failures = list(agents), 0
@@ -104,21 +108,55 @@ def tool_in_box(scene: Scene, arm: str, box: ToolBox) -> Draw:
         box: The box.
     """
     kinematics = Kinematics(scene, [arm])
-    limits = scene.limits([arm])
+    robot = scene.arms[arm].robot
+    low, high = one_turn(robot)
 
     def draw(rng: np.random.Generator) -> Array | None:
         point = box.frame[:3, :3] @ rng.uniform(box.low, box.high) + box.frame[:3, 3]
-        seed = rng.uniform(limits.lower, limits.upper)
+        seed = rng.uniform(low, high)
         found = solve_ik(
             kinematics, PoseGoal("tool", point), seeds=seed, attempts=_STARTS, max_solutions=1, rng=rng
         ).solutions
-        return np.asarray(found[0]) if len(found) else None
+        return _turned_back(robot, np.asarray(found[0])) if len(found) else None
 
     return draw
 
 
-def _anywhere(agent: Agent) -> Draw:
-    return lambda rng: np.asarray(rng.uniform(agent.limits.lower, agent.limits.upper))
+def _anywhere(robot: Robot) -> Draw:
+    low, high = one_turn(robot)
+    return lambda rng: np.asarray(rng.uniform(low, high))
+
+
+def one_turn(robot: Robot) -> tuple[Array, Array]:
+    """The ranges that configurations are drawn from: those of the joints, of which at most half a turn around home.
+
+    Of two configurations a whole turn of a joint apart one can often not be reached from the other, as there is a floor
+    or the arm itself between them.
+
+    Args:
+        robot: A robot whose prismatic joints have limits.
+
+    Returns:
+        Lower and upper ends, shape (nq,) each.
+    """
+    lower, upper = robot.limits.lower, robot.limits.upper
+    turns = _is_revolute(robot) & (upper - lower > 2.0 * np.pi)
+    return (
+        np.where(turns, np.maximum(lower, robot.home - np.pi), lower),
+        np.where(turns, np.minimum(upper, robot.home + np.pi), upper),
+    )
+
+
+def _turned_back(robot: Robot, q: Array) -> Array:
+    """The same configuration with joints that have more than one turn as near to home as their limits allow."""
+    low, high = one_turn(robot)
+    turned = q - 2.0 * np.pi * np.round((q - robot.home) / (2.0 * np.pi))
+    return np.asarray(np.where((q < low) | (q > high), np.where((turned >= low) & (turned <= high), turned, q), q))
+
+
+def _is_revolute(robot: Robot) -> NDArray[np.bool_]:
+    kinds = {joint.name: joint.kind for joint in robot.joints}
+    return np.array([kinds[name] != "prismatic" for name in robot.joint_names], np.bool_)
 
 
 def _free_among(
@@ -141,10 +179,10 @@ def check_robot(robot: Robot) -> None:
     """Refuse a robot of which no configurations can be drawn.
 
     Raises:
-        InputError: not a robot, or one with joints that have no position limits.
+        InputError: not a robot, or one with prismatic joints that have no position limits.
     """
     of_kind("robot", robot, Robot)
-    for name, low, high in zip(robot.joint_names, robot.limits.lower, robot.limits.upper, strict=True):
+    for name, low, high in zip(robot.joint_names, *one_turn(robot), strict=True):
         if not (math.isfinite(low) and math.isfinite(high)):
             raise InputError(f"joint {name!r} has no position limits to draw configurations from; set some")
 
@@ -185,10 +223,29 @@ def facing(robot: Robot, place: tuple[float, float], angle: float) -> tuple[Arra
     return base, pose((*place, 0.0), rpy=(0.0, 0.0, math.remainder(angle, 2.0 * math.pi)))
 
 
+def floor_under(*robots: Robot) -> HalfSpace:
+    """The floor on which robots stand: at the height of their base frames, or lower where their bases reach down to it.
+
+    Args:
+        robots: The robots.
+    """
+    return HalfSpace((0.0, 0.0, 1.0), min(map(_floor_height, robots)))
+
+
+@lru_cache(maxsize=64)
+def _floor_height(robot: Robot) -> float:
+    level = Scene().with_arm("arm", robot).with_obstacle("floor", HalfSpace((0.0, 0.0, 1.0), 0.0))
+    if CollisionChecker(level).static_is_free:
+        return 0.0
+    home, other = robot.link_poses(robot.home), robot.link_poses(robot.home + 0.1)
+    fixed = [link for link in robot.links if np.array_equal(home[link.name], other[link.name]) and link.collisions]
+    return min(float(bounding_box(link.collisions, home[link.name])[0][2]) for link in fixed) - CLEARANCE
+
+
 @lru_cache(maxsize=64)
 def horizontal_reach(robot: Robot) -> float:
     """Largest distance of a robot's tool from the axis of its base, over random configurations [m]."""
     rng = np.random.default_rng(0)
-    drawn = rng.uniform(robot.limits.lower, robot.limits.upper, (_SAMPLES, robot.nq))
+    drawn = rng.uniform(*one_turn(robot), (_SAMPLES, robot.nq))
     tools = np.array([robot.link_poses(q)[robot.tool][:2, 3] for q in drawn])
     return float(np.linalg.norm(tools, axis=1).max())

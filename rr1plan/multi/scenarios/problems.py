@@ -20,6 +20,7 @@ from rr1plan.multi.scenarios.endpoint_sampling import (
     CLEARANCE,
     ToolBox,
     check_robot,
+    floor_under,
     front_of,
     horizontal_reach,
     sample_configurations,
@@ -29,7 +30,7 @@ from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.placement import place_grid, place_ring
 from rr1plan.scene.problem import PoseGoal, Problem
-from rr1plan.shapes.shapes import Box, HalfSpace
+from rr1plan.shapes.shapes import Box
 from rr1plan.transforms import pose
 
 _ATTEMPTS = 100  # at a ring or a shelf
@@ -76,7 +77,7 @@ def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: 
     for name, arm in scene.arms.items():
         turned = arm.base @ pose((0.0, 0.0, 0.0), rpy=(0.0, 0.0, float(generator.uniform(-math.pi, math.pi))))
         scene = scene.with_arm(name, arm.robot, turned)
-    scene = scene.with_obstacle("table", HalfSpace((0.0, 0.0, 1.0), 0.0))
+    scene = scene.with_obstacle("table", floor_under(*(arm.robot for arm in scene.arms.values())))
     draws = {}
     for name, arm in scene.arms.items():
         far = horizontal_reach(arm.robot)

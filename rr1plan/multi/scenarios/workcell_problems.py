@@ -17,6 +17,7 @@ from rr1plan.multi.scenarios.endpoint_sampling import (
     ToolBox,
     check_robot,
     facing,
+    floor_under,
     horizontal_reach,
     sample_configurations,
     tool_in_box,
@@ -24,7 +25,7 @@ from rr1plan.multi.scenarios.endpoint_sampling import (
 from rr1plan.robot import Geometry, Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
-from rr1plan.shapes.shapes import Box, Color, HalfSpace
+from rr1plan.shapes.shapes import Box, Color
 from rr1plan.transforms import pose
 
 _ATTEMPTS = 10
@@ -45,7 +46,7 @@ class _Cell:
 
     def __init__(self, name: str, robot: Robot) -> None:
         self.robot = robot
-        self.scene = Scene(name=name).with_obstacle("floor", HalfSpace((0.0, 0.0, 1.0), 0.0), color=_FLOOR)
+        self.scene = Scene(name=name).with_obstacle("floor", floor_under(robot), color=_FLOOR)
         self.frames: dict[str, Array] = {}
 
     def add_arm(self, place: tuple[float, float], angle: float) -> str:

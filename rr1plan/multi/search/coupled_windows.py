@@ -246,7 +246,14 @@ class CoupledWindows:
             result = RrtConnect().plan(question, budget=budget, rng=self._rng, progress=self._watch.let_planner_go_on)
             if result.path is None:
                 return None
-            short = shorten(result.path, scene, checker=checker, iterations=_SHORTCUTS, rng=self._rng)
+            short = shorten(
+                result.path,
+                scene,
+                checker=checker,
+                iterations=_SHORTCUTS,
+                seconds=self._watch.time_left,
+                rng=self._rng,
+            )
         return np.asarray(short.waypoints)
 
     def _splice(self, window: _Window, points: Array) -> _Window:

@@ -24,6 +24,7 @@ from rr1plan.multi.paths.path_changes import changed_waypoints
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality, plan_quality
 from rr1plan.multi.preflight import affordable_margin
+from rr1plan.multi.search.sequential_moves import SequentialMoves
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
@@ -38,6 +39,9 @@ _NEIGHBORHOOD, _MOST_TOGETHER = 5, 4
 _PATHS = 6
 # Random shortcuts of a path that comes from schedules.
 _SHORTCUTS = 120
+# How often a path of moves in turn is made faster, at most, as long as it gets faster by this share.
+_HASTENINGS, _WORTH_HASTENING = 6, 0.03
+_HOPELESS = 1.4  # times as long as the plan at hand, and not made faster any more
 # How often the agent that arrives last is the one to work on, and how often a neighborhood gets a new path.
 _LAST_FIRST, _NEW_PATH = 0.7, 0.5
 # Moves between two times at which diagrams are forgotten.
@@ -102,7 +106,9 @@ class PlanImprover:
             iterations: Moves, at most; None: no limit.
         """
         self._until = self._watch.seconds + seconds
-        cheap = (self._replan_neighborhood, self._change_path, self._change_path)
+        cheap = [self._replan_neighborhood, self._change_path, self._change_path]
+        if any(len(agent.arms) > _MOST_TOGETHER for agent in self.schedules):
+            cheap.append(self._move_in_turn)
         moves = (*cheap, *cheap, self._move_as_one, *cheap, *cheap, self._move_apart)
         last = len(self.schedules) if iterations is None else self.iterations + iterations
         while (iterations is None or self.iterations < last) and self._goes_on() and not self._is_best():
@@ -321,6 +327,30 @@ class PlanImprover:
         for agent in chosen:
             del self.schedules[agent]
         return self._schedule(together, self._paths[together])
+
+    def _move_in_turn(self) -> bool:
+        """Plan an agent of many arms anew: one arm at a time by way of other retreats, then at the same time."""
+        large = [agent for agent in self.schedules if len(agent.arms) > _MOST_TOGETHER]
+        if not large:
+            return self._change_path()
+        whole = large[int(self._rng.integers(len(large)))]
+        watch = self._watch.with_deadline(self._until - self._watch.seconds)
+        single = {arm: self._agent([arm], whole) for arm in whole.arms}
+        margin = self._margin(whole)
+        points = SequentialMoves(whole, self._goal(whole), single, self._near, margin, self._rng, watch).find()
+        if points is None:
+            return False
+        pool = PathPool(whole, margin, self._rng, watch)
+        try:
+            path = pool.add_shortened([Path(whole.joint_names, points)])
+            for _ in range(_HASTENINGS):
+                before, path = path, pool.add_faster(path)
+                hopeless = path.fastest > _HOPELESS * self.schedules[whole].arrival
+                if hopeless or path.fastest > before.fastest * (1.0 - _WORTH_HASTENING):
+                    break
+        except RetimingError:
+            return False
+        return self._schedule(whole, pool.paths)
 
     def _move_apart(self) -> bool:
         """Schedule the arms of an agent one by one on their parts of its path, which may be shorter then."""

@@ -262,7 +262,9 @@ class PrioritizedPlanner:
             if points is None:
                 break
             with suppress(RetimingError):
-                pool.add_faster(pool.add_shortened([Path(agent.joint_names, points)]))
+                path = pool.add_shortened([Path(agent.joint_names, points)])
+                if self._watch.goes_on():
+                    pool.add_faster(path)
             if min(path.fastest for path in pool.paths) <= self._slow_from():
                 break
         self.statistics.add_time("sequential", began)
@@ -617,7 +619,9 @@ class PrioritizedPlanner:
         began = time.perf_counter()
         paths = {arm: pool.paths[0] for pool in self.pools.values() for arm in pool.agent.arms}
         pairs = [(paths[a], paths[b]) for a, b in combinations(paths, 2) if b in self._near[a]]
-        self._diagrams.prepare([both for both in dict.fromkeys(pairs) if both[0] is not both[1]], self.threads)
+        self._diagrams.prepare(
+            [both for both in dict.fromkeys(pairs) if both[0] is not both[1]], self.threads, self._watch
+        )
         self.statistics.add_time("diagrams", began)
 
     def _blocked_by(self, waiting: list[Agent]) -> str:

@@ -35,7 +35,7 @@ _MOST_TOGETHER, _MOST_SETS = 3, 12
 # Of the trees, as shares of the diagonal of the moving joints' space: longest edge, and radius of sampling around
 # vertices with a blocked edge.
 _STEP, _DOMAIN = 0.06, 0.3
-_SLICE = 50  # samples between two looks at the clock
+_SLICE = 20  # samples between two looks at the clock
 
 
 class SequentialMoves:
@@ -76,6 +76,8 @@ class SequentialMoves:
         """
         with checker_from_pool(self._question.scene, self._agent.arms, self._margin) as checker:
             retreats = self._retreats()
+            if retreats is None:
+                return None
             begin = self._withdraw(checker, self._agent.start, retreats, effort)
             end = None if begin is None else self._withdraw(checker, self._goal, retreats, effort)
         if begin is None or end is None:
@@ -86,8 +88,8 @@ class SequentialMoves:
 
     # ---- retreats ----------------------------------------------------------------------------
 
-    def _retreats(self) -> Array:
-        """A configuration for each arm, where it is in the way of few starts and goals, shape (nq,)."""
+    def _retreats(self) -> Array | None:
+        """A configuration for each arm, in the way of few starts and goals, shape (nq,); None if it is too late."""
         ends = [(one.start, self._goal[columns]) for one, columns in zip(self._single, self._columns, strict=True)]
         placed = [
             [placed_configuration(one.bodies, q) for q in both] for one, both in zip(self._single, ends, strict=True)
@@ -106,6 +108,8 @@ class SequentialMoves:
                     retreats[self._columns[arm]] = q
             if best is not None:
                 chosen[arm] = kept
+            if not self._watch.goes_on():
+                return None
         return retreats
 
     def _candidates(self, arm: int) -> Iterator[Array]:

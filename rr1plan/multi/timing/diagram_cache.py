@@ -10,6 +10,7 @@ import numpy as np
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.preflight import MARGINS
+from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import Blocked, coordination_diagram, ends_are_apart, may_touch
 from rr1plan.multi.timing.schedule import extended
 
@@ -81,18 +82,21 @@ class DiagramCache:
         kept = set(paths)
         self._diagrams = {both: found for both, found in self._diagrams.items() if kept.issuperset(both)}
 
-    def prepare(self, pairs: Iterable[tuple[AgentPath, AgentPath]], threads: int) -> None:
+    def prepare(self, pairs: Iterable[tuple[AgentPath, AgentPath]], threads: int, watch: Stopwatch) -> None:
         """Compute diagrams that will be needed.
 
         Args:
             pairs: Of these paths.
             threads: How many to use.
+            watch: Says when to stop.
         """
+        if not watch.goes_on():
+            return
         missing = [both for both in pairs if both not in self._diagrams and self.may_touch(*both)]
         if threads < 2 or len(missing) < _FEWEST:
             return
         for path in dict.fromkeys(path for both in missing for path in both):
             _ = path.placed
         with ThreadPoolExecutor(threads) as pool:
-            for _ in pool.map(lambda both: self.diagram(*both), missing):
+            for _ in pool.map(lambda both: watch.goes_on() and self.diagram(*both), missing):
                 pass

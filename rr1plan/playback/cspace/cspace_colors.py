@@ -14,7 +14,7 @@ INK = "#22262b"
 # Of the start and its tree, of a goal and its tree; both are told apart without seeing red or green.
 START, GOAL = "#2f66c8", "#14855a"
 _PALETTE = ("#3b6fd4", "#d1495b", "#3f9b5f", "#8e63c7", "#e0a030", "#2fa7a0", "#b2673f", "#d26fb0")
-_SELF_COLOR = "#4a4f57"
+SELF_COLOR = "#4a4f57"
 _LIMIT_COLOR = "#c9ced6"
 _TINTS = ("#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7")  # the page's colors of components
 
@@ -26,7 +26,7 @@ def layer_colors(grid: CSpaceGrid) -> dict[str, str]:
         obstacle = grid.scene.obstacles.get(name)
         own = None if obstacle is None else next((g.color for g in obstacle.geometries if g.color is not None), None)
         if name == SELF:
-            colors[name] = _SELF_COLOR
+            colors[name] = SELF_COLOR
         elif name == LIMITS:
             colors[name] = _LIMIT_COLOR
         elif own is not None:

@@ -24,7 +24,7 @@ from rr1plan.errors import InputError
 from rr1plan.files.file_access import write_text
 from rr1plan.model.flat_arm import flat_arm
 from rr1plan.path import Path
-from rr1plan.playback.cspace.cspace_colors import layer_colors
+from rr1plan.playback.cspace.cspace_colors import SELF_COLOR, layer_colors
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace.cspace_raster import SELF, CSpaceRaster
 from rr1plan.playback.cspace.cspace_verdict import tone, verdict
@@ -147,7 +147,7 @@ def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> di
     columns = grid.scene.joint_names()
     steps = [float(centers[1] - centers[0]) for centers in grid.axes]
     labels, shares = _ranked_components(cspace)
-    planar = _planar(grid)
+    planar, others = _planar(grid), _other_joints(grid)
     return {
         "arm": grid.arm,
         "columns": [columns.index(name) for name in names],
@@ -156,7 +156,7 @@ def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> di
         "high": [float(c[-1]) + 0.5 * s for c, s in zip(grid.axes, steps, strict=True)],
         "periodic": list(grid.periodic),
         "size": list(grid.free.shape),
-        "layers": _layers(grid),
+        "layers": _layers(grid, bool(others)),
         "labels": _bytes(labels),
         "shares": shares,
         "start": None if cspace.start is None else cspace.start.tolist(),
@@ -168,7 +168,8 @@ def _data(cspace: CSpaceQuery, names: tuple[str, str], document: Document) -> di
         "tone": tone(cspace),
         "planar": planar,
         "limits": [[_finite(low), _finite(high)] for low, high in _limits(grid)],
-        "live": _live(grid) if planar is not None and plans_by_itself(document) else None,
+        "others": others,
+        "live": _live(grid, planar) if (planar is not None or others) and plans_by_itself(document) else None,
     }
 
 
@@ -182,7 +183,24 @@ def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def _live(grid: CSpaceGrid) -> dict[str, Any] | None:
+def _other_joints(grid: CSpaceGrid) -> list[dict[str, Any]]:
+    """The joints of the arm that the picture does not show."""
+    robot, columns = grid.scene.arms[grid.arm].robot, grid.scene.joint_names()
+    bounds = zip(robot.joint_names, robot.limits.lower.tolist(), robot.limits.upper.tolist(), strict=True)
+    return [
+        {
+            "name": name,
+            "column": columns.index(f"{grid.arm}/{name}"),
+            "low": lower if np.isfinite(lower) else -np.pi,
+            "high": upper if np.isfinite(upper) else np.pi,
+            "straight": robot.joint(name).kind == "prismatic",
+        }
+        for name, lower, upper in bounds
+        if name not in grid.joint_names
+    ]
+
+
+def _live(grid: CSpaceGrid, planar: dict[str, Any] | None) -> dict[str, Any] | None:
     """The tables with which the page computes images of obstacles that have been moved; None if none can be."""
     arm = grid.scene.arms[grid.arm]
     checker = CollisionChecker(grid.scene, (grid.arm,))
@@ -193,7 +211,9 @@ def _live(grid: CSpaceGrid) -> dict[str, Any] | None:
     return {
         "raster": base64.b64encode(zlib.compress(raster.memory_image(), 9)).decode("ascii"),
         "ranges": raster.ranges,
-        "outlines": {name: [o.round(9).tolist() for o in _outlines(grid, name)] for name in checker.object_numbers},
+        "outlines": {}
+        if planar is None
+        else {name: [o.round(9).tolist() for o in _outlines(grid, name)] for name in checker.object_numbers},
     }
 
 
@@ -210,17 +230,20 @@ def _bytes(values: NDArray[np.uint8]) -> dict[str, Any]:
     return pack_array(np.frombuffer(flat.tobytes() + bytes(-len(flat) % 4), dtype="<u4"), "u4")
 
 
-def _layers(grid: CSpaceGrid) -> list[dict[str, Any]]:
-    kinds, spots = {SELF: "self", LIMITS: "limits"}, grid.name_spots()
+def _layers(grid: CSpaceGrid, is_slice: bool) -> list[dict[str, Any]]:
+    """The layers, in a slice also that of self-collision where it is empty: other slices of the page have some."""
+    kinds, spots, colors, masks = {SELF: "self", LIMITS: "limits"}, grid.name_spots(), layer_colors(grid), grid.layers
+    if is_slice and SELF not in masks:
+        colors, masks = {**colors, SELF: SELF_COLOR}, {**masks, SELF: np.zeros(grid.free.shape, np.bool_)}
     return [
         {
             "name": name,
             "spot": spots.get(name),
             "color": color,
             "kind": kinds.get(name, "thing"),
-            "cells": _bytes(np.packbits(grid.layers[name].ravel(), bitorder="little")),
+            "cells": _bytes(np.packbits(masks[name].ravel(), bitorder="little")),
         }
-        for name, color in layer_colors(grid).items()
+        for name, color in colors.items()
     ]
 
 

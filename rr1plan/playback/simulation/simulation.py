@@ -163,7 +163,7 @@ class Tile:
         self.place(positions, velocities)
         self.refresh()
 
-    def command(self, positions: Array, velocities: Array, accelerations: Array, efforts: Array) -> None:
+    def _command(self, positions: Array, velocities: Array, accelerations: Array, efforts: Array) -> None:
         """Set-points of all joints of the simulation for the next step, with the feed-forward torque."""
         control, joints = self._control, self.joints
         self._accelerations[:joints] = accelerations[self.columns]
@@ -182,10 +182,23 @@ class Tile:
             stage(model, data)
         mujoco.mj_rne(model, data, 0, data.qfrc_bias)
 
-    def advance(self) -> None:
-        """Take a step from the present state, and refresh what follows from the new one."""
+    def advance(self, desired: Array, state: Array) -> None:
+        """Take a step from the present state, and refresh what follows from the new one.
+
+        Args:
+            desired: Set-points of all joints of the simulation: positions, velocities, accelerations and efforts to
+                add, shape (4, n).
+            state: Gets positions, velocities and efforts of the joints of this model, shape (3, n).
+        """
+        self._command(*desired)
         mujoco.mj_step2(self._model, self.data)
         self.refresh()
+        self.observe(state)
+
+    def observe(self, state: Array) -> None:
+        """Write positions, velocities and efforts of its joints to those of all joints, shape (3, n)."""
+        for row, values in zip(state, self.state, strict=True):
+            row[self.columns] = values
 
     def is_unstable(self) -> bool:
         """Whether MuJoCo has warned of values that are not finite or too large."""
@@ -210,16 +223,12 @@ class Tile:
         self.refresh()
 
 
-def _advance(tiles: Sequence[Tile]) -> None:
-    for tile in tiles:
-        tile.advance()
-
-
 class Simulation:
     """A scene in MuJoCo, to be stepped; nothing moves that no controller commands.
 
     Joint damping and friction of the description are left out: they belong to a drive, whose controller compensates
-    them. Obstacles with a mass are loose bodies. The scene is not changed.
+    them. Obstacles with a mass are loose bodies. The scene is not changed. Where four or more arms are proven to touch
+    nothing (`contact_proof`), MuJoCo does not search for contacts, which changes no result.
 
     Args:
         scene: The scene; arms start in their configurations.
@@ -338,7 +347,10 @@ class Simulation:
 
     @property
     def model(self) -> mujoco.MjModel:
-        """MuJoCo's model.
+        """MuJoCo's model, which may be changed between steps.
+
+        Steps of many arms take longer from then on: MuJoCo searches for contacts in all of them, as the proofs that
+        there are none hold for the scene as it was.
 
         Raises:
             InputError: arms that cannot meet have separate models; see `tiles`.
@@ -647,7 +659,10 @@ class Simulation:
         self._wall = 0.0
         self._contacts.clear()
         self._deepest = 0.0
-        self._observe()
+        state = np.empty((3, len(self.joint_names)))
+        for tile in self.tiles:
+            tile.observe(state)
+        self._now = JointState(self.time, *state)
         self._desired = np.zeros((4, len(self.joint_names)))
         self._desired[0] = self._now.positions
         self._note_contacts()
@@ -686,15 +701,18 @@ class Simulation:
             self._take(controller, indices)
         if self._leading:
             self._map.follow_all(self._desired)
-        for tile in self.tiles:
-            tile.command(*self._desired)
-        shares = [self.tiles[k :: self._threads] for k in range(self._threads)] if self._pool else [self.tiles]
-        others = [self._pool.submit(_advance, share) for share in shares[1:]] if self._pool else []
-        _advance(shares[0])
+        state = np.empty((3, len(self.joint_names)))
+
+        def advance(first: int) -> None:
+            for tile in self.tiles[first :: self._threads] if self._pool else self.tiles:
+                tile.advance(self._desired, state)
+
+        others = [self._pool.submit(advance, first) for first in range(1, self._threads)] if self._pool else []
+        advance(0)
         for other in others:
             other.result()
         self.steps += 1
-        self._observe()
+        self._now = JointState(self.time, *state)
 
     def _take(self, controller: Controller, indices: NDArray[np.int64]) -> None:
         """Get the set-points of a controller."""
@@ -727,14 +745,6 @@ class Simulation:
             if depth >= 0.0:
                 self._contacts.add(tile.world, tile.data, self.time)
                 self._deepest = max(self._deepest, depth)
-
-    def _observe(self) -> None:
-        """Collect the state of all joints from the models."""
-        rates = np.empty((3, len(self.joint_names)))
-        for tile in self.tiles:
-            for row, values in zip(rates, tile.state, strict=True):
-                row[tile.columns] = values
-        self._now = JointState(self.time, *rates)
 
     def _state(self, indices: NDArray[np.int64]) -> JointState:
         now = self._now

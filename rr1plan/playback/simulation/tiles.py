@@ -1,11 +1,12 @@
 """Tiles: parts of a scene whose arms can never meet those of other parts, each simulated by a separate model.
 
-One model of many arms spends most of its time on finding which of all their shapes are near each other, although most
-of them never are. Tiles of a few arms do not.
+Threads step them side by side, and where the arms of one tile are near each other, MuJoCo does not look for contacts
+in the others. Each tile costs some calls from Python in every step, so that there are few of them.
 """
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 
@@ -17,10 +18,11 @@ from rr1plan.scene import Scene
 from rr1plan.scene.subscene import subscene
 
 # Memory of a model and its data [bytes]: for each degree of freedom, and for each pair of them (MuJoCo's reserve for
-# contacts), from models of 120 to 2,000 arms and bodies with MuJoCo 3.17.
-_BYTES_PER_DOF, _BYTES_PER_PAIR = 1.0e5, 40.0
-# Largest number of arms in one model by default, and smallest number in a tile of a larger scene.
-ARMS_IN_A_TILE = 20
+# contacts), from models of 120 to 2,000 arms and bodies with MuJoCo 3.17; and for the collision checker, for each arm
+# beside eight others.
+_BYTES_PER_DOF, _BYTES_PER_PAIR, _BYTES_PER_ARM = 1.0e5, 40.0, 3.0e6
+# Smallest number of arms in a tile, and largest number of tiles.
+_ARMS_IN_A_TILE, _MOST_TILES = 60, 8
 
 
 def tile_scenes(scene: Scene) -> list[Scene]:
@@ -34,12 +36,13 @@ def tile_scenes(scene: Scene) -> list[Scene]:
     """
     if loose_bodies(scene):
         return [scene]
-    groups = interaction_groups(arms_in_reach(scene, scene.arms, 0.0)) if len(scene.arms) > ARMS_IN_A_TILE else []
+    groups = interaction_groups(arms_in_reach(scene, scene.arms, 0.0)) if len(scene.arms) > _ARMS_IN_A_TILE else []
     if len(groups) < 2:
         return [scene]
+    least = max(_ARMS_IN_A_TILE, math.ceil(len(scene.arms) / _MOST_TILES))
     tiles: list[list[str]] = [[]]
     for group in groups:
-        if len(tiles[-1]) >= ARMS_IN_A_TILE:
+        if len(tiles[-1]) >= least:
             tiles.append([])
         tiles[-1] += group
     return [subscene(scene, dict.fromkeys(names)) for names in tiles]
@@ -56,6 +59,7 @@ def check_memory(tiles: Sequence[Scene]) -> None:
     """
     have = _physical_memory()
     need = sum(_BYTES_PER_DOF * n + _BYTES_PER_PAIR * n**2 for n in map(_degrees_of_freedom, tiles))
+    need += sum(_BYTES_PER_ARM * len(tile.arms) for tile in tiles)
     if have is not None and need > have:
         arms, bodies = sum(len(tile.arms) for tile in tiles), sum(len(loose_bodies(tile)) for tile in tiles)
         raise InputError(

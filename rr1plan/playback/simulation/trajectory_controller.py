@@ -187,7 +187,7 @@ class JointTrajectoryController(Controller):
         point = self._set_point(since)
         error = np.abs(state.positions - point.positions)
         np.maximum(execution.max_error, error[self._back], out=execution.max_error)
-        if (error > self.path_tolerance).any():
+        if error.max() > self.path_tolerance:
             message = self._worst(error, self.path_tolerance)
             _end(execution, ExecutionStatus.PATH_TOLERANCE_VIOLATED, state.time, message)
             return self._stop(state)

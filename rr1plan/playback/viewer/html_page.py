@@ -30,9 +30,9 @@ from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_opt
 
 _SCRIPTS = (
     "math.js", "referee.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js",
-    "stage.js", "pace.js", "player.js", "conflicts.js", "controls.js", "overlays.js", "plot_curves.js", "plots.js",
-    "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js", "jogging.js", "editing.js", "live.js",
-    "main.js",
+    "stage.js", "pace.js", "player.js", "conflicts.js", "keys.js", "controls.js", "overlays.js", "side_by_side.js",
+    "plot_curves.js", "plots.js", "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js", "jogging.js",
+    "editing.js", "live.js", "main.js",
 )  # fmt: skip
 _STYLES = ("page.css", "plots.css", "editing.css")
 
@@ -58,6 +58,7 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: L
         "live": None if live is None else live._asdict(),
         "view": options.view,
         "play": options.play,
+        "sideBySide": options.side_by_side,
         "panels": [{"name": p.name, "data": p.data} for p in panels],
         "modules": page_modules() if plans else None,
     }

@@ -13,7 +13,7 @@ from pathlib import Path as FilePath
 from time import monotonic
 from typing import Any, TypeVar
 
-from rr1plan.checks import file_path, finite_number, true_or_false
+from rr1plan.checks import file_path, finite_number, true_or_false, whole_number
 from rr1plan.errors import BackendError, InputError, MissingPackageError
 from rr1plan.files.file_access import check_writable, write_bytes, write_text
 from rr1plan.playback.viewer.html_page import check_size, page_html
@@ -102,6 +102,7 @@ def screenshot(
     *,
     size: tuple[int, int] = (1280, 800),
     time: float | None = None,
+    step: int | None = None,
     bare: bool = False,
 ) -> FilePath:
     """A PNG of a page, for slides and galleries.
@@ -109,17 +110,18 @@ def screenshot(
     Args:
         file: The picture to write.
         page: A page that `save_html` wrote, a live viewer, or a value that has a page: a scene, a robot, a problem, a
-            motion, a sequence plan or a C-space.
+            motion, a sequence plan, a C-space or a lesson.
         size: Width and height [px].
         time: The moment of the motion [s]; None takes it as it opens, at the start.
+        step: The step of a lesson, from 1 on; None: the first.
         bare: Without the cards around the picture, which then shows all that stands in the scene.
 
     Returns:
         The file.
 
     Raises:
-        InputError: no such page, a picture's name that does not end in .png, one that cannot be written, or a size or
-            time that makes no sense.
+        InputError: no such page, a picture's name that does not end in .png, one that cannot be written, or a size, a
+            time or a step that makes no sense.
         NoPlanError: a plan without a motion.
         MissingPackageError: playwright or a Chromium is not installed (extra `video`).
         BackendError: the browser does not start, or the page does not.
@@ -132,7 +134,7 @@ def screenshot(
     bare = true_or_false("bare", bare)
 
     def take() -> bytes:
-        with opened_page(page, check_size(size), bare) as tab:
+        with opened_page(page, check_size(size), bare, step) as tab:
             settle_page(tab, moment, whole=bare)
             return bytes(tab.screenshot(type="png"))
 
@@ -140,16 +142,17 @@ def screenshot(
 
 
 @contextmanager
-def opened_page(page: Page, size: tuple[int, int], bare: bool = False) -> Iterator[Any]:
+def opened_page(page: Page, size: tuple[int, int], bare: bool = False, step: int | None = None) -> Iterator[Any]:
     """A page in a tab of a headless browser, as playwright's page.
 
     Args:
         page: As in `screenshot`.
         size: Width and height of the window [px].
         bare: Without the cards.
+        step: The step of a lesson, from 1 on.
 
     Raises:
-        InputError: no such page.
+        InputError: no such page, or no such step.
         NoPlanError: a plan without a motion.
         MissingPackageError: playwright or a Chromium is not installed.
         BackendError: the browser does not start, or the page does not.
@@ -163,8 +166,19 @@ def opened_page(page: Page, size: tuple[int, int], bare: bool = False) -> Iterat
             url = _file_url(page)
         with open_browser(size) as context:
             tab = context.pages[0]
-            open_page(tab, url + "#bare" * bare)
+            wishes = [*["bare"] * bare, *([] if step is None else [f"step={whole_number('step', step, 1, 99)}"])]
+            open_page(tab, f"{url}#{'&'.join(wishes)}" if wishes else url)
+            if step is not None:
+                _check_step(tab, step)
             yield tab
+
+
+def _check_step(page: Any, step: int) -> None:
+    wait_until(page, "Boolean(window.RR1 && RR1.ready)")
+    shown, count = page.evaluate("RR1.steps ? [RR1.steps.index + 1, RR1.steps.articles.length] : [0, 0]")
+    if shown != step:
+        steps = f"{count} steps" if count else "no steps, which only lessons have"
+        raise InputError(f"step is {step}, but the page has {steps}")
 
 
 def outside_event_loop(work: Callable[[], _T]) -> _T:

@@ -36,7 +36,7 @@ from rr1plan.model.ik_descent import METERS_PER_RADIAN
 from rr1plan.model.ik_search import DISTINCT, DISTINCT_REDUNDANT, NEAR, SHARE, WHOLE, IkSearch
 from rr1plan.model.joint_space import Space, joint_space
 from rr1plan.model.kinematic_chain import chain_of
-from rr1plan.planning_constants import CONSTANTS
+from rr1plan.planning_constants import BLENDS, SHORTCUTS, TIMING, TREES
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import PoseGoal
 from rr1plan.validation.wasm_referee import referee_image, referee_module
@@ -61,7 +61,7 @@ def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float 
         UnknownNameError: no such arm.
     """
     names = scene.arm_names(arms) if scene.arms and (arms is None or len(arms)) else ()
-    margin = margin or CONSTANTS.margin
+    margin = margin or TREES.margin
     key = "page planner", names, margin
     if key not in scene.kept:
         reason = _why_missing(scene, names)
@@ -133,9 +133,12 @@ def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[st
             "frames": [_frame(scene, name, search, checker) for name, search in searches],
             "margin": margin,
             "reach": reach if np.isfinite(reach) else None,
-            "tree_step": CONSTANTS.tree_step * space.diagonal,
-            "tree_domain": CONSTANTS.tree_domain * space.diagonal,
-            "constants": CONSTANTS._asdict(),
+            "tree_step": TREES.step * space.diagonal,
+            "tree_domain": TREES.domain * space.diagonal,
+            "margin_halvings": TREES.margin_halvings,
+            "shortcuts": SHORTCUTS._asdict(),
+            "blends": BLENDS._asdict(),
+            "timing": TIMING._asdict(),
         }
 
 

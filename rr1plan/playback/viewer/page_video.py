@@ -24,8 +24,8 @@ _MOST_FRAMES = 20_000
 # Shows a moment at full quality, which very many arms otherwise get only a while after they have moved. The page draws
 # in its own callback of the next frame, before this one; with the frame after that the picture has been composed.
 _DRAW = """(time) => {
-  RR1.pause(); RR1.seek(time); RR1.shownAt = -Infinity; RR1.redraw();
-  return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(RR1.time))));
+  RR1.pause(); RR1.film.show(time); RR1.shownAt = -Infinity; RR1.redraw();
+  return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done())));
 }"""
 
 
@@ -36,21 +36,23 @@ def save_video(
     size: tuple[int, int] = (1280, 800),
     fps: float = 30.0,
     speed: float = 1.0,
+    step: int | None = None,
     bare: bool = False,
     progress: ProgressCallback | None = None,
 ) -> FilePath:
-    """A video of a motion: MP4, GIF or WebP, filmed from its page by a browser without a window.
+    """A video of a motion or of the animation in a lesson: MP4, GIF or WebP, filmed by a browser without a window.
 
     A picture is taken at every multiple of `speed / fps` seconds of the motion, and one at its end, so a slow machine
     takes longer and gives the same video.
 
     Args:
         file: The file, whose name ends in .mp4, .gif or .webp; written whole or not at all. GIF and WebP repeat.
-        page: A page that `save_html` wrote, a live viewer, or a value that has a page: a motion, a sequence plan or a
-            C-space with a path.
+        page: A page that `save_html` wrote, a live viewer, or a value that has a page: a motion, a sequence plan, a
+            C-space with a path or a tree, which is filmed as it grows, or a lesson.
         size: Width and height [px]; even numbers for MP4.
         fps: Pictures per second: at most 120, in WebP 60, in GIF 50.
         speed: Multiple of real time.
+        step: The step of a lesson, from 1 on; None: the first.
         bare: Without the cards around the picture.
         progress: Called after each picture; False cancels. Without it a bar is drawn on a terminal.
 
@@ -59,7 +61,7 @@ def save_video(
 
     Raises:
         InputError: no such page, a page without a motion, another suffix, a file that cannot be written, a size or rate
-            that makes no sense, or more than 20,000 pictures.
+            that makes no sense, no such step, or more than 20,000 pictures.
         NoPlanError: a plan without a motion.
         CancelledError: `progress` returned False.
         MissingPackageError: playwright, PyAV or a Chromium is not installed (extra `video`).
@@ -79,7 +81,7 @@ def save_video(
     check_callback("progress", progress)
 
     def film() -> bytes:
-        with opened_page(page, size, bare) as tab, library_bar("filming") as advance:
+        with opened_page(page, size, bare, step) as tab, library_bar("filming") as advance:
             settle_page(tab)
             tell = advance if progress is None else fraction_callback("film", progress)
             return video_bytes(suffix, _PageFrames(tab, speed / fps, tell), fps)
@@ -94,7 +96,7 @@ class _PageFrames:
         from PIL import Image
 
         self._decode = Image.open
-        start, end = tab.evaluate("[RR1.player.start, RR1.player.end]")
+        start, end = tab.evaluate("[RR1.film.start, RR1.film.end]")
         if end <= start:
             raise InputError("the page has no motion, expected one to film; screenshot takes a picture of it")
         count = int(np.ceil((end - start) / step - 1e-9)) + 1

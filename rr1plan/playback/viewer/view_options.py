@@ -68,6 +68,8 @@ class ViewOptions:
             about 0.3 MB larger.
         compare: Another motion of the same arms by its name, e.g. {"anytime": other.trajectory}: drawn as a ghost
             beside the motion of the page, its curves dashed beside those of that motion, both on one clock.
+        side_by_side: Show the motion to compare, and the simulated one of a replay, each in its own picture beside that
+            of the page's motion, with the same camera; otherwise overlaid. A chip of the page (V) switches.
         tree: What a planner explored (`PlanResult.tree`, `Roadmap.graph`), drawn as the paths of the tools; pages of a
             `MotionPlan` take that of their planner. Its columns are the joints of the arms of the page's problem, or of
             all arms.
@@ -90,6 +92,7 @@ class ViewOptions:
     play: bool = True
     planner: bool = True
     compare: Mapping[str, Trajectory] = field(default_factory=dict)
+    side_by_side: bool = False
     tree: SearchTree | None = None
     clearances: bool | None = None
     port: int | None = None
@@ -106,7 +109,7 @@ class ViewOptions:
             raise InputError(f"panels are named {names}, expected names unique on the page")
         object.__setattr__(self, "view", check_view(self.view))
         object.__setattr__(self, "panels", panels)
-        for name in ("spheres", "play", "planner", "quiet"):
+        for name in ("spheres", "play", "planner", "side_by_side", "quiet"):
             object.__setattr__(self, name, true_or_false(name, getattr(self, name)))
         if self.port is not None:
             whole_number("port", self.port, 0, 65535)

@@ -25,9 +25,9 @@ class Conflicts {
     return !same;
   }
 
-  /** The elements that touch now. */
-  elements() {
-    return this.now.flatMap(({ elements }) => elements);
+  /** The elements that touch now, in a motion: "plan", "replay", "compare", null: any. */
+  elements(kind) {
+    return this.now.filter(({ simulated }) => !kind || kind === (simulated ? "replay" : "plan")).flatMap(({ elements }) => elements);
   }
 
   /** The violations now as text; the first two if there are more. */

@@ -44,7 +44,7 @@ class Controls {
     this.viewer = viewer;
     this.rows = [];
     this.wireBar();
-    this.wireKeys();
+    this.addKeys();
     find("fold").onclick = () => this.fold();
   }
 
@@ -67,33 +67,23 @@ class Controls {
     find("home").onclick = () => viewer.look(null, viewer.framed === "near");
   }
 
-  wireKeys() {
-    const { viewer } = this;
-    const step = (event) => (event.shiftKey ? 10 : 1) / 60;
-    const keys = {
-      " ": () => viewer.toggle(),
-      ArrowLeft: (e) => { viewer.pause(); viewer.seek(viewer.time - step(e)); },
-      ArrowRight: (e) => { viewer.pause(); viewer.seek(viewer.time + step(e)); },
-      ArrowUp: () => this.nextSpeed(1),
-      ArrowDown: () => this.nextSpeed(-1),
-      Home: () => viewer.seek(viewer.player.start),
-      End: () => viewer.seek(viewer.player.end),
-      l: () => viewer.setLoop(!viewer.player.loop),
-      r: () => viewer.look(null, viewer.framed === "near"),
-      h: () => this.fold(),
-      g: () => viewer.plots.toggle(),
-      n: () => viewer.nextConflict(),
-    };
-    window.addEventListener("keydown", (event) => {
-      if (event.ctrlKey || event.metaKey || event.altKey) return;
-      const at = event.target;
-      if (at.tagName === "SELECT" || at.tagName === "TEXTAREA" || (at.tagName === "INPUT" && at.id !== "scrub")) return;
-      if (event.key === " " && at.tagName === "BUTTON") return;
-      const act = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-      if (!act) return;
-      event.preventDefault();
-      act(event);
-    });
+  addKeys() {
+    const { viewer } = this, moves = () => viewer.player.end > viewer.player.start;
+    const step = (sign) => (event) => { viewer.pause(); viewer.seek(viewer.time + (sign * (event.shiftKey ? 10 : 1)) / 60); };
+    viewer.keys.add("Motion", [
+      { keys: [" "], text: "Play or pause", when: moves, act: () => viewer.toggle() },
+      { keys: ["ArrowLeft", ","], text: "A 60th of a second back; with Shift ten of them", when: moves, act: step(-1) },
+      { keys: ["ArrowRight", "."], text: "A 60th of a second on; with Shift ten of them", when: moves, act: step(1) },
+      { keys: ["Home", "End"], text: "Begin, end", when: moves, act: ({ key }) => viewer.seek(viewer.player[key === "Home" ? "start" : "end"]) },
+      { keys: ["ArrowUp", "ArrowDown"], text: "Faster, slower", when: moves, act: ({ key }) => this.nextSpeed(key === "ArrowUp" ? 1 : -1) },
+      { keys: ["l"], text: "Repeat", when: moves, act: () => viewer.setLoop(!viewer.player.loop) },
+      { keys: ["n"], text: "The next violation or contact", when: () => viewer.conflicts.all.length > 0, act: () => viewer.nextConflict() },
+      { keys: ["g"], text: "Plots of joints, torques, clearances", when: () => !find("plotter").hidden, act: () => viewer.plots.toggle() },
+    ]);
+    viewer.keys.add("View", [
+      { keys: ["r"], text: "Look at everything, or at the arms", act: () => viewer.look(null, viewer.framed === "near") },
+      { keys: ["h"], text: "Hide or show the cards", act: () => this.fold() },
+    ]);
   }
 
   nextSpeed(direction) {
@@ -224,6 +214,14 @@ class Controls {
       chip.onclick = () => viewer.setShown(layer, !viewer.isShown(layer));
       return chip;
     });
+    if (viewer.sideBySide.offered) {
+      const chip = element("button", "Side by side", "chip");
+      chip.type = "button";
+      chip.dataset.layer = "sidebyside";
+      chip.title = "Each motion in its own picture, or overlaid (V)";
+      chip.onclick = () => viewer.sideBySide.toggle();
+      chips.push(chip);
+    }
     if (doc.arms.length > 1) {
       const chip = element("button", "Arm colors", "chip");
       chip.type = "button";
@@ -238,7 +236,7 @@ class Controls {
   refreshToggles() {
     for (const chip of find("toggles").children) {
       const { layer } = chip.dataset;
-      const on = layer === "armcolors" ? this.viewer.byArm : this.viewer.isShown(layer);
+      const on = { armcolors: this.viewer.byArm, sidebyside: this.viewer.sideBySide.on }[layer] ?? this.viewer.isShown(layer);
       chip.setAttribute("aria-pressed", String(on));
     }
   }

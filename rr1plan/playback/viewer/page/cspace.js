@@ -23,12 +23,15 @@ class Lesson {
     this.overlays = [];  // f(pen, lesson), drawn above the cells and below the marks
     this.wireTools();
     this.wireCanvas();
-    this.wireKeys();
+    this.addKeys();
     this.takeData();
     viewer.on("data", () => { this.takeData(); this.repaint(); });
     viewer.on("load", () => this.meet());
     viewer.on("change", () => this.follow());
+    viewer.on("obstacle", (name) => { if (this.isSlice) this.recut([name]); });
     viewer.on("planner", (planner, reason) => this.takePlanner(planner, reason));
+    // Where there is no motion, the tree grows.
+    viewer.films.push(() => (this.track || !this.tree.length ? null : { start: 0, end: this.tree.length / this.growthRate, show: (t) => { this.pauseTree(); this.growTo(Math.round(t * this.growthRate)); } }));
     this.meet();
     new ResizeObserver(() => this.resize()).observe(part(".plot"));
     this.resize();
@@ -42,7 +45,7 @@ class Lesson {
 
   /** Takes in the data of the panel: at first, and whenever the program shows another scene. */
   takeData() {
-    cancelAnimationFrame(this.growing);
+    this.pauseTree();
     this.cells = new Cells();
     this.arm.prepare();
     this.tree = data.tree ? treePieces(data.tree) : [];
@@ -83,6 +86,7 @@ class Lesson {
       this.curve.push([share(0, q[data.columns[0]]), share(1, q[data.columns[1]])]);
     }
     this.motion = wrappedCopies(this.curve.length ? this.curve : [[0, 0]]);
+    this.fillTools();
     this.fillPhase();
   }
 
@@ -91,17 +95,50 @@ class Lesson {
   /** With a planner obstacles, start and goals can be moved; without one the page says so. */
   async takePlanner(planner, reason) {
     const note = part(".fixed"), { live } = data;
-    note.hidden = !reason || !this.workspace;
-    note.textContent = `Obstacles stand still on this page: ${reason}.`;
+    note.hidden = !reason || !(this.workspace || data.others.length);
+    note.textContent = this.workspace ? `Obstacles stand still on this page: ${reason}.` : `The slice stays as it was saved: ${reason}.`;
     this.live = null;
-    if (!planner || !live || !this.workspace) return;
+    if (!planner || !live) return;
     const image = await inflate(live.raster);
     if (data.live !== live || viewer.planner !== planner) return;
     this.live = new LiveQuery(planner, image);
     this.live.bits = this.cells.bits;
+    this.live.used = this.cells.used();
     this.live.stale.clear();
-    this.first = this.snapshot();
+    part(".others").hidden = !data.others.length;
+    if (this.isSlice) this.cutAt = this.otherValues();
+    else this.first = this.snapshot();
     this.fillTools();
+    this.follow();
+  }
+
+  /** The picture is a slice that follows obstacles and the joints that it does not show. */
+  get isSlice() {
+    return Boolean(this.live) && data.others.length > 0;
+  }
+
+  otherValues() {
+    return data.others.map(({ column }) => viewer.q[column]);
+  }
+
+  /** At the next frame the slice is computed anew for these obstacles, or for all. */
+  recut(names = Object.keys(data.live.ranges)) {
+    for (const name of names) this.live.stale.add(name);
+    this.cutting ||= requestAnimationFrame(() => { this.cutting = 0; if (this.isSlice) this.cut(); });
+  }
+
+  /** Computes the slice where the other joints are now. */
+  cut() {
+    this.cutAt = this.otherValues();
+    this.live.raster.setConfiguration(viewer.planner.columns.map((column) => viewer.q[column]));
+    const { bits, labels, verdict } = this.live.update();
+    Object.assign(this.cells, { bits, labels });
+    data.verdict = verdict;
+    this.placeNames();
+    this.showUsed();
+    this.fillVerdict();
+    this.repaint();
+    this.follow(false);
   }
 
   snapshot() {
@@ -229,11 +266,11 @@ class Lesson {
     this.sides = found.tree ? found.tree.sides : [];
     this.grown = this.tree.length;
     this.explored = this.tree.length;
-    cancelAnimationFrame(this.growing);
+    this.pauseTree();
     this.takeTrack(answer && answer.track ? new Track(answer.track) : null, 240);
     this.placeNames(moving);
+    this.showUsed();
     this.fillVerdict();
-    this.fillTools();
     for (const layer of ["toolpath", "path", "replay"]) if (viewer.world.layers[layer]) viewer.world.layers[layer].visible = false;
     this.arm.drawWay(this.curve.map((at) => at.map((part, axis) => value(axis, part))));
     this.placeTags();
@@ -241,7 +278,7 @@ class Lesson {
     found.took.rest = performance.now() - began;
     const painted = performance.now();
     this.repaint();
-    this.follow();
+    this.follow(false);
     found.took.paint = performance.now() - painted;
     return found;
   }
@@ -288,17 +325,19 @@ class Lesson {
   // ---- controls ----------------------------------------------------------------------------
 
   fillSliders() {
-    part(".pair").replaceChildren();
-    this.sliders = [0, 1].map((axis) => {
+    const add = (box, k, low, high, { name, straight }, mark, move) => {
       const row = make("div"), label = make("label"), slider = make("input"), out = make("output");
-      Object.assign(slider, { type: "range", min: data.low[axis], max: data.high[axis], step: data.joints[axis].straight ? 0.001 : Math.PI / 360, id: `cspace-${axis}` });
+      Object.assign(slider, { type: "range", min: low, max: high, step: straight ? 0.001 : Math.PI / 360, id: `cspace-${k}` });
       label.htmlFor = slider.id;
-      label.append(make("b", symbol(axis)), ` ${data.joints[axis].name}`);
-      slider.oninput = () => this.pose(q2().map((v, k) => (k === axis ? Number(slider.value) : v)));
+      label.append(make("b", mark), ` ${name}`);
+      slider.oninput = () => move(Number(slider.value));
       row.append(label, out, slider);
-      part(".pair").append(row);
+      part(box).append(row);
       return { slider, out };
-    });
+    };
+    for (const pair of root.querySelectorAll(".pair")) pair.replaceChildren();
+    this.sliders = [0, 1].map((axis) => add(".pair.shown", axis, data.low[axis], data.high[axis], data.joints[axis], symbol(axis), (v) => this.pose(q2().map((w, k) => (k === axis ? v : w)))));
+    this.otherSliders = data.others.map((joint, k) => add(".others .pair", k + 2, joint.low, joint.high, joint, "", (v) => viewer.setJoint(joint.column, v)));
   }
 
   fillLegend() {
@@ -313,9 +352,15 @@ class Lesson {
       chip.onclick = () => { this.pinned = this.pinned === k ? -1 : k; this.single(this.pinned); };
       chip.onpointerenter = () => this.single(k);
       chip.onpointerleave = () => this.single(this.pinned);
-      chip.hidden = !this.cells.bits.some((bits) => (bits >>> k) & 1);
       part(".legend").append(chip);
     });
+    this.showUsed();
+  }
+
+  /** Names in the legend only what has an image. */
+  showUsed() {
+    const used = this.live ? this.live.used : this.cells.used();
+    [...part(".legend").children].forEach((chip, k) => { chip.hidden = !((used >>> k) & 1); });
   }
 
   single(layer) {
@@ -337,12 +382,13 @@ class Lesson {
     this.tools.phase.onclick = () => { this.phase.hidden = !this.phase.hidden; this.fillPhase(); };
     this.tools.undo.onclick = () => this.undo();
     this.tools.reset.onclick = () => this.reset();
-    this.reach.oninput = () => { cancelAnimationFrame(this.growing); this.growTo(Number(this.reach.value)); };
+    this.reach.oninput = () => { this.pauseTree(); this.growTo(Number(this.reach.value)); };
   }
 
   fillTools() {
     part(".grow").hidden = !this.tree.length;
     this.tools.elbow.hidden = !this.workspace || data.planar.kinds === "PP";
+    this.tools.phase.hidden = !this.track && !(this.live && data.start);
     this.tools.torus.hidden = !data.periodic.every(Boolean) || !viewer.stage.renderer;
     this.tools.undo.hidden = this.tools.reset.hidden = !this.live || !this.past.length;
     if (this.workspace) this.arm.readout.hint.hidden = !this.live || this.past.length > 0;
@@ -351,19 +397,38 @@ class Lesson {
     this.tools.tree.title = `What the planner explored (T)${thinned ? `: ${this.tree.length} of ${explored} edges are drawn` : ""}`;
   }
 
-  /** Grows the tree from its roots, in five seconds, or at once if the user prefers reduced motion. */
+  /** Grows the tree from its roots in five seconds, pauses, or goes on; at once if the user prefers reduced motion. */
   grow() {
-    cancelAnimationFrame(this.growing);
+    if (this.growing) { this.pauseTree(); return; }
     if (!this.tree.length) return;
     if (matchMedia("(prefers-reduced-motion: reduce)").matches) { this.growTo(this.tree.length); return; }
-    const length = Math.min(5000, 1500 + 10 * this.tree.length), began = performance.now();
+    const rate = this.growthRate / 1000, from = this.grown < this.tree.length ? this.grown : 0;
+    const began = performance.now();
     const step = (now) => {
-      const done = Math.min(Math.max((now - began) / length, 0), 1);
-      this.growTo(Math.round(done * this.tree.length));
-      if (done < 1) this.growing = requestAnimationFrame(step);
+      this.growTo(Math.min(from + Math.round(rate * Math.max(now - began, 0)), this.tree.length));
+      if (this.grown < this.tree.length) this.growing = requestAnimationFrame(step); else this.pauseTree();
     };
-    this.growTo(0);
     this.growing = requestAnimationFrame(step);
+    this.tools.grow.textContent = "Pause";
+    this.growTo(from);
+  }
+
+  /** Edges per second: all of them in five seconds, or less. */
+  get growthRate() {
+    return this.tree.length / Math.min(5, 1.5 + 0.01 * this.tree.length);
+  }
+
+  pauseTree() {
+    if (!this.growing) return;
+    cancelAnimationFrame(this.growing);
+    this.growing = 0;
+    this.tools.grow.textContent = "Grow";
+  }
+
+  /** One edge of the tree more or less. */
+  walk(by) {
+    this.pauseTree();
+    this.growTo(Math.min(Math.max(this.grown + by, 0), this.tree.length));
   }
 
   growTo(count) {
@@ -395,50 +460,42 @@ class Lesson {
     return this.cells.answer(share(0, q[0]), share(1, q[1]));
   }
 
-  wireKeys() {
-    const keys = {
-      c: () => this.tools.parts.click(),
-      e: () => { if (this.workspace) this.tools.elbow.click(); },
-      t: () => { if (this.tree.length) this.tools.tree.click(); },
-      g: () => this.grow(),
-      d: () => { if (!this.tools.torus.hidden) this.tools.torus.click(); },
-      f: () => this.tools.phase.click(),
+  addKeys() {
+    const { keys } = viewer, { tools } = this, title = "Configuration space", live = () => Boolean(this.live && this.workspace), click = (tool) => ({ when: () => !tool.hidden, act: () => tool.click() });
+    keys.add(title, [
+      { keys: ["c"], text: "Color the components of free space", ...click(tools.parts) },
+      { keys: ["e"], text: "The other elbow", ...click(tools.elbow) },
+      { keys: ["t"], text: "Show or hide the tree", when: () => this.tree.length > 0, act: () => tools.tree.click() },
+      { keys: ["g"], text: "Grow the tree, or pause", when: () => this.tree.length > 0, act: () => this.grow() },
+      { keys: ["d"], text: "Torus", ...click(tools.torus) },
+      { keys: ["f"], text: "Phase plane", ...click(tools.phase) },
       // As on the page of any other arm.
-      j: () => this.selectNext(),
-      o: () => { if (!this.tools.reset.hidden) this.reset(); },
-      p: () => this.planHere(),
-      a: () => this.endHere("start"),
-      b: () => this.endHere(0),
-    };
-    window.addEventListener("keydown", (event) => {
-      if (event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA"].includes(event.target.tagName)) return;
-      const act = keys[event.key.toLowerCase()];
-      if (act) { event.preventDefault(); act(); }
-    });
-    // Before the clock and the camera, which have the same keys.
-    window.addEventListener("keydown", (event) => {
-      const undone = (event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z";
-      if (undone && this.live && this.past.length) { event.preventDefault(); event.stopPropagation(); this.undo(); return; }
-      if (!this.selected || !this.live || event.ctrlKey || event.metaKey || event.altKey || ["SELECT", "TEXTAREA", "INPUT"].includes(event.target.tagName)) return;
-      if (event.key === "Escape") this.select(null);
-      const go = { ArrowLeft: [-1, 0, 0], ArrowRight: [1, 0, 0], ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0], "<": [0, 0, 1], ">": [0, 0, -1] }[event.key];
-      if (!go || event.target === this.canvas) return;
-      event.preventDefault();
-      event.stopPropagation();
-      const step = (event.shiftKey ? 0.05 : 0.01) * this.arm.outer, [x, y] = this.obstaclePlace(this.selected);
-      if (!event.repeat) this.remember();
-      this.moveObstacle(this.selected, x + step * go[0], y + step * go[1], (go[2] * Math.PI) / 36);
-      this.dropObstacle();
-    }, true);
-    const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-    this.canvas.addEventListener("keydown", (event) => {
-      const move = moves[event.key];
-      if (!move || event.ctrlKey || event.metaKey || event.altKey) return;
-      event.preventDefault();
-      event.stopPropagation();
+      { keys: ["j"], text: "Select the next obstacle", when: live, act: () => this.selectNext() },
+      { keys: ["a"], text: "The start is where the arm is", when: live, act: () => this.endHere("start") },
+      { keys: ["b"], text: "The goal is where the arm is", when: live, act: () => this.endHere(0) },
+      { keys: ["p"], text: "Plan and play", when: live, act: () => this.planHere() },
+      { keys: ["o"], text: "Everything as it was at first", when: () => !tools.reset.hidden, act: () => this.reset() },
+      { keys: ["Ctrl+z"], text: "Undo", when: () => live() && this.past.length > 0, act: () => this.undo() },
+    ]);
+    keys.add(title, [
+      { keys: [",", "."], text: "One edge of the growing tree back or on", when: () => this.showTree && this.grown < this.tree.length, act: ({ key }) => this.walk(key === "." ? 1 : -1) },
+      { keys: Object.keys(ARROWS), text: "Move the selected obstacle; with Shift farther", when: () => Boolean(this.selected), act: (event) => this.nudge(event, ...ARROWS[event.key], 0) },
+      { keys: ["<", ">"], text: "Turn the selected obstacle", when: () => Boolean(this.selected), act: (event) => this.nudge(event, 0, 0, event.key === "<" ? 1 : -1) },
+      { keys: ["Escape"], text: "Select nothing", when: () => Boolean(this.selected), act: () => this.select(null) },
+      { keys: Object.keys(ARROWS), text: "Turn the torus", when: (target) => Boolean(this.torus) && target === this.torus.canvas, act: (event) => this.torus.rotate(...ARROWS[event.key].map((v, axis) => (axis ? 0.1 : -0.1) * v)) },
+    ], { first: true });
+    keys.arrows(title, "In the picture: move the arm; with Shift farther", this.canvas, (by, event) => {
       const step = (event.shiftKey ? 10 : 1) / 360;
-      this.pose(q2().map((v, axis) => v + move[axis] * step * (data.high[axis] - data.low[axis])));
+      this.pose(q2().map((v, axis) => v + by[axis] * step * (data.high[axis] - data.low[axis])));
     });
+  }
+
+  /** Moves the selected obstacle by a step in the plane, or turns it. */
+  nudge(event, right, up, turned) {
+    const step = (event.shiftKey ? 0.05 : 0.01) * this.arm.outer, [x, y] = this.obstaclePlace(this.selected);
+    if (!event.repeat) this.remember();
+    this.moveObstacle(this.selected, x + step * right, y + step * up, (turned * Math.PI) / 36);
+    this.dropObstacle();
   }
 
   /** The next obstacle that can be moved, then none. */
@@ -500,7 +557,8 @@ class Lesson {
     viewer.setQ(full);
   }
 
-  follow() {
+  /** Shows the configuration; draw: also in the picture, where that is not done anyway. */
+  follow(draw = true) {
     const q = q2(), answer = this.place(q);
     this.sliders.forEach(({ slider, out }, axis) => {
       const v = wrapped(axis, q[axis]);
@@ -508,6 +566,15 @@ class Lesson {
       slider.style.setProperty("--part", `${100 * share(axis, v)}%`);
       out.textContent = reading(axis, v);
     });
+    if (this.isSlice) {
+      this.otherSliders.forEach(({ slider, out }, k) => {
+        const { column, straight } = data.others[k], v = viewer.q[column];
+        slider.value = v;
+        slider.style.setProperty("--part", `${(100 * (v - slider.min)) / (slider.max - slider.min)}%`);
+        out.textContent = readingOf(straight, v);
+      });
+      if (this.otherValues().some((v, k) => v !== this.cutAt[k])) this.recut();
+    }
     const state = part(".state"), { text, color, ink } = words(answer);
     if (state.textContent !== text) {
       Object.assign(state, { textContent: text });
@@ -525,7 +592,7 @@ class Lesson {
       this.tools.elbow.disabled = Math.abs(this.workspace.side(q)) < 1e-6 || this.place(this.workspace.twin(q)).outside;
     }
     this.drawPhase();
-    this.draw();
+    if (draw) this.draw();
   }
 
   // ---- the pointer -------------------------------------------------------------------------
@@ -726,7 +793,7 @@ class Lesson {
   /** Names on the images, so that no reader depends on colors. */
   drawNames(pen) {
     pen.save();
-    pen.font = `600 ${12 * this.unit}px ${getComputedStyle(root).fontFamily}`;
+    pen.font = `600 ${12 * this.unit}px ${FONT}`;
     pen.textAlign = "center";
     pen.textBaseline = "middle";
     pen.lineJoin = "round";
@@ -827,11 +894,11 @@ class Lesson {
     }
     const { x, y, size } = this.plot;
     pen.save();
-    pen.font = `650 ${12.5 * this.unit}px ${getComputedStyle(root).fontFamily}`;
+    pen.font = `650 ${12.5 * this.unit}px ${FONT}`;
     pen.textBaseline = "middle";
     pen.lineJoin = "round";
     for (const [q, text, color] of marks) {
-      pen.font = `${text === "other elbow" ? 500 : 650} ${(text === "other elbow" ? 11 : 12.5) * this.unit}px ${getComputedStyle(root).fontFamily}`;
+      pen.font = `${text === "other elbow" ? 500 : 650} ${(text === "other elbow" ? 11 : 12.5) * this.unit}px ${FONT}`;
       const [px, py] = this.at(...this.shares(q)), wide = pen.measureText(text).width;
       // Beside the mark, or below it where there is no room: names of images stand to the left.
       const beside = px + 13 * this.unit + wide <= x + size, below = py + 19 * this.unit < y + size - 9 * this.unit ? 19 : -19;

@@ -54,7 +54,7 @@ function labelComponents(cells, [n, m], periodic, diagonal = false) {
 /** Labels as they are colored: those of some cells first, then by size; and the share of all cells of each. */
 function rankedComponents({ labels, count }, firsts) {
   const sizes = new Int32Array(count + 1), ranks = new Uint8Array(count + 1), out = new Uint8Array(labels.length);
-  for (const label of labels) sizes[label] += 1;
+  for (let c = 0; c < labels.length; c++) sizes[labels[c]] += 1;
   const bySize = Array.from({ length: count }, (_, k) => k + 1).sort((a, b) => sizes[b] - sizes[a] || a - b);
   const order = [...new Set([...firsts.map((cell) => (cell < 0 ? 0 : labels[cell])), ...bySize])].filter((label) => label > 0);
   order.forEach((label, k) => { ranks[label] = Math.min(k + 1, 255); });

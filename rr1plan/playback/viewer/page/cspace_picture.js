@@ -2,6 +2,8 @@
 // Places are shares (u, v) of the two axes, 0 to 1, v upwards.
 
 const PARTS = ["#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7", "#fbd7e4", "#dfe8b8", "#c9ecee", "#efdfcf"];
+/** Read once: each look at it would make the browser compute styles again. */
+const FONT = getComputedStyle(root).fontFamily;
 const CRUMBS = "#e6e9ee", INK = "#1b2430", SOFT = "#667080", ACCENT = "#e4500e";
 const START = "#2f66c8", GOAL = "#14855a";
 
@@ -20,6 +22,14 @@ class Cells {
       for (let c = 0; c < this.bits.length; c++) if ((packed[c >> 3] >> (c & 7)) & 1) this.bits[c] |= 1 << k;
     });
     this.labels = bytes(data.labels);
+  }
+
+  /** The layers with an image, as bits. */
+  used() {
+    const { bits } = this;
+    let used = 0;
+    for (let c = 0; c < bits.length; c++) used |= bits[c];
+    return used;
   }
 
   /** The cell of a place, or -1 outside of the picture. */
@@ -206,14 +216,14 @@ function drawFrame(pen, plot, unit) {
   pen.save();
   pen.fillStyle = SOFT;
   pen.strokeStyle = INK;
-  pen.font = `${11.5 * unit}px ${getComputedStyle(root).fontFamily}`;
+  pen.font = `${11.5 * unit}px ${FONT}`;
   pen.textAlign = "center";
   for (const [part, text] of ticks(0)) pen.fillText(text, x + part * size, y + size + 16 * unit);
   pen.textAlign = "right";
   pen.textBaseline = "middle";
   for (const [part, text] of ticks(1)) pen.fillText(text, x - 8 * unit, y + (1 - part) * size);
   pen.fillStyle = INK;
-  pen.font = `600 ${13 * unit}px ${getComputedStyle(root).fontFamily}`;
+  pen.font = `600 ${13 * unit}px ${FONT}`;
   pen.textAlign = "center";
   pen.textBaseline = "alphabetic";
   pen.fillText(symbol(0), x + 0.625 * size, y + size + 18 * unit);
@@ -254,4 +264,5 @@ function arrows(pen, x, y, dx, dy, count, unit) {
 }
 
 const symbol = (axis) => data.joints[axis].symbol || `${data.joints[axis].straight ? "d" : "θ"}${"₁₂"[axis]}`;
-const reading = (axis, v) => (data.joints[axis].straight ? `${(1000 * v).toFixed(1)} mm` : `${((180 / Math.PI) * v).toFixed(1)}°`.replace("-", "−"));
+const readingOf = (straight, v) => (straight ? `${(1000 * v).toFixed(1)} mm` : `${((180 / Math.PI) * v).toFixed(1)}°`.replace("-", "−"));
+const reading = (axis, v) => readingOf(data.joints[axis].straight, v);

@@ -12,6 +12,7 @@ class LiveQuery {
     this.planner = planner;
     this.raster = new LiveRaster(planner, image);
     this.bits = null;
+    this.used = 0; // layers with an image, as bits
     this.stale = new Set(Object.keys(data.live.ranges));
     this.whole = new Map(); // cells that are in contact as a whole, by layer, where they are known
     this.start = data.start && [...data.start];
@@ -53,7 +54,12 @@ class LiveQuery {
         throw new Error(`${name} has no layer`);
       }
       const bit = 1 << layer, rest = ~bit;
-      for (let c = 0; c < bits.length; c++) bits[c] = cells[c] ? bits[c] | bit : bits[c] & rest;
+      let hit = 0;
+      for (let c = 0; c < bits.length; c++) {
+        bits[c] = cells[c] ? bits[c] | bit : bits[c] & rest;
+        hit |= cells[c];
+      }
+      this.used = hit ? this.used | bit : this.used & rest;
     }
     this.stale.clear();
   }

@@ -9,6 +9,11 @@ class LiveRaster {
     this.half = [0, 1].map((axis) => (0.5 * (data.high[axis] - data.low[axis])) / data.size[axis]);
   }
 
+  /** Sets the configuration of the arm, of which the two joints of the picture are replaced. */
+  setConfiguration(q) {
+    new Float64Array(this.planner.core.buffer, this.raster.configuration, q.length).set(q);
+  }
+
   /** The cells in which the arm touches an obstacle: 1, until the next call; whole: those that are proven to be in contact as a whole. */
   image(name, whole = false) {
     const { core, scene, scratch } = this.planner, [first, last] = data.live.ranges[name];

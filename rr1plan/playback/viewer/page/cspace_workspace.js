@@ -13,6 +13,7 @@ class Workspace {
   prepare() {
     const { stage } = viewer, planar = Boolean(data.planar);
     document.body.classList.toggle("lesson", planar);
+    viewer.editing.sleep(planar);
     this.readout ||= this.makeReadout();
     this.readout.box.hidden = !planar;
     stage.key.intensity = planar ? 0.42 : this.usual;
@@ -106,7 +107,7 @@ class Workspace {
   /** An obstacle's name on it, so that no reader depends on colors. */
   nameTag(name, color, place) {
     const { THREE } = viewer, canvas = document.createElement("canvas"), height = 64;
-    const font = `600 ${0.66 * height}px ${getComputedStyle(root).fontFamily}`;
+    const font = `600 ${0.66 * height}px ${FONT}`;
     let pen = canvas.getContext("2d");
     pen.font = font;
     Object.assign(canvas, { width: Math.ceil(pen.measureText(name).width) + 16, height });

@@ -21,6 +21,7 @@ class Editing {
     this.isOpen = false;
     this.lit = null;
     this.planner = null;
+    this.isAsleep = false;
     this.hands = new Dragging(viewer, this);
     this.card = new PlanCard(viewer, this);
     this.keys = new Jogging(viewer, this);
@@ -68,9 +69,15 @@ class Editing {
     return this.viewer.world.canMove(name) && (!this.planner || this.planner.obstacles.includes(name));
   }
 
-  /** Arms can be moved here; a panel of a planar arm has its own way. */
+  /** Arms can be moved here; a panel of a planar arm has its own way, and sends this one to sleep. */
   get active() {
-    return this.viewer.kinematics.arms.length > 0 && !document.body.classList.contains("lesson");
+    return this.viewer.kinematics.arms.length > 0 && !this.isAsleep;
+  }
+
+  sleep(on = true) {
+    this.isAsleep = on;
+    find("edit").hidden = on;
+    find("handles").hidden = on;
   }
 
   /** The kinematics of an arm's tool, by the arm's index. */
@@ -152,6 +159,7 @@ class Editing {
     this.stale = true;
     this.refreshHeadline();
     viewer.redraw();
+    for (const f of viewer.listeners.obstacle) f(name);
   }
 
   /** Sets the start or the goal, and shows it as a ghost. */

@@ -5,33 +5,22 @@ const JOG = { turn: Math.PI / 90, shift: 0.01, far: 5 }; // [rad], [m], times th
 class Jogging {
   constructor(viewer, editing) {
     Object.assign(this, { viewer, editing });
-    const acts = {
-      m: () => editing.open(!editing.isOpen),
-      a: () => { editing.open(); editing.setEnd("start"); },
-      b: () => { editing.open(); editing.setEnd("goal"); },
-      p: () => editing.plan(),
-      o: () => { if (editing.changed) editing.reset(); },
-      j: (event) => this.next(event.shiftKey ? -1 : 1),
-      Escape: () => this.leave(),
-    };
-    window.addEventListener("keydown", (event) => {
-      if (!editing.active || event.altKey) return;
-      const at = event.target;
-      if (["SELECT", "TEXTAREA"].includes(at.tagName) || (at.tagName === "INPUT" && at.type !== "range")) return;
-      const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-      if (event.ctrlKey || event.metaKey) {
-        const act = { z: () => (event.shiftKey ? editing.redo() : editing.undo()), y: () => editing.redo() }[key];
-        if (!act || !(editing.past.length + editing.future.length)) return;
-        event.preventDefault();
-        act();
-        return;
-      }
-      const moves = at.classList.contains("handle") && this.move(at, key, event.shiftKey);
-      if (!moves && (!acts[key] || event.repeat)) return;
-      event.preventDefault();
-      event.stopImmediatePropagation();
-      if (!moves) acts[key](event);
-    });
+    const { keys } = viewer, active = () => editing.active, changed = () => active() && editing.past.length + editing.future.length > 0;
+    const isHandle = () => active() && document.activeElement.classList.contains("handle");
+    keys.add("By hand", [
+      { keys: ["m"], text: "Move by hand and plan", when: active, act: () => editing.open(!editing.isOpen) },
+      { keys: ["j"], text: "Select the next tool, joint or obstacle; with Shift the one before", when: active, act: (event) => this.next(event.shiftKey ? -1 : 1) },
+      { keys: ["a"], text: "The start is where the arm is", when: active, act: () => { editing.open(); editing.setEnd("start"); } },
+      { keys: ["b"], text: "The goal is where the arm is", when: active, act: () => { editing.open(); editing.setEnd("goal"); } },
+      { keys: ["p"], text: "Plan and play", when: active, act: () => editing.plan() },
+      { keys: ["o"], text: "Everything as it was at first", when: () => active() && editing.changed, act: () => editing.reset() },
+      { keys: ["Ctrl+z"], text: "Undo; with Shift redo", when: changed, act: (event) => (event.shiftKey ? editing.redo() : editing.undo()) },
+      { keys: ["Ctrl+y"], text: "Redo", when: changed, act: () => editing.redo() },
+      { keys: ["Escape"], text: "", when: active, act: () => this.leave() },
+    ]);
+    keys.add("By hand", [
+      { keys: [...Object.keys(ARROWS), "PageUp", "PageDown"], text: "Move what is selected; with Shift turn it (joints: faster)", when: isHandle, act: (event) => this.move(document.activeElement, event.key, event.shiftKey) },
+    ], { first: true });
   }
 
   /** Everything that can be moved: the tools, the joints of the arm in question, obstacles. */
@@ -65,11 +54,11 @@ class Jogging {
     else editing.open(false);
   }
 
-  /** Moves what a handle stands for by one step; false if the key is for something else. */
+  /** Moves what a handle stands for by one step. */
   move(handle, key, shift) {
     const { editing, viewer } = this, direction = { ArrowRight: [0, 1], ArrowLeft: [0, -1], ArrowUp: [1, 1], ArrowDown: [1, -1], PageUp: [2, 1], PageDown: [2, -1] }[key];
     const thing = editing.hands.handles.thing(handle.classList.contains("tool") ? "tool" : "");
-    if (!direction || !thing) return false;
+    if (!thing) return;
     const [axis, sign] = direction, { kinds } = viewer.kinematics.arms[Math.max(thing.arm, 0)].robot;
     viewer.pause();
     editing.open();
@@ -77,7 +66,7 @@ class Jogging {
     if (thing.kind === "joint") {
       const own = thing.column - viewer.kinematics.arms[thing.arm].firstColumn, step = kinds[own] === "prismatic" ? JOG.shift : JOG.turn;
       editing.turn(thing.column, viewer.q[thing.column] + sign * step * (shift ? JOG.far : 1));
-      return true;
+      return;
     }
     const T = thing.kind === "tool" ? editing.solver(thing.arm).toolPose(viewer.q) : editing.poses.get(thing.name);
     const center = thing.kind === "tool" ? new THREE.Vector3(...T.slice(12, 15)) : viewer.world.boxAround(thing.name).getCenter(new THREE.Vector3());
@@ -86,7 +75,6 @@ class Jogging {
       : shifted(T, along[mode === "lift" ? 2 : axis].clone().multiplyScalar(sign * JOG.shift));
     if (thing.kind === "tool") editing.moveTool(thing.arm, pose);
     else editing.moveObstacle(thing.name, pose);
-    return true;
   }
 
   /** The axes of the world that point to the right, away and up in the picture, signed. */

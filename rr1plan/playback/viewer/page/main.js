@@ -8,13 +8,17 @@
 //   viewer.on("change", f)                        f(q, time, manual) whenever the configuration shown changes
 //   viewer.on("load", f)                          f(document) after a document was loaded
 //   viewer.on("data", f)                          f() when the program has put other data into the panels' `data`
+//   viewer.on("obstacle", f)                      f(name) after an obstacle was moved by hand
 //   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column after column
 //   viewer.poses(q)                               the same for any q: {"arm/link": 16 numbers}
 //   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, compare, collisions,
 //                                                 spheres, bodyspheres, linkspheres (those that contain each link, fine to coarse),
 //                                                 frames, toolspeed, tree, nearest (see overlays.js)
+//   viewer.sideBySide.toggle()                    other motions beside that of the page, or overlaid
 //   viewer.plots.toggle()                         the curves under the scene (see plots.js)
 //   viewer.look(direction, whole)                 frame the arms (or everything), seen from a direction of the world
+//   viewer.films.push(f)                          f() is what a panel animates now, {start, end, show(t)} [s], or null
+//   viewer.keys.add(title, rows)                  keys of a panel, which the list of "?" shows: see keys.js
 //   viewer.add(name, object3d)  viewer.redraw()   put something of three.js (viewer.THREE) into the world, z up
 //   viewer.setMotion({track, ...})                other fields of the document that say what is played; the rest stays
 //   viewer.editing                                drags, jogs, start and goal by hand, undo, `plan()`: see editing.js
@@ -26,9 +30,11 @@
 class Viewer {
   constructor() {
     this.THREE = THREE;
+    this.keys = new Keys();
     this.unpack = unpack;
-    this.listeners = { change: [], load: [], data: [], planner: [] };
+    this.listeners = { change: [], load: [], data: [], planner: [], obstacle: [] };
     this.panelData = {};
+    this.films = [];
     this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres", ...OVERLAYS]);
     this.byArm = true;
     this.stage = makeStage(find("pane"));
@@ -37,6 +43,7 @@ class Viewer {
     this.editing = new Editing(this);
     this.controls = new Controls(this);
     this.overlays = new Overlays(this);
+    this.sideBySide = new SideBySide(this);
     this.plots = new Plots(this);
     this.frames = 0;
   }
@@ -67,6 +74,7 @@ class Viewer {
     this.overlays.load();
     this.controls.load(doc);
     this.plots.load();
+    this.sideBySide.load();
     this.show();
     if (!keep || !this.framed) this.look();
     this.editing.load(doc);
@@ -111,8 +119,7 @@ class Viewer {
     for (const layer of ["toolpath", "path", "conflicts", ...OVERLAYS]) world.clear(layer);
     this.drawMotion(this.player.track);
     this.overlays.load();
-    const absent = ["replay", "compare"].filter((kind) => !this.others.has(kind));
-    for (const [name, layer] of Object.entries(world.layers)) layer.visible = this.isShown(name) && !absent.includes(name);
+    this.sideBySide.load();
     this.controls.loadMotion(this.document);
     this.plots.load();
     this.paint();
@@ -227,6 +234,12 @@ class Viewer {
   setSpeed(speed) { this.player.speed = Math.min(Math.max(Number(speed) || 1, 0.01), 100); this.controls.refresh(); }
   setLoop(on) { this.player.loop = Boolean(on); this.controls.refresh(); }
 
+  /** What a video shows, {start, end, show(t)}: the last of the panels' `films` that is not null, or the motion. */
+  get film() {
+    const motion = { start: this.player.start, end: this.player.end, show: (t) => this.seek(t) };
+    return this.films.reduce((found, film) => film() || found, motion);
+  }
+
   /** The configuration of the clock's time. */
   follow() {
     const { track } = this.player;
@@ -242,6 +255,7 @@ class Viewer {
   setShown(layer, on) {
     if (on) this.hidden.delete(layer); else this.hidden.add(layer);
     if (this.world.layers[layer]) this.world.layers[layer].visible = on;
+    if (this.sideBySide.on && this.others.has(layer)) this.sideBySide.load();
     this.controls.refreshToggles();
     this.show();
   }
@@ -253,9 +267,10 @@ class Viewer {
     this.redraw();
   }
 
-  /** Gives every link its color: what touches now is red, and what was pointed at. */
-  paint() {
-    this.world.paint(this.byArm && this.kinematics.arms.length > 1, [...this.touched, ...this.conflicts.elements()], this.editing.lit);
+  /** Gives every link its color: what touches now in a motion ("plan", "replay", "compare"; null: any) is red, and what was pointed at. */
+  paint(kind = null) {
+    const touched = kind === "plan" || !kind ? this.touched : [];
+    this.world.paint(this.byArm && this.kinematics.arms.length > 1, [...touched, ...this.conflicts.elements(kind)], this.editing.lit);
   }
 
   /** Goes to a moment and paints some elements red. */
@@ -279,11 +294,12 @@ class Viewer {
     this.lastDirection = direction || this.lastDirection;
     if (whole) this.stage.look(cornersOf(this.extent.whole), this.lastDirection);
     else this.stage.look(this.extent.framed, this.lastDirection, this.extent.target);
+    this.sideBySide.place();
   }
 
   /** Frames again what is framed, after the window or its cards have changed. */
   frame() {
-    if (this.framed && !this.stage.turned) this.look(null, this.framed === "whole");
+    if (this.framed && !this.stage.turned) this.look(null, this.framed === "whole"); else this.sideBySide.place();
   }
 
   add(name, object) { this.stage.show(`panel-${name}`, object); }
@@ -339,5 +355,6 @@ if (settings.live) viewer.live = new Live(viewer, settings.live);
 const wishes = new URLSearchParams(location.hash.slice(1));
 if (wishes.has("bare")) document.body.classList.add("bare");
 viewer.run();
+if (settings.sideBySide) viewer.sideBySide.toggle(true);
 if (settings.play) viewer.play();
 viewer.ready = true;

@@ -248,7 +248,7 @@ class PagePlanner {
       stage("plan");
       if (!found) return answer;
       answer.path = this.#asPath(found);
-      const points = this.#shorten(found, BigInt(seed) ^ BigInt(this.#constants.shortcut_stream));
+      const points = this.#shorten(found, BigInt(seed) ^ BigInt(this.#data.shortcuts.stream));
       answer.shortened = this.#asPath(points);
       stage("shorten");
       for (const method of ["blend", "stop"]) {
@@ -264,10 +264,6 @@ class PagePlanner {
       }
       return answer;
     });
-  }
-
-  get #constants() {
-    return this.#data.constants;
   }
 
   #asPath(points) {
@@ -290,7 +286,7 @@ class PagePlanner {
   #affordableMargin(start, goal, margin) {
     this.#keepMargin(margin);
     const clearance = margin + Math.min(this.#clearance(start, margin), this.#clearance(goal, margin));
-    for (let k = 0; k <= this.#constants.margin_halvings; k++) {
+    for (let k = 0; k <= this.#data.margin_halvings; k++) {
       const part = margin * 0.5 ** k;
       if (2 * part <= clearance) return part;
     }
@@ -384,15 +380,15 @@ class PagePlanner {
 
   /** The path after random shortcuts. */
   #shorten(found, seed) {
-    const core = this.#core, nq = this.columns.length, { shortcuts, shortcut_patience } = this.#constants;
-    const size = found.length / nq, capacity = size + 2 * shortcuts;
+    const core = this.#core, nq = this.columns.length, { tries, patience } = this.#data.shortcuts;
+    const size = found.length / nq, capacity = size + 2 * tries;
     const points = core.array("double", capacity * nq);
     points.values.set(found);
     const path = core.struct("ShortcutPath", { points, column_count: nq, size });
     path.piece = core.array("double", capacity * nq);
     path.along = core.array("double", capacity);
     const random = core.array("uint64_t", [BigInt.asUintN(64, seed)]);
-    while (!core.call("rr1_shorten", path, random, 128, shortcuts, shortcut_patience, this.scene, this.scratch));
+    while (!core.call("rr1_shorten", path, random, 128, tries, patience, this.scene, this.scratch));
     const shorter = points.values.slice(0, path.size * nq);
     const [before, after] = [found, shorter].map((rows) => core.call("rr1_polyline_length", rows, rows.length / nq, nq));
     return after <= before ? shorter : found;
@@ -400,7 +396,7 @@ class PagePlanner {
 
   /** A path from rest to rest in the least time: breaks, and coefficients in time. */
   #retime(waypoints, method) {
-    const core = this.#core, nq = this.columns.length, { duplicate, shortest_piece, time_step } = this.#constants;
+    const core = this.#core, nq = this.columns.length, { duplicate } = this.#data.blends, { shortest_piece, step: time_step } = this.#data.timing;
     const rows = waypoints.length / nq, index = core.array("int64_t", rows);
     const corners = core.call("rr1_find_corners", waypoints, rows, nq, duplicate, index);
     const rest = { breaks: Float64Array.of(0), coefficients: waypoints.slice(0, nq), terms: 1 };
@@ -433,16 +429,16 @@ class PagePlanner {
   /** The largest certified blend of each waypoint, 0 for a stop. */
   #blendSizes(points) {
     const core = this.#core, nq = this.columns.length, rows = points.length / nq;
-    const { max_blend, blend_reversal, smallest_blend, blend_halvings } = this.#constants;
-    const largest = core.array("double", rows), blend = core.array("double", 3 * nq);
-    const length = core.call("rr1_largest_blends", points, rows, nq, max_blend, blend_reversal, smallest_blend, largest);
+    const { largest, reversal, smallest, halvings } = this.#data.blends;
+    const sizes = core.array("double", rows), blend = core.array("double", 3 * nq);
+    const length = core.call("rr1_largest_blends", points, rows, nq, largest, reversal, smallest, sizes);
     const certified = (i, size) => {
-      for (let k = 0; k < blend_halvings && size >= smallest_blend * length; k++, size *= 0.5) {
+      for (let k = 0; k < halvings && size >= smallest * length; k++, size *= 0.5) {
         core.call("rr1_blend", points.subarray((i - 1) * nq, (i + 2) * nq), nq, size, blend);
         const status = core.call("rr1_certify_parabola", this.scene, this.scratch, blend, 3, 2 * size);
         if (status === core.constants.EDGE_FREE) return size;
       }
       return 0;
     };
-    return largest.values.slice().map((size, i) => (size > 0 ? certified(i, size) : 0));
+    return sizes.values.slice().map((size, i) => (size > 0 ? certified(i, size) : 0));
   }}

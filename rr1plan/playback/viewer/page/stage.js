@@ -101,7 +101,8 @@ class Stage {
     this.controls.enableDamping = true;
     this.controls.dampingFactor = 0.12;
     this.controls.maxPolarAngle = Math.PI * 0.98;
-    this.shift = [0, 0];
+    this.count = 1;
+    this.shifts = [[0, 0]];
     this.turned = false;
     this.controls.addEventListener("start", () => { this.dragged = this.turned = true; });
     this.controls.addEventListener("end", () => { this.dragged = false; });
@@ -191,8 +192,8 @@ class Stage {
       const c = cameraPoint(x, y, z).sub(center);
       return [c.dot(right), c.dot(above), c.dot(eye), r];
     });
-    // Half of the window in tangents of angles, and from where to where the balls are in it from a distance.
-    const tall = Math.tan((this.camera.fov * Math.PI) / 360), wide = tall * this.camera.aspect;
+    // Half of a tile in tangents of angles, and from where to where the balls are in it from a distance.
+    const tall = Math.tan((this.camera.fov * Math.PI) / 360), [{ width, height }] = this.tiles(), wide = (tall * width) / height;
     const seen = (distance) => {
       const window = [Infinity, -Infinity, Infinity, -Infinity];
       for (const [x, y, depth, r] of local) {
@@ -205,17 +206,20 @@ class Stage {
       return window;
     };
     const nearest = local.reduce((most, [, , depth, r]) => Math.max(most, depth + r), 0);
-    let best = null;
-    for (const room of this.rooms()) {
-      let near = nearest + 0.02, far = nearest + 500;
-      for (let i = 0; i < 40; i++) {
-        const distance = Math.sqrt((near - nearest) * (far - nearest)) + nearest, [x0, x1, y0, y1] = seen(distance);
-        if (x1 - x0 < room.right - room.left && y1 - y0 < room.top - room.bottom) far = distance; else near = distance;
+    const tiles = this.tiles().map((tile) => {
+      let best = null;
+      for (const room of this.rooms(tile)) {
+        let near = nearest + 0.02, far = nearest + 500;
+        for (let i = 0; i < 40; i++) {
+          const distance = Math.sqrt((near - nearest) * (far - nearest)) + nearest, [x0, x1, y0, y1] = seen(distance);
+          if (x1 - x0 < room.right - room.left && y1 - y0 < room.top - room.bottom) far = distance; else near = distance;
+        }
+        if (!best || far < best.distance) best = { distance: far, room };
       }
-      if (!best || far < best.distance) best = { distance: far, room };
-    }
-    const distance = Math.max(0.2, best.distance), [x0, x1, y0, y1] = seen(distance), { room } = best;
-    this.shift = [(x0 + x1 - room.left - room.right) / 2, (y0 + y1 - room.bottom - room.top) / 2];
+      return best;
+    });
+    const distance = Math.max(0.2, ...tiles.map((tile) => tile.distance)), [x0, x1, y0, y1] = seen(distance);
+    this.shifts = this.shiftsIn(tiles.map(({ room }) => room), (x0 + x1) / 2, (y0 + y1) / 2);
     this.controls.target.copy(center);
     this.camera.position.copy(center).addScaledVector(eye, distance);
     this.camera.near = distance / 200;
@@ -226,30 +230,57 @@ class Stage {
     this.meshcat.set_dirty();
   }
 
-  /** Moves the picture in the window, without another perspective. */
-  fitLens() {
-    const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1, [x, y] = this.shift;
+  /** What brings a point of the picture into the middle of a room in each tile; at one height in tiles beside each other, else at one side. */
+  shiftsIn(rooms, x, y) {
+    const stacked = this.tiles().some(({ top }) => top > 0), all = {
+      left: Math.max(...rooms.map(({ left }) => left)), right: Math.min(...rooms.map(({ right }) => right)),
+      bottom: Math.max(...rooms.map(({ bottom }) => bottom)), top: Math.min(...rooms.map(({ top }) => top)),
+    };
+    return rooms.map((room) => {
+      const across = stacked ? all : room, up = stacked ? room : all;
+      return [x - (across.left + across.right) / 2, y - (up.bottom + up.top) / 2];
+    });
+  }
+
+  /** The tiles of the picture [px]: one, or several beside each other, or below each other in a tall window. */
+  tiles() {
+    const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1, { count } = this, tall = height > width;
+    const cut = (length, k) => Math.round((k * length) / count);
+    return Array.from({ length: count }, (_, k) => (tall ? { left: 0, top: cut(height, k), width, height: cut(height, k + 1) - cut(height, k) }
+      : { left: cut(width, k), top: 0, width: cut(width, k + 1) - cut(width, k), height }));
+  }
+
+  /**
+   * Moves the picture in its tile, without another perspective.
+   * The camera sees the whole window, of which only the tile is drawn: what points at the window needs to know the first tile alone.
+   */
+  fitLens(k = 0) {
+    const { left, top, width, height } = this.tiles()[k], [x, y] = this.shifts[k];
     this.camera.aspect = width / height;
-    this.camera.setViewOffset(width, height, (x * width) / 2, (-y * height) / 2, width, height);
+    this.camera.setViewOffset(width, height, (x * width) / 2 - left, (-y * height) / 2 - top, this.pane.clientWidth || 1, this.pane.clientHeight || 1);
     this.camera.updateProjectionMatrix();
   }
 
-  /** Parts of the window that no card covers, from -1 to 1 each way: beside or below each card, or all if these are slits. */
-  rooms() {
-    const pane = this.pane.getBoundingClientRect();
+  /** From where the camera looks at its target, as a direction of the world. */
+  direction() {
+    return worldPoint(this.camera.position.clone().sub(this.controls.target)).toArray();
+  }
+
+  /** Parts of a tile that no card covers, from -1 to 1 each way: beside or below each card, or all if these are slits. */
+  rooms(tile) {
+    const pane = this.pane.getBoundingClientRect(), gap = 14, label = this.count > 1 ? 34 : 0; // [px] to cards and to the edges of the tile, of its name
+    const left = pane.left + tile.left, top = pane.top + tile.top, right = left + tile.width, bottom = top + tile.height;
     const covered = (id) => {
       const box = find(id).getBoundingClientRect(), card = getComputedStyle(find(id)).boxShadow !== "none";
-      return box.width && card ? box : null;
+      const inside = box.left < right && box.right > left && box.top < bottom && box.bottom > top;
+      return box.width && card && inside ? box : null;
     };
     const [head, side, bar] = ["headline", "side", "bar"].map(covered), plots = covered("plots");
-    const x = (at) => (2 * (at - pane.left)) / (pane.width || 1) - 1, y = (at) => 1 - (2 * (at - pane.top)) / (pane.height || 1);
-    const gap = 14; // [px] to cards and to the edges of the window
-    const room = {
-      left: x(pane.left + gap), right: x((side || { left: pane.right }).left - gap),
-      bottom: y((plots || bar || { top: pane.bottom }).top - gap), top: y(pane.top + gap),
-    };
+    const x = (at) => (2 * (Math.min(Math.max(at, left + gap), right - gap) - left)) / tile.width - 1;
+    const y = (at) => 1 - (2 * (Math.min(Math.max(at, top + gap), bottom - gap) - top)) / tile.height;
+    const room = { left: x(left), right: x((side || { left: right }).left - gap), bottom: y(Math.min((plots || bar || { top: bottom }).top, bottom) - gap - label), top: y(top) };
     const beside = head ? [{ left: x(head.right + gap) }, { top: y(head.bottom + gap) }] : [{}];
-    const below = side ? [{}, { right: x(pane.right - gap), top: y(side.bottom + gap) }] : [{}];
+    const below = side ? [{}, { right: x(right), top: y(side.bottom + gap) }] : [{}];
     const rooms = beside.flatMap((one) => below.map((two) => ({ ...room, ...one, ...two, top: Math.min(...[room, one, two].map((r) => r.top ?? 1)) })));
     const wide = rooms.filter((r) => r.right - r.left > 0.4 && r.top - r.bottom > 0.3);
     return wide.length ? wide : [room];
@@ -292,7 +323,23 @@ class Stage {
 
   draw() {
     this.controls.update();
-    if (this.meshcat.needs_render) this.meshcat.render();
+    if (!this.meshcat.needs_render) return;
+    if (this.count === 1) this.meshcat.render(); else this.drawTiles();
+  }
+
+  /** Draws tile after tile, the first one last: what it shows stays in the world. */
+  drawTiles() {
+    const { renderer, meshcat, camera } = this, tiles = this.tiles(), all = this.pane.clientHeight;
+    renderer.setScissorTest(true);
+    for (let k = tiles.length - 1; k >= 0; k--) {
+      const { left, top, width, height } = tiles[k];
+      this.onTile(k);
+      this.fitLens(k);
+      renderer.setScissor(left, all - top - height, width, height);
+      renderer.render(meshcat.scene, camera);
+    }
+    renderer.setScissorTest(false);
+    meshcat.needs_render = false;
   }
 }
 

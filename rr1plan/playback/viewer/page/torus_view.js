@@ -88,13 +88,6 @@ class TorusView {
       if (last && moved < 4) this.click(event);
       last = null;
     });
-    canvas.addEventListener("keydown", (event) => {
-      const go = { ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[event.key];
-      if (!go || event.ctrlKey || event.metaKey || event.altKey) return;
-      event.preventDefault();
-      event.stopPropagation();
-      this.rotate(...go);
-    });
   }
 
   rotate(around, above) {
