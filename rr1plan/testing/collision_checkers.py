@@ -144,14 +144,17 @@ def coal_geometry(shape: Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh) -
 
     if not isinstance(shape, Mesh):
         return _primitive(coal, shape)
-    points = coal.StdVec_Vec3s()
-    points.extend(list(np.array(shape.vertices)))
+    points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     if not is_surface(shape):
-        return coal.Convex.convexHull(points, True, "Qt")
+        # Coal's own hull fails where many faces meet at a corner.
+        hull = convex_hull(shape.vertices)
+        points.extend(list(np.array(hull.vertices)))
+        triangles.extend([coal.Triangle(*face) for face in hull.faces.tolist()])
+        return coal.Convex(points, triangles)
+    points.extend(list(np.array(shape.vertices)))
     corners = shape.vertices[shape.faces]
     # A triangle without area touches every ball.
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    triangles = coal.StdVec_Triangle()
     triangles.extend([coal.Triangle(*face) for face in shape.faces[areas > 0.0].tolist()])
     surface = coal.BVHModelOBBRSS()
     surface.beginModel(len(triangles), len(points))

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from concave_meshes import terrain, torus
 
 import rr1plan as rp
@@ -200,5 +201,11 @@ def test_wrong_questions_are_refused(swing: tuple[rp.Scene, rp.Trajectory]) -> N
     partial = rp.Trajectory.rest(("rr1/elbow_joint",), [0.0])
     with pytest.raises(rp.InputError, match="has no column for 'rr1/shoulder_joint'"):
         rp.second_opinion(partial, scene)
+    turn = np.linspace(0.0, 2.0 * np.pi, 300, endpoint=False)
+    rim = np.column_stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), np.zeros(300)])
+    hull = trimesh.convex.convex_hull(np.concatenate([rim, [[0.0, 0.0, 0.1]]]))
+    cone = scene.with_obstacle("cone", rp.Mesh(hull.vertices, hull.faces, convex=True))
+    with pytest.raises(rp.InputError, match="300 neighbors, expected at most 255"):
+        rp.second_opinion(motion, cone)
     with pytest.raises(rp.CancelledError):
         rp.second_opinion(motion, scene, progress=lambda progress: False)
