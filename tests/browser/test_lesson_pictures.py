@@ -172,7 +172,7 @@ def test_schedules_run_and_contacts_are_named(page: tuple[Any, Any]) -> None:
     wait_until(tab.page, "RR1.pair.time > 0.1")
     tab.page.keyboard.press("x")
     time = tab.ask("RR1.pair.time")
-    tab.picture()
+    tab.next_frames()
     assert tab.ask("RR1.pair.time") == time
     assert "touch." not in said.inner_text()
     tab.ask("RR1.pair.setSchedule('at_once'), RR1.pair.setTime(1.6)")

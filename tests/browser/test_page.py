@@ -74,14 +74,16 @@ def test_the_page_asks_nobody_for_anything(opened: Any, page_file: FilePath) -> 
     assert opened.ask("document.title") == "two"
 
 
-def test_the_picture_shows_the_robot_and_its_ghosts(calm: Any) -> None:
-    with_robot = calm.bare_picture()
+@pytest.mark.drawn
+def test_the_picture_shows_the_robot_and_its_ghosts(tab: Any, page_file: FilePath) -> None:
+    tab.open(page_file)
+    tab.ask("RR1.pause(), RR1.seek(0)")
+    with_robot = tab.bare_picture()
     red, green, blue = with_robot[..., 0], with_robot[..., 1], with_robot[..., 2]
     orange = (red > 120) & (green < 0.75 * red) & (blue < 0.6 * red)
     assert orange.sum() > 2000
-    calm.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, false))")
-    without = calm.bare_picture()
-    calm.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, true))")
+    tab.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, false))")
+    without = tab.bare_picture()
     assert (np.abs(with_robot - without).max(axis=2) > 40).sum() > 4000
 
 
@@ -396,6 +398,7 @@ def test_both_ends_of_a_motion_are_seen_in_every_window(tab: Any, tmp_path: File
     assert tab.complaints == []
 
 
+@pytest.mark.drawn
 def test_a_panda_behind_a_wall_is_seen(
     tab: Any, panda_and_wall: tuple[rp.Scene, rp.Trajectory, tuple[float, float, float]], tmp_path: FilePath
 ) -> None:
