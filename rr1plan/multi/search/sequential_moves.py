@@ -192,6 +192,6 @@ class SequentialMoves:
         trees.restart(lower, extent, _STEP * diagonal, _DOMAIN * diagonal, np.inf)
         state = random_state(int(self._rng.integers(2**63)))
         while trees.samples < samples and self._watch.goes_on():
-            if trees.grow(state, min(trees.samples + _SLICE, samples), checker.context):
+            if trees.grow(state, min(trees.samples + _SLICE, samples), checker):
                 return trees.path()
         return None
