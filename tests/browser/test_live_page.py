@@ -56,6 +56,7 @@ import sys, rr1plan as rp
 robot = rp.load_robot("planar2r")
 scene = rp.Scene(name=sys.argv[2]).with_arm("arm", robot)
 viewer = rp.show(scene, options=rp.ViewOptions(port=int(sys.argv[1]), quiet=True))
+print(viewer.url, flush=True)
 viewer.update([float(sys.argv[3]), 0.0])
 sys.stdin.read()
 """
@@ -65,7 +66,7 @@ def run_program(port: int, name: str, q: float) -> subprocess.Popen[str]:
     command = [sys.executable, "-c", PROGRAM, str(port), name, str(q)]
     program = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert program.stdout is not None
-    assert program.stdout.readline() == f"page: http://127.0.0.1:{port}/\n"
+    assert program.stdout.readline() == f"http://127.0.0.1:{port}/\n"
     return program
 
 
