@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 
 import rr1plan as rp
+from rr1plan.playback.cspace.cspace_colors import ink_on, layer_patterns, pattern_cells
 from rr1plan.playback.cspace.cspace_verdict import verdict
 from rr1plan.playback.viewer.page_capture import wait_until
 from rr1plan.robot import Geometry, Joint, Link, Robot
@@ -111,7 +113,7 @@ def test_every_cell_reached_the_page(calm: Any, lesson: rp.CSpace) -> None:
     assert ((labels > 0) == grid.free).all()
 
 
-def test_obstacles_images_are_drawn_in_their_own_colors(calm: Any, lesson: rp.CSpace) -> None:
+def test_obstacles_images_are_drawn_in_their_own_colors_and_patterns(calm: Any, lesson: rp.CSpace) -> None:
     calm.ask("RR1.lesson.showTree = false, RR1.lesson.redraw()")
     pixels = calm.cspace_picture()
     calm.ask("RR1.lesson.showTree = true, RR1.lesson.redraw()")
@@ -120,7 +122,12 @@ def test_obstacles_images_are_drawn_in_their_own_colors(calm: Any, lesson: rp.CS
         color = lesson.grid.scene.obstacles[name].geometries[0].color
         text = "#{:02x}{:02x}{:02x}".format(*(round(255 * c) for c in color[:3]))
         # Overlaps are shared among their layers, and the path covers a little.
-        assert near(pixels, text).sum() == pytest.approx(mask.mean() * area, rel=0.25)
+        plain, ink = near(pixels, text).sum(), near(pixels, to_hex(ink_on(text))).sum()
+        assert plain + ink == pytest.approx(mask.mean() * area, rel=0.25)
+        pattern = layer_patterns(lesson.grid)[name]
+        inked = pattern_cells(pattern, (360, 360)).mean()
+        assert ink / (plain + ink) == pytest.approx(inked, abs=0.08)
+        assert (inked > 0.05) == (pattern > 0)
 
 
 def test_a_slider_moves_the_arm_and_the_mark(calm: Any, lesson: rp.CSpace) -> None:

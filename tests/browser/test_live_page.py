@@ -57,6 +57,7 @@ import sys, rr1plan as rp
 robot = rp.load_robot("planar2r")
 scene = rp.Scene(name=sys.argv[2]).with_arm("arm", robot)
 viewer = rp.show(scene, options=rp.ViewOptions(port=int(sys.argv[1]), quiet=True))
+print(viewer.url, flush=True)
 viewer.update([float(sys.argv[3]), 0.0])
 print(viewer.url, flush=True)
 sys.stdin.read()

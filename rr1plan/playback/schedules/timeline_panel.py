@@ -6,7 +6,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from rr1plan.checks import counted
-from rr1plan.playback.schedules.arm_colors import arm_color
+from rr1plan.playback.arm_colors import arm_color
 from rr1plan.playback.viewer.view_options import Panel
 
 if TYPE_CHECKING:

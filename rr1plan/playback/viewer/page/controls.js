@@ -342,5 +342,10 @@ class Controls {
 
 /** A value with one decimal, never "-0.0": the sum of -0 and 0 is 0. */
 const tenths = (value) => (Math.round(10 * value) / 10 + 0).toFixed(1);
+/** A coordinate [m] among things of a size [m], to a fraction of a thousandth of it, and never "-0.000". */
+const placed = (meters, span) => {
+  const text = meters.toFixed(Math.min(Math.max(2 - Math.floor(Math.log10(span / 2)), 3), 9));
+  return Number(text) === 0 ? text.replace("-", "") : text;
+};
 /** A distance in the unit it is read best in. */
 const length = (meters) => (Math.abs(meters) < 0.1 ? `${(1000 * meters).toFixed(1)} mm` : `${meters.toFixed(3)} m`);

@@ -6,7 +6,7 @@
 //   editing.judge(q)             {tone, title, text, touching: [[element, element], ...], clearance [m]} of a configuration
 
 const MOST_UNDONE = 200;
-const OFF = 5e-4, TURNED = 2e-3; // [m], [rad] from its target at which a tool counts as there
+const OFF = 5e-4, TURNED = 2e-3; // of an arm's reach or [m], [rad] from its target at which a tool counts as there
 const CLOSE_EDITS = 800; // [ms] between steps of one jog, which are undone together
 
 const ROUNDED = 1e-5; // [rad or m] what a motion may be off at its ends, by rounding
@@ -281,11 +281,12 @@ class Editing {
   /** The verdict on what is shown: what it touches first, then whether the tool is where it was dragged to. */
   verdict() {
     const { viewer, reach } = this, judged = this.judge(viewer.q);
-    if (judged.tone === "bad" || !reach || (reach.off < OFF && reach.turned < TURNED)) {
+    const off = OFF * Math.min(1, reach ? viewer.world.reach[reach.arm] : 1);
+    if (judged.tone === "bad" || !reach || (reach.off < off && reach.turned < TURNED)) {
       return judged.tone === "open" && reach ? { ...judged, title: "Reachable" } : judged;
     }
     const { robot } = viewer.kinematics.arms[reach.arm], limits = reach.atLimit.map((c) => robot.names[c]);
-    const short = reach.off >= OFF ? `${length(reach.off)} short` : `${tenths((180 / Math.PI) * reach.turned)}° short`;
+    const short = reach.off >= off ? `${length(reach.off)} short` : `${tenths((180 / Math.PI) * reach.turned)}° short`;
     return { ...judged, tone: "open", title: "Out of reach", text: [short, limits.length ? `${namesOf(limits, 2, ", ")} at ${limits.length > 1 ? "their limits" : "its limit"}` : ""].filter(Boolean).join(", ") };
   }
 
