@@ -17,7 +17,7 @@ import numpy as np
 from rr1plan.checks import file_path, known_name, of_kind
 from rr1plan.errors import InputError, MissingPackageError
 from rr1plan.export.ros_trajectories import Duration, JointTrajectoryMessage, sampled_message
-from rr1plan.files.file_access import write_text
+from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -119,7 +119,7 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
     """Write the scene's MuJoCo model as MJCF, with the servos that `simulate` uses.
 
     Args:
-        file: The file.
+        file: The file, whose name ends in .xml or .mjcf.
         scene: The scene; arms stand at zero in the file, their configurations are a keyframe "configuration".
 
     Returns:
@@ -128,5 +128,5 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
     from rr1plan.playback.simulation.mujoco_model import build_mujoco
 
     of_kind("scene", scene, Scene)
-    world = build_mujoco(scene)
-    return write_text(file, world.spec.to_xml())
+    path = check_writable(file, ".xml", ".mjcf")
+    return write_text(path, build_mujoco(scene).spec.to_xml())

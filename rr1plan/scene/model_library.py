@@ -11,7 +11,7 @@ from weakref import WeakValueDictionary
 
 from rr1plan.checks import check_text, file_path, known_name, of_kind
 from rr1plan.errors import FormatError, InputError, UnknownNameError
-from rr1plan.files.file_access import is_regular, write_text
+from rr1plan.files.file_access import check_writable, is_regular, write_text
 from rr1plan.robot import Robot
 from rr1plan.robot.mjcf_document import is_mjcf
 from rr1plan.robot.robot_builder import Choice, assemble
@@ -301,7 +301,7 @@ def save_scene(
     """Write a scene file (.toml) from which `load_scene` loads the same scene, to the last bit.
 
     Args:
-        file: The file; it is replaced atomically.
+        file: The file, whose name ends in .toml; it is replaced atomically.
         scene: The scene. Meshes and point clouds are written into the file.
         problems: Named queries in that scene, for `load_problems`.
         robots: Name or file of the robot of each arm, files relative to the scene file (default: the robot's name if it
@@ -312,11 +312,11 @@ def save_scene(
 
     Raises:
         InputError: a robot that was not loaded from a file, a scene that would read back differently (a robot that
-            was loaded with another SRDF), or a file that cannot be written.
+            was loaded with another SRDF), another suffix, or a file that cannot be written.
         UnknownNameError: a name in `robots` is not an arm.
     """
     of_kind("scene", scene, Scene)
-    path = file_path(file)
+    path = check_writable(file, ".toml")
     of_kind("problems", problems, Mapping, optional=True)
     of_kind("robots", robots, Mapping, optional=True)
     for problem in (problems or {}).values():
