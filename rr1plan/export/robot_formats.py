@@ -6,7 +6,8 @@ or that does not end at rest, so points are whole nanoseconds apart and the last
 
 from __future__ import annotations
 
-import shutil
+import os
+import sqlite3
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path as FilePath
@@ -59,17 +60,15 @@ def save_rosbag(
     target = file_path(folder)
     known_name("storage", storage, _STORAGE)
     message = sampled_message(trajectory, dt, lead, rename)
-    if target.exists():
+    if os.path.lexists(target):
         raise InputError(f"{target} exists already, a bag is written to a new folder")
     try:
-        workplace = FilePath(tempfile.mkdtemp(dir=target.parent, prefix=".rr1plan."))
-    except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror}") from error
-    try:
-        _write_bag(workplace / target.name, message, storage)
-        (workplace / target.name).replace(target)
-    finally:
-        shutil.rmtree(workplace, ignore_errors=True)
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=".rr1plan.", ignore_cleanup_errors=True) as folder:
+            bag = FilePath(folder) / target.name
+            _write_bag(bag, message, storage)
+            bag.replace(target)
+    except (OSError, sqlite3.Error) as error:
+        raise InputError(f"cannot write {target}: {getattr(error, 'strerror', None) or error}") from error
     return target
 
 

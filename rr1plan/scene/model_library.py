@@ -10,7 +10,7 @@ from typing import Literal
 from weakref import WeakValueDictionary
 
 from rr1plan.checks import check_text, file_path, known_name, of_kind
-from rr1plan.errors import FormatError, InputError, UnknownNameError
+from rr1plan.errors import FormatError, InputError, InstallationError, UnknownNameError
 from rr1plan.files.file_access import check_writable, is_regular, write_text
 from rr1plan.robot import Robot
 from rr1plan.robot.mjcf_document import is_mjcf
@@ -35,9 +35,17 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def models_folder() -> Path:
-    """The folder of the shipped models: inside an installed package, next to it in a source tree."""
-    inside = _PACKAGE / "models"
-    return inside if inside.is_dir() else _PACKAGE.parent / "models"
+    """The folder of the shipped models: inside an installed package, next to it in a source tree.
+
+    Raises:
+        InstallationError: there is none.
+    """
+    folder = next((f for f in (_PACKAGE / "models", _PACKAGE.parent / "models") if f.is_dir()), None)
+    if folder is None:
+        raise InstallationError(
+            f"the folder of models beside {_PACKAGE} is missing; rr1plan runs unpacked, not in a zip"
+        )
+    return folder
 
 
 # ---- robots ------------------------------------------------------------------------------

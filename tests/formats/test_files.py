@@ -11,7 +11,9 @@ from typing import Any
 import pytest
 
 import rr1plan as rp
+from rr1plan.cli import BAD_INPUT, run
 from rr1plan.files.file_access import check_writable, write_bytes, write_text
+from rr1plan.scene import model_library
 
 WRITERS: dict[str, Callable[[Path, rp.Scene], Any]] = {
     "bytes": lambda file, _: write_bytes(file, b"new"),
@@ -116,3 +118,21 @@ def test_text_that_cannot_be_encoded_leaves_the_old_file(tmp_path: Path) -> None
 
 def test_the_longest_name_that_a_file_can_have_is_written(tmp_path: Path) -> None:
     assert write_text(tmp_path / ("x" * 255), "text").read_text() == "text"
+
+
+def test_a_working_folder_that_was_deleted_is_named(
+    rr1_table: rp.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    for write in WRITERS.values():
+        with pytest.raises(rp.InputError, match=r"a\.toml is in a working folder that is no longer there"):
+            write(Path("a.toml"), rr1_table)
+    assert run(["plan", "planar2r_path", "--output", "a.json"]) == BAD_INPUT
+
+
+def test_an_archive_is_no_place_to_run_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(model_library, "_PACKAGE", tmp_path / "rr1plan.zip" / "rr1plan")
+    with pytest.raises(rp.InstallationError, match=r"folder of models .* is missing"):
+        rp.load_scene("rr1_table")
