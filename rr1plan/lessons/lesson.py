@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import check_text, file_path, finite_array, positive_number
+from rr1plan.checks import check_text, finite_array, positive_number
 from rr1plan.errors import InputError
+from rr1plan.files.file_access import check_writable
 from rr1plan.lessons.lesson_catalog import LESSONS
 from rr1plan.notebook_view import NotebookView
 from rr1plan.scene import Scene
@@ -137,11 +138,7 @@ class Lesson(NotebookView, ABC):
     def _save_figure(self, file: str | FilePath, suffix: str) -> FilePath:
         from rr1plan.playback.schedules.figure_files import save_figure
 
-        if file_path(file).suffix.lower() != suffix:
-            raise InputError(
-                f"cannot save {str(file)!r} as {suffix[1:].upper()}, expected a name that ends in {suffix}"
-            )
-        return save_figure(file, self.figure)
+        return save_figure(check_writable(file, suffix), self.figure)
 
     # ---- pages ---------------------------------------------------------------------------
 

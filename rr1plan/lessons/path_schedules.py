@@ -108,11 +108,6 @@ class PairCurve:
         """When the last arm arrives [s]."""
         return float(self.times[-1])
 
-    @property
-    def backs_up(self) -> bool:
-        """Whether an arm goes back on its path."""
-        return bool((np.diff(self.places, axis=0) < -1e-12).any())
-
 
 def path_pair(scene: Scene, one: tuple[str, ArrayLike], two: tuple[str, ArrayLike]) -> PathPair:
     """Two paths in a scene, and their diagram.

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
-    file_path,
     positive_number,
     whole_number,
 )
 from rr1plan.errors import InputError
+from rr1plan.files.file_access import check_writable
 from rr1plan.notebook_view import NotebookView
 from rr1plan.planning import PlanResult
 from rr1plan.playback.cspace.cspace_query import CSpaceQuery, compute_query
@@ -73,12 +73,9 @@ class CSpace(CSpaceQuery, NotebookView):
         Raises:
             InputError: another ending, or a file that cannot be written.
         """
-        target = file_path(file)
         formats = {".png": self.save_png, ".svg": self.save_svg, ".pdf": self.save_pdf, ".html": self.save_html}
-        write = formats.get(target.suffix.lower())
-        if write is None:
-            raise InputError(f"cannot save {str(file)!r}, expected a name that ends in {', '.join(formats)}")
-        return write(target)
+        target = check_writable(file, *formats)
+        return formats[target.suffix.lower()](target)
 
     def save_png(self, file: str | FilePath, *, dpi: int = 150) -> FilePath:
         """Write the picture as PNG, atomically.
@@ -111,10 +108,7 @@ class CSpace(CSpaceQuery, NotebookView):
     def _save_figure(self, file: str | FilePath, kind: str, dpi: int = 150) -> FilePath:
         from rr1plan.playback.cspace.cspace_figure import save
 
-        target = file_path(file)
-        if target.suffix.lower() != f".{kind}":
-            raise InputError(f"cannot save {str(file)!r} as {kind.upper()}, expected a name that ends in .{kind}")
-        return save(self, target, kind, dpi)
+        return save(self, check_writable(file, f".{kind}"), kind, dpi)
 
     def save_html(
         self, file: str | FilePath, *, trajectory: Trajectory | None = None, options: ViewOptions | None = None
