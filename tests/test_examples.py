@@ -346,6 +346,13 @@ def a_motion_goes_to_an_emulated_control_box(said: str, folder: Path) -> None:
     assert rp.load_joint_trajectory(folder / "30_motion.yaml").degree == 5
 
 
+def a_sequence_is_written_by_hand(said: str, _: Path) -> None:
+    assert FREE in said
+    assert number(r"block: at most (\S+) mm from where the plan has it", said) < 10.0
+    assert "contacts: none that no stage allows" in said
+    assert re.search(r"33_typo.toml:\d+: segments\[4\].move_gripper: .*Did you mean 'around'", said)
+
+
 CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "01_first_motion": the_first_motion_is_proven_and_replayed,
     "02_robots": robots_have_presets_and_grippers_and_bad_files_are_refused,
@@ -379,6 +386,7 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "30_real_arm": a_motion_goes_to_an_emulated_control_box,
     "31_calibration": an_arm_is_calibrated_and_its_slipped_belt_is_named,
     "32_mirror": an_arm_that_is_pushed_leaves_the_corridor_and_comes_back,
+    "33_sequence_file": a_sequence_is_written_by_hand,
 }
 
 
