@@ -250,6 +250,7 @@ def small_world(size: float) -> tuple[rp.Scene, rp.Trajectory]:
     return scene, rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1.0], [[0.2, 0.4], [1.9, 1.1]])
 
 
+@pytest.mark.drawn
 def test_worlds_of_any_size_look_alike(tab: Any, tmp_path: FilePath) -> None:
     pictures, places, words = [], [], []
     for size in (1.0, 0.005, 50.0):
@@ -265,7 +266,7 @@ def test_worlds_of_any_size_look_alike(tab: Any, tmp_path: FilePath) -> None:
         places.append(tab.ask(at))
         pictures.append(tab.bare_picture())
         tab.ask("RR1.editing.open()")
-        tab.picture()
+        tab.next_frames()
         words.append(tab.page.inner_text("#readout"))
     for k in (1, 2):
         np.testing.assert_allclose(places[k], places[0], atol=2.0)
