@@ -66,6 +66,20 @@ def shorten_in_time(
     return path.points
 
 
+def joint_times(steps: Array, limits: Limits) -> Array:
+    """How long each joint takes for some differences of configurations from rest to rest [s], shape (n, nq).
+
+    Args:
+        steps: Differences, shape (n, nq).
+        limits: Of the joints; without a limit, 1 counts.
+    """
+    velocity, acceleration = (np.where(np.isfinite(most), most, 1.0) for most in (limits.velocity, limits.acceleration))
+    far = np.abs(steps)
+    ramps = 2.0 * np.sqrt(far / acceleration)
+    cruises = far / velocity + velocity / acceleration
+    return np.asarray(np.where(far * acceleration > velocity**2, cruises, ramps))
+
+
 def _straightened(section: Array, times: Array, begin: float, end: float, chosen: list[slice]) -> Array:
     """A section on which some arms move straight, at the pace of the clock."""
     new = section.copy()
@@ -88,25 +102,15 @@ class _TimedPolyline:
     """
 
     def __init__(self, points: Array, limits: Limits) -> None:
-        # Joints that move have limits, or their motion could not be timed.
-        self._velocity, self._acceleration = (
-            np.where(np.isfinite(most), most, 1.0) for most in (limits.velocity, limits.acceleration)
-        )
-        durations = self._joint_times(points).max(axis=1)
+        self._limits = limits
+        durations = joint_times(np.diff(points, axis=0), limits).max(axis=1)
         moves = durations > 0.0
         self.points: Array = points[np.concatenate([[True], moves])]
         self.times = np.concatenate([[0.0], np.cumsum(durations[moves])])
 
-    def _joint_times(self, points: Array) -> Array:
-        """How long each joint takes for each edge from rest to rest, shape (edges, nq)."""
-        steps = np.abs(np.diff(points, axis=0))
-        ramps = 2.0 * np.sqrt(steps / self._acceleration)
-        cruises = steps / self._velocity + self._velocity / self._acceleration
-        return np.asarray(np.where(steps * self._acceleration > self._velocity**2, cruises, ramps))
-
     def cost(self, points: Array) -> float:
         """The duration of some waypoints, and a share of the mean time of their joints."""
-        times = self._joint_times(points)
+        times = joint_times(np.diff(points, axis=0), self._limits)
         return float(times.max(axis=1).sum() + _WAY * times.mean(axis=1).sum())
 
     def at(self, time: float) -> Array:
