@@ -1,4 +1,4 @@
-"""Figures of schedules as files, and what they have in common."""
+"""Figures as files, and what they have in common."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDEST = 100.0  # [inch]
-_DPI = 150
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 # So that the same figure gives the same bytes.
 _NO_DATES: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
@@ -79,12 +78,13 @@ def check_width(width: float) -> float:
     return number
 
 
-def save_figure(file: str | FilePath, draw: Callable[[], Figure]) -> FilePath:
+def save_figure(file: str | FilePath, draw: Callable[[], Figure], dpi: int = 150) -> FilePath:
     """Draw a figure and write it in the format that the name ends in, atomically.
 
     Args:
         file: The file.
         draw: Makes the figure.
+        dpi: Dots per inch of a PNG.
 
     Raises:
         InputError: a name that ends otherwise, or a file that cannot be written.
@@ -96,5 +96,5 @@ def save_figure(file: str | FilePath, draw: Callable[[], Figure]) -> FilePath:
 
     buffer = io.BytesIO()
     with rc_context({"svg.hashsalt": "rr1plan"}):
-        figure.savefig(buffer, format=kind, dpi=_DPI, metadata=_NO_DATES.get(kind, {}))
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata=_NO_DATES.get(kind, {}))
     return write_bytes(target, buffer.getvalue())
