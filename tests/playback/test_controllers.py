@@ -483,8 +483,18 @@ def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> N
         def update(self, state: rp.JointState) -> rp.SetPoint:
             return rp.SetPoint(state.positions[:-1])
 
+    class Words(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            return rp.SetPoint(["home"] * 6)
+
+    class Overwrites(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            state.positions[:] = 0.0
+            raise ValueError("no matter")
+
     messages = {Raises: "Raises raised ZeroDivisionError at 0.000 s: no gain", Nothing: "returned a NoneType"}
     messages |= {NotFinite: "velocities that are not finite", TooFew: r"positions of shape \(5,\).*expected \(6,\)"}
+    messages |= {Words: "positions that are no numbers", Overwrites: "no matter"}
     for kind, message in messages.items():
         sim = rp.Simulation(scene)
         sim.activate(kind(ARM))

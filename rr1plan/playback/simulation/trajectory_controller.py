@@ -186,7 +186,7 @@ class JointTrajectoryController(Controller):
         since = state.time - execution.start
         point = self._set_point(since)
         error = np.abs(state.positions - point.positions)
-        np.maximum(execution.max_error, error[self._back], out=execution.max_error)
+        np.maximum(execution.max_error, error if self._back is None else error[self._back], out=execution.max_error)
         if error.max() > self.path_tolerance:
             message = self._worst(error, self.path_tolerance)
             _end(execution, ExecutionStatus.PATH_TOLERANCE_VIOLATED, state.time, message)
@@ -210,7 +210,8 @@ class JointTrajectoryController(Controller):
         execution.status = ExecutionStatus.ACTIVE
         trajectory = execution.trajectory
         self._path = Trajectory(self.joint_names, trajectory.breaks, trajectory.coefficients[:, :, columns])
-        self._back = np.argsort(columns)
+        in_order = np.array_equal(columns, np.arange(len(columns)))
+        self._back = None if in_order else np.argsort(columns)
         self._block_start = -math.inf
 
     def _check_start(self, trajectory: Trajectory, columns: NDArray[np.int64]) -> None:
