@@ -528,6 +528,7 @@ class Simulation:
                     "activate with replace=True"
                 )
             del self._active[other]
+            other.deactivate()
         self._active.pop(controller, None)
         joints = self._map
         info = JointInfo(
@@ -547,6 +548,7 @@ class Simulation:
         if controller not in self._active:
             raise InputError("the controller is not active in this simulation")
         indices = self._active.pop(controller)
+        controller.deactivate()
         for rates in self._desired[1:]:
             rates[indices] = 0.0
 
@@ -738,14 +740,14 @@ class Simulation:
             if values is None:
                 wanted.append(0.0)
                 continue
-            if np.shape(values) != shape:
-                raise ControllerError(
-                    f"{name} returned {field} of shape {np.shape(values)} at {self.time:.3f} s, expected {shape}"
-                )
             try:
                 row = np.asarray(values, dtype=np.float64)
             except (TypeError, ValueError) as error:
                 raise ControllerError(f"{name} returned {field} that are no numbers at {self.time:.3f} s") from error
+            if row.shape != shape:
+                raise ControllerError(
+                    f"{name} returned {field} of shape {row.shape} at {self.time:.3f} s, expected {shape}"
+                )
             if not np.isfinite(row).all():
                 raise ControllerError(f"{name} returned {field} that are not finite at {self.time:.3f} s")
             wanted.append(row)

@@ -122,14 +122,23 @@ class JointTrajectoryController(Controller):
     def activate(self, joints: JointInfo, state: JointState) -> None:
         """Hold the present positions, and cancel the trajectory in execution."""
         super().activate(joints, state)
-        for execution in (self._active, self._queued):
-            if execution is not None:
-                _end(execution, ExecutionStatus.CANCELED, state.time, "the controller was activated again")
-        self._active = self._queued = None
+        self._forget(state.time, "the controller was activated again")
         self._now = state.time
         self._hold = SetPoint(state.positions.copy())
         self._last = self._hold
         self._block_start = -math.inf
+
+    def deactivate(self) -> None:
+        """Give up the joints; the trajectory in execution is canceled."""
+        super().deactivate()
+        self._forget(self._now, "the controller was deactivated")
+
+    def _forget(self, time: float, message: str) -> None:
+        """Cancel all executions."""
+        for execution in (self._active, self._queued):
+            if execution is not None:
+                _end(execution, ExecutionStatus.CANCELED, time, message)
+        self._active = self._queued = None
 
     def send(self, trajectory: Trajectory, *, at: float | None = None) -> Execution:
         """Execute a trajectory; one in execution is preempted when the new one begins.
