@@ -28,6 +28,11 @@ CELLS = 90
 
 
 @pytest.fixture(scope="module")
+def plain() -> bool:
+    return True
+
+
+@pytest.fixture(scope="module")
 def lesson() -> rp.CSpace:
     problem = load_problems("planar2r_path")["over_the_seam"]
     result = rp.RrtConnect(tree=True).plan(problem, rng=0)

@@ -19,6 +19,11 @@ POSES = ((0.5, 0.9), (-2.0, 2.2), (1.4, -0.7), (3.0, 0.05))
 
 
 @pytest.fixture(scope="module")
+def plain() -> bool:
+    return True
+
+
+@pytest.fixture(scope="module")
 def lesson() -> KinematicsLesson:
     made = rp.lesson("kinematics")
     assert isinstance(made, KinematicsLesson)

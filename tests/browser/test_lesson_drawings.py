@@ -18,6 +18,11 @@ pytestmark = pytest.mark.browser
 READY = "Boolean(window.RR1 && RR1.ready && RR1.steps)"
 
 
+@pytest.fixture(scope="module")
+def plain() -> bool:
+    return True
+
+
 def go_to(tab: Any, name: str) -> None:
     wait_until(tab.page, "RR1.frames > 2")
     for _ in range(12):

@@ -27,6 +27,11 @@ LESSONS = {
 
 
 @pytest.fixture(scope="module")
+def plain() -> bool:
+    return True
+
+
+@pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path]]:
     folder, found = tmp_path_factory.mktemp("lessons"), {}
     for name, kind in LESSONS.items():

@@ -27,6 +27,11 @@ TURN = 2.0 * np.pi
 
 
 @pytest.fixture(scope="module")
+def plain() -> bool:
+    return True
+
+
+@pytest.fixture(scope="module")
 def problem() -> rp.Problem:
     """The query of the lesson, with a box and a pyramid besides its discs."""
     asked = load_problems("planar2r_path")["over_the_seam"]

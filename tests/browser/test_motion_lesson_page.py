@@ -18,6 +18,11 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
+def plain() -> bool:
+    return True
+
+
+@pytest.fixture(scope="module")
 def lesson() -> MotionLesson:
     made = rp.lesson("motion")
     assert isinstance(made, MotionLesson)

@@ -17,6 +17,11 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
+def plain() -> bool:
+    return True
+
+
+@pytest.fixture(scope="module")
 def lesson() -> PlanningLesson:
     made = rp.lesson("planning")
     assert isinstance(made, PlanningLesson)
