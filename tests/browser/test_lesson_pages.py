@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser.conftest import Tab
 
 import rr1plan as rp
 from rr1plan.playback.viewer.page_capture import wait_until
@@ -29,12 +28,10 @@ def page_file(lesson: rp.Lesson, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 
 @pytest.fixture(scope="module")
-def opened(browser: Any, page_file: Path) -> Iterator[Any]:
-    tab = Tab(browser.new_page())
-    tab.page.set_viewport_size({"width": 1280, "height": 720})
-    tab.open(page_file, f"{READY} && Boolean(RR1.planner || RR1.noPlanner || !RR1.document.planner)")
-    yield tab
-    tab.page.close()
+def opened(shared_tab: Any, page_file: Path) -> Any:
+    shared_tab.page.set_viewport_size({"width": 1280, "height": 720})
+    shared_tab.open(page_file, f"{READY} && Boolean(RR1.planner || RR1.noPlanner || !RR1.document.planner)")
+    return shared_tab
 
 
 @pytest.fixture

@@ -26,6 +26,7 @@ _TINTS = ("#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7")  # the page's colors of co
 HATCHES = (None, "..", "\\\\", "--", "||", "xx", "++")
 """Patterns of images and components, as matplotlib writes them; `pattern_cells` and the page draw the same."""
 _LINE, _DOT = 0.15, 0.2  # shares of a tile
+FAINT = 0.5  # of the ink, on free space, where trees and paths are drawn
 
 
 def layer_colors(grid: CSpaceGrid) -> dict[str, str]:
@@ -70,10 +71,10 @@ def pattern_cells(pattern: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
     return inked
 
 
-def ink_on(color: str) -> Array:
-    """The color of a pattern on a color, shape (3,), 0 to 1."""
+def ink_on(color: str, share: float = 1.0) -> Array:
+    """The color of a pattern on a color, or of a share of its ink, shape (3,), 0 to 1."""
     rgb = _rgb(color)
-    return rgb + (0.3 * (_rgb(INK) - rgb) if is_light(color) else 0.38 * (1.0 - rgb))
+    return rgb + share * (0.3 * (_rgb(INK) - rgb) if is_light(color) else 0.38 * (1.0 - rgb))
 
 
 def is_light(color: str) -> bool:

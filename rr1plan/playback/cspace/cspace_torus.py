@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.playback.cspace.cspace_colors import (
+    FAINT,
     GOAL,
     INK,
     START,
@@ -46,12 +47,12 @@ def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Arr
     n, m = grid.free.shape
     image = np.ones((n, m, 3))
 
-    def fill(cells: Mask, color: str, pattern: int) -> None:
+    def fill(cells: Mask, color: str, pattern: int, ink: float = 1.0) -> None:
         image[cells] = to_rgb(color)
-        image[cells & pattern_cells(pattern, (n, m))] = ink_on(color)
+        image[cells & pattern_cells(pattern, (n, m))] = ink_on(color, ink)
 
     for k, (component, color) in enumerate((tints or {}).items()):
-        fill(grid.labels == component, color, k)
+        fill(grid.labels == component, color, k, FAINT)
     count = np.zeros((n, m), dtype=int)
     stripe = (np.add.outer(np.arange(n), np.arange(m)) // _STRIPE).astype(int)
     total = sum((mask.astype(int) for mask in grid.layers.values()), np.zeros((n, m), dtype=int))

@@ -39,6 +39,8 @@ function fillPart(slider) {
 /** Length of a motion, or a moment in it. */
 const seconds = (t) => `${t.toFixed(2)} s`;
 
+const WIDEST_REPORT = 400, LEAST_BESIDE = 290; // [px]
+
 class Controls {
   constructor(viewer) {
     this.viewer = viewer;
@@ -171,7 +173,8 @@ class Controls {
       badge.setAttribute("aria-expanded", String(!box.hidden));
     };
     // Not where it would cover the arms.
-    if (rank === "bad" && matchMedia("(min-width: 700px)").matches) badge.onclick();
+    const beside = find("stage").clientWidth - WIDEST_REPORT - find("side").offsetWidth;
+    if (rank === "bad" && beside > LEAST_BESIDE) badge.onclick();
     const rows = [];
     for (const violation of report.violations) {
       const button = element("button", violation.message, "violation");

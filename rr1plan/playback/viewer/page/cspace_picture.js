@@ -14,12 +14,13 @@ const PATTERNS = [
   (x, y) => falls(x, y) || rises(x, y), (x, y) => x < LINE || y < LINE,
 ];
 const TILE = 9; // [px of the window]
+const FAINT = 0.5; // of the ink, on free space, where trees and paths are drawn
 
 const rgb = (color) => [1, 3, 5].map((i) => parseInt(color.slice(i, i + 2), 16));
 /** Whether dark letters are read better on a color than white ones. */
 const isLight = (color) => { const [r, g, b] = rgb(color); return 0.299 * r + 0.587 * g + 0.114 * b > 150; };
 /** The color of a pattern's ink on a color, all [r, g, b]. */
-const inked = (color) => color.map((v, k) => v + (isLight(hex(color)) ? 0.3 * (rgb(INK)[k] - v) : 0.38 * (255 - v)));
+const inked = (color, share = 1) => color.map((v, k) => v + share * (isLight(hex(color)) ? 0.3 * (rgb(INK)[k] - v) : 0.38 * (255 - v)));
 const hex = (color) => `#${color.map((v) => Math.round(v).toString(16).padStart(2, "0")).join("")}`;
 /** The pixels of a tile of a pattern: 1 where it is inked. */
 const tileOf = (pattern, size) => Uint8Array.from({ length: size * size }, (_, i) => Number(PATTERNS[pattern](((i % size) + 0.5) / size, (Math.floor(i / size) + 0.5) / size)));
@@ -92,7 +93,7 @@ class Cells {
     const out = new Uint32Array(image.data.buffer);
     const colors = data.layers.map((layer) => rgb(layer.color)), parts = [...PARTS.map(rgb), rgb(CRUMBS)], white = [255, 255, 255];
     // Plain and inked, of each layer and of each component.
-    const [shades, tints] = [colors, parts].map((all) => all.map((color) => [color, inked(color)]));
+    const shades = colors.map((color) => [color, inked(color)]), tints = parts.map((color) => [color, inked(color, FAINT)]);
     const wide = Math.round(TILE * ratio), tiles = PATTERNS.map((_, k) => tileOf(k, wide));
     const layerTiles = patternsOf(data.layers).map((k) => tiles[k]), partTiles = parts.map((_, k) => tiles[k < PARTS.length ? k % tiles.length : 0]);
     const columns = lookup(size, n, data.periodic[0]), rows = lookup(size, m, data.periodic[1]);
