@@ -130,9 +130,9 @@ def path_pair(scene: Scene, one: tuple[str, ArrayLike], two: tuple[str, ArrayLik
     starts, goals = ({name: q[k] for name, q in waypoints.items()} for k in (0, -1))
     problem = Problem(scene, starts, goals)
     both = CollisionChecker(scene, problem.arms)
-    for what, q in (("starts", problem.start), ("goals", Problem(scene, goals, goals).start)):
+    for ends, q in (("starts", problem.start), ("goals", Problem(scene, goals, goals).start)):
         if not both.is_free(q):
-            raise InputError(f"the arms cannot be at both {what}: {describe_collision(both, q)}")
+            raise InputError(f"the arms cannot be at both {ends}: {describe_collision(both, q)}")
     paths = []
     for name, q in waypoints.items():
         agent = Agent(problem, [name])
