@@ -442,10 +442,11 @@ def calls(folder: Path) -> dict[str, Call]:
             | {"improvement": budget, "method": "portfolio", "retiming": "blend", "torque_limits": False},
         ),
         "plan_graph": (rp.plan_graph, {"plan": many}),
-        "FreeMotion": (rp.FreeMotion, {"goal": q, "arm": None, "allow": []}),
+        "FreeMotion": (rp.FreeMotion, {"goal": q, "arm": None, "allow": [], "stop": True}),
         "StraightLine": (
             rp.StraightLine,
-            {"goal": None, "offset": [0.1, 0.0, 0.0], "axes": "world", "arm": None, "allow": [("arm", "box")]},
+            {"goal": None, "offset": [0.1, 0.0, 0.0], "axes": "world", "arm": None, "allow": [("arm", "box")]}
+            | {"stop": False},
         ),
         "MoveGripper": (
             rp.MoveGripper,
@@ -485,7 +486,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "pick_and_place": (
             rp.pick_and_place,
             {"scene": with_block, "obstacle": "block", "place": [-0.3, -0.1, 0.03], "arm": None}
-            | {"grasps": None, "supports": None, "height": 0.05},
+            | {"grasps": None, "supports": None, "height": 0.05, "stop": False},
         ),
         "PlanGraph.waits_for": (graph.waits_for, {"arm": "arm"}),
         "ArmDelay": (rp.ArmDelay, {"start": 0.1, "slowdown": 0.1, "pauses": [(0.1, 0.2)]}),

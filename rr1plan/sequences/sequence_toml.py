@@ -24,10 +24,10 @@ Each segment has one of these keys, and options of its kind beside it:
     attach          an obstacle; link, touch
     detach          a held object
     pause           seconds
-    pick_and_place  an obstacle; place, and grasps, supports, height: stands for the segments of `pick_and_place`
+    pick_and_place  an obstacle; place, and grasps, supports, height, stop: stands for the segments of `pick_and_place`
 
-`arm` and `allow` go with the first four, `arm` with `attach` and `pick_and_place`. The reader is strict: an unknown
-key, a wrong type, NaN or a missing entry is an error with its place.
+`arm` and `allow` go with the first four, `stop` with the first three, `arm` with `attach` and `pick_and_place`. The
+reader is strict: an unknown key, a wrong type, NaN or a missing entry is an error with its place.
 """
 
 from __future__ import annotations
@@ -95,6 +95,11 @@ def load_segments(file: str | Path) -> Sequence:
         return Sequence(scene, segments)
 
 
+def _motion_options(row: Table) -> dict[str, Any]:
+    """The same, and whether the motion stops at its end."""
+    return _options(row) | {"stop": row.boolean("stop", True)}
+
+
 def _options(row: Table) -> dict[str, Any]:
     """The arm of a segment, and the pairs that may touch."""
     arm = row.string("arm") if "arm" in row else None
@@ -106,7 +111,7 @@ def _options(row: Table) -> dict[str, Any]:
 
 
 def _free_motion(row: Table) -> Segment:
-    options = _options(row)
+    options = _motion_options(row)
     goal = read_goal(row, "free_motion")
     with row.blame():
         return FreeMotion(goal, **options)
@@ -115,14 +120,14 @@ def _free_motion(row: Table) -> Segment:
 def _free_motions(row: Table) -> Segment:
     if "arm" in row:
         raise row.error("has no effect with free_motions, which names the arms", "arm")
-    options, goals = _options(row), row.table("free_motions")
+    options, goals = _motion_options(row), row.table("free_motions")
     goal = {arm: read_goal(goals, arm) for arm in goals.names()}
     with row.blame():
         return FreeMotion(goal, **options)
 
 
 def _straight_line(row: Table) -> Segment:
-    options, value = _options(row), row.required("straight_line")
+    options, value = _motion_options(row), row.required("straight_line")
     if isinstance(value, Mapping) and "offset" in value:
         line = row.table("straight_line")
         offset, axes = line.numbers("offset", (3,)), line.string("axes", "world")
@@ -195,6 +200,7 @@ def _read_pick(row: Table, scene: Scene, moved: set[str]) -> list[Segment]:
         options["supports"] = row.strings("supports")
     if "height" in row:
         options["height"] = row.number("height")
+    options["stop"] = row.boolean("stop", True)
     with row.blame():
         return pick_and_place(scene, obstacle, place, **options)
 

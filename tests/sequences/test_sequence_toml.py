@@ -61,6 +61,8 @@ CASES = {
     'move_gripper = { around = "block", squeeze = 0.002 }': rp.MoveGripper(around="block", squeeze=0.002),
     'attach = "block"\nlink = "tool"\ntouch = []': rp.Attach("block", link="tool", touch=[]),
     'attach = "block"\narm = "arm"': rp.Attach("block", arm="arm"),
+    'free_motion = "home"\nstop = false': rp.FreeMotion("home", stop=False),
+    "straight_line = { offset = [0, 0, 0.05] }\nstop = false": rp.StraightLine(offset=[0, 0, 0.05], stop=False),
     "pause = 2": rp.Pause(2.0),
 }
 
@@ -83,10 +85,12 @@ def test_the_scene_is_beside_the_file_or_shipped(
 
 
 def test_a_pick_stands_for_its_segments_and_is_planned(folder: Path, table: rp.Scene) -> None:
-    options = 'height = 0.06\nsupports = ["table"]\narm = "arm"'
+    options = 'height = 0.06\nsupports = ["table"]\narm = "arm"\nstop = false'
     text = f'pick_and_place = "block"\nplace = [-0.28, -0.12, 0.03]\n{options}'
     read = rp.load_segments(write(folder, text, 'free_motion = "home"'))
-    expected = rp.pick_and_place(table, "block", [-0.28, -0.12, 0.03], arm="arm", supports=["table"], height=0.06)
+    expected = rp.pick_and_place(
+        table, "block", [-0.28, -0.12, 0.03], arm="arm", supports=["table"], height=0.06, stop=False
+    )
     assert described(read.segments) == described([*expected, rp.FreeMotion("home")])
     plan = rp.plan_sequence(read, rng=0, budget=rp.Budget(seconds=100.0))
     assert plan, plan
@@ -116,6 +120,8 @@ MISTAKES = {
     ("free_motion = { position = [0, 0, inf] }",): (4, "position"),
     ("free_motions = { arm = 'home' }\narm = 'arm'",): (5, "has no effect with free_motions"),
     ("free_motions = { other = 'home' }",): (3, "unknown arm 'other'"),
+    ("pause = 1\nstop = false",): (5, "unknown key 'stop'"),
+    ("free_motion = 'home'\nstop = 0",): (5, "expected true or false, got 0"),
     ("move_gripper = {}",): (4, "expected exactly one of width, around; got none"),
     ("move_gripper = { width = 1, around = 'block' }",): (4, "got width and around"),
     ("move_gripper = 'opn'",): (3, "'opn'"),
