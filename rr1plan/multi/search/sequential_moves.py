@@ -160,7 +160,7 @@ class SequentialMoves:
         trees.restart(lower, extent, _STEP * diagonal, _DOMAIN * diagonal, np.inf)
         state = random_state(int(self._rng.integers(2**63)))
         while trees.samples < samples and self._watch.goes_on():
-            if trees.grow(state, min(trees.samples + _SLICE, samples), checker.context):
+            if trees.grow(state, min(trees.samples + _SLICE, samples), checker):
                 path = Path(self._agent.joint_names, trees.path())
                 return shorten(path, checker.scene, checker=checker, iterations=_SHORTCUTS, rng=self._rng).waypoints
         return None
