@@ -948,7 +948,17 @@ _NOT_CALLED = {
     *("SequencePlan", "SequenceReplay", "CarriedObject", "Lesson"),
     *("ReplayRecord", "CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
     *("Progress", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
-    *("AddedMotion", "Dependency", "Node", "PlanExecution", "Part", "Part.until", "PlanGraph", "PlanGraph.from_dict"),
+    *(
+        "AddedMotion",
+        "Dependency",
+        "Node",
+        "PlanExecution",
+        "Part",
+        "Part.shifted",
+        "Part.until",
+        "PlanGraph",
+        "PlanGraph.from_dict",
+    ),
     *("PlanGraph.with_times", "Route", "RunningPlan", "RunningPlan.part_at", "RunningPlan.with_parts"),
     *("PairProposal.get", "Geometry", "Inertial", "Joint", "Joint.motion", "Link", "Mimic", "Attachment", "Obstacle"),
 }
