@@ -8,8 +8,9 @@ import pathlib
 
 import numpy as np
 
-from rr1plan.checks import counted, of_kind
+from rr1plan.checks import counted
 from rr1plan.errors import FormatError, InputError
+from rr1plan.export.trajectory_samples import sample_within_limits
 from rr1plan.files.file_access import check_writable, read_text, write_text
 from rr1plan.trajectory import Trajectory
 
@@ -24,7 +25,7 @@ def save_csv(file: _File, trajectory: Trajectory, *, dt: float = 0.01) -> pathli
     Args:
         file: The file, whose name ends in .csv.
         trajectory: A trajectory that ends at rest.
-        dt: Time between rows [s]; the last row is the end.
+        dt: Longest time between rows [s]; there is one at each break, too.
 
     Raises:
         InputError: the trajectory does not end at rest, another suffix, or the file cannot be written.
@@ -33,39 +34,25 @@ def save_csv(file: _File, trajectory: Trajectory, *, dt: float = 0.01) -> pathli
 
 
 def csv_text(trajectory: Trajectory, dt: float = 0.01) -> str:
-    """Samples of a trajectory as CSV.
+    """Samples of a trajectory as CSV, from which `load_csv` makes a motion within the same limits.
 
-    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`; SI units and radians; the velocities of the
-    last row are exactly zero.
+    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`, without the `a` columns where accelerations jump, which
+    interpolation between rows would exceed; SI units and radians; the velocities of the last row are exactly zero.
 
     Args:
         trajectory: A trajectory that ends at rest.
-        dt: Time between rows [s]; the last row is the end.
+        dt: Longest time between rows [s]; there is one at each break, too.
 
     Raises:
         InputError: the trajectory does not end at rest.
     """
-    of_kind("trajectory", trajectory, Trajectory)
-    times = trajectory.sample_times(dt)
-    q, v, a = (trajectory(times, derivative) for derivative in range(3))
-    check_rest_at_end(trajectory)
-    v[-1] = 0.0
-    header = ["t", *(f"{kind}:{name}" for kind in "qva" for name in trajectory.joint_names)]
+    times, *columns = sample_within_limits(trajectory, dt)
+    kinds = [(kind, values) for kind, values in zip("qva", columns, strict=True) if values is not None]
+    header = ["t", *(f"{kind}:{name}" for kind, _ in kinds for name in trajectory.joint_names)]
+    rows = np.column_stack([times, *(values for _, values in kinds)]).tolist()
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([header, *np.column_stack([times, q, v, a]).tolist()])
+    csv.writer(text, lineterminator="\n").writerows([header, *rows])
     return text.getvalue()
-
-
-def check_rest_at_end(trajectory: Trajectory) -> None:
-    """Refuse a trajectory that does not end at rest.
-
-    Raises:
-        InputError: a joint has a speed at the end.
-    """
-    speeds = np.abs(trajectory(trajectory.end_time, 1))
-    if speeds.max(initial=0.0) > 1e-6:
-        joint = trajectory.joint_names[int(np.argmax(speeds))]
-        raise InputError(f"the trajectory does not end at rest: {joint!r} has the speed {speeds.max():.3g}")
 
 
 def load_csv(file: _File) -> Trajectory:

@@ -41,9 +41,9 @@ def save_rosbag(
 
     Args:
         folder: The bag, a folder that does not exist yet.
-        trajectory: A motion that ends at rest. Every point has position, velocity and acceleration, so that a
-            controller interpolates with quintic polynomials.
-        dt: Time between points [s].
+        trajectory: A motion that ends at rest. Points have positions and velocities, and accelerations unless these
+            jump, so that a controller that interpolates between them keeps the limits of the motion.
+        dt: Longest time between points [s]; there is one at each break of the motion, too.
         lead: Time from the start of the controller to the first point [s]; above zero it blends in from
             where the arm is.
         rename: ROS names of columns. Default: without the arm's name when there is one arm, else "arm_joint".

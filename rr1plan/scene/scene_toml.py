@@ -104,6 +104,8 @@ def parse_scene(text: str, file: str | Path, load_robot: RobotLoader) -> SceneFi
     top = parse_toml(text, file)
     if top.raw("version", _VERSION) != _VERSION:
         raise top.error(f"is version {top.raw('version')!r}, expected {_VERSION}", "version")
+    if "segments" in top.entries:
+        raise top.error("holds a sequence, not a scene; read it with load_segments", "segments")
     folder = Path(file).absolute().parent
     scene = Scene(name=top.string("name", Path(file).stem), description=top.string("description", ""))
     arms = _read_arms(top.table("arms"), folder, load_robot)

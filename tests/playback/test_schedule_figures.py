@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.playback.schedules.arm_colors import ARM_COLORS, arm_color
+from rr1plan.playback.arm_colors import ARM_COLORS, arm_color
 
 PAGE = Path(rp.__file__).parent / "playback" / "viewer" / "page"
 

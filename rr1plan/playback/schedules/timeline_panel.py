@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rr1plan.checks import counted
-from rr1plan.playback.schedules.arm_colors import arm_color
+from rr1plan.playback.arm_colors import arm_color
 from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.view_options import Panel
 
