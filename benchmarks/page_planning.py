@@ -1,6 +1,6 @@
 """From the drop of an obstacle to a proven motion: pages that plan by themselves, next to the program.
 
-    python benchmarks/page_planning.py [--drags 200] [--scene rr1_cluttered]
+    python benchmarks/page_planning.py [--drags 200] [--drops 100] [--scene rr1_cluttered]
 
 Each drag puts one obstacle somewhere else and asks for a motion between two random configurations that are free then.
 The page, in headless Chromium, moves the obstacle in its tables, plans, shortens, times, and has the motion proven by
@@ -8,6 +8,10 @@ the referee (`planner.js`). The program does the same with a changed scene and `
 are made anew, and its referee finds smallest clearances too. Both have the same seeds, and the motions are compared to
 the last bit. Drags to which either finds no motion within the budget of iterations are counted, not timed. Times are
 wall times, but the program's `all` is CPU time, which other processes do not lengthen.
+
+Drops are the same as a person sees them: a mouse takes an obstacle by its handle, and lets it go where "Plan on drop"
+is pressed. From the moment that the event has until the page plans, until the proven motion plays, and until its first
+picture has been drawn.
 """
 
 from __future__ import annotations
@@ -46,6 +50,33 @@ _DRAG = """([name, pose, start, goal, seed, iterations]) => {
   return { seconds, certified: found.certified, breaks: found.track ? [...found.track.breaks.values] : [] };
 }"""
 
+# Notes for each drop when the page began to plan, played a proven motion, and had drawn the first picture of it [ms].
+_WATCH = """() => {
+  const { editing, stage } = RR1, plan = editing.plan.bind(editing), draw = stage.draw.bind(stage);
+  window.drop = null;
+  editing.planOnDrop = true;
+  editing.plan = () => {
+    const began = performance.now(), answer = plan();
+    window.drop = { began, plays: answer && answer.certified && RR1.playing ? performance.now() : null };
+    return answer;
+  };
+  window.addEventListener("pointerup", (event) => { if (window.drop) window.drop.dropped ??= event.timeStamp; });
+  stage.draw = () => {
+    draw();
+    if (window.drop && window.drop.plays && RR1.player.fraction > 0) window.drop.drawn ??= performance.now();
+  };
+}"""
+_ASK = """([name, start, goal]) => {
+  const { editing } = RR1;
+  window.drop = null;
+  RR1.pause();
+  editing.setEnd("start", Float64Array.from(start));
+  editing.setEnd("goal", Float64Array.from(goal));
+  editing.open();
+  editing.select({ kind: "obstacle", arm: -1, name, element: name });
+}"""
+_DROPS = {"began": "the page plans", "plays": "a proven motion plays", "drawn": "its first picture is drawn"}
+
 Drag = tuple[str, rp.Scene, np.ndarray, np.ndarray]
 
 
@@ -64,6 +95,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             page.wait_for_function("() => window.RR1 && RR1.planner")
             for seed, drag in enumerate(track(drags, "drags")):
                 results.append(measure(page, drag, seed))
+            page.close()
+            drops = measure_drops(browser.new_page(), file, drags[: args.drops], np.random.default_rng(args.seed))
             sizes = {"page": file.stat().st_size, "page without it": plain.stat().st_size}
     except Rr1PlanError as error:
         print(f"page_planning.py needs a Chromium and playwright: {error}", file=sys.stderr)
@@ -75,16 +108,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         "scene": f"{args.scene}, {len(scene.obstacles)} obstacles",
         "drags": f"{len(results)}, of which {len(timed)} have a motion",
         "motions equal to the last bit": sum(row["equal"] for row in timed),
+        "drops by the mouse": f"{args.drops}, of which {len(drops)} have a motion",
         "sizes [kB]": ", ".join(f"{name} {number(size / 1e3)}" for name, size in sizes.items()),
     }
-    text = f"{heading('Planning in a page', facts)}\n\n{_table(timed)}"
-    save(args.out, "page_planning", {"results": results, "sizes": sizes}, text)
+    text = f"{heading('Planning in a page', facts)}\n\n{_table(timed)}\n\n{_drop_table(drops)}"
+    save(args.out, "page_planning", {"results": results, "drops": drops, "sizes": sizes}, text)
     return 0
 
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = make_parser(__doc__.splitlines()[0], "page_planning")
     parser.add_argument("--drags", type=int, default=200, help="how many obstacles are dropped")
+    parser.add_argument("--drops", type=int, default=100, help="how many of them by a mouse, seen by a person")
     parser.add_argument("--warm-up", type=int, default=40, help="drags before the first that counts")
     parser.add_argument("--scene", default="rr1_cluttered", help="a scene that ships with rr1plan")
     return parser.parse_args(argv)
@@ -130,6 +165,42 @@ def measure(page: Any, drag: Drag, seed: int) -> dict[str, Any]:
     program = {"seconds": stages | {"all": cpu}, "certified": motion.valid}
     equal = breaks == found.pop("breaks")
     return {"obstacle": name, "page": found, "program": program, "equal": equal}
+
+
+def measure_drops(page: Any, file: Path, drags: Sequence[Drag], rng: np.random.Generator) -> list[dict[str, float]]:
+    """How long after the mouse lets an obstacle go the page plans, plays a proven motion and has drawn it [s]."""
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.goto(file.as_uri())
+    page.wait_for_function("() => window.RR1 && RR1.planner")
+    page.evaluate(_WATCH)
+    times = []
+    for name, _, start, goal in track(drags, "drops"):
+        page.evaluate(_ASK, [name, start.tolist(), goal.tolist()])
+        page.wait_for_timeout(50)
+        handle = page.locator(".handle.move").bounding_box()
+        if handle is None:  # a card or the edge of the window hides it
+            continue
+        x, y = handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        right, down = rng.uniform(-60.0, 60.0, 2).tolist()
+        page.mouse.move(x + right, y + down, steps=4)
+        page.wait_for_timeout(100)
+        page.mouse.up()
+        page.wait_for_timeout(300)
+        found = page.evaluate("window.drop")
+        if found and found["plays"] and "drawn" in found:
+            times.append({stage: (found[stage] - found["dropped"]) / 1e3 for stage in _DROPS})
+    return times
+
+
+def _drop_table(drops: Sequence[dict[str, float]]) -> str:
+    rows = []
+    for stage, text in _DROPS.items():
+        times = [row[stage] for row in drops]
+        of = spread(times)
+        rows.append([text, number(1e3 * min(times, default=math.nan)), number(of["median"]), number(of["p95"])])
+    return table(["from the drop by the mouse until", "best [ms]", "median [ms]", "p95 [ms]"], rows)
 
 
 def _table(results: Sequence[dict[str, Any]]) -> str:

@@ -1,4 +1,4 @@
-"""Make the gallery by running the examples: `python docs/make_gallery.py`.
+"""Make the gallery by running the examples: `python docs/make_gallery.py`, or some of them: `... 20 21`.
 
 Every example runs in a scratch folder; each page it writes is photographed in a headless Chromium
 (needs the extra `dev` and a chromium), each PNG is copied. The pictures go to docs/gallery/.
@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from rr1plan import save_html, screenshot
@@ -22,37 +23,51 @@ EXAMPLES = HERE.parent / "examples"
 SIZE = (1280, 720)
 # Scenes that are shown as they stand, without a motion.
 SCENES = ("rr1_shelf", "rr1_cage", "rr1_bin", "rr1_window")
+# When something is seen of motions that no file holds [s].
+MOMENTS = {"18_delays": 0.8, "21_nobody_waits": 0.35, "25_loose_bodies": 1.6}
 
 
-def main() -> None:
-    """Run all examples and photograph what they wrote."""
+def main(only: Sequence[str] = ()) -> None:
+    """Run all examples and photograph what they wrote.
+
+    Args:
+        only: Numbers of the examples to run, and no scenes then (default: all of them).
+    """
     gallery = HERE / "gallery"
     gallery.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
         work = Path(scratch)
-        run_examples(work)
+        run_examples(work, only)
         for page in sorted(work.glob("*.html")):
             screenshot(gallery / f"{page.stem}.png", page, size=SIZE, time=_moment(work, page))
         for picture in sorted(work.glob("*.png")):
             shutil.copy(picture, gallery / f"{picture.stem}-figure.png")
-        for name in SCENES:
+        for name in () if only else SCENES:
             page = save_html(work / f"{name}.html", load_scene(name))
             screenshot(gallery / f"{name}.png", page, size=SIZE, bare=True)
 
 
-def run_examples(folder: Path) -> None:
-    """Run all examples in a folder, where they write their pages.
+def run_examples(folder: Path, only: Sequence[str] = ()) -> None:
+    """Run examples in a folder, where they write their pages.
+
+    Args:
+        folder: Where to.
+        only: Numbers of some of them.
 
     Raises:
         CalledProcessError: one failed.
     """
     for example in sorted(EXAMPLES.glob("[0-9]*.py")):
+        if only and example.name.split("_")[0] not in only:
+            continue
         print(example.name, flush=True)
         subprocess.run([sys.executable, str(example)], cwd=folder, check=True, stdout=subprocess.DEVNULL)
 
 
 def _moment(work: Path, page: Path) -> float | None:
-    """The middle of the motion when the example saved one under the page's name."""
+    """The middle of the motion when the example saved one under the page's name, or its own moment."""
+    if page.stem in MOMENTS:
+        return MOMENTS[page.stem]
     saved = work / f"{page.stem}.json"
     if not saved.exists():
         return None
@@ -61,4 +76,4 @@ def _moment(work: Path, page: Path) -> float | None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

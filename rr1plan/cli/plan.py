@@ -191,9 +191,9 @@ def check_outputs(options: Namespace) -> None:
         raise InputError(f"--json and {taken[0]} - both write to standard output; name a file for one of them")
     if options.embed and options.output == "-":
         raise InputError("--embed has no effect with --output -, which always holds all meshes")
-    for file in (options.output, options.csv, options.html, options.timeline, options.diagram):
-        if file not in (None, "-"):
-            check_writable(file)
+    for name, suffixes in (("output", (".json",)), ("csv", (".csv",)), ("html", ()), ("timeline", ()), ("diagram", ())):
+        if getattr(options, name) not in (None, "-"):
+            check_writable(getattr(options, name), *suffixes)
 
 
 def _save(motion: MotionPlan, options: Namespace, look: rp.ViewOptions | None, console: Console) -> Mapping[str, str]:

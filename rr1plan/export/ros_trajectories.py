@@ -19,7 +19,7 @@ from rr1plan.checks import Array, file_path, finite_number, known_name, of_kind,
 from rr1plan.errors import FormatError, InputError, MissingPackageError
 from rr1plan.export.trajectory_samples import sample_within_limits
 from rr1plan.files.documents import read_yaml_documents
-from rr1plan.files.file_access import write_text
+from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.trajectory import Trajectory
 
 BAG_SUFFIXES = (".bag", ".mcap", ".db3")
@@ -141,9 +141,7 @@ def save_joint_trajectory(
         UnknownNameError: a name to rename that is no column.
         InputError: the trajectory does not end at rest, another suffix, the file cannot be written.
     """
-    path = file_path(file)
-    if path.suffix not in YAML_SUFFIXES:
-        raise InputError(f"{path} is no YAML file, expected a name that ends in {' or '.join(YAML_SUFFIXES)}")
+    path = check_writable(file, *YAML_SUFFIXES)
     message = sampled_message(trajectory, dt, lead, rename)
     points = [
         {name: getattr(point, name) for name in ("positions", "velocities", "accelerations") if getattr(point, name)}

@@ -15,8 +15,9 @@ from rr1plan.lessons.lesson_scenes import require_flat_arm
 from rr1plan.planners import RrtConnect
 from rr1plan.planning import Budget
 from rr1plan.playback.cspace.configuration_space import CSpace, cspace
-from rr1plan.playback.cspace.cspace_colors import INK, end_tints
+from rr1plan.playback.cspace.cspace_colors import end_tints
 from rr1plan.playback.cspace.cspace_decomposition import Decomposition
+from rr1plan.playback.cspace.cspace_figure import swatch
 from rr1plan.playback.cspace.cspace_page import page_parts
 from rr1plan.playback.cspace.cspace_torus import draw_torus
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
@@ -87,7 +88,7 @@ class NoPathLesson(Lesson):
         blocked[cells.full] = to_rgba(FULL, 0.7)
         over = {"origin": "lower", "aspect": "auto", "interpolation": "nearest", "zorder": 1.5}
         right.imshow(blocked.transpose(1, 0, 2), extent=(x0, x1, y0, y1), **over)
-        tints = [Patch(facecolor=color, edgecolor=INK) for color in end_tints(picture).values()]
+        tints = [swatch(color, k) for k, color in enumerate(end_tints(picture).values())]
         names = ["joined to the start", *["joined to the goal"] * (len(tints) - 1)]
         handles = [*tints, Patch(facecolor=FULL, alpha=0.8)]
         labels = [*names, f"cells proven to be blocked, {cells.resolution} × {cells.resolution}"]

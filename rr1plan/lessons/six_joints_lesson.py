@@ -17,7 +17,8 @@ from rr1plan.lessons.lesson import Lesson, LessonStep
 from rr1plan.lessons.lesson_scenes import refuse_problem
 from rr1plan.lessons.mathml import math, root
 from rr1plan.lessons.picture_panels import pair_layers, picture_panel
-from rr1plan.playback.cspace.cspace_colors import layer_colors
+from rr1plan.playback.cspace.cspace_colors import HATCHES, ink_on, layer_colors, layer_patterns
+from rr1plan.playback.cspace.cspace_figure import swatch
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, compute_grid
 from rr1plan.playback.viewer.page_document import pack_array, view_document
 from rr1plan.scene import Scene
@@ -94,7 +95,10 @@ class SixJointsLesson(Lesson):
             "size": [1, 1],
             "labels": pack_array(np.zeros(1), "u4"),
             "arm": list(range(robot.nq)),
-            "layers": [{"name": name, "color": color, "kind": "thing"} for name, color in colors.items()],
+            "layers": [
+                {"name": name, "color": color, "kind": "self" if name == _SELF else "thing"}
+                for name, color in colors.items()
+            ],
             "layerOf": pair_layers(self.checker, self.arm, list(colors)),
             "solutions": [_solution_data(solution) for solution in self.solutions],
             "motions": {axis: self._motion_data(axis) for axis in self.motions},
@@ -152,12 +156,14 @@ class SixJointsLesson(Lesson):
 
 def _draw_slice(axes: Axes, grid: CSpaceGrid) -> dict[str, Patch]:
     """One slice; returns what stands for its layers in a legend."""
-    handles = {}
+    handles, patterns = {}, layer_patterns(grid)
     for name, color in layer_colors(grid).items():
         mask: NDArray[np.bool_] = grid.layers[name]
         if mask.any() and name != LIMITS:
-            axes.contourf(*grid.axes, mask.T.astype(float), levels=(0.5, 1.5), colors=(color,))
-            handles[name] = Patch(color=color, label=name)
+            hatch = HATCHES[patterns[name]]
+            drawn = axes.contourf(*grid.axes, mask.T.astype(float), levels=(0.5, 1.5), colors=(color,), hatches=[hatch])
+            drawn.set(edgecolor=ink_on(color), linewidth=0.0)
+            handles[name] = swatch(color, patterns[name], label=name)
     axes.set_box_aspect(1)
     return handles
 

@@ -21,9 +21,9 @@ from rr1plan.model.flat_arm import flat_arm
 from rr1plan.planners import RrtConnect
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
+from rr1plan.playback.arm_colors import arm_color
 from rr1plan.playback.cspace.cspace_grid import compute_grid
 from rr1plan.playback.outlines import silhouette
-from rr1plan.playback.schedules.arm_colors import arm_color
 from rr1plan.playback.viewer.page_document import pack_array, view_document
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_scene

@@ -283,9 +283,12 @@ def test_planning_in_a_page_is_measured(script, tmp_path):
     if find_browser() is None:
         pytest.skip("no Chromium on this machine")
     pytest.importorskip("playwright", reason="playwright is not installed")
-    arguments = ["--drags", "6", "--warm-up", "1", "--scene", "planar2r_path", "--out", str(tmp_path)]
+    arguments = ["--drags", "6", "--drops", "3", "--warm-up", "1", "--scene", "planar2r_path", "--out", str(tmp_path)]
     assert script("page_planning").main(arguments) == 0
-    results = json.loads((tmp_path / "page_planning.json").read_text())["results"]
+    found = json.loads((tmp_path / "page_planning.json").read_text())
+    results = found["results"]
     assert len(results) == 6
+    assert found["drops"]
+    assert all(0.0 < drop["began"] < drop["plays"] < drop["drawn"] for drop in found["drops"])
     assert all(r["equal"] for r in results)
     assert any(r["page"]["certified"] for r in results)

@@ -37,12 +37,24 @@ NO_WEBGL = """
     };
 """
 
+NO_DRAWING = """
+    for (const name of ["drawArrays", "drawElements", "drawArraysInstanced", "drawElementsInstanced"])
+        WebGL2RenderingContext.prototype[name] = () => {};
+"""
+
 
 class Tab:
-    """A page of the browser that remembers every request and complaint."""
+    """A page of the browser that remembers every request and complaint.
 
-    def __init__(self, page: Any) -> None:
-        self.page = page
+    Args:
+        page: The page.
+        drawn: Whether WebGL draws, which takes most of the time without a graphics card; all else happens all the same.
+    """
+
+    def __init__(self, page: Any, *, drawn: bool = False) -> None:
+        self.page, self.drawn = page, drawn
+        if not drawn:
+            page.add_init_script(NO_DRAWING)
         self.requests: list[str] = []
         self.complaints: list[str] = []
         page.on("request", lambda r: self.requests.append(r.url))
@@ -62,11 +74,21 @@ class Tab:
         self.page.goto(page.as_uri() if isinstance(page, Path) else page)
         wait_until(self.page, ready)
 
-    def picture(self) -> np.ndarray:
-        """The pixels of the next frames as they stand, shape (height, width, 3)."""
+    def next_frames(self) -> None:
+        """Wait for the next frames."""
         frames = self.ask("RR1.frames")
         wait_until(self.page, f"RR1.frames > {frames} + 2")
+
+    def picture(self) -> np.ndarray:
+        """The pixels of the next frames as they stand, shape (height, width, 3)."""
+        assert self.drawn, "mark the test, or its module: pytest.mark.drawn"
+        self.next_frames()
         return np.asarray(Image.open(io.BytesIO(self.page.screenshot())).convert("RGB"), dtype=int)
+
+    def cspace_picture(self) -> np.ndarray:
+        """The pixels of the configuration space's canvas, which needs no WebGL, shape (height, width, 3)."""
+        png = self.page.locator("#panel-cspace canvas").screenshot()
+        return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=int)
 
     def bare_picture(self) -> np.ndarray:
         """The same without the cards."""
@@ -76,17 +98,22 @@ class Tab:
         return pixels
 
 
+def is_drawn(request: pytest.FixtureRequest) -> bool:
+    """Whether the test, or the module of a module's fixture, looks at pixels of the 3-D view."""
+    return request.node.get_closest_marker("drawn") is not None
+
+
 @pytest.fixture
-def tab(browser: Any) -> Iterator[Tab]:
+def tab(request: pytest.FixtureRequest, browser: Any) -> Iterator[Tab]:
     page = browser.new_page()
-    yield Tab(page)
+    yield Tab(page, drawn=is_drawn(request))
     page.close()
 
 
 @pytest.fixture(scope="module")
-def shared_tab(browser: Any) -> Iterator[Tab]:
+def shared_tab(request: pytest.FixtureRequest, browser: Any) -> Iterator[Tab]:
     page = browser.new_page()
-    yield Tab(page)
+    yield Tab(page, drawn=is_drawn(request))
     page.close()
 
 

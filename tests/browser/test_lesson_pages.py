@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser.conftest import Tab
 
 import rr1plan as rp
 from rr1plan.playback.viewer.page_capture import wait_until
@@ -29,12 +28,10 @@ def page_file(lesson: rp.Lesson, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 
 @pytest.fixture(scope="module")
-def opened(browser: Any, page_file: Path) -> Iterator[Any]:
-    tab = Tab(browser.new_page())
-    tab.page.set_viewport_size({"width": 1280, "height": 720})
-    tab.open(page_file, f"{READY} && Boolean(RR1.planner || RR1.noPlanner || !RR1.document.planner)")
-    yield tab
-    tab.page.close()
+def opened(shared_tab: Any, page_file: Path) -> Any:
+    shared_tab.page.set_viewport_size({"width": 1280, "height": 720})
+    shared_tab.open(page_file, f"{READY} && Boolean(RR1.planner || RR1.noPlanner || !RR1.document.planner)")
+    return shared_tab
 
 
 @pytest.fixture
@@ -55,7 +52,7 @@ def test_arrow_keys_walk_all_steps(page: Any, lesson: rp.Lesson) -> None:
         assert page.ask("document.querySelector('#panel-steps article:not([hidden]) h3').textContent") == step.title
         if step.q is not None and not page.ask("RR1.playing"):
             np.testing.assert_allclose(page.ask("Array.from(RR1.q)"), step.q, atol=1e-6)
-        page.picture()
+        page.next_frames()
         page.page.keyboard.press("ArrowRight")
     assert page.ask("RR1.steps.index") == len(lesson.steps) - 1
     for _ in lesson.steps:
@@ -106,7 +103,7 @@ def test_animations_are_paused_and_stepped_by_keyboard_and_filmed(page: Any, les
     wait_until(page.page, f"{value} > {first}")
     page.page.keyboard.press(runs)
     paused = page.ask(value)
-    page.picture()
+    page.next_frames()
     assert page.ask(value) == paused
     page.page.keyboard.press(".")
     after = page.ask(value)
@@ -138,7 +135,7 @@ def test_moving_a_joint_moves_the_arm_in_every_step(page: Any, lesson: rp.Lesson
 def test_workspace_steps_and_panels_fit_in_the_window(page: Any, size: tuple[int, int]) -> None:
     page.page.set_viewport_size({"width": size[0], "height": size[1]})
     wait_until(page.page, f"innerWidth === {size[0]}")
-    page.picture()
+    page.next_frames()
     boxes = page.ask(
         "['stage', 'panel-steps', 'panels'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON())"
     )

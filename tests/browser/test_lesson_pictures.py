@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from browser.conftest import Tab, new_tab
 
 import rr1plan as rp
 from rr1plan.lessons.continuous_checking_lesson import ContinuousCheckingLesson
@@ -36,13 +39,30 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path
     return found
 
 
+@pytest.fixture(scope="module")
+def tabs(browser: Any, plain: bool) -> Iterator[dict[str, Tab]]:
+    """The lessons that are open by now."""
+    with ExitStack() as stack:
+        yield defaultdict(lambda: stack.enter_context(new_tab(browser, plain)))
+
+
 @pytest.fixture
-def page(tab: Any, files: dict[str, tuple[Any, Path]], request: pytest.FixtureRequest) -> Iterator[tuple[Any, Any]]:
-    lesson, file = files[request.param]
-    tab.page.set_viewport_size({"width": 1440, "height": 900})
-    tab.open(file, READY)
-    if request.param != "continuous_checking":
-        wait_until(tab.page, "Boolean(RR1.planner)")
+def page(
+    tabs: dict[str, Tab], files: dict[str, tuple[Any, Path]], request: pytest.FixtureRequest
+) -> Iterator[tuple[Any, Any]]:
+    """The page of a lesson at its first step, everything where it was at first."""
+    name = request.param
+    lesson, file = files[name]
+    if name not in tabs:
+        tab = tabs[name]
+        tab.page.set_viewport_size({"width": 1440, "height": 900})
+        tab.open(file, READY)
+        if name != "continuous_checking":
+            wait_until(tab.page, "Boolean(RR1.planner)")
+    tab = tabs[name]
+    tab.page.bring_to_front()
+    tab.ask("document.activeElement.blur(), RR1.editing.changed && RR1.editing.reset()")
+    tab.ask("RR1.steps.go(1), RR1.steps.go(0)")
     yield tab, lesson
     assert tab.complaints == []
 
@@ -172,7 +192,7 @@ def test_schedules_run_and_contacts_are_named(page: tuple[Any, Any]) -> None:
     wait_until(tab.page, "RR1.pair.time > 0.1")
     tab.page.keyboard.press("x")
     time = tab.ask("RR1.pair.time")
-    tab.picture()
+    tab.next_frames()
     assert tab.ask("RR1.pair.time") == time
     assert "touch." not in said.inner_text()
     tab.ask("RR1.pair.setSchedule('at_once'), RR1.pair.setTime(1.6)")

@@ -20,7 +20,7 @@ pytest.importorskip("ipykernel", reason="ipykernel is not installed")
 NOTEBOOK = Path(__file__).parent.parent.parent / "examples" / "notebook.ipynb"
 FRAMES = ("\nscene", "\nmotion", "resolution=90)", "\nviewer")  # ends of the cells that draw a page
 MORE = (
-    "rp.show(scene, quiet=True).url, viewer.url",
+    "rp.show(scene, options=rp.ViewOptions(quiet=True)).url, viewer.url",
     # Of a plan that failed the text says more than a picture.
     "rp.plan_motion(rp.Problem(scene, [0.6, 0.0], [1.2, -0.4]), rng=0)",
     "rp.lesson('no_path')",

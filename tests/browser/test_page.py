@@ -74,14 +74,16 @@ def test_the_page_asks_nobody_for_anything(opened: Any, page_file: FilePath) -> 
     assert opened.ask("document.title") == "two"
 
 
-def test_the_picture_shows_the_robot_and_its_ghosts(calm: Any) -> None:
-    with_robot = calm.bare_picture()
+@pytest.mark.drawn
+def test_the_picture_shows_the_robot_and_its_ghosts(tab: Any, page_file: FilePath) -> None:
+    tab.open(page_file)
+    tab.ask("RR1.pause(), RR1.seek(0)")
+    with_robot = tab.bare_picture()
     red, green, blue = with_robot[..., 0], with_robot[..., 1], with_robot[..., 2]
     orange = (red > 120) & (green < 0.75 * red) & (blue < 0.6 * red)
     assert orange.sum() > 2000
-    calm.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, false))")
-    without = calm.bare_picture()
-    calm.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, true))")
+    tab.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, false))")
+    without = tab.bare_picture()
     assert (np.abs(with_robot - without).max(axis=2) > 40).sum() > 4000
 
 
@@ -240,6 +242,41 @@ def test_the_frame_button_looks_at_everything_and_back(calm: Any) -> None:
     assert whole >= near
 
 
+def small_world(size: float) -> tuple[rp.Scene, rp.Trajectory]:
+    """An arm whose links are together as long as `size` [m], a plate beside it, and a motion."""
+    robot = rp.planar_arm("RR", (0.6 * size, 0.4 * size), width=0.06 * size)
+    scene = rp.Scene(name="world").with_arm("arm", robot, [0.1 * size, 0.0, 0.2 * size])
+    scene = scene.with_obstacle("plate", rp.Box((0.3 * size, 0.2 * size, 0.4 * size)), (0.4 * size, -0.6 * size, 0.0))
+    return scene, rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1.0], [[0.2, 0.4], [1.9, 1.1]])
+
+
+@pytest.mark.drawn
+def test_worlds_of_any_size_look_alike(tab: Any, tmp_path: FilePath) -> None:
+    pictures, places, words = [], [], []
+    for size in (1.0, 0.005, 50.0):
+        scene, motion = small_world(size)
+        options = rp.ViewOptions(play=False, planner=False)
+        tab.open(save_html(tmp_path / f"{size}.html", scene, trajectory=motion, options=options))
+        at = """RR1.kinematics.arms[0].robot.links.map((_, i) => {
+            const [x, y, z] = RR1.world.poses.slice(16 * i + 12, 16 * i + 15);
+            const p = RR1.editing.picker.project({ x, y, z });
+            return [p.x, p.y, p.front];
+        })"""
+        tab.ask("RR1.seek(0.5)")
+        places.append(tab.ask(at))
+        pictures.append(tab.bare_picture())
+        tab.ask("RR1.editing.open()")
+        tab.next_frames()
+        words.append(tab.page.inner_text("#readout"))
+    for k in (1, 2):
+        np.testing.assert_allclose(places[k], places[0], atol=2.0)
+        # The floor's lines are at powers of ten.
+        assert (np.abs(pictures[k] - pictures[0]).max(axis=2) > 24).mean() < 0.03
+    digits = [float(re.findall(r"x (\S+)", text)[0]) for text in words]
+    np.testing.assert_allclose(digits, digits[0] * np.array([1.0, 0.005, 50.0]), rtol=5e-3)
+    assert tab.complaints == []
+
+
 def test_dragging_turns_the_camera(calm: Any) -> None:
     before = calm.ask("RR1.stage.camera.position.toArray()")
     calm.page.mouse.move(480, 350)
@@ -396,6 +433,7 @@ def test_both_ends_of_a_motion_are_seen_in_every_window(tab: Any, tmp_path: File
     assert tab.complaints == []
 
 
+@pytest.mark.drawn
 def test_a_panda_behind_a_wall_is_seen(
     tab: Any, panda_and_wall: tuple[rp.Scene, rp.Trajectory, tuple[float, float, float]], tmp_path: FilePath
 ) -> None:

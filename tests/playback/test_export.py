@@ -63,6 +63,25 @@ def test_names_may_be_changed_and_arms_are_told_apart(motion: rp.Trajectory, tmp
     assert _read(folder)[TRAJECTORY_TOPIC][0][1].joint_names == ["shoulder", "arm_b", "right_a"]
 
 
+def test_a_bag_that_cannot_be_written_leaves_nothing(
+    motion: rp.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
+    link = tmp_path / "link"
+    link.symlink_to("gone")
+    with pytest.raises(InputError, match="link exists already"):
+        save_rosbag(link, motion)
+    link.unlink()
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("rosbags.rosbag2.Writer.write", full)
+    with pytest.raises(InputError, match=r"cannot write .*bag: No space left on device"):
+        save_rosbag(tmp_path / "bag", motion)
+    assert not list(tmp_path.iterdir())
+
+
 def test_bad_arguments_are_named(motion: rp.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "there").mkdir()
     with pytest.raises(InputError, match="exists already"):

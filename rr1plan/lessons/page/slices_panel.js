@@ -5,7 +5,7 @@ const part = (selector) => root.querySelector(selector);
 const CELLS = 200, BATCH = 500, Z = 1.96;
 const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
 const percent = (x, digits = 1) => `${(100 * x).toFixed(digits)} %`;
-const degrees = (x) => `${((180 / Math.PI) * x).toFixed(0)}°`.replace("-", "−");
+const degrees = (x) => `${Math.round((180 / Math.PI) * x) + 0}°`.replace("-", "−");
 
 class SixJoints {
   constructor() {
@@ -177,9 +177,10 @@ class SixJoints {
     this.blocked = bits.reduce((count, cell) => count + (cell ? 1 : 0), 0) / bits.length;
     let seen = 0;
     bits.forEach((cell) => { seen |= cell; });
-    part(".legend").replaceChildren(...data.layers.filter((_, k) => (seen >>> k) & 1).map(({ name, color }) => {
+    const patterns = patternsOf(data.layers), rows = data.layers.map(({ name, color }, k) => ({ name, color, k })).filter(({ k }) => (seen >>> k) & 1);
+    part(".legend").replaceChildren(...rows.map(({ name, color, k }) => {
       const item = document.createElement("span"), swatch = document.createElement("i");
-      swatch.style.background = color;
+      swatch.style.background = patterned(color, patterns[k]);
       item.append(swatch, name);
       return item;
     }));

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.playback.arm_colors import ARM_COLORS
 from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid
 from rr1plan.playback.cspace.cspace_raster import SELF
 
@@ -13,10 +18,15 @@ if TYPE_CHECKING:
 INK = "#22262b"
 # Of the start and its tree, of a goal and its tree; both are told apart without seeing red or green.
 START, GOAL = "#2f66c8", "#14855a"
-_PALETTE = ("#3b6fd4", "#d1495b", "#3f9b5f", "#8e63c7", "#e0a030", "#2fa7a0", "#b2673f", "#d26fb0")
+_PALETTE = ARM_COLORS[1:]  # the first is that of the arm and its path
 SELF_COLOR = "#4a4f57"
 _LIMIT_COLOR = "#c9ced6"
 _TINTS = ("#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7")  # the page's colors of components
+
+HATCHES = (None, "..", "\\\\", "--", "||", "xx", "++")
+"""Patterns of images and components, as matplotlib writes them; `pattern_cells` and the page draw the same."""
+_LINE, _DOT = 0.15, 0.2  # shares of a tile
+FAINT = 0.5  # of the ink, on free space, where trees and paths are drawn
 
 
 def layer_colors(grid: CSpaceGrid) -> dict[str, str]:
@@ -44,7 +54,33 @@ def end_tints(cspace: CSpaceQuery) -> dict[int, str]:
     return dict(zip((k for k in dict.fromkeys(ends) if k), _TINTS, strict=False))
 
 
+def layer_patterns(grid: CSpaceGrid) -> dict[str, int]:
+    """The number of each layer's pattern: obstacles by their order, the arm itself and its limits plain."""
+    things = [name for name in grid.layers if name not in (SELF, LIMITS)]
+    return {name: things.index(name) % len(HATCHES) if name in things else 0 for name in grid.layers}
+
+
+def pattern_cells(pattern: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Which cells of a picture (first joint, second joint) a pattern inks."""
+    tile = max(6, shape[0] // 40)
+    x, y = np.meshgrid(*((np.arange(count) % tile + 0.5) / tile for count in shape), indexing="ij")
+    falls, rises = (x + y) % 1.0 < _LINE, (x - y) % 1.0 < _LINE
+    across, up = y < _LINE, x < _LINE
+    dots = np.hypot(x - 0.5, y - 0.5) < _DOT
+    inked: NDArray[np.bool_] = (np.zeros_like(dots), dots, falls, across, up, falls | rises, across | up)[pattern]
+    return inked
+
+
+def ink_on(color: str, share: float = 1.0) -> Array:
+    """The color of a pattern on a color, or of a share of its ink, shape (3,), 0 to 1."""
+    rgb = _rgb(color)
+    return rgb + share * (0.3 * (_rgb(INK) - rgb) if is_light(color) else 0.38 * (1.0 - rgb))
+
+
 def is_light(color: str) -> bool:
     """Whether dark letters are read better on a color than white ones."""
-    red, green, blue = (int(color[i : i + 2], 16) for i in (1, 3, 5))
-    return 0.299 * red + 0.587 * green + 0.114 * blue > 150
+    return float(_rgb(color) @ [0.299, 0.587, 0.114]) > 150 / 255
+
+
+def _rgb(color: str) -> Array:
+    return np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)]) / 255

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from matplotlib import rc_context
@@ -13,8 +11,16 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from rr1plan.checks import counted
-from rr1plan.files.file_access import write_bytes
-from rr1plan.playback.cspace.cspace_colors import GOAL, INK, START, end_tints, layer_colors
+from rr1plan.playback.cspace.cspace_colors import (
+    GOAL,
+    HATCHES,
+    INK,
+    START,
+    end_tints,
+    ink_on,
+    layer_colors,
+    layer_patterns,
+)
 from rr1plan.playback.cspace.cspace_torus import draw_torus
 from rr1plan.playback.cspace.cspace_verdict import headline
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
@@ -28,8 +34,8 @@ STYLE = {
     "font.size": 14,
     "axes.titlesize": 15,
     "axes.labelsize": 14,
-    "svg.hashsalt": "rr1plan",
     "axes.edgecolor": INK,
+    "hatch.linewidth": 1.6,
 }
 
 
@@ -48,19 +54,17 @@ def draw(cspace: CSpaceQuery, width: float) -> Figure:
     return figure
 
 
-def save(cspace: CSpaceQuery, file: FilePath, kind: str, dpi: int) -> FilePath:
-    """Write the picture as "png", "svg" or "pdf", atomically; the same picture gives the same bytes."""
-    buffer = io.BytesIO()
-    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
-    with rc_context(STYLE):
-        draw(cspace, 13.0).savefig(buffer, format=kind, dpi=dpi, metadata=metadata)
-    return write_bytes(file, buffer.getvalue())
+def swatch(color: str, pattern: int, **options: Any) -> Patch:
+    """What stands in a legend for a layer or a component."""
+    return Patch(facecolor=color, edgecolor=ink_on(color), hatch=HATCHES[pattern], **options)
 
 
 def _legend(cspace: CSpaceQuery) -> list[Any]:
     named = cspace.grid.name_spots()
-    colors = layer_colors(cspace.grid).items()
-    handles: list[Any] = [Patch(color=color, label=name) for name, color in colors if name not in named]
+    colors, patterns = layer_colors(cspace.grid), layer_patterns(cspace.grid)
+    handles: list[Any] = [
+        swatch(color, patterns[name], label=name) for name, color in colors.items() if name not in named
+    ]
     tree = cspace.drawn_tree
     if tree is not None:
         thinned = "" if len(tree.edges) == tree.explored else ", thinned"
@@ -70,8 +74,8 @@ def _legend(cspace: CSpaceQuery) -> list[Any]:
     if cspace.start is not None and tints:
         start = cspace.grid.component_of(cspace.start)
         handles += [
-            Patch(facecolor=color, edgecolor=INK, label=f"joined to the {'start' if part == start else 'goal'}")
-            for part, color in tints.items()
+            swatch(color, k, label=f"joined to the {'start' if part == start else 'goal'}")
+            for k, (part, color) in enumerate(tints.items())
         ]
     return handles
 

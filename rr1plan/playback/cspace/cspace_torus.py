@@ -9,9 +9,20 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.playback.cspace.cspace_colors import GOAL, INK, START, end_tints, layer_colors
+from rr1plan.playback.cspace.cspace_colors import (
+    FAINT,
+    GOAL,
+    INK,
+    START,
+    end_tints,
+    ink_on,
+    layer_colors,
+    layer_patterns,
+    pattern_cells,
+)
 from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
 from rr1plan.playback.cspace.cspace_lines import along, gradient, write_name
 from rr1plan.playback.search_trees import DrawnTree
@@ -19,11 +30,15 @@ from rr1plan.playback.search_trees import DrawnTree
 if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
+Mask = NDArray[np.bool_]
+
 _STRIPE = 5
 
 
 def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Array:
-    """The layers as an image (rows: second joint upwards, columns: first joint), overlaps striped, (m, n, 3).
+    """The layers as an image (rows: second joint upwards, columns: first joint), shape (m, n, 3).
+
+    Layers and components have patterns beside their colors; overlaps are striped.
 
     Args:
         grid: The grid.
@@ -31,14 +46,21 @@ def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Arr
     """
     n, m = grid.free.shape
     image = np.ones((n, m, 3))
-    for component, color in (tints or {}).items():
-        image[grid.labels == component] = to_rgb(color)
+
+    def fill(cells: Mask, color: str, pattern: int, ink: float = 1.0) -> None:
+        image[cells] = to_rgb(color)
+        image[cells & pattern_cells(pattern, (n, m))] = ink_on(color, ink)
+
+    for k, (component, color) in enumerate((tints or {}).items()):
+        fill(grid.labels == component, color, k, FAINT)
     count = np.zeros((n, m), dtype=int)
     stripe = (np.add.outer(np.arange(n), np.arange(m)) // _STRIPE).astype(int)
     total = sum((mask.astype(int) for mask in grid.layers.values()), np.zeros((n, m), dtype=int))
-    for (_, mask), color in zip(grid.layers.items(), layer_colors(grid).values(), strict=True):
-        turn = mask & ((stripe % np.maximum(total, 1)) == count)
-        image[turn] = to_rgb(color)
+    patterns = layer_patterns(grid)
+    for (name, mask), color in zip(grid.layers.items(), layer_colors(grid).values(), strict=True):
+        fill(mask & (total == 1), color, patterns[name])
+        # Overlaps have stripes of their own.
+        image[mask & (total > 1) & ((stripe % np.maximum(total, 1)) == count)] = to_rgb(color)
         count += mask
     return np.asarray(image.transpose(1, 0, 2))
 

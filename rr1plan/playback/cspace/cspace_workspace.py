@@ -11,7 +11,15 @@ from matplotlib.path import Path
 
 from rr1plan.checks import Array
 from rr1plan.model.flat_arm import flat_arm
-from rr1plan.playback.cspace.cspace_colors import GOAL, INK, START, layer_colors
+from rr1plan.playback.cspace.cspace_colors import (
+    GOAL,
+    HATCHES,
+    INK,
+    START,
+    ink_on,
+    layer_colors,
+    layer_patterns,
+)
 from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
 from rr1plan.playback.cspace.cspace_lines import along, gradient, write_name
 from rr1plan.playback.cspace.reach_outline import reach_of
@@ -29,23 +37,25 @@ def draw_workspace(axes: Any, cspace: CSpaceQuery) -> None:
     axes.set_title("workspace", loc="left", color=INK)
     axes.set_aspect("equal")
     center, radius = _draw_reach(axes, cspace)
-    colors = layer_colors(grid)
+    colors, patterns = layer_colors(grid), layer_patterns(grid)
     for name, obstacle in scene.obstacles.items():
         color, centers = colors.get(name, "#999999"), []
+        hatch: dict[str, Any] = {"edgecolor": ink_on(color), "linewidth": 0.0, "hatch": HATCHES[patterns.get(name, 0)]}
         for g in obstacle.geometries:
             if not isinstance(g.shape, HalfSpace):
                 corners = silhouette(g.shape, obstacle.pose @ g.pose)
                 # An edge as thin as a hair closes the seams between the pieces of an obstacle.
                 axes.add_patch(Polygon(corners, facecolor=color, edgecolor=color, linewidth=0.3, zorder=2))
+                axes.add_patch(Polygon(corners, facecolor="none", zorder=2, **hatch))
                 centers.append(corners.mean(axis=0))
         if centers:
             write_name(axes, name, np.mean(centers, axis=0), color)
     for q, color, alpha in _configurations(cspace):
-        _draw_arm(axes, grid, q, color, alpha)
+        _draw_arm(axes, grid, q, color, alpha, radius)
     if cspace.path is not None:
         tips = np.array([_tool(grid, q) for q in along(cspace.path, 200)])
         axes.add_collection(gradient(tips, 2.2, zorder=6))
-    span = 1.08 * max(radius, 1e-3)
+    span = 1.08 * (radius or 1.0)
     axes.set(xlim=(center[0] - span, center[0] + span), ylim=(center[1] - span, center[1] + span))
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.spines[["top", "right"]].set_visible(False)
@@ -94,7 +104,7 @@ def _tool(grid: CSpaceGrid, q: Array) -> Array:
     return np.asarray(_link_poses(grid, q)[grid.scene.arms[grid.arm].robot.tool][:2, 3])
 
 
-def _draw_arm(axes: Any, grid: CSpaceGrid, q: Array, color: Any, alpha: float) -> None:
+def _draw_arm(axes: Any, grid: CSpaceGrid, q: Array, color: Any, alpha: float, radius: float) -> None:
     robot = grid.scene.arms[grid.arm].robot
     poses = _link_poses(grid, q)
     for link in robot.links:
@@ -105,4 +115,4 @@ def _draw_arm(axes: Any, grid: CSpaceGrid, q: Array, color: Any, alpha: float) -
     for joint in robot.joints:
         if joint.kind != "fixed":
             x, y = (float(c) for c in poses[joint.child][:2, 3])
-            axes.add_patch(Circle((x, y), 0.012, color="white", alpha=alpha, zorder=5))
+            axes.add_patch(Circle((x, y), 0.007 * radius, color="white", alpha=alpha, zorder=5))

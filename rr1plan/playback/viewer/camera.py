@@ -41,8 +41,8 @@ VIEWS: dict[str, Point] = {
 
 _INSTANTS = 9  # of the motion, at which links and tools should be seen
 _MOST_ARMS = 6  # looked at; of more that move, some among all of them
-_MOVED = 1e-3  # [m] from which a link counts as moving
-_REACH = 0.05  # [m] from which the arms count as reaching to one side
+_MOVED = 1e-3  # of the arm's extent, from which a link counts as moving
+_REACH = 0.05  # of the same, from which the arms count as reaching to one side
 _COSTS = {"links": 0.9, "tool": 0.5, "hand": 0.5}  # of not seeing any of them
 _HAND = 0.25  # share of the motion's radius: what is nearer to the hand belongs to it and does not hide it
 # From the front; not from the very side, whence what is worked at is seen edge on.
@@ -118,7 +118,7 @@ def choose_camera(scene: Scene, motion: Trajectory | None = None, ends: Iterable
     if len(sights.points) == 0:
         return Camera(_as_point(directions[np.argmin(cost)]), (0.0, 0.0, 0.0))
     low, high = sights.points.min(axis=0), sights.points.max(axis=0)
-    target, radius = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 1e-3)
+    target, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 1.0
     eyes = target + _DISTANCE * radius * directions
     hidden = behind_obstacles(scene, sights.points, eyes)
     cost += hidden @ sights.costs
@@ -181,12 +181,13 @@ def _sights(scene: Scene, configurations: list[dict[str, Array]], moved: list[st
             continue
         tools = (arm.base @ np.array([at[arm.robot.tool] for at in poses]))[:, :3, 3]
         middles = placed[..., :3, 3].swapaxes(0, 1)
-        moves = np.ptp(middles, axis=0).max(axis=-1) > _MOVED if len(poses) > 1 else np.full(len(parts), True)
+        size = float(np.linalg.norm(np.vstack([middles.reshape(-1, 3), tools]) - arm.base[:3, 3], axis=1).max()) or 1.0
+        moves = np.ptp(middles, axis=0).max(axis=-1) > _MOVED * size if len(poses) > 1 else np.full(len(parts), True)
         rows += [(middles[::2, moves].reshape(-1, 3), "links", -1), (tools, "tool", -1)]
         for instant in sorted({0, len(poses) // 2, len(poses) - 1}):
             near = np.argsort(np.linalg.norm(middles[instant] - tools[instant], axis=-1))[:2]
             rows.append((np.vstack([tools[[instant]], middles[instant, near]]), "hand", instant))
-        reach += (tools[:, :2] - arm.base[:2, 3]).mean(axis=0) / len(moved)
+        reach += (tools[:, :2] - arm.base[:2, 3]).mean(axis=0) / len(moved) / size
     return _Sights(
         np.concatenate([points for points, _, _ in rows] or [np.zeros((0, 3))]),
         np.concatenate(
@@ -256,7 +257,7 @@ def behind_obstacles(scene: Scene, points: Array, eyes: Array) -> Mask:
     """Which points (n, 3) obstacles hide from a camera at each of the eyes (v, 3), shape (v, n)."""
     hidden = np.zeros((len(eyes), len(points)), dtype=bool)
     low, high = points.min(axis=0), points.max(axis=0)
-    middle, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) + 1e-3
+    middle, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 1.0
     triangles: list[Array] = []
     surfaces: list[tuple[Array, float]] = []
     for obstacle in scene.obstacles.values():

@@ -39,6 +39,8 @@ function fillPart(slider) {
 /** Length of a motion, or a moment in it. */
 const seconds = (t) => `${t.toFixed(2)} s`;
 
+const WIDEST_REPORT = 400, LEAST_BESIDE = 290; // [px]
+
 class Controls {
   constructor(viewer) {
     this.viewer = viewer;
@@ -171,7 +173,8 @@ class Controls {
       badge.setAttribute("aria-expanded", String(!box.hidden));
     };
     // Not where it would cover the arms.
-    if (rank === "bad" && matchMedia("(min-width: 700px)").matches) badge.onclick();
+    const beside = find("stage").clientWidth - WIDEST_REPORT - find("side").offsetWidth;
+    if (rank === "bad" && beside > LEAST_BESIDE) badge.onclick();
     const rows = [];
     for (const violation of report.violations) {
       const button = element("button", violation.message, "violation");
@@ -342,5 +345,10 @@ class Controls {
 
 /** A value with one decimal, never "-0.0": the sum of -0 and 0 is 0. */
 const tenths = (value) => (Math.round(10 * value) / 10 + 0).toFixed(1);
+/** A coordinate [m] among things of a size [m], to a fraction of a thousandth of it, and never "-0.000". */
+const placed = (meters, span) => {
+  const text = meters.toFixed(Math.min(Math.max(2 - Math.floor(Math.log10(span / 2)), 3), 9));
+  return Number(text) === 0 ? text.replace("-", "") : text;
+};
 /** A distance in the unit it is read best in. */
 const length = (meters) => (Math.abs(meters) < 0.1 ? `${(1000 * meters).toFixed(1)} mm` : `${meters.toFixed(3)} m`);

@@ -342,12 +342,13 @@ class Lesson {
 
   fillLegend() {
     part(".legend").replaceChildren();
+    const patterns = patternsOf(data.layers);
     data.layers.forEach((layer, k) => {
       const chip = make("button", undefined, "chip"), dot = make("i");
       chip.type = "button";
       chip.title = `Only the image of ${layer.name}`;
       chip.setAttribute("aria-pressed", "false");
-      dot.style.background = layer.color;
+      dot.style.background = patterned(layer.color, patterns[k]);
       chip.append(dot, layer.name);
       chip.onclick = () => { this.pinned = this.pinned === k ? -1 : k; this.single(this.pinned); };
       chip.onpointerenter = () => this.single(k);
@@ -449,7 +450,7 @@ class Lesson {
     if (data.tone !== "bad" || !this.place(data.start).free) return;
     const chip = (q) => {
       const swatch = make("i"), label = this.place(q).part;
-      swatch.style.background = label ? PARTS[Math.min(label, PARTS.length) - 1] : "#fff";
+      swatch.style.background = label ? patterned(PARTS[Math.min(label, PARTS.length) - 1], (label - 1) % PATTERNS.length) : "#fff";
       return swatch;
     };
     const free = data.goals.find((goal) => this.place(goal).free);

@@ -7,9 +7,41 @@ const FONT = getComputedStyle(root).fontFamily;
 const CRUMBS = "#e6e9ee", INK = "#1b2430", SOFT = "#667080", ACCENT = "#e4500e";
 const START = "#2f66c8", GOAL = "#14855a";
 
+/** Of images and components, so that no reader depends on colors: what is inked of a tile, x and y from 0 to 1, y downwards. The first is plain. */
+const LINE = 0.15, falls = (x, y) => (x - y + 1) % 1 < LINE, rises = (x, y) => (x + y) % 1 < LINE;
+const PATTERNS = [
+  () => false, (x, y) => Math.hypot(x - 0.5, y - 0.5) < 0.2, falls, (_, y) => y < LINE, (x) => x < LINE,
+  (x, y) => falls(x, y) || rises(x, y), (x, y) => x < LINE || y < LINE,
+];
+const TILE = 9; // [px of the window]
+const FAINT = 0.5; // of the ink, on free space, where trees and paths are drawn
+
 const rgb = (color) => [1, 3, 5].map((i) => parseInt(color.slice(i, i + 2), 16));
 /** Whether dark letters are read better on a color than white ones. */
 const isLight = (color) => { const [r, g, b] = rgb(color); return 0.299 * r + 0.587 * g + 0.114 * b > 150; };
+/** The color of a pattern's ink on a color, all [r, g, b]. */
+const inked = (color, share = 1) => color.map((v, k) => v + share * (isLight(hex(color)) ? 0.3 * (rgb(INK)[k] - v) : 0.38 * (255 - v)));
+const hex = (color) => `#${color.map((v) => Math.round(v).toString(16).padStart(2, "0")).join("")}`;
+/** The pixels of a tile of a pattern: 1 where it is inked. */
+const tileOf = (pattern, size) => Uint8Array.from({ length: size * size }, (_, i) => Number(PATTERNS[pattern](((i % size) + 0.5) / size, (Math.floor(i / size) + 0.5) / size)));
+
+/** The patterns of some layers, by their order among the obstacles; the arm itself and its limits are plain. */
+function patternsOf(layers) {
+  let things = 0;
+  return layers.map(({ kind }) => (kind === "self" || kind === "limits" ? 0 : things++ % PATTERNS.length));
+}
+
+/** A background for a swatch of a legend: a color with its pattern, as in the picture. */
+function patterned(color, pattern) {
+  const size = 6, canvas = document.createElement("canvas"), pen = canvas.getContext("2d"), tile = tileOf(pattern, size);
+  canvas.width = canvas.height = size;
+  tile.forEach((ink, i) => {
+    pen.fillStyle = ink ? hex(inked(rgb(color))) : color;
+    pen.fillRect(i % size, Math.floor(i / size), 1, 1);
+  });
+  return `center / 6px url(${canvas.toDataURL()}) ${color}`;
+}
+
 const modulo = (value, size) => ((value % size) + size) % size;
 const bytes = (packed) => new Uint8Array(viewer.unpack(packed).values.buffer);
 
@@ -60,11 +92,15 @@ class Cells {
     this.painted = { key, image, bits: bits.slice() };
     const out = new Uint32Array(image.data.buffer);
     const colors = data.layers.map((layer) => rgb(layer.color)), parts = [...PARTS.map(rgb), rgb(CRUMBS)], white = [255, 255, 255];
+    // Plain and inked, of each layer and of each component.
+    const shades = colors.map((color) => [color, inked(color)]), tints = parts.map((color) => [color, inked(color, FAINT)]);
+    const wide = Math.round(TILE * ratio), tiles = PATTERNS.map((_, k) => tileOf(k, wide));
+    const layerTiles = patternsOf(data.layers).map((k) => tiles[k]), partTiles = parts.map((_, k) => tiles[k < PARTS.length ? k % tiles.length : 0]);
     const columns = lookup(size, n, data.periodic[0]), rows = lookup(size, m, data.periodic[1]);
     const sharp = size / Math.max(n, m), band = Math.max(2, Math.round(5 * ratio));
     /** Color of a pixel: covered by a layer to a part of it, above the color of free space. */
-    const mixed = (under, layer, cover) => {
-      const over = colors[layer] || under;
+    const mixed = (under, layer, cover, ink) => {
+      const over = shades[layer] ? shades[layer][ink] : under;
       return word(under[0] + cover * (over[0] - under[0]), under[1] + cover * (over[1] - under[1]), under[2] + cover * (over[2] - under[2]));
     };
     /** The layer that a pixel of an overlap shows. */
@@ -73,34 +109,36 @@ class Cells {
       for (; !((full >>> k) & 1 && turn-- === 0); k++);
       return k;
     };
-    const shown = (full, best, cover, under, x, y) => {
+    const shown = (full, best, cover, under, x, y, spot) => {
       let layer = best;
       const count = bitCount(full);
       if (count > 1) { layer = striped(full, count, x, y); cover = 1; }
       if (only >= 0) { if ((full >>> only) & 1) layer = only; if (layer !== only) cover *= 0.16; }
-      return mixed(under, layer, cover);
+      // Overlaps have stripes of their own.
+      return mixed(under, layer, cover, count > 1 ? 0 : layerTiles[layer] ? layerTiles[layer][spot] : 0);
     };
-    const free = parts.map((color) => word(...color)), plain = word(...white), alone = colors.map((_, k) => shown(1 << k, k, 1, white, 0, 0));
+    const free = tints.map((both) => both.map((color) => word(...color))), plain = word(...white);
+    const alone = shades.map((_, k) => layerTiles[k].reduce((both, ink, spot) => { both[ink] = shown(1 << k, k, 1, white, 0, 0, spot); return both; }, []));
     for (let y = size - rangeY[1]; y < size - rangeY[0]; y++) {
       const row = size - 1 - y, j0 = rows.low[row], j1 = rows.high[row], fj = rows.part[row], jn = rows.near[row];
       for (let x = rangeX[0]; x < rangeX[1]; x++) {
         const i0 = columns.low[x] * m, i1 = columns.high[x] * m, a = bits[i0 + j0], b = bits[i1 + j0], c = bits[i0 + j1], d = bits[i1 + j1];
-        const any = a | b | c | d, at = y * size + x;
+        const any = a | b | c | d, at = y * size + x, spot = (y % wide) * wide + (x % wide);
         let under = white, ground = plain;
         if (tinted) {
           // Beside a rim the nearest cell may be forbidden, and its free neighbor tells the color.
           const label = labels[columns.near[x] * m + jn] || labels[i0 + j0] || labels[i1 + j0] || labels[i0 + j1] || labels[i1 + j1];
           if (label) {
-            const part = label > PARTS.length ? PARTS.length : label - 1;
-            under = parts[part];
-            ground = free[part];
+            const part = label > PARTS.length ? PARTS.length : label - 1, ink = partTiles[part][spot];
+            under = tints[part][ink];
+            ground = free[part][ink];
           }
         }
         if (!any) {
           out[at] = ground;
         } else if (a === b && a === c && a === d) {
           const layer = 31 - Math.clz32(any);
-          out[at] = (any & (any - 1)) === 0 && (under === white || only < 0) ? alone[layer] : shown(any, layer, 1, under, x, y);
+          out[at] = (any & (any - 1)) === 0 && (under === white || only < 0) ? alone[layer][layerTiles[layer][spot]] : shown(any, layer, 1, under, x, y, spot);
         } else {
           const fi = columns.part[x];
           let full = 0, cover = 0, best = 0;
@@ -111,7 +149,7 @@ class Cells {
             if (inside >= 0.5) full |= 1 << k;
             if (inside > cover) { cover = inside; best = k; }
           }
-          out[at] = shown(full, best, cover, under, x, y);
+          out[at] = shown(full, best, cover, under, x, y, spot);
         }
       }
     }
@@ -264,5 +302,5 @@ function arrows(pen, x, y, dx, dy, count, unit) {
 }
 
 const symbol = (axis) => data.joints[axis].symbol || `${data.joints[axis].straight ? "d" : "θ"}${"₁₂"[axis]}`;
-const readingOf = (straight, v) => (straight ? `${(1000 * v).toFixed(1)} mm` : `${((180 / Math.PI) * v).toFixed(1)}°`.replace("-", "−"));
+const readingOf = (straight, v) => (straight ? `${tenths(1000 * v)} mm` : `${tenths((180 / Math.PI) * v)}°`.replace("-", "−"));
 const reading = (axis, v) => readingOf(data.joints[axis].straight, v);

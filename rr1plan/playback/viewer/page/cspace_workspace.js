@@ -128,7 +128,7 @@ class Workspace {
   }
 
   follow(q) {
-    const [x, y] = this.tool(q), now = this.manipulability(q), meters = (v) => `${v.toFixed(3)} m`.replace("-", "−");
+    const [x, y] = this.tool(q), now = this.manipulability(q), meters = (v) => `${placed(v, this.outer)} m`.replace("-", "−");
     this.handle.position.set(x, y, data.planar.height);
     const rows = [meters(x), meters(y), `${now.toFixed(3)}${this.unit}`, this.lengths.map((v) => `${v.toFixed(2)} m`).join(", ") || "–"];
     this.readout.values.forEach((out, k) => { out.textContent = rows[k]; });
@@ -173,7 +173,7 @@ class Workspace {
 
   /** The way of the tool along configurations, while it changes with every drag. */
   drawWay(configurations) {
-    const { THREE } = viewer, points = configurations.map((q) => new THREE.Vector3(...this.tool(q), data.planar.height + 0.01));
+    const { THREE } = viewer, points = configurations.map((q) => new THREE.Vector3(...this.tool(q), data.planar.height + 0.006 * this.outer));
     const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: 0xe4500e }));
     line.renderOrder = 9;
     viewer.add("way", line);

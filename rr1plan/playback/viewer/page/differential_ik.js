@@ -2,7 +2,7 @@
 
 const MOST_STEP = 0.35; // [rad or m] a joint moves in one iteration
 const ITERATIONS = 40;
-const NEAR_ENOUGH = 1e-5; // [m] weighted error at which iterations end
+const NEAR_ENOUGH = 1e-5; // of the length of the chain or [m]: weighted error at which iterations end
 
 /** The largest angle-axis vector that turns one rotation into another, both as the 3 x 3 part of a transform at an offset. */
 function rotationError(from, i, to) {
@@ -41,7 +41,8 @@ class DifferentialIk {
     this.chain = this.jointsTo(arm.robot.tool);
     // An error of one radian weighs as much as this length [m]: about the reach of a wrist.
     const far = this.chain.reduce((sum, { origin }) => sum + Math.hypot(origin[12], origin[13], origin[14]), 0);
-    this.turn = this.count >= 6 ? 0.25 * Math.max(far, 0.1) : 0;
+    this.turn = this.count >= 6 ? 0.25 * (far || 1) : 0;
+    this.enough = NEAR_ENOUGH * Math.min(1, far || 1);
   }
 
   /** The joints from the base to a link. */
@@ -110,7 +111,7 @@ class DifferentialIk {
   solve(q, target) {
     const { arm, count: n, turn } = this, { limits } = arm.robot, first = arm.firstColumn;
     let now = q.slice(), best = this.error(now, target), damping = 1e-4;
-    for (let k = 0; k < ITERATIONS && best.size > NEAR_ENOUGH && damping < 1e3; k++) {
+    for (let k = 0; k < ITERATIONS && best.size > this.enough && damping < 1e3; k++) {
       const J = Float64Array.from(this.jacobian(now)), e = best.e, free = Array(n).fill(true);
       for (let c = 0; c < n; c++) for (let r = 3; r < 6; r++) J[6 * c + r] *= turn;
       let step = null;

@@ -227,7 +227,7 @@ class Dragging {
       const to = picker.ray(now).intersectPlane(plane, new THREE.Vector3());
       if (!from || !to) return;
       const by = to.sub(from);
-      if (mode === "lift") by.set(0, 0, Math.abs(forward.z) > 0.98 ? (begin.clientY - now.clientY) * 1e-3 : by.z);
+      if (mode === "lift") by.set(0, 0, Math.abs(forward.z) > 0.98 ? (begin.clientY - now.clientY) * 1e-3 * viewer.world.span : by.z);
       else if (thing.kind === "obstacle" && normal !== vertical) by.setZ(0);
       put(shifted(T, by.clampLength(0, farthest)));
     };
@@ -261,7 +261,7 @@ class Dragging {
   }
 
   placeText(name) {
-    return [...this.editing.poses.get(name).slice(12, 15)].map((v) => (v + 0).toFixed(3)).join("  ");
+    return [...this.editing.poses.get(name).slice(12, 15)].map((v) => placed(v, this.viewer.world.span)).join("  ");
   }
 
   frame() {

@@ -6,7 +6,7 @@
 //   editing.judge(q)             {tone, title, text, touching: [[element, element], ...], clearance [m]} of a configuration
 
 const MOST_UNDONE = 200;
-const OFF = 5e-4, TURNED = 2e-3; // [m], [rad] from its target at which a tool counts as there
+const OFF = 5e-4, TURNED = 2e-3; // of an arm's reach or [m], [rad] from its target at which a tool counts as there
 const CLOSE_EDITS = 800; // [ms] between steps of one jog, which are undone together
 
 const ROUNDED = 1e-5; // [rad or m] what a motion may be off at its ends, by rounding
@@ -43,7 +43,7 @@ class Editing {
     this.asPlanned = this.snapshot();
     this.past = [];
     this.future = [];
-    this.lastEdit = this.reach = this.lit = this.asked = this.headline = null;
+    this.lastEdit = this.reach = this.lit = this.asked = this.headline = this.unmeasured = null;
     const moving = doc.track ? doc.track.columns : doc.ghosts.map(({ arm }) => kinematics.arms.find((a) => a.name === arm).firstColumn);
     const arm = kinematics.arms.findIndex((a) => moving.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
     this.arm = Math.max(arm, 0);
@@ -281,11 +281,12 @@ class Editing {
   /** The verdict on what is shown: what it touches first, then whether the tool is where it was dragged to. */
   verdict() {
     const { viewer, reach } = this, judged = this.judge(viewer.q);
-    if (judged.tone === "bad" || !reach || (reach.off < OFF && reach.turned < TURNED)) {
+    const off = OFF * Math.min(1, reach ? viewer.world.reach[reach.arm] : 1);
+    if (judged.tone === "bad" || !reach || (reach.off < off && reach.turned < TURNED)) {
       return judged.tone === "open" && reach ? { ...judged, title: "Reachable" } : judged;
     }
     const { robot } = viewer.kinematics.arms[reach.arm], limits = reach.atLimit.map((c) => robot.names[c]);
-    const short = reach.off >= OFF ? `${length(reach.off)} short` : `${tenths((180 / Math.PI) * reach.turned)}° short`;
+    const short = reach.off >= off ? `${length(reach.off)} short` : `${tenths((180 / Math.PI) * reach.turned)}° short`;
     return { ...judged, tone: "open", title: "Out of reach", text: [short, limits.length ? `${namesOf(limits, 2, ", ")} at ${limits.length > 1 ? "their limits" : "its limit"}` : ""].filter(Boolean).join(", ") };
   }
 
@@ -313,12 +314,10 @@ class Editing {
     }
     if (!answer.track) { card.say(`A path, but no motion: ${answer.reason}.`, "bad"); return answer; }
     this.remember(null);
-    const track = new Track(answer.track), duration = track.end - track.start;
-    const clearance = this.leastClearance(track), ms = `${took.toFixed(1)} ms`;
+    const track = new Track(answer.track), ms = `${took.toFixed(1)} ms`;
     const report = {
-      certified: answer.certified, valid: true, violations: [],
+      certified: answer.certified, valid: true, violations: [], margins: {},
       title: answer.certified ? "Planned here, certified free" : "Planned here, not proven free",
-      margins: Number.isFinite(clearance.value) ? { clearance: { value: clearance.value, unit: "m", subject: [], time: clearance.time } } : {},
       checked: answer.certified ? ["collision in continuous time", "position", "velocity", "acceleration", "rest", "start", "goal"] : [],
       not_checked: answer.certified ? { "clearance between samples": `the least of ${SAMPLES + 1} instants is shown` } : { proof: answer.fault },
     };
@@ -330,8 +329,22 @@ class Editing {
     viewer.setMotion(this.motion.changes);
     this.refreshHeadline();
     viewer.play();
-    card.say(`${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(duration)}, planned in ${ms}, ${inWords(clearance.value)}.`, answer.certified ? "good" : "open");
+    const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(track.end - track.start)}, planned in ${ms}`;
+    card.say(`${said}.`, answer.certified ? "good" : "open");
+    // Its first picture does not wait for the clearance, which takes longer than the proof.
+    this.unmeasured = { motion: this.motion, track, said, frame: viewer.frames };
     return answer;
+  }
+
+  /** Adds the least clearance to what is said of a motion that was planned here. */
+  measure({ motion, track, said }) {
+    this.unmeasured = null;
+    if (this.motion !== motion) return;
+    const { value, time } = this.leastClearance(track), { report } = motion.changes;
+    if (Number.isFinite(value)) report.margins.clearance = { value, unit: "m", subject: [], time };
+    this.headline = null;
+    this.refreshHeadline();
+    if (find("answer").textContent === `${said}.`) this.card.say(`${said}, ${inWords(value)}.`, report.certified ? "good" : "open");
   }
 
   /** The least clearance [m] at some instants of a motion, and when that is. */
@@ -365,6 +378,7 @@ class Editing {
 
   frame() {
     this.hands.frame();
+    if (this.unmeasured && this.viewer.frames > this.unmeasured.frame) this.measure(this.unmeasured);
     if (!this.stale) return;
     this.stale = false;
     if (!this.isOpen) return;

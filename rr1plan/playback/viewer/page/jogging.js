@@ -1,6 +1,6 @@
 // Moving by keyboard: J selects the next tool, joint or obstacle, arrows and page keys move what is selected.
 
-const JOG = { turn: Math.PI / 90, shift: 0.01, far: 5 }; // [rad], [m], times that with Shift (of a joint)
+const JOG = { turn: Math.PI / 90, far: 5 }; // [rad], times that with Shift (of a joint)
 
 class Jogging {
   constructor(viewer, editing) {
@@ -54,6 +54,11 @@ class Jogging {
     else editing.open(false);
   }
 
+  /** How far one step shifts [m]: a round number, 10 mm for arms of half a meter to five. */
+  get shift() {
+    return 10 ** Math.floor(Math.log10(this.viewer.world.span / 50));
+  }
+
   /** Moves what a handle stands for by one step. */
   move(handle, key, shift) {
     const { editing, viewer } = this, direction = { ArrowRight: [0, 1], ArrowLeft: [0, -1], ArrowUp: [1, 1], ArrowDown: [1, -1], PageUp: [2, 1], PageDown: [2, -1] }[key];
@@ -64,7 +69,7 @@ class Jogging {
     editing.open();
     editing.remember(`${thing.kind} ${thing.arm} ${thing.column} ${thing.name}`);
     if (thing.kind === "joint") {
-      const own = thing.column - viewer.kinematics.arms[thing.arm].firstColumn, step = kinds[own] === "prismatic" ? JOG.shift : JOG.turn;
+      const own = thing.column - viewer.kinematics.arms[thing.arm].firstColumn, step = kinds[own] === "prismatic" ? this.shift : JOG.turn;
       editing.turn(thing.column, viewer.q[thing.column] + sign * step * (shift ? JOG.far : 1));
       return;
     }
@@ -72,7 +77,7 @@ class Jogging {
     const center = thing.kind === "tool" ? new THREE.Vector3(...T.slice(12, 15)) : viewer.world.boxAround(thing.name).getCenter(new THREE.Vector3());
     const mode = shift ? "turn" : handle.dataset.mode, along = this.axes();
     const pose = mode === "turn" ? turnedAbout(T, thing.kind === "obstacle" ? along[2] : [along[2], along[0], along[1]][axis], sign * JOG.turn * 2.5, center)
-      : shifted(T, along[mode === "lift" ? 2 : axis].clone().multiplyScalar(sign * JOG.shift));
+      : shifted(T, along[mode === "lift" ? 2 : axis].clone().multiplyScalar(sign * this.shift));
     if (thing.kind === "tool") editing.moveTool(thing.arm, pose);
     else editing.moveObstacle(thing.name, pose);
   }

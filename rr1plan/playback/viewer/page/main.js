@@ -155,7 +155,7 @@ class Viewer {
   /** The radius of a drawn line [m]. */
   thin() {
     const radius = this.extent.near.getSize(new THREE.Vector3()).length() / 2;
-    return Math.min(Math.max(0.0034 * radius, 0.0018), 0.012);
+    return Math.min(0.0034 * radius, 0.012 * this.world.span);
   }
 
   /** Draws the way of the tools and the waypoints. */

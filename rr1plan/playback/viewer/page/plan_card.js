@@ -87,7 +87,7 @@ class PlanCard {
   refreshReadout() {
     const { viewer, editing } = this, arm = viewer.kinematics.arms[editing.arm], solver = editing.solver(editing.arm);
     const T = solver.toolPose(viewer.q), rows = [];
-    rows.push([viewer.kinematics.arms.length > 1 ? `Tool of ${arm.name}` : "Tool", ["x", "y", "z"].map((axis, k) => [axis, (T[12 + k] + 0).toFixed(3)]), "m"]);
+    rows.push([viewer.kinematics.arms.length > 1 ? `Tool of ${arm.name}` : "Tool", ["x", "y", "z"].map((axis, k) => [axis, placed(T[12 + k], viewer.world.span)]), "m"]);
     rows.push(["", rollPitchYaw(T).map((angle, k) => [["roll", "pitch", "yaw"][k], tenths((180 / Math.PI) * angle)]), "°"]);
     rows.push(["", [["manipulability", solver.manipulability(viewer.q).toPrecision(3)]], ""]);
     const nodes = rows.flatMap(([label, values, unit]) => {

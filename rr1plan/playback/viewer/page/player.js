@@ -28,7 +28,9 @@ class Player {
     if (!this.track || this.end <= this.start) return;
     if (this.time >= this.end) this.time = this.start;
     this.playing = true;
-    this.last = this.rest = null;
+    this.rest = null;
+    // The first picture is of the time that has passed until then.
+    this.last = performance.now();
     this.pacing = { clock: 0, wall: 0 };
   }
 
@@ -44,7 +46,8 @@ class Player {
   /** Advances the clock to now [ms]; true if it advanced. */
   tick(now) {
     if (!this.playing) return false;
-    const wall = this.last === null ? 0 : (now - this.last) / 1000, passed = Math.min(wall, LONGEST_STEP);
+    // The clock of a frame may be a little behind that of the press that began it.
+    const wall = this.last === null ? 0 : Math.max(0, now - this.last) / 1000, passed = Math.min(wall, LONGEST_STEP);
     this.last = now;
     this.time += passed * this.speed;
     this.count(passed * this.speed, wall);

@@ -126,7 +126,7 @@ class Stage {
 
   /** Puts floor, shadow and light around a box of the world. */
   furnish(box, floor) {
-    const center = box.getCenter(new THREE.Vector3()), radius = Math.max(0.3, box.getSize(new THREE.Vector3()).length() / 2);
+    const center = box.getCenter(new THREE.Vector3()), radius = box.getSize(new THREE.Vector3()).length() / 2 || 1;
     this.key.target.position.copy(center);
     this.key.position.copy(center).add(new THREE.Vector3(-0.55, -0.75, 1.5).multiplyScalar(2.2 * radius));
     const lens = this.key.shadow.camera;
@@ -172,7 +172,7 @@ class Stage {
         }`,
     }));
     group.add(shade, grid);
-    group.position.set(center.x, center.y, height - 0.0008);
+    group.position.set(center.x, center.y, height - 0.001 * radius);
     shade.renderOrder = 1;
     grid.renderOrder = 0;
     return group;
@@ -206,10 +206,11 @@ class Stage {
       return window;
     };
     const nearest = local.reduce((most, [, , depth, r]) => Math.max(most, depth + r), 0);
+    const size = local.reduce((most, [x, y, depth, r]) => Math.max(most, Math.hypot(x, y, depth) + r), 0) || 1;
     const tiles = this.tiles().map((tile) => {
       let best = null;
       for (const room of this.rooms(tile)) {
-        let near = nearest + 0.02, far = nearest + 500;
+        let near = nearest + 0.01 * size, far = nearest + 1000 * size;
         for (let i = 0; i < 40; i++) {
           const distance = Math.sqrt((near - nearest) * (far - nearest)) + nearest, [x0, x1, y0, y1] = seen(distance);
           if (x1 - x0 < room.right - room.left && y1 - y0 < room.top - room.bottom) far = distance; else near = distance;
@@ -218,7 +219,7 @@ class Stage {
       }
       return best;
     });
-    const distance = Math.max(0.2, ...tiles.map((tile) => tile.distance)), [x0, x1, y0, y1] = seen(distance);
+    const distance = Math.max(...tiles.map((tile) => tile.distance)), [x0, x1, y0, y1] = seen(distance);
     this.shifts = this.shiftsIn(tiles.map(({ room }) => room), (x0 + x1) / 2, (y0 + y1) / 2);
     this.controls.target.copy(center);
     this.camera.position.copy(center).addScaledVector(eye, distance);

@@ -3,6 +3,8 @@
 const canvas = root.querySelector("canvas"), pen = canvas.getContext("2d");
 const chart = root.querySelector(".chart"), now = root.querySelector(".now"), said = root.querySelector(".said");
 const AXIS = 20, CONFLICT = "#d1003f";
+const FEW_ROWS = 5;
+document.body.classList.toggle("few-rows", data.arms.length <= FEW_ROWS && document.querySelectorAll("#panels > .panel").length === 1);
 let left = 0, right = 0, rowHeight = 0, below = 0;
 
 const end = data.start + data.makespan;

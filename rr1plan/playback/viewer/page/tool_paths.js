@@ -20,7 +20,7 @@ function addRings(points, radius, sides, positions, normals) {
   const tangent = new THREE.Vector3(1, 0, 0), u = new THREE.Vector3(), w = new THREE.Vector3(), n = new THREE.Vector3();
   points.forEach((p, i) => {
     const d = points[Math.min(i + 1, points.length - 1)].clone().sub(points[Math.max(i - 1, 0)]);
-    if (d.lengthSq() > 1e-14) tangent.copy(d).normalize();
+    if (d.length() > 1e-4 * radius) tangent.copy(d).normalize();
     u.addScaledVector(tangent, -u.dot(tangent));
     if (u.lengthSq() < 1e-6) u.set(0, 0, 1).cross(tangent);
     if (u.lengthSq() < 1e-6) u.set(1, 0, 0);
@@ -193,7 +193,7 @@ function targetMarks(targets, radius) {
   for (const target of targets) {
     if (target.kind === "region") {
       const low = new THREE.Vector3(...target.lower), size = new THREE.Vector3(...target.upper).sub(low);
-      const box = new THREE.BoxGeometry(...size.toArray().map((v) => Math.max(v, 1e-3)));
+      const box = new THREE.BoxGeometry(...size.toArray().map((v) => Math.max(v, 0.5 * radius)));
       const clear = new THREE.Mesh(box, new THREE.MeshBasicMaterial({ color: green, transparent: true, opacity: 0.14, depthWrite: false }));
       clear.add(new THREE.LineSegments(new THREE.EdgesGeometry(box), new THREE.LineBasicMaterial({ color: green })));
       clear.position.copy(low).addScaledVector(size, 0.5);

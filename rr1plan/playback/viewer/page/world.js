@@ -44,6 +44,8 @@ class World {
     this.obstacles = this.layer("obstacles", new Bodies(this.obstacleItems(), { roughness: 0.75 }));
     this.obstacles.update(this.poses);
     this.addLooseBodies();
+    // The unit of what is drawn as large as an arm or a part of it, whatever the size of the arm [m].
+    this.span = Math.max(0, ...this.reach) || this.obstacleBox().getSize(new THREE.Vector3()).length() / 2 || 1;
     this.addEdges();
     this.addSpecials();
     this.addGhosts();
@@ -271,7 +273,7 @@ class World {
     normal.transformDirection(T);
     if (normal.z > 0.9999) { this.floor = Math.max(this.floor === null ? -Infinity : this.floor, point.z); return; }
     const color = light(part.color || OBSTACLE);
-    const plane = new THREE.Mesh(new THREE.PlaneGeometry(4, 4), new THREE.MeshStandardMaterial({
+    const plane = new THREE.Mesh(new THREE.PlaneGeometry(4 * this.span, 4 * this.span), new THREE.MeshStandardMaterial({
       color, transparent: true, opacity: 0.25, side: THREE.DoubleSide, depthWrite: false,
     }));
     plane.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), normal);
@@ -405,7 +407,7 @@ class World {
     const held = this.doc.attachments.filter((h) => h.arm === arm.name).flatMap((h) => (
       h.parts.map((part) => far[robot.links.indexOf(h.link)] + distance(h.pose) + distance(part.pose) + radius(part.shape))));
     const own = [...robot.visuals, ...robot.collisions].map((part) => far[part.link] + distance(part.pose) + radius(part.shape));
-    return Math.max(0.01, ...own, ...held);
+    return Math.max(0, ...own, ...held) || 1;
   }
 
   /** Lit by the room around, with shadows on everything; or plainly, which is faster. */
@@ -447,13 +449,13 @@ class World {
       this.kinematics.arms.forEach(({ firstLink, robot }, k) => {
         for (let i = 16 * firstLink; i < 16 * (firstLink + robot.links.length); i += 16) {
           boxes[k].expandByPoint(point.fromArray(poses, i + 12));
-          if (!many) links.push(point.toArray());
+          if (!many) links.push([...point.toArray(), 0.2 * this.reach[k]]);
         }
       });
     }
     for (const box of boxes) arms.union(box);
     // Of many arms the corners of the box around each count: framing looks at all of them dozens of times.
-    if (many) for (const box of boxes) links.push(...cornersOf(box).map((corner) => corner.slice(0, 3)));
+    if (many) boxes.forEach((box, k) => links.push(...cornersOf(box).map(([x, y, z]) => [x, y, z, 0.2 * this.reach[k]])));
     const whole = this.obstacleBox();
     if (arms.isEmpty() && whole.isEmpty()) whole.set(new THREE.Vector3(-0.5, -0.5, 0), new THREE.Vector3(0.5, 0.5, 0.5));
     const near = arms.isEmpty() ? whole.clone() : arms.clone(), around = new THREE.Box3();
@@ -469,7 +471,7 @@ class World {
     // The start, the middle and the end; of very many arms the start alone.
     const instants = [1, samples.length >> 1, samples.length - 1].slice(0, many ? 1 : 3);
     const bodies = instants.flatMap((i) => this.bodyCorners(samples[i]));
-    const framed = arms.isEmpty() ? cornersOf(near) : [...links.map((p) => [...p, Math.min(0.08 * size, 0.2)]), ...bodies, ...cornersOf(around)];
+    const framed = arms.isEmpty() ? cornersOf(near) : [...links.map(([x, y, z, far]) => [x, y, z, Math.min(0.08 * size, far)]), ...bodies, ...cornersOf(around)];
     return { near, framed, whole: whole.union(near), floor: this.floor === null ? Math.min(0, lowest) : this.floor };
   }
 
