@@ -351,13 +351,13 @@ def _cells(results: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _fits(cells: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Of each planner and kind of problem the power of the number of arms with which the median time grows."""
+    """Of each planner and kind of problem the power of the number of arms with which the median CPU time grows."""
     found = []
     for planner, name, share in dict.fromkeys((c["planner"], c["set"], _kind(c)) for c in cells):
         own = [c for c in cells if (c["planner"], c["set"], _kind(c)) == (planner, name, share) and c["solved"]]
         if len(own) < 3:
             continue
-        slope, offset = np.polyfit(np.log([c["arms"] for c in own]), np.log([c["seconds"] for c in own]), 1)
+        slope, offset = np.polyfit(np.log([c["arms"] for c in own]), np.log([c["cpu"] for c in own]), 1)
         fit = {"planner": planner, "set": name, "share": share, "power": float(slope)}
         found.append(fit | {"seconds_of_one": float(np.exp(offset))})
     return found
@@ -379,7 +379,7 @@ def _describe(fits: Sequence[Mapping[str, Any]]) -> str:
         f"{fit['power']:.2f}"
         for fit in fits
     ]
-    return "\n".join(["Growth of the median time:", *lines]) if lines else ""
+    return "\n".join(["Growth of the median CPU time:", *lines]) if lines else ""
 
 
 def _table(cells: Sequence[Mapping[str, Any]]) -> str:
@@ -445,12 +445,12 @@ def _draw_times(file: Path, cells: Sequence[Mapping[str, Any]], fits: Sequence[M
     figure, axes = _axes()
     for label in dict.fromkeys(_label(c) for c in cells if c["set"] != "shelf"):
         own = sorted((c for c in cells if _label(c) == label and c["solved"]), key=lambda c: int(c["arms"]))
-        line = axes.plot([c["arms"] for c in own], [c["seconds"] for c in own], "o", label=label)[0]
+        line = axes.plot([c["arms"] for c in own], [c["cpu"] for c in own], "o", label=label)[0]
         for fit in fits:
             if _label(fit) == label:
                 arms = np.array([own[0]["arms"], own[-1]["arms"]])
                 axes.plot(arms, fit["seconds_of_one"] * arms ** fit["power"], color=line.get_color(), lw=1)
-    axes.set(xscale="log", yscale="log", xlabel="arms", ylabel="median time [s]")
+    axes.set(xscale="log", yscale="log", xlabel="arms", ylabel="median CPU time [s]")
     _finish(figure, axes, file)
 
 

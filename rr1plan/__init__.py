@@ -260,6 +260,7 @@ if TYPE_CHECKING:
     from rr1plan.sequences.sequence_plan import SequencePlan as SequencePlan
     from rr1plan.sequences.sequence_replay import CarriedObject as CarriedObject
     from rr1plan.sequences.sequence_replay import SequenceReplay as SequenceReplay
+    from rr1plan.sequences.sequence_toml import load_segments as load_segments
     from rr1plan.sequences.simulate_sequence import simulate_sequence as simulate_sequence
     from rr1plan.sequences.stages import SequenceStage as SequenceStage
     from rr1plan.shapes import Box as Box
@@ -449,6 +450,7 @@ _EXPORTS = {
     "rr1plan.sequences.sequence_files": ("load_sequence",),
     "rr1plan.sequences.sequence_plan": ("SequencePlan",),
     "rr1plan.sequences.sequence_replay": ("CarriedObject", "SequenceReplay"),
+    "rr1plan.sequences.sequence_toml": ("load_segments",),
     "rr1plan.sequences.simulate_sequence": ("simulate_sequence",),
     "rr1plan.sequences.stages": ("SequenceStage",),
     "rr1plan.shapes": ("Box", "Capsule", "Color", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),

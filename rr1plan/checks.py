@@ -271,9 +271,13 @@ def resolved_path(value: Any) -> Path:
     """`file_path`, absolute and with symbolic links resolved, except for a loop of links, which cannot be opened.
 
     Raises:
-        InputError: as in `file_path`.
+        InputError: as in `file_path`, or a relative path in a working folder that was deleted.
     """
-    return Path(os.path.realpath(file_path(value)))
+    path = file_path(value)
+    try:
+        return Path(os.path.realpath(path))
+    except FileNotFoundError as error:
+        raise InputError(f"{path} is in a working folder that is no longer there") from error
 
 
 def known_name(kind: str, name: str, known: Iterable[str]) -> str:

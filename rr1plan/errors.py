@@ -21,6 +21,7 @@ A failed search is a value (`PlanResult.status`), an invalid argument is an exce
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -38,6 +39,10 @@ def shown(value: object) -> str:
 
 class Rr1PlanError(Exception):
     """Base of all exceptions of rr1plan."""
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle and copy by message and attributes: constructors of subclasses take other arguments."""
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]  # not in its stub
 
 
 class InputError(Rr1PlanError, ValueError):

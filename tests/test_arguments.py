@@ -261,6 +261,7 @@ def calls(folder: Path) -> dict[str, Call]:
     with_block = rr1.with_obstacle("block", rp.Sphere(0.02), [-0.3, 0, 0.1])
     steps = rp.plan_sequence(rp.Sequence(scene, [rp.FreeMotion(q + 0.1), rp.Pause(0.1)]), rng=0)
     steps.save(folder / "q.json")
+    (folder / "s.toml").write_text('scene = "rr1_table"\n[[segments]]\npause = 1\n')
     shown = dict.fromkeys(("trajectory", "path", "problem", "report", "replay", "options"))
     live = {"options": silent()}
     picture = rp.cspace(scene, problem, resolution=8)
@@ -441,10 +442,11 @@ def calls(folder: Path) -> dict[str, Call]:
             | {"improvement": budget, "method": "portfolio", "retiming": "blend", "torque_limits": False},
         ),
         "plan_graph": (rp.plan_graph, {"plan": many}),
-        "FreeMotion": (rp.FreeMotion, {"goal": q, "arm": None, "allow": []}),
+        "FreeMotion": (rp.FreeMotion, {"goal": q, "arm": None, "allow": [], "stop": True}),
         "StraightLine": (
             rp.StraightLine,
-            {"goal": None, "offset": [0.1, 0.0, 0.0], "axes": "world", "arm": None, "allow": [("arm", "box")]},
+            {"goal": None, "offset": [0.1, 0.0, 0.0], "axes": "world", "arm": None, "allow": [("arm", "box")]}
+            | {"stop": False},
         ),
         "MoveGripper": (
             rp.MoveGripper,
@@ -471,6 +473,7 @@ def calls(folder: Path) -> dict[str, Call]:
             lambda **options: steps.show(**options).close(),
             live | {"replay": None},
         ),
+        "load_segments": (rp.load_segments, {"file": folder / "s.toml"}),
         "load_sequence": (
             rp.load_sequence,
             {"file": folder / "q.json", "scene": None, "torque_limits": False, "jerk_limits": False, "progress": None},
@@ -483,7 +486,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "pick_and_place": (
             rp.pick_and_place,
             {"scene": with_block, "obstacle": "block", "place": [-0.3, -0.1, 0.03], "arm": None}
-            | {"grasps": None, "supports": None, "height": 0.05},
+            | {"grasps": None, "supports": None, "height": 0.05, "stop": False},
         ),
         "PlanGraph.waits_for": (graph.waits_for, {"arm": "arm"}),
         "ArmDelay": (rp.ArmDelay, {"start": 0.1, "slowdown": 0.1, "pauses": [(0.1, 0.2)]}),
@@ -593,7 +596,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "BoxEmulator.command": (rp.BoxEmulator(box).command, {"command": command}),
         "BoxEmulator.advance": (rp.BoxEmulator(box).advance, {"ticks": 3}),
         "BoxEmulator.run": (rp.BoxEmulator(box).run, {"command": command}),
-        "EmulatedSerialLine": (rp.EmulatedSerialLine, {"box": box, "position": None}),
+        "EmulatedSerialLine": (rp.EmulatedSerialLine, {"box": box, "position": None, "switches": {}}),
         "EmulatedSerialLine.read": (rp.EmulatedSerialLine(box).read, {"size": 5}),
         "EmulatedSerialLine.write": (rp.EmulatedSerialLine(box).write, {"data": b""}),
         "read_telemetry": (

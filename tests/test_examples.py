@@ -343,7 +343,14 @@ def a_motion_goes_to_an_emulated_control_box(said: str, folder: Path) -> None:
     assert "executed: idle, counters" in said
     assert "refused: W1 is at 0 steps" in said
     assert "objections of a controller: []" in said
-    assert rp.load_joint_trajectory(folder / "30_motion.yaml").degree == 5
+    assert rp.load_joint_trajectory(folder / "30_motion.yaml").degree == 3  # its accelerations jump
+
+
+def a_sequence_is_written_by_hand(said: str, _: Path) -> None:
+    assert FREE in said
+    assert number(r"block: at most (\S+) mm from where the plan has it", said) < 10.0
+    assert "contacts: none that no stage allows" in said
+    assert re.search(r"33_typo.toml:\d+: segments\[4\].move_gripper: .*Did you mean 'around'", said)
 
 
 CLAIMS: dict[str, Callable[[str, Path], None]] = {
@@ -379,6 +386,7 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
     "30_real_arm": a_motion_goes_to_an_emulated_control_box,
     "31_calibration": an_arm_is_calibrated_and_its_slipped_belt_is_named,
     "32_mirror": an_arm_that_is_pushed_leaves_the_corridor_and_comes_back,
+    "33_sequence_file": a_sequence_is_written_by_hand,
 }
 
 

@@ -18,18 +18,21 @@ def _blocks(language: str, page: Path = GUIDE) -> list[str]:
 
 
 def test_the_guide_s_code_runs_on_the_guide_s_files(tmp_path: Path) -> None:
-    (urdf, mjcf), (scene,) = _blocks("xml"), _blocks("toml")
+    (urdf, mjcf), (scene, sequence) = _blocks("xml"), _blocks("toml")
     # A declaration or comment may not come before what names the file.
     (tmp_path / "picker.urdf").write_text(urdf)
     (tmp_path / "lifter.xml").write_text(mjcf)
     (tmp_path / "cell.toml").write_text(scene)
+    (tmp_path / "pick.toml").write_text(sequence)
     assert urdf.startswith("<!-- picker.urdf -->")
     assert mjcf.startswith("<!-- lifter.xml -->")
     assert scene.startswith("# cell.toml")
+    assert sequence.startswith("# pick.toml")
     checks = "assert motion.valid and report.certified and not replay.contacts, (report, replay)\n"
     checks += "assert past_the_post.valid and lifter.tool == 'grasp' and lifter.joint_names == ('turn', 'lift')\n"
     checks += "assert set(cell.obstacles) == {'floor', 'post'}\n"
     checks += "assert all(rp.plan(p, rng=0).found for p in (by_pose, anywhere_in, either))\n"
+    checks += "assert by_hand and len(by_hand.stages) == 16, by_hand\n"
     checks += "assert near.valid and near.result.planner == 'straight_line', near\n"
     (tmp_path / "guide.py").write_text("\n".join([*_blocks("python"), checks]))
     command = [sys.executable, "-W", "error", "guide.py"]

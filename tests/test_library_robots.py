@@ -64,6 +64,54 @@ def test_a_robot_without_shapes_says_so_and_goes_the_whole_line(arm: Path, caplo
     assert rp.simulate(motion.trajectory, scene).free
 
 
+def coupled(leader: str, follower: str) -> str:
+    """An arm of two joints of which the second follows the first."""
+    joint = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/><axis xyz="0 0 1"/>{}</joint>'
+    links = "".join(f'<link name="l{i}"/>' for i in range(3))
+    kinds = ["continuous" if "lower" not in text else "revolute" for text in (leader, follower)]
+    first = joint.format("a", kinds[0], "l0", "l1", leader)
+    return f'<robot name="arm">{links}{first}{joint.format("b", kinds[1], "l1", "l2", follower)}</robot>'
+
+
+LIMITED, BEYOND = "joint 'a' is limited by 'b', which follows it", "joint 'b' follows 'a' beyond its limits"
+TURNS, WHOLE_TURN = '<limit velocity="2" effort="3"/>', 2.0 * np.pi
+
+
+@pytest.mark.parametrize(
+    ("leader", "follower", "expected", "words"),
+    [
+        (LIMIT.format(-3, 3), LIMIT.format(-0.5, 0.6) + '<mimic joint="a"/>', (-0.5, 0.6, 2.0), LIMITED),
+        (
+            LIMIT.format(-3, 3),
+            LIMIT.format(-1, 2) + '<mimic joint="a" multiplier="-4" offset="1"/>',
+            (-0.25, 0.5, 0.5),
+            LIMITED,
+        ),
+        (LIMIT.format(-1, 1), LIMIT.format(-9, 9) + '<mimic joint="a" multiplier="0.5"/>', (-1.0, 1.0, 2.0), ""),
+        (LIMIT.format(-1, 1), LIMIT.format(5, 6) + '<mimic joint="a"/>', (-1.0, 1.0, 2.0), BEYOND),
+        (TURNS, LIMIT.format(-2, 1) + '<mimic joint="a"/>', (-2.0, 1.0, 2.0), LIMITED),
+        (TURNS, '<mimic joint="a" multiplier="2"/>', (-np.inf, np.inf, 2.0), ""),
+        (TURNS, '<mimic joint="a" multiplier="0.5"/>', (-WHOLE_TURN, WHOLE_TURN, 2.0), LIMITED),
+    ],
+    ids=["range", "turned around", "wide", "never within", "continuous", "whole turns", "half turns"],
+)
+def test_a_joint_keeps_the_limits_of_those_that_follow_it(
+    leader: str,
+    follower: str,
+    expected: tuple[float, float, float],
+    words: str,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(coupled(leader, follower))
+    robot = rp.load_robot(file)
+    assert robot.joint_names == ("a",)
+    np.testing.assert_allclose([robot.limits.lower[0], robot.limits.upper[0], robot.limits.velocity[0]], expected)
+    assert [said for said in (LIMITED, BEYOND) if said in caplog.text] == ([words] if words else [])
+    assert bool(robot.continuous[0]) == np.isinf(expected[1])
+
+
 def test_chosen_joints_keep_their_order_and_the_others_are_held_near_zero(arm: Path) -> None:
     robot = rp.load_robot(arm, joints=["b", "a"], tool="l1")
     assert robot.joint_names == ("b", "a")
@@ -220,7 +268,6 @@ BAD_TOML = {
     "velocity zero": ('urdf = "arm.urdf"\npresets.slow.a.velocity = 0\n', "velocity"),
     "a word for a number": ('urdf = "arm.urdf"\npresets.slow.a.velocity = "x"\n', "velocity"),
     "unknown locked joint": ('urdf = "arm.urdf"\nlocked_joints.x = 0\n', "locked joint 'x'"),
-    "unknown locked joint by the earlier key": ('urdf = "arm.urdf"\nheld.x = 0\n', "locked joint 'x'"),
 }
 
 

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NoReturn
 
+from rr1plan.checks import resolved_path
 from rr1plan.errors import InputError, UnknownNameError
 
 # Until Python 3.14 argparse takes such numbers for options, but not with a space before them.
@@ -99,17 +100,16 @@ class Parser(argparse.ArgumentParser):
         """Declare options that name files to write: each another one, and none of them a file that is read."""
 
         def rule(options: argparse.Namespace) -> str | None:
-            # Unlike a Path, for names of any length.
             read = ((source, getattr(options, _attribute(source))) for source in sources)
             files = {
-                os.path.realpath(name): source if source.startswith("-") else source.upper()
+                resolved_path(name): source if source.startswith("-") else source.upper()
                 for source, name in read
                 if name is not None and os.path.isfile(name)  # noqa: PTH113
             }
             for option in outputs:
                 if option in options.given:
                     name = getattr(options, _attribute(option))
-                    other = files.setdefault(os.path.realpath(name), option)
+                    other = files.setdefault(resolved_path(name), option)
                     if other != option:
                         return f"{other} and {option} are the same file {name!r}"
             return None

@@ -67,7 +67,9 @@ def _demo(parser: Parser) -> None:
 
 
 def _plan(parser: Parser) -> None:
-    parser.add_argument("scene", metavar="SCENE", help="a shipped scene or a scene file")
+    parser.add_argument(
+        "scene", metavar="SCENE", help="a shipped scene, a scene file, or a sequence file (.toml with segments)"
+    )
     _query(parser)
     parser.add_argument(
         "--planner", help="one of the planners below (rrt_connect, for three moving arms and more many_arms)"
@@ -368,8 +370,8 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         _demo,
     ),
     "plan": (
-        "plan.plan",
-        "plan a motion and prove it",
+        "plan_segments.plan_any",
+        "plan a motion or a sequence and prove it",
         (
             "rr1plan plan rr1_table",
             "rr1plan plan rr1_table --query above_parcel --html plan.html",
@@ -377,6 +379,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
             "rr1plan plan cell.toml --start home --goal 0.5 0.4 -0.9 --planner anytime --seconds 1",
             "rr1plan plan rr1_pair --arm left --goal zero --limits hardware",
             "rr1plan plan rr1_ring --timeline timeline.svg --diagram diagram.svg",
+            "rr1plan plan pick.toml --output pick.json --html pick.html",
         ),
         _plan,
     ),

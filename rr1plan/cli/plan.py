@@ -30,7 +30,7 @@ def plan(options: Namespace, console: Console) -> int:
     look = page_options(options)
     if options.no_shorten and options.planner == "cartesian":
         raise InputError("--no-shorten has no effect with --planner cartesian, whose paths are never shortened")
-    _check_outputs(options)
+    check_outputs(options)
     with console.watch.stage("load the scene"), console.progress("loading the scene"):
         problem = question(options, load_scene_file(options.scene))
         if options.limits is not None:
@@ -184,16 +184,16 @@ def _no_plan(motion: MotionPlan, console: Console) -> int:
     return code
 
 
-def _check_outputs(options: Namespace) -> None:
+def check_outputs(options: Namespace) -> None:
     """Refuse outputs that cannot be written before any work; standard output takes one thing only."""
     taken = [name for name in ("--output", "--csv") if getattr(options, name[2:]) == "-"]
     if options.json and taken:
         raise InputError(f"--json and {taken[0]} - both write to standard output; name a file for one of them")
     if options.embed and options.output == "-":
         raise InputError("--embed has no effect with --output -, which always holds all meshes")
-    for file in (options.output, options.csv, options.html, options.timeline, options.diagram):
-        if file not in (None, "-"):
-            check_writable(file)
+    for name, suffixes in (("output", (".json",)), ("csv", (".csv",)), ("html", ()), ("timeline", ()), ("diagram", ())):
+        if getattr(options, name) not in (None, "-"):
+            check_writable(getattr(options, name), *suffixes)
 
 
 def _save(motion: MotionPlan, options: Namespace, look: rp.ViewOptions | None, console: Console) -> Mapping[str, str]:

@@ -7,9 +7,9 @@ padding is not proven, so it is refused.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -36,6 +36,7 @@ from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.scene import Scene
+from rr1plan.thread_locks import ExclusiveCache, exclusive
 from rr1plan.transforms import as_pose
 
 TOLERANCE = 1e-6
@@ -64,7 +65,8 @@ class CollisionChecker(CoalChecker):
     An edge is the straight line between two configurations; it is certified as a whole. Joint limits are another
     question (`limit_violations`), and so is the shorter way round of a continuous joint.
 
-    An instance keeps scratch memory: give each thread its own (they pickle, as what they were made from).
+    Threads may share an instance: each waits while another one uses it. Threads that are to check at the same time get
+    one each (they pickle, as what they were made from).
 
     Args:
         scene: The scene.
@@ -105,6 +107,7 @@ class CollisionChecker(CoalChecker):
         """Counters of the work so far, including that of compiled planners."""
         return self._kernel.done
 
+    @exclusive
     def keep_margin(self, margin: float) -> None:
         """Change the margin in place, which keeps the tables.
 
@@ -125,6 +128,7 @@ class CollisionChecker(CoalChecker):
             kernel = self._kernel
             kernel.use_padding(padded_pairs(self.geometry, self.solid_padding, self.tolerance, kernel.rest))
 
+    @exclusive
     def move_obstacle(self, name: str, pose: ArrayLike) -> None:
         """Move an obstacle in place: only its rows of the collision tables are rewritten.
 
@@ -151,7 +155,7 @@ class CollisionChecker(CoalChecker):
         self._without.clear()
         self._forget_places()
 
-    @cached_property
+    @ExclusiveCache
     def object_numbers(self) -> Mapping[str, int]:
         """The object index of each obstacle for `rr1_move_object`, which pages call; empty above 64 obstacles.
 
@@ -162,21 +166,24 @@ class CollisionChecker(CoalChecker):
         return {name: first + i for i, name in enumerate(names)}
 
     def _begin_anew(self, scene: Scene) -> None:
-        """Rebuild the checker for another scene; only `edges_checked` is kept."""
-        arms, margin, tolerance, edges = self.arms, self.margin, self.tolerance, self.edges_checked
-        self.__dict__.clear()
-        CollisionChecker.__init__(self, scene, arms, margin=margin, tolerance=tolerance)
-        self.edges_checked = edges
+        """Rebuild the checker for another scene; only its lock and `edges_checked` are kept."""
+        anew = CollisionChecker(scene, self.arms, margin=self.margin, tolerance=self.tolerance)
+        self.__dict__ = vars(anew) | {"_lock": self._lock, "edges_checked": self.edges_checked}
 
     def warm_up(self) -> None:
         """Build the collision tables, which the first query needs."""
-        _ = self.context, self.static_is_free
+        _ = self._kernel, self.static_is_free
 
-    @property
-    def context(self) -> tuple[int, int]:
-        """What compiled planners pass to the edge check: the addresses of tables and scratch memory."""
-        return self._kernel.context
+    @contextmanager
+    def context(self) -> Iterator[tuple[int, int]]:
+        """The addresses of tables and scratch memory, which compiled planners pass to the edge check.
 
+        They are for the block only: other threads wait at its end until they may use the checker.
+        """
+        with self._lock:
+            yield self._kernel.context
+
+    @exclusive
     def memory_image(self, **roots: Root) -> bytes:
         """The collision tables and new scratch memory for `core.wasm`, with which pages certify edges.
 
@@ -199,7 +206,7 @@ class CollisionChecker(CoalChecker):
             **roots,
         )
 
-    @cached_property
+    @ExclusiveCache
     def _kernel(self) -> EdgeKernel:
         return self._make_kernel(self.exact_kernel)
 
@@ -217,9 +224,11 @@ class CollisionChecker(CoalChecker):
             InputError: wrong shape or not finite.
         """
         q = self.checked(q)
-        status = self._certify(q, q)[0]
-        return status == FREE or (status != CONTACT and self.is_free_slowly(q))
+        with self._lock:
+            status = self._certify(q, q)[0]
+            return status == FREE or (status != CONTACT and self.is_free_slowly(q))
 
+    @exclusive
     def is_free_ignoring(self, q: ArrayLike, arms: frozenset[str]) -> bool:
         """Like `is_free`, ignoring pairs that involve some arms; the others keep at least a nanometer.
 
@@ -258,9 +267,11 @@ class CollisionChecker(CoalChecker):
             InputError: wrong shape or not finite.
         """
         q0, q1 = self.checked(q0), self.checked(q1)
-        self.edges_checked += 1
-        return self._certify(q0, q1)[0] == FREE
+        with self._lock:
+            self.edges_checked += 1
+            return self._certify(q0, q1)[0] == FREE
 
+    @exclusive
     def edge_is_free_slowly(self, q0: ArrayLike, q1: ArrayLike) -> bool:
         """Like `edge_is_free`, by the exact kernel alone; the reference in tests.
 
@@ -274,6 +285,7 @@ class CollisionChecker(CoalChecker):
         q0, q1 = self.checked(q0), self.checked(q1)
         return self._certify_exactly(np.array([q0, q1 - q0]), 1.0)[0] == FREE
 
+    @exclusive
     def path_is_free(self, waypoints: Path | ArrayLike) -> bool:
         """Every edge between consecutive waypoints is free; a single waypoint is an edge of length zero.
 
@@ -299,6 +311,7 @@ class CollisionChecker(CoalChecker):
             raise InputError(f"the path's joints are {', '.join(path.joint_names)}, expected {', '.join(names)}")
         return path.waypoints[:, [path.joint_names.index(name) for name in names]]
 
+    @exclusive
     def polynomial_is_free(self, coefficients: ArrayLike, duration: float) -> bool:
         """Every configuration on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, is free.
 
@@ -315,6 +328,7 @@ class CollisionChecker(CoalChecker):
         self.edges_checked += 1
         return self.static_is_free and self._kernel.certify_parabola(curve, duration)[0] == FREE
 
+    @exclusive
     def polynomial_is_free_slowly(self, coefficients: ArrayLike, duration: float) -> bool:
         """Like `polynomial_is_free`, by the exact kernel alone; the reference in tests.
 
@@ -327,6 +341,7 @@ class CollisionChecker(CoalChecker):
         """
         return self._certify_exactly(*self._checked_curve(coefficients, duration))[0] == FREE
 
+    @exclusive
     def first_contact(self, q0: ArrayLike, q1: ArrayLike, *, precision: float = _PRECISION) -> FirstContact | None:
         """The first contact on the straight line from q0 to q1, or None when it is free.
 
@@ -341,6 +356,7 @@ class CollisionChecker(CoalChecker):
         q0, q1 = self.checked(q0), self.checked(q1)
         return self._first_contact(np.array([q0, q1 - q0]), 1.0, positive_number("precision", precision))
 
+    @exclusive
     def first_contact_on(self, coefficients: ArrayLike, duration: float) -> FirstContact | None:
         """The first contact on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, or None when it is free.
 

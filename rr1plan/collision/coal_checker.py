@@ -7,8 +7,8 @@ they touch). Joint limits are another question: see `CollisionChecker.limit_viol
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from math import isfinite
+from threading import RLock
 from typing import TypeGuard
 
 import numpy as np
@@ -27,6 +27,7 @@ from rr1plan.errors import InputError
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
+from rr1plan.thread_locks import ExclusiveCache, exclusive
 
 
 class CoalChecker:
@@ -55,6 +56,7 @@ class CoalChecker:
 
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None, *, margin: float = 0.0) -> None:
         of_kind("scene", scene, Scene)
+        self._lock = RLock()
         self._scene = scene
         self._moved: dict[str, Array] = {}
         # A second time, as a scene may have no arms at all.
@@ -76,6 +78,7 @@ class CoalChecker:
         self.nq = sum(scene.arms[name].robot.nq for name in self.arms)
 
     @property
+    @exclusive
     def scene(self) -> Scene:
         """The scene, with all obstacles where they have been moved."""
         for name in list(self._moved):
@@ -83,6 +86,7 @@ class CoalChecker:
         return self._scene
 
     @property
+    @exclusive
     def geometry(self) -> CollisionGeometry:
         """The solids of the moving arms and of all that can come near them, and their pairs."""
         if self._geometry is None:
@@ -104,12 +108,12 @@ class CoalChecker:
 
     # ---- what it is about ----------------------------------------------------------------
 
-    @cached_property
+    @ExclusiveCache
     def model(self) -> SceneModel:
         """The moving arms alone as one Pinocchio model; its joints are numbered like those of the solids."""
         return SceneModel(Scene({name: self.scene.arms[name] for name in self.arms}))
 
-    @cached_property
+    @ExclusiveCache
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Pairs of elements that must not touch, of which at least one belongs to a moving arm.
 
@@ -124,23 +128,24 @@ class CoalChecker:
         """The convex pieces of the elements."""
         return self.geometry.solids
 
-    @cached_property
+    @ExclusiveCache
     def joint_names(self) -> tuple[str, ...]:
         """Names "arm/joint" of the columns of q."""
         return self.scene.joint_names(self.arms)
 
-    @cached_property
+    @ExclusiveCache
     def limits(self) -> Limits:
         """Limits of the columns of q."""
         return self.scene.limits(self.arms)
 
-    @cached_property
+    @ExclusiveCache
     def static_is_free(self) -> bool:
         """No two elements collide that do not move against each other, those of arms that stand still included."""
         own = self._static_clearance(ROUNDING) >= ROUNDING or not self._static.touching
         return own and not self._standing
 
     @property
+    @exclusive
     def static_contacts(self) -> tuple[tuple[str, str], ...]:
         """The pairs of elements that touch and do not move against each other."""
         own = dict.fromkeys(self.pairs[owner] for owner, *_ in self._static.touching)
@@ -162,6 +167,7 @@ class CoalChecker:
 
     # ---- one configuration ---------------------------------------------------------------
 
+    @exclusive
     def is_free_slowly(self, q: ArrayLike) -> bool:
         """The answer of `is_free`, by Coal alone; tests hold that to it.
 
@@ -174,6 +180,7 @@ class CoalChecker:
         moving = self._placed(q)
         return self.static_is_free and not moving.any_touches()
 
+    @exclusive
     def contacts(self, q: ArrayLike) -> tuple[Contact, ...]:
         """All pairs of elements that touch or are nearer than their padding, the deepest first.
 
@@ -197,6 +204,7 @@ class CoalChecker:
         own = [Contact(*self.pairs[k], depth, read_only(point)) for k, (depth, point) in ordered]
         return tuple(sorted([*own, *self._standing], key=lambda contact: -contact.depth))
 
+    @exclusive
     def distances(self, q: ArrayLike) -> Array:
         """Distance of every checked pair [m], negative where they overlap, shape (n_pairs,).
 
@@ -210,6 +218,7 @@ class CoalChecker:
         np.minimum.at(out, self.solid_owner, self.solid_distances(q))
         return out
 
+    @exclusive
     def nearest(self, q: ArrayLike) -> Nearest:
         """The nearest of all checked pairs.
 
@@ -229,6 +238,7 @@ class CoalChecker:
         distance, a, b = self._moving.distance(i)
         return Nearest(distance, self.pairs[self.solid_owner[i]], read_only(a), read_only(b))
 
+    @exclusive
     def clearance(self, q: ArrayLike, most: float = np.inf) -> float:
         """The least distance of any checked pair beyond its padding [m], `most` at most.
 
@@ -247,6 +257,7 @@ class CoalChecker:
         least = self.exact_kernel.least_clearance(q, self._static_clearance(most))
         return least if least <= self.omitted_clearance else self._whole.clearance(q, most)
 
+    @exclusive
     def moving_clearance(self, q: ArrayLike, most: float = np.inf) -> float:
         """Like `clearance`, of the pairs that move against each other.
 
@@ -264,23 +275,24 @@ class CoalChecker:
 
     # ---- for the kernels -----------------------------------------------------------
 
-    @cached_property
+    @ExclusiveCache
     def fixed(self) -> FixedSolids:
         """The links and obstacles that do not move, as compiled code puts them in place."""
         links, bodies = fixed_links(self.geometry.instances), len(self.geometry.instances.groups)
         return FixedSolids([*links, *self.geometry.obstacles], bodies, len(links))
 
-    @cached_property
+    @ExclusiveCache
     def tables(self) -> ExactTables:
         """The exact kernel's tables of the pairs that move."""
         return build_tables(self.geometry, self.fixed, self._kept_padding)
 
-    @cached_property
+    @ExclusiveCache
     def exact_kernel(self) -> ExactKernel:
         """The exact kernel of those pairs."""
         like, static = arm_exact_struct(self.geometry.instances), len(self.pair_tables.static)
         return ExactKernel(self.tables, self.nq, like, static)
 
+    @exclusive
     def solid_distances(self, q: ArrayLike, pairs: NDArray[np.intp] | None = None) -> Array:
         """Distance of every pair in `solid_pairs`, or of these of them [m], negative where they overlap, shape (m,).
 
@@ -295,6 +307,7 @@ class CoalChecker:
             whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
         return np.array([placed.distance(int(i))[0] for i in numbers])
 
+    @exclusive
     def solid_distance(self, q: ArrayLike, pair: int) -> float:
         """Distance of one pair in `solid_pairs` [m], negative where they overlap.
 
@@ -304,6 +317,7 @@ class CoalChecker:
         whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
         return self._placed(q).distance(pair)[0]
 
+    @exclusive
     def solid_points(self, q: ArrayLike, pair: int) -> tuple[Array, Array]:
         """The nearest points of one pair in `solid_pairs`, in the world [m], shape (3,) each.
 
@@ -325,19 +339,19 @@ class CoalChecker:
 
     # ---- inside ---------------------------------------------------------------------------
 
-    @cached_property
+    @ExclusiveCache
     def omitted_clearance(self) -> float:
         """Pairs that `pairs` omits keep more than this distance beyond their padding and the margin [m]."""
         return self.geometry.least_gap - max((self.scene.padding, *self.scene.pair_padding.values())) - self.margin
 
-    @cached_property
+    @ExclusiveCache
     def _whole(self) -> CoalChecker:
         """A checker of the same arms that leaves nothing out."""
         other = CoalChecker(self.scene, self.arms, margin=self.margin)
         other._use(collision_geometry(self.scene, self.arms, np.inf), self.margin)
         return other
 
-    @cached_property
+    @ExclusiveCache
     def _moving(self) -> CoalPairs:
         return CoalPairs(self.model, self.solids, self.solid_pairs, self.solid_padding)
 
@@ -347,7 +361,7 @@ class CoalChecker:
         self._moving.place(q)
         return self._moving
 
-    @cached_property
+    @ExclusiveCache
     def _standing(self) -> tuple[Contact, ...]:
         return stationary_contacts(self.scene, self.arms) if len(self.arms) < len(self._scene.arms) else ()
 
@@ -362,7 +376,7 @@ class CoalChecker:
             return min(most, float(beyond.min()))
         return self.exact_kernel.of_pairs(tables).least_clearance(np.zeros(self.nq), most)
 
-    @cached_property
+    @ExclusiveCache
     def _static(self) -> StaticPairs:
         index, owner = self.pair_tables.static, self.pair_tables.static_owner
         if len(index) == 0:

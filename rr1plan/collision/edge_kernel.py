@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 from copy import copy
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,9 @@ class EdgeCounters(NamedTuple):
 
 
 class ExactKernel:
-    """Distances of pairs of convex bodies in one configuration. It keeps scratch memory: give each thread its own.
+    """Distances of pairs of convex bodies in one configuration.
+
+    It writes scratch memory, so one thread uses it at a time: a checker calls it while it holds its lock.
 
     Args:
         tables: The bodies and pairs.
@@ -70,12 +73,14 @@ class ExactKernel:
             q: Configuration [rad or m], shape (nq,).
             most: Greater distances are not computed [m].
         """
-        clearance: float = self._least_clearance(self.struct, self.scratch, q, most)
+        clearance: float = self._least_clearance(self.struct.address, self.scratch.address, q, most)
         return clearance
 
 
 class EdgeKernel:
-    """Edges and curves of a scene's moving arms, certified in C. It keeps scratch memory: give each thread its own.
+    """Edges and curves of a scene's moving arms, certified in C.
+
+    It writes scratch memory, so one thread uses it at a time: a checker calls it while it holds its lock.
 
     Args:
         tables: What the kernel knows of spheres, cores and pairs.
@@ -102,11 +107,12 @@ class EdgeKernel:
         self._exact = exact
         self._scene = scene_struct(tables, exact.struct, columns, tolerance, fixed)
         self._scratch = edge_scratch(tables, exact.scratch, columns)
+        self._result = self._scratch.value.result
         self.context = self._scene.address, self._scratch.address
         self._ends = np.zeros((2, columns))
         begin = address_of(self._ends, "double")
-        self._edge_call = *self.context, begin, begin + self._ends.strides[0]
-        self._certify_edge = self._library.rr1_certify_edge
+        certify: Any = self._library.rr1_certify_edge
+        self._certify_edge = partial(certify.native, *self.context, begin, begin + self._ends.strides[0])
 
     @property
     def done(self) -> EdgeCounters:
@@ -149,7 +155,7 @@ class EdgeKernel:
             FREE, CONTACT or GRAZING; where that is found (0..1); which pair (-1: free).
         """
         self._ends[0], self._ends[1] = q0, q1
-        return self._answer(self._certify_edge(*self._edge_call))
+        return self._answer(self._certify_edge())
 
     def certify_parabola(self, curve: Array, duration: float) -> Answer:
         """Certify a curve q(t) = sum_k curve[k] t^k, 0 <= t <= duration, of one to three terms.
@@ -205,5 +211,4 @@ class EdgeKernel:
         return b"".join(part.tobytes() for name, part in parts.items() if name not in (*_LISTS, "queue", "exact"))
 
     def _answer(self, status: int) -> Answer:
-        result = self._scratch.value.result
-        return status, result.fraction, result.pair
+        return status, self._result.fraction, self._result.pair

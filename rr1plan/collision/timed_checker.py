@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Scene
+from rr1plan.thread_locks import exclusive
 from rr1plan.trajectory import Trajectory
 
 _INTS = NDArray[np.int64]
@@ -61,8 +63,8 @@ class TimedChecker:
 
     An arm rests at the begin of its trajectory before, and at its end after. Times may be any, also before zero.
 
-    It is made from the checker's scene, margin and tolerance as they are; later changes of the checker do not count. An
-    instance keeps scratch memory: give each thread its own (they pickle, as what they were made from).
+    It is made from the checker's scene, margin and tolerance as they are; later changes of the checker do not count.
+    Threads may share an instance, as those of `CollisionChecker`: each waits while another one uses it.
 
     Args:
         checker: The arms that move along edges, and their scene.
@@ -276,9 +278,11 @@ class _MovingPairs:
             open=np.empty(_LISTS * len(pairs.rows) + 1, np.int64),
             open_size=_LISTS * len(pairs.rows) + 1,
         )
+        self._lock = RLock()
         self._library = load_library()
         self._library.rr1_sweep_timed_arms(self._scene, self._scratch)
 
+    @exclusive
     def is_free(self, breaks: Array, coefficients: Array, t_from: float, t_to: float) -> bool:
         """The motion is free in the interval of time.
 
@@ -290,6 +294,7 @@ class _MovingPairs:
         """
         return self._certify(breaks, coefficients, t_from, t_to, find_first=False) == FREE
 
+    @exclusive
     def first_contact(
         self, breaks: Array, coefficients: Array, t_from: float, t_to: float
     ) -> tuple[float, tuple[str, str]] | None:

@@ -14,7 +14,7 @@ from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, NullForma
 
 from rr1plan.experiments.measuring_process import Row
 from rr1plan.experiments.thesis_figures import GAZEBO_FACTORS, TOWER_FACTORS
-from rr1plan.playback.schedules.figure_files import look_of, style_of
+from rr1plan.playback.figure_files import look_of, style_of
 
 _SIZE = (12.0, 4.8)  # [inch]
 _OURS, _SECOND, _THESIS = "#1f6fb2", "#3aa17e", "#d9730d"

@@ -17,7 +17,7 @@ from rr1plan.experiments.experiment_figures import FIGURES
 from rr1plan.experiments.measuring_process import Row
 from rr1plan.experiments.thesis_figures import GAZEBO_FACTORS, HARDWARE, TOWER_FACTORS, UNITY_FRAMES
 from rr1plan.files.file_access import is_regular, read_text, write_text
-from rr1plan.playback.schedules.figure_files import save_figure
+from rr1plan.playback.figure_files import save_figure
 
 _CPU_INFO = Path("/proc/cpuinfo")
 _STYLE = """

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import pathlib
 
 import numpy as np
 
-from rr1plan.checks import counted, of_kind
+from rr1plan.checks import counted
 from rr1plan.errors import FormatError, InputError
-from rr1plan.files.file_access import read_text, write_text
+from rr1plan.export.trajectory_samples import sample_within_limits
+from rr1plan.files.file_access import check_writable, read_text, write_text
 from rr1plan.trajectory import Trajectory
 
 _File = str | pathlib.Path
@@ -20,49 +23,36 @@ def save_csv(file: _File, trajectory: Trajectory, *, dt: float = 0.01) -> pathli
     """Write samples of a trajectory as CSV and return the file's path; see `csv_text`.
 
     Args:
-        file: The file.
+        file: The file, whose name ends in .csv.
         trajectory: A trajectory that ends at rest.
-        dt: Time between rows [s]; the last row is the end.
+        dt: Longest time between rows [s]; there is one at each break, too.
 
     Raises:
-        InputError: the trajectory does not end at rest, or the file cannot be written.
+        InputError: the trajectory does not end at rest, another suffix, or the file cannot be written.
     """
-    return write_text(file, csv_text(trajectory, dt))
+    return write_text(check_writable(file, ".csv"), csv_text(trajectory, dt))
 
 
 def csv_text(trajectory: Trajectory, dt: float = 0.01) -> str:
-    """Samples of a trajectory as CSV.
+    """Samples of a trajectory as CSV, from which `load_csv` makes a motion within the same limits.
 
-    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`; SI units and radians; the velocities of the
-    last row are exactly zero.
+    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`, without the `a` columns where accelerations jump, which
+    interpolation between rows would exceed; SI units and radians; the velocities of the last row are exactly zero.
 
     Args:
         trajectory: A trajectory that ends at rest.
-        dt: Time between rows [s]; the last row is the end.
+        dt: Longest time between rows [s]; there is one at each break, too.
 
     Raises:
         InputError: the trajectory does not end at rest.
     """
-    of_kind("trajectory", trajectory, Trajectory)
-    times = trajectory.sample_times(dt)
-    q, v, a = (trajectory(times, derivative) for derivative in range(3))
-    check_rest_at_end(trajectory)
-    v[-1] = 0.0
-    header = ["t", *(f"{kind}:{name}" for kind in "qva" for name in trajectory.joint_names)]
-    rows = np.column_stack([times, q, v, a]).tolist()
-    return "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows)]) + "\n"
-
-
-def check_rest_at_end(trajectory: Trajectory) -> None:
-    """Refuse a trajectory that does not end at rest.
-
-    Raises:
-        InputError: a joint has a speed at the end.
-    """
-    speeds = np.abs(trajectory(trajectory.end_time, 1))
-    if speeds.max(initial=0.0) > 1e-6:
-        joint = trajectory.joint_names[int(np.argmax(speeds))]
-        raise InputError(f"the trajectory does not end at rest: {joint!r} has the speed {speeds.max():.3g}")
+    times, *columns = sample_within_limits(trajectory, dt)
+    kinds = [(kind, values) for kind, values in zip("qva", columns, strict=True) if values is not None]
+    header = ["t", *(f"{kind}:{name}" for kind, _ in kinds for name in trajectory.joint_names)]
+    rows = np.column_stack([times, *(values for _, values in kinds)]).tolist()
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([header, *rows])
+    return text.getvalue()
 
 
 def load_csv(file: _File) -> Trajectory:
@@ -75,10 +65,14 @@ def load_csv(file: _File) -> Trajectory:
     Raises:
         FormatError: another header, a row of another length, not numbers, or times that do not increase.
     """
-    lines = read_text(file).splitlines()
-    header = [column.strip() for column in lines[0].split(",")] if lines else []
-    time, names, columns = _columns(header, file)
-    rows = np.array([_row(line, len(header), file, number) for number, line in enumerate(lines[1:], 2) if line.strip()])
+    # Spreadsheets begin UTF-8 files with a byte order mark.
+    reader = csv.reader(io.StringIO(read_text(file).removeprefix("\ufeff"), newline=""), strict=True)
+    try:
+        header = [column.strip() for column in next(reader, [])]
+        time, names, columns = _columns(header, file)
+        rows = np.array([_row(row, len(header), file, reader.line_num) for row in reader if "".join(row).strip()])
+    except csv.Error as error:
+        raise FormatError(f"is not CSV: {error}", file, reader.line_num) from error
     if not len(rows):
         raise FormatError("has no rows", file)
     q = rows[:, [columns[0][name] for name in names]]
@@ -111,9 +105,9 @@ def _columns(header: list[str], file: _File) -> tuple[int, list[str], list[dict[
     return times[0], names, columns
 
 
-def _row(line: str, count: int, file: _File, number: int) -> list[float]:
+def _row(cells: list[str], count: int, file: _File, number: int) -> list[float]:
     try:
-        row = [float(cell) for cell in line.split(",")]
+        row = [float(cell) for cell in cells]
     except ValueError as error:
         raise FormatError(str(error), file, number) from error
     if len(row) != count:

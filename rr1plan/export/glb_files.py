@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rr1plan.checks import Array, file_path, positive_number
+from rr1plan.checks import Array, positive_number
 from rr1plan.errors import InputError
 from rr1plan.export.glb_container import GlbArrays
 from rr1plan.export.glb_meshes import joined, shape_triangles
@@ -61,10 +61,7 @@ def save_glb(
         UnknownNameError: a column that is not a joint of the scene.
         NoPlanError: a plan without a motion.
     """
-    file = file_path(file)
-    if file.suffix.lower() != ".glb":
-        raise InputError(f"cannot save {str(file)!r} as binary glTF, expected a name that ends in .glb")
-    check_writable(file)
+    file = check_writable(file, ".glb")
     rate = positive_number("rate", rate)
     if trajectory is None:
         document, _ = page_content(what)

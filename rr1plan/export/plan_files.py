@@ -26,7 +26,7 @@ from rr1plan.errors import FormatError, InputError
 from rr1plan.export import motion_schema as schema
 from rr1plan.export import motion_values as values
 from rr1plan.files.documents import read_json
-from rr1plan.files.file_access import write_text
+from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.path import Path
 from rr1plan.report import Report
 from rr1plan.scene import Scene
@@ -117,7 +117,7 @@ def save_motion(
     """Write a scene and a motion in it to a JSON file and return the file's path.
 
     Args:
-        file: The file; read it with `load_motion`.
+        file: The file, whose name ends in .json; read it with `load_motion`.
         scene: The scene.
         path: The path.
         trajectory: The trajectory.
@@ -130,8 +130,8 @@ def save_motion(
 
     Raises:
         UnknownNameError: a joint the scene does not have.
-        InputError: a value that cannot be saved, a trajectory whose start or end differs from that of the path, or the
-            file cannot be written.
+        InputError: a value that cannot be saved, a trajectory whose start or end differs from that of the path, another
+            suffix, or the file cannot be written.
     """
     entries = _motion_entries(scene, path, trajectory, report, problem)
     if plan_graph is not None:
@@ -206,8 +206,8 @@ def _motion_entries(
 def _save(file: _File, kind: str, scene: Scene, entries: dict[str, Any], embed: bool) -> pathlib.Path:
     of_kind("embed", embed, bool)
     stored: values.Shapes | None = None if embed else {}
+    target = check_writable(file, ".json")
     text = _text(kind, scene, entries, stored)
-    target = file_path(file)
     if stored:
         store_shapes(target.parent / FOLDER, stored)
     return write_text(target, text)

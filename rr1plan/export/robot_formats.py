@@ -6,7 +6,8 @@ or that does not end at rest, so points are whole nanoseconds apart and the last
 
 from __future__ import annotations
 
-import shutil
+import os
+import sqlite3
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path as FilePath
@@ -17,7 +18,7 @@ import numpy as np
 from rr1plan.checks import file_path, known_name, of_kind
 from rr1plan.errors import InputError, MissingPackageError
 from rr1plan.export.ros_trajectories import Duration, JointTrajectoryMessage, sampled_message
-from rr1plan.files.file_access import write_text
+from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -40,9 +41,9 @@ def save_rosbag(
 
     Args:
         folder: The bag, a folder that does not exist yet.
-        trajectory: A motion that ends at rest. Every point has position, velocity and acceleration, so that a
-            controller interpolates with quintic polynomials.
-        dt: Time between points [s].
+        trajectory: A motion that ends at rest. Points have positions and velocities, and accelerations unless these
+            jump, so that a controller that interpolates between them keeps the limits of the motion.
+        dt: Longest time between points [s]; there is one at each break of the motion, too.
         lead: Time from the start of the controller to the first point [s]; above zero it blends in from
             where the arm is.
         rename: ROS names of columns. Default: without the arm's name when there is one arm, else "arm_joint".
@@ -59,17 +60,15 @@ def save_rosbag(
     target = file_path(folder)
     known_name("storage", storage, _STORAGE)
     message = sampled_message(trajectory, dt, lead, rename)
-    if target.exists():
+    if os.path.lexists(target):
         raise InputError(f"{target} exists already, a bag is written to a new folder")
     try:
-        workplace = FilePath(tempfile.mkdtemp(dir=target.parent, prefix=".rr1plan."))
-    except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror}") from error
-    try:
-        _write_bag(workplace / target.name, message, storage)
-        (workplace / target.name).replace(target)
-    finally:
-        shutil.rmtree(workplace, ignore_errors=True)
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=".rr1plan.", ignore_cleanup_errors=True) as folder:
+            bag = FilePath(folder) / target.name
+            _write_bag(bag, message, storage)
+            bag.replace(target)
+    except (OSError, sqlite3.Error) as error:
+        raise InputError(f"cannot write {target}: {getattr(error, 'strerror', None) or error}") from error
     return target
 
 
@@ -119,7 +118,7 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
     """Write the scene's MuJoCo model as MJCF, with the servos that `simulate` uses.
 
     Args:
-        file: The file.
+        file: The file, whose name ends in .xml or .mjcf.
         scene: The scene; arms stand at zero in the file, their configurations are a keyframe "configuration".
 
     Returns:
@@ -128,5 +127,5 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
     from rr1plan.playback.simulation.mujoco_model import build_mujoco
 
     of_kind("scene", scene, Scene)
-    world = build_mujoco(scene)
-    return write_text(file, world.spec.to_xml())
+    path = check_writable(file, ".xml", ".mjcf")
+    return write_text(path, build_mujoco(scene).spec.to_xml())

@@ -1,7 +1,8 @@
 """Trajectories of ROS programs: a `trajectory_msgs/JointTrajectory` in a YAML file or in a bag.
 
 A joint trajectory controller interpolates by what the points carry: positions alone, straight lines; velocities too,
-cubics; accelerations too, quintics. So does `Trajectory.from_samples`. Messages that are written carry all three.
+cubics; accelerations too, quintics. So does `Trajectory.from_samples`. Messages that are written carry what keeps the
+limits of the motion between points, see `trajectory_samples`.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ import yaml
 
 from rr1plan.checks import Array, file_path, finite_number, known_name, of_kind, positive_number, shown
 from rr1plan.errors import FormatError, InputError, MissingPackageError
-from rr1plan.export.csv_files import check_rest_at_end
+from rr1plan.export.trajectory_samples import sample_within_limits
 from rr1plan.files.documents import read_yaml_documents
-from rr1plan.files.file_access import write_text
+from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.trajectory import Trajectory
 
 BAG_SUFFIXES = (".bag", ".mcap", ".db3")
@@ -126,8 +127,9 @@ def save_joint_trajectory(
 
     Args:
         file: The file, .yaml or .yml.
-        trajectory: A trajectory that ends at rest. Every point has position, velocity and acceleration.
-        dt: Time between points [s].
+        trajectory: A trajectory that ends at rest. Points have positions and velocities, and accelerations unless these
+            jump.
+        dt: Longest time between points [s]; there is one at each break, too.
         lead: Time from the start of the controller to the first point [s]; above zero it blends in from where the
             arm is.
         rename: ROS names of columns. Default: without the arm's name when there is one arm, else "arm_joint".
@@ -139,12 +141,10 @@ def save_joint_trajectory(
         UnknownNameError: a name to rename that is no column.
         InputError: the trajectory does not end at rest, another suffix, the file cannot be written.
     """
-    path = file_path(file)
-    if path.suffix not in YAML_SUFFIXES:
-        raise InputError(f"{path} is no YAML file, expected a name that ends in {' or '.join(YAML_SUFFIXES)}")
+    path = check_writable(file, *YAML_SUFFIXES)
     message = sampled_message(trajectory, dt, lead, rename)
     points = [
-        {name: getattr(point, name) for name in ("positions", "velocities", "accelerations")}
+        {name: getattr(point, name) for name in ("positions", "velocities", "accelerations") if getattr(point, name)}
         | {"time_from_start": {"sec": stamp.sec, "nanosec": stamp.nanosec}}
         for point, stamp in zip(message.points, message.stamps, strict=True)
     ]
@@ -160,7 +160,7 @@ def sampled_message(
 
     Args:
         trajectory: A trajectory that ends at rest.
-        dt: Time between points [s].
+        dt: Longest time between points [s].
         lead: Time of the first point [s].
         rename: ROS names of columns.
 
@@ -173,15 +173,14 @@ def sampled_message(
     if not 0.0 <= finite_number("lead", lead) <= _LONGEST_LEAD:
         raise InputError(f"lead is {lead}, expected a time from 0 to {_LONGEST_LEAD:g} s")
     names = _ros_names(trajectory, rename)
-    times = trajectory.sample_times(dt)
-    stamps = np.round((times - times[0] + lead) * _NANO).astype(np.int64).tolist()
-    rows = [trajectory(times, k) for k in range(3)]
-    check_rest_at_end(trajectory)
-    rows[1][-1] = 0.0
+    times, positions, velocities, accelerations = sample_within_limits(trajectory, dt, tick=1.0 / _NANO)
+    stamps = (np.round((times - times[0]) * _NANO).astype(np.int64) + round(lead * _NANO)).tolist()
     points = [
-        JointTrajectoryPoint(q, Duration(sec=t // _NANO, nanosec=t % _NANO), v, a)
-        for t, q, v, a in zip(stamps, *(row.tolist() for row in rows), strict=True)
+        JointTrajectoryPoint(q, Duration(sec=t // _NANO, nanosec=t % _NANO), v)
+        for t, q, v in zip(stamps, positions.tolist(), velocities.tolist(), strict=True)
     ]
+    for point, row in zip(points, [] if accelerations is None else accelerations.tolist(), strict=False):
+        point.accelerations = row
     return JointTrajectoryMessage(names, points)
 
 

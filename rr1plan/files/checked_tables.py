@@ -10,6 +10,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -224,7 +225,7 @@ def line_of(text: str, place: tuple[str, ...]) -> int | None:
     """The approximate line [1-based] of a TOML table or key, by text search."""
     for depth in range(len(place), 0, -1):
         header = r"\s*\.\s*".join(_key_pattern(part) for part in place[:depth])
-        found = re.search(rf"^\s*\[\[?\s*{header}\s*\]", text, re.MULTILINE)
+        found = _nth_header(text, header, place[depth - 1])
         if found is None:
             continue
         start = text.count("\n", 0, found.end()) + 1
@@ -237,6 +238,15 @@ def line_of(text: str, place: tuple[str, ...]) -> int | None:
         return start if inner is None else start + body.count("\n", 0, inner.start(0) + len(inner[0]))
     top = re.search(rf"^\s*{_key_pattern(place[0])}\s*[.=]", text, re.MULTILINE) if place else None
     return None if top is None else text.count("\n", 0, top.end()) + 1
+
+
+def _nth_header(text: str, header: str, last: str) -> re.Match[str] | None:
+    """The header of a table; of an array of tables that of the one with the index in the last part of its path."""
+    index = re.search(r"\[(\d+)\]$", last)
+    if index is None:
+        return re.search(rf"^\s*\[\[?\s*{header}\s*\]", text, re.MULTILINE)
+    tables = re.finditer(rf"^\s*\[\[\s*{header}\s*\]", text, re.MULTILINE)
+    return next(islice(tables, int(index[1]), None), None)
 
 
 def _key_pattern(part: str) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import secrets
 import stat
 import tempfile
 import zlib
@@ -22,6 +23,7 @@ from rr1plan.errors import FormatError, InputError
 MAX_BYTES = 256 * 1024 * 1024
 # Without O_NONBLOCK opening a FIFO waits for a writer. It has no effect on regular files.
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
+_NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
 _KINDS = {stat.S_IFDIR: "folder", stat.S_IFIFO: "FIFO", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
 
 
@@ -87,12 +89,16 @@ def write_text(file: str | os.PathLike[str], text: str) -> Path:
     return write_bytes(file, text.encode("utf-8"))
 
 
-def check_writable(file: str | Path) -> None:
-    """Require a name under which a file can be written, before its content is computed.
+def check_writable(file: str | os.PathLike[str], *suffixes: str) -> Path:
+    """The path of a file that can be written, before its content is computed.
+
+    Args:
+        file: The file.
+        suffixes: What its name has to end in, in small or capital letters (default: anything).
 
     Raises:
-        InputError: no file name at all, that of a folder or device, or one in a folder that is not there or not
-            writeable.
+        InputError: no file name at all, that of a folder or device, one in a folder that is not there or not
+            writeable, or another suffix.
     """
     path = file_path(file)
     try:
@@ -100,6 +106,9 @@ def check_writable(file: str | Path) -> None:
         tempfile.TemporaryFile(dir=resolved_path(path).parent).close()
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise InputError(f"cannot save {str(path)!r}, expected a name that ends in {' or '.join(suffixes)}")
+    return path
 
 
 def make_folder(folder: str | Path, file: str) -> Path:
@@ -137,9 +146,12 @@ def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
     """
     path = file_path(file)
     target = resolved_path(path)
+    temporary = target.with_name(f".rr1plan.{secrets.token_hex(8)}.tmp")
     try:
         _refuse_to_replace(path)
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".rr1plan.", suffix=".tmp")
+        old_mode = target.stat().st_mode & 0o777 if target.exists() else None
+        # The system applies the umask, which a process cannot read without changing it for all of its threads.
+        handle = os.open(temporary, _NEW_FILE, 0o666 if old_mode is None else old_mode)
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
     try:
@@ -147,20 +159,12 @@ def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
-        Path(temporary).chmod(_new_file_mode(target))
-        Path(temporary).replace(target)
+        if old_mode is not None:
+            temporary.chmod(old_mode)
+        temporary.replace(target)
     except BaseException as error:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise InputError(f"cannot write {path}: {error.strerror}") from error
         raise
     return path
-
-
-def _new_file_mode(path: Path) -> int:
-    """The mode of the replaced file, or the default of the umask (a temporary file has 0600)."""
-    if path.exists():
-        return path.stat().st_mode & 0o777
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask

@@ -1,13 +1,14 @@
 """An emulator of the control box: the firmware's tick rule, and its end of the serial line, byte by byte.
 
-Limit switches and the emergency stop are not emulated.
+Limit switches are reported where they are pressed. The firmware then backs off by 32 steps, at a speed that is not
+published; that is not emulated, and neither is the emergency stop.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from rr1plan.checks import known_name, of_kind, whole_number
+from rr1plan.checks import items_of, known_name, of_kind, shown, whole_number
 from rr1plan.errors import HardwareError, InputError
 from rr1plan.hardware.control_box import ControlBox
 from rr1plan.hardware.control_box_frames import (
@@ -15,6 +16,7 @@ from rr1plan.hardware.control_box_frames import (
     COMMAND_BYTES,
     HEADER,
     MOST_STEPS_SAFELY,
+    SWITCHES,
     BoxCommand,
     Telemetry,
 )
@@ -151,17 +153,35 @@ class EmulatedSerialLine:
     Args:
         box: The control box.
         position: Step counters at the beginning, by channel.
+        switches: Limit switches by name, such as "S1 A", each with the first and the last step counter at which it is
+            pressed; others never are.
 
     Attributes:
         emulator: The box.
 
     Raises:
-        InputError: a position that is no whole number.
-        UnknownNameError: a channel that is not in use.
+        InputError: a position that is no whole number, or a switch without two of them in order.
+        UnknownNameError: a channel that is not in use, or a switch of such a one.
     """
 
-    def __init__(self, box: ControlBox, position: Mapping[str, int] | None = None) -> None:
+    def __init__(
+        self,
+        box: ControlBox,
+        position: Mapping[str, int] | None = None,
+        *,
+        switches: Mapping[str, tuple[int, int]] | None = None,
+    ) -> None:
         self.emulator = BoxEmulator(box)
+        of_kind("switches", switches, Mapping, optional=True)
+        self._switches: dict[str, tuple[int, int]] = {}
+        for name, ends in (switches or {}).items():
+            known_name("limit switch", name, [s for s in SWITCHES if s.split()[0] in self.emulator.joints])
+            counters = items_of(f"switch {name}", ends, "two step counters")
+            if len(counters) != 2 or counters[0] > counters[1]:
+                raise InputError(f"switch {name} is {shown(ends)}, expected two step counters, the smaller one first")
+            first, last = (whole_number(f"switch {name}", count, -_MOST_TICKS, _MOST_TICKS) for count in counters)
+            self._switches[name] = first, last
+        self._hit: set[str] = set()
         of_kind("position", position, Mapping, optional=True)
         for name, count in (position or {}).items():
             joint = self.emulator.joints[known_name("channel", name, self.emulator.joints)]
@@ -194,8 +214,15 @@ class EmulatedSerialLine:
 
     def _exchange(self) -> None:
         """Sixteen passes of the loop; after the last, telemetry is sent and commands are received."""
+        before = self.emulator.position
         self.emulator.advance(EXCHANGE_TICKS)
+        after = self.emulator.position
+        for name, (first, last) in self._switches.items():
+            k = CHANNELS.index(name.split()[0])
+            if min(before[k], after[k]) <= last and max(before[k], after[k]) >= first:
+                self._hit.add(name)
         self._output += self.telemetry().encode()
+        self._hit.clear()
         if not self._unread:
             return
         self._input += self._unread
@@ -220,5 +247,6 @@ class EmulatedSerialLine:
             (channels[name].counts_per_step or 0.0) if name in channels else 0.0 for name in CHANNELS
         ]
         encoders = tuple(round(scale * count) for scale, count in zip(scales, position, strict=True))
+        hit = tuple(name for name in SWITCHES if name in self._hit)
         remaining = tuple(emulator.joints[name].remaining if name in emulator.joints else 0 for name in CHANNELS)
-        return Telemetry("0002", "idle" if emulator.idle else "active", (), encoders, remaining, position)
+        return Telemetry("0002", "idle" if emulator.idle else "active", hit, encoders, remaining, position)

@@ -113,7 +113,10 @@ class _Line:
         self._stream = TelemetryStream()
         forget = getattr(port, "reset_input_buffer", None)
         if callable(forget):
-            forget()  # what a port has kept from before
+            try:
+                forget()  # what a port has kept from before
+            except Exception as error:  # of any kind of port
+                raise SerialLineError(f"the serial line failed while its input was cleared: {error}") from error
 
     def send(self, command: BoxCommand, name: str) -> None:
         """Write one frame, in one piece."""

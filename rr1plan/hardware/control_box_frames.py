@@ -16,6 +16,8 @@ from rr1plan.checks import counted, items_of, known_name, whole_number
 from rr1plan.errors import InputError, SerialLineError
 
 CHANNELS = ("S1", "S2", "E1", "E2", "W1", "W2", "G")
+# Limit switches, in the order of their bits.
+SWITCHES = tuple(f"{channel} {side}" for channel in CHANNELS for side in "AB")
 HEADER = b"RR1-rev.2-robot"
 COMMAND_BYTES, TELEMETRY_BYTES = 47, 111
 # With high safety the box ignores a joint that is given more steps than this.
@@ -95,7 +97,7 @@ class Telemetry:
     def encode(self) -> bytes:
         """The frame, 111 bytes."""
         state = {name: number for number, name in _STATES.items()}[self.state]
-        mask = sum(1 << bit for bit, name in enumerate(_SWITCHES) if name in self.limit_switches)
+        mask = sum(1 << bit for bit, name in enumerate(SWITCHES) if name in self.limit_switches)
         executed = (-count for count in self.position)
         serial = self.serial_number.encode("ascii")
         return _TELEMETRY.pack(HEADER, serial, state, mask, *self.encoders, *self.remaining, *executed)
@@ -109,16 +111,13 @@ class Telemetry:
         """
         _check_frame("telemetry", frame, TELEMETRY_BYTES)
         _, serial, state, mask, *counts = _TELEMETRY.unpack(frame)
-        if state not in _STATES or mask >> len(_SWITCHES) or not serial.isascii() or -_MOST - 1 in counts:
+        if state not in _STATES or mask >> len(SWITCHES) or not serial.isascii() or -_MOST - 1 in counts:
             raise InputError(
                 f"telemetry makes no sense: state {state}, limit switches {mask:#x}, serial number {serial!r}"
             )
-        switches = tuple(name for bit, name in enumerate(_SWITCHES) if mask >> bit & 1)
+        switches = tuple(name for bit, name in enumerate(SWITCHES) if mask >> bit & 1)
         executed = tuple(-count for count in counts[14:])
         return Telemetry(serial.decode(), _STATES[state], switches, tuple(counts[:7]), tuple(counts[7:14]), executed)
-
-
-_SWITCHES = tuple(f"{channel} {side}" for channel in CHANNELS for side in "AB")
 
 
 def _check_frame(what: str, frame: bytes, size: int) -> None:

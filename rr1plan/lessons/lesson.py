@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import check_text, file_path, finite_array, positive_number
-from rr1plan.errors import InputError
+from rr1plan.checks import check_text, finite_array
+from rr1plan.files.file_access import check_writable
 from rr1plan.lessons.lesson_catalog import LESSONS
 from rr1plan.notebook_view import NotebookView
+from rr1plan.playback.figure_files import check_width, save_figure
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.live_viewer import Viewer
     from rr1plan.playback.viewer.page_document import Document
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
-
-_WIDEST = 100.0  # [inch]
 
 
 @dataclass(frozen=True)
@@ -110,8 +109,7 @@ class Lesson(NotebookView, ABC):
 
         from rr1plan.playback.cspace.cspace_figure import STYLE
 
-        if positive_number("width", width) > _WIDEST:
-            raise InputError(f"width is {width:g} inches, expected at most {_WIDEST:g}")
+        width = check_width(width)
         with rc_context(STYLE):
             figure = Figure(figsize=(width, self._aspect * width), layout="constrained", facecolor="white")
             FigureCanvasAgg(figure)
@@ -135,13 +133,7 @@ class Lesson(NotebookView, ABC):
         return self._save_figure(file, ".svg")
 
     def _save_figure(self, file: str | FilePath, suffix: str) -> FilePath:
-        from rr1plan.playback.schedules.figure_files import save_figure
-
-        if file_path(file).suffix.lower() != suffix:
-            raise InputError(
-                f"cannot save {str(file)!r} as {suffix[1:].upper()}, expected a name that ends in {suffix}"
-            )
-        return save_figure(file, self.figure)
+        return save_figure(check_writable(file, suffix), self.figure)
 
     # ---- pages ---------------------------------------------------------------------------
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 import html
 import os
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path as FilePath
 
 from rr1plan.files.file_access import write_text
 from rr1plan.lessons.lesson import Lesson
 from rr1plan.playback.viewer.html_page import page_html
 from rr1plan.playback.viewer.live_viewer import Viewer, announced
+from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.page_document import Document
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
+
+_PACKAGE = "rr1plan.lessons"
 
 
 def save_page(lesson: Lesson, file: str | os.PathLike[str], options: ViewOptions | None) -> FilePath:
@@ -52,18 +54,10 @@ def _steps_panel(lesson: Lesson) -> Panel:
     return Panel(
         "steps",
         lesson.title,
-        html=_asset("lesson.html").replace("{{ARTICLES}}", articles),
-        css=_asset("lesson.css") + _own_asset(lesson.name, "css"),
-        script=_asset("lesson.js") + _own_asset(lesson.name, "js") + "steps.begin();\n",
+        html=page_asset("lesson.html", _PACKAGE).replace("{{ARTICLES}}", articles),
+        css=page_asset("lesson.css", _PACKAGE) + page_asset(f"{lesson.name}_lesson.css", _PACKAGE, optional=True),
+        script=page_asset("lesson.js", _PACKAGE)
+        + page_asset(f"{lesson.name}_lesson.js", _PACKAGE, optional=True)
+        + "steps.begin();\n",
         data={"poses": [step.q for step in lesson.steps], "own": lesson._data()},
     )
-
-
-def _own_asset(name: str, suffix: str) -> str:
-    """The script ("js") or style ("css") of a lesson, empty where it has none."""
-    file = files("rr1plan.lessons") / "page" / f"{name}_lesson.{suffix}"
-    return file.read_text(encoding="utf-8") if file.is_file() else ""
-
-
-def _asset(name: str) -> str:
-    return (files("rr1plan.lessons") / "page" / name).read_text(encoding="utf-8")

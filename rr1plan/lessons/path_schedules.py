@@ -108,11 +108,6 @@ class PairCurve:
         """When the last arm arrives [s]."""
         return float(self.times[-1])
 
-    @property
-    def backs_up(self) -> bool:
-        """Whether an arm goes back on its path."""
-        return bool((np.diff(self.places, axis=0) < -1e-12).any())
-
 
 def path_pair(scene: Scene, one: tuple[str, ArrayLike], two: tuple[str, ArrayLike]) -> PathPair:
     """Two paths in a scene, and their diagram.
@@ -135,9 +130,9 @@ def path_pair(scene: Scene, one: tuple[str, ArrayLike], two: tuple[str, ArrayLik
     starts, goals = ({name: q[k] for name, q in waypoints.items()} for k in (0, -1))
     problem = Problem(scene, starts, goals)
     both = CollisionChecker(scene, problem.arms)
-    for what, q in (("starts", problem.start), ("goals", Problem(scene, goals, goals).start)):
+    for ends, q in (("starts", problem.start), ("goals", Problem(scene, goals, goals).start)):
         if not both.is_free(q):
-            raise InputError(f"the arms cannot be at both {what}: {describe_collision(both, q)}")
+            raise InputError(f"the arms cannot be at both {ends}: {describe_collision(both, q)}")
     paths = []
     for name, q in waypoints.items():
         agent = Agent(problem, [name])

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.resources import files
 from typing import Any
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.playback.cspace.cspace_grid import compute_grid
+from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.view_options import Panel
 from rr1plan.scene import Scene
+
+_PACKAGE = "rr1plan.lessons"
 
 
 def picture_panel(name: str, title: str, scripts: Sequence[str], data: Any) -> Panel:
@@ -21,17 +23,13 @@ def picture_panel(name: str, title: str, scripts: Sequence[str], data: Any) -> P
         scripts: Files in `page` that its script needs, besides those that draw the picture of two joints.
         data: For the scripts, with the axes of that picture (`slice_axes`).
     """
-    page = files("rr1plan.lessons") / "page"
-    picture = files("rr1plan.playback.viewer") / "page" / "cspace_picture.js"
-    parts = [picture, page / "picture_sketch.js", *(page / script for script in scripts), page / f"{name}_panel.js"]
-    own = page / f"{name}_panel.css"
+    own = [page_asset(file, _PACKAGE) for file in ("picture_sketch.js", *scripts, f"{name}_panel.js")]
     return Panel(
         name,
         title,
-        html=(page / f"{name}_panel.html").read_text(encoding="utf-8"),
-        css=(page / "picture_panel.css").read_text(encoding="utf-8")
-        + (own.read_text(encoding="utf-8") if own.is_file() else ""),
-        script="\n".join(part.read_text(encoding="utf-8") for part in parts),
+        html=page_asset(f"{name}_panel.html", _PACKAGE),
+        css=page_asset("picture_panel.css", _PACKAGE) + page_asset(f"{name}_panel.css", _PACKAGE, optional=True),
+        script="\n".join([page_asset("cspace_picture.js"), *own]),
         data=data,
         width=520,
     )

@@ -93,5 +93,5 @@ def _is_upright_prism(mesh: Mesh, pose: Array) -> bool:
     low, high = (vertices[np.abs(height - end) < _UPRIGHT, :2] for end in (height.min(), height.max()))
     if len(low) != len(high) or len(low) + len(high) != len(vertices):
         return False
-    apart = np.linalg.norm(low[:, None] - high, axis=2)
-    return bool(apart.min(axis=0).max() < _UPRIGHT and apart.min(axis=1).max() < _UPRIGHT) and is_own_hull(mesh)
+    gaps = np.linalg.norm(low[:, None] - high, axis=2)
+    return bool(gaps.min(axis=0).max() < _UPRIGHT and gaps.min(axis=1).max() < _UPRIGHT) and is_own_hull(mesh)

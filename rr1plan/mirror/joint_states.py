@@ -30,7 +30,7 @@ from rr1plan.export.ros_trajectories import BAG_SUFFIXES, read_joint_states
 from rr1plan.files.file_access import read_text
 from rr1plan.path import check_joint_names
 
-StreamFault = Literal["format", "joints", "finite", "order", "jump", "silence"]
+StreamFault = Literal["format", "joints", "finite", "order", "restart", "jump", "silence"]
 _LARGEST_DATAGRAM = 65_536
 
 
@@ -70,9 +70,9 @@ class StreamError:
     """What is wrong with a part of a stream.
 
     Args:
-        fault: "format" (cannot be read), "joints" (unknown or missing ones), "finite" (NaN, infinite, or
-            beyond 1e4), "order" (not after the message before), "jump" (faster than the joint can move), or "silence"
-            (no message for too long).
+        fault: "format" (cannot be read), "joints" (unknown or missing ones), "finite" (NaN, infinite, or beyond 1e4),
+            "order" (not after the message before), "restart" (the sender counts its time anew), "jump" (faster than the
+            joint can move), or "silence" (no message for too long).
         message: Description for people.
     """
 

@@ -4,7 +4,8 @@
         mirror.show()
         print(mirror.run(rp.read_states("udp://127.0.0.1:9000"), duration=10.0))
 
-A message that cannot be used never ends the stream: it is counted in the report.
+A message that cannot be used never ends the stream: it is counted in the report. Where the sender was restarted and
+its time stamps jump back, its clock is continued by that of this machine.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from rr1plan.mirror.joint_states import StateMessage, StreamError
 from rr1plan.mirror.message_reader import MessageReader
 from rr1plan.mirror.mirror_page import MirrorPage
 from rr1plan.mirror.mirror_report import MirrorEvent, MirrorReport, MirrorState, MirrorStatistics
+from rr1plan.mirror.sender_clock import SenderClock
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
 from rr1plan.playback.viewer import Viewer, ViewOptions
 from rr1plan.playback.viewer.view_options import checked_options
@@ -80,6 +82,7 @@ class Mirror:
         self._start = None if start is None else finite_number("start", start)
         self._on_event = on_event
         planned = () if self.corridor is None else self.corridor.joint_names
+        self._clock = SenderClock()
         self._reader = MessageReader(scene, scene.joint_names(None if plan is None else plan.arms))
         self._world = build_mujoco(scene)
         self.model: mujoco.MjModel = self._world.model
@@ -171,11 +174,17 @@ class Mirror:
         if isinstance(q, StreamError):
             self._fault(q)
             return None
-        jump = self._reader.accept(item.time, q)
+        now, error = self._clock.read(item.time, arrival)
+        if error is not None:
+            self._fault(error)
+        if now is None:
+            return None
+        self._clock.accept(now, arrival)
+        jump = self._reader.accept(now, q)
         if jump is not None:
             self._fault(jump)
-        self._start = item.time if self._start is None else self._start
-        state = MirrorState(item.time, read_only(q), *self._compared(item.time, q), self._contacts(q))
+        self._start = now if self._start is None else self._start
+        state = MirrorState(now, read_only(q), *self._compared(now, q), self._contacts(q))
         was_inside = self.state is None or self.state.corridor is None or self.state.proven_free
         self._statistics.add(state, arrival, was_inside)
         self._note_changes(state, was_inside)

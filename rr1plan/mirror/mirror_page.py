@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from importlib.resources import files
 from typing import Any
 
 from rr1plan.mirror.mirror_report import MirrorEvent, MirrorState, MirrorStatistics
 from rr1plan.playback.viewer import Panel, Viewer, ViewOptions
 from rr1plan.playback.viewer.live_viewer import announced
+from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.view_options import with_panel
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
@@ -33,7 +33,7 @@ class MirrorPage:
     """
 
     def __init__(self, scene: Scene, plan: Trajectory | None, names: tuple[str, ...], options: ViewOptions) -> None:
-        html, css, script = (_asset(f"mirror.{kind}") for kind in ("html", "css", "js"))
+        html, css, script = (page_asset(f"mirror.{kind}") for kind in ("html", "css", "js"))
         data = {"joints": list(names), "state": None}
         panel = Panel("mirror", "Mirror", html=html, css=css, script=script, data=data, width=_WIDTH)
         title = f"{scene.name}: mirror" if options.title is None else options.title
@@ -66,7 +66,3 @@ def _panel_state(state: MirrorState, statistics: MirrorStatistics, event: Mirror
         "contacts": [list(pair) for pair in state.contacts],
         "event": None if event is None else f"{event.time:.2f} s: {event.message}",
     }
-
-
-def _asset(name: str) -> str:
-    return (files("rr1plan.playback.viewer") / "page" / name).read_text(encoding="utf-8")

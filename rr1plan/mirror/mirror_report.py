@@ -24,7 +24,7 @@ class MirrorEvent:
     """Something that a mirror noticed.
 
     Args:
-        time: On the clock of the sender [s]; that of the last message where there is none.
+        time: On the clock of the sender, continued over restarts [s]; that of the last message where there is none.
         kind: "outside" or "inside" (the arms left the certified corridor, or came back), "contact" (bodies touch), or
             a fault of the stream as in `StreamError`.
         message: Description for people.
@@ -43,7 +43,7 @@ class MirrorState(Value):
     """The arms by the newest message.
 
     Args:
-        time: When it was measured, on the clock of the sender [s].
+        time: When it was measured, on the clock of the sender, continued over restarts [s].
         q: Planning joints of all arms of the scene [rad or m], shape (nq,).
         deviation: Measured less planned positions [rad or m], of the joints of the corridor; None without a plan.
         corridor: Where the arms are in the certified corridor; None without a plan.
@@ -71,7 +71,7 @@ class MirrorReport(Value):
         rate: Messages per second, by their arrival.
         delays: Median and largest delay of messages beyond that of the fastest one [s]; clocks may differ.
         max_deviation: Largest deviation from the plan of each of its joints [rad or m], by name.
-        outside: Intervals outside the certified corridor, on the clock of the sender [s].
+        outside: Intervals outside the certified corridor, on the clock of the sender, continued over restarts [s].
         faults: Number of faults of the stream of each kind.
     """
 

@@ -7,6 +7,7 @@ back, so mimic joints count in every Jacobian and torque and locked joints and r
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from rr1plan.model.scene_model import SceneModel
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Scene
 from rr1plan.scene.problem import frame_link
+from rr1plan.thread_locks import exclusive
 
 _WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
@@ -27,7 +29,7 @@ class Kinematics:
     """Forward kinematics, Jacobians and inverse dynamics of the moving arms of a scene.
 
     A frame is "arm/link" or "arm/tool" (the robot's tool); if only one arm moves, "link" or "tool" suffices.
-    Instances contain scratch memory and are not thread-safe.
+    Threads may share an instance: each waits while another one uses it.
 
     Args:
         scene_or_robot: A scene; or a robot, as the only arm "arm" of a scene.
@@ -41,6 +43,7 @@ class Kinematics:
     def __init__(self, scene_or_robot: Scene | Robot, arms: Sequence[str] | None = None) -> None:
         scene = Scene({"arm": Arm(scene_or_robot)}) if isinstance(scene_or_robot, Robot) else scene_or_robot
         self.scene_model = SceneModel(scene, arms)
+        self._lock = RLock()
         self._model = self.scene_model.model
         self._data = self._model.createData()
         self._own: dict[str, Kinematics] = {}
@@ -118,10 +121,12 @@ class Kinematics:
             UnknownNameError: no such frame.
             InputError: wrong shape or not finite.
         """
-        index = self._index(frame)
-        pin.forwardKinematics(self._model, self._data, self._full(q))
-        return self._placement(index)
+        index, full = self._index(frame), self._full(q)
+        with self._lock:
+            pin.forwardKinematics(self._model, self._data, full)
+            return self._placement(index)
 
+    @exclusive
     def poses(self, q: ArrayLike, frames: Iterable[str]) -> dict[str, Array]:
         """T_world_frame of several frames at q (nq,), each (4, 4), by the names given.
 
@@ -133,6 +138,7 @@ class Kinematics:
         pin.forwardKinematics(self._model, self._data, self._full(q))
         return {frame: self._placement(index) for frame, index in indices.items()}
 
+    @exclusive
     def poses_batch(self, qs: ArrayLike, frame: str = "tool") -> Array:
         """T_world_frame at each of qs (n, nq), shape (n, 4, 4).
 
@@ -160,6 +166,7 @@ class Kinematics:
         index = self._index(frame)
         return self.pose_and_jacobian(q, index)[2]
 
+    @exclusive
     def pose_and_jacobian(self, q: ArrayLike, index: int) -> tuple[Array, Array, Array]:
         """Position (3,), rotation (3, 3) and Jacobian (6, nq) of a frame by Pinocchio's index.
 
@@ -188,6 +195,7 @@ class Kinematics:
 
     # ---- forces ----------------------------------------------------------------------------
 
+    @exclusive
     def inverse_dynamics(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
         """Joint torques [Nm or N] of the motion (q, qd, qdd) under gravity, without friction.
 
@@ -223,6 +231,7 @@ class Kinematics:
         zero = np.zeros_like(q)
         return self.inverse_dynamics(q, zero, zero)
 
+    @exclusive
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia matrix at q (nq,), shape (nq, nq).
 

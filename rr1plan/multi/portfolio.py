@@ -46,7 +46,7 @@ _IMPROVEMENTS = 6  # rounds for each group
 _SEARCH = "conflict_based_search"
 _METHODS = ("portfolio", _SEARCH)
 _CANCELLED = "the progress callback returned False"
-# Share of the budget that is kept for what cannot be interrupted, and most of it [s].
+# Share of the budget reserved for work that cannot be interrupted, and the longest reserve [s].
 _RESERVE, _MOST_RESERVE = 0.05, 0.1
 _POLL = 0.05  # time between two looks at what threads do [s]
 

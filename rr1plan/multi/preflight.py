@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -128,7 +129,8 @@ def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:
 
 
 def _is_usable(checker: CollisionChecker, q: Array) -> bool:
-    return checker.within_limits(q) and checker.clearance(q, 1e-3) > 0.0
+    """Whether nothing touches, also among what stands still."""
+    return checker.static_is_free and checker.within_limits(q) and checker.clearance(q, 1e-3) > 0.0
 
 
 def _first_contact(
@@ -158,17 +160,23 @@ def _choose_goals(
         return {arm: choices[arm][0] for arm in agents}
     placed = {arm: [placed_configuration(agents[arm].bodies, q) for q in found] for arm, found in choices.items()}
 
-    def conflicts(arm: str, k: int) -> int:
-        return sum(
-            not are_apart(agents[arm], placed[arm][k], agents[other], placed[other][picked[other]])
-            for other in near[arm]
-        )
+    @cache
+    def touch(one: tuple[str, int], two: tuple[str, int]) -> bool:
+        (a, i), (b, j) = one, two
+        return not are_apart(agents[a], placed[a][i], agents[b], placed[b][j])
 
+    def conflicts(arm: str, k: int) -> int:
+        return sum(touch(*sorted(((arm, k), (other, picked[other])))) for other in near[arm])
+
+    seen = set()
     for _ in range(_REPAIRS):
         bad = [arm for arm in agents if conflicts(arm, picked[arm])]
         movable = [arm for arm in bad if len(choices[arm]) > 1]
-        if not movable:
+        # The repair is deterministic: what comes back goes on coming back.
+        state = tuple(picked.values())
+        if not movable or state in seen:
             break
+        seen.add(state)
         for arm in movable:
             picked[arm] = int(np.argmin([conflicts(arm, k) for k in range(len(choices[arm]))]))
     return {arm: choices[arm][picked[arm]] for arm in agents}

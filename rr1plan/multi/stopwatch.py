@@ -41,7 +41,7 @@ class Stopwatch:
 
     @property
     def time_left(self) -> float:
-        """The same for what needs some time: a millisecond at least [s]."""
+        """Wall time left, at least a millisecond, for work that needs a positive budget [s]."""
         return max(self.left, 1e-3)
 
     def with_deadline(self, seconds: float) -> Stopwatch:

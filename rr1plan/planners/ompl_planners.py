@@ -82,6 +82,10 @@ class OmplPlanner(Planner):
         settings = f", settings={dict(self.settings)!r}" if self.settings else ""
         return f"OmplPlanner({self.name!r}{settings})"
 
+    def __getstate__(self) -> dict[str, object]:
+        """The attributes, with settings that can be pickled."""
+        return {**self.__dict__, "settings": dict(self.settings)}
+
     @property
     def optimizing(self) -> bool:
         """Whether it improves its path until the budget ends."""

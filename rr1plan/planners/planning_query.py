@@ -135,9 +135,9 @@ class Query:
         if goals is None or not space.is_shared or not self.motion.static_is_free:
             return False
         near, visible = np.empty_like(goals), np.empty(1, np.int64)
-        count = load_library().rr1_check_endpoints(
-            *(self.problem.start, goals, len(goals), space.lower, space.upper, near, visible), *self.motion.context
-        )
+        given = self.problem.start, goals, len(goals), space.lower, space.upper, near, visible
+        with self.motion.context() as context:
+            count = load_library().rr1_check_endpoints(*given, *context)
         if count == 0:
             return False
         self.goals = near[:count]

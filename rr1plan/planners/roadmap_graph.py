@@ -98,7 +98,8 @@ class Graph:
         given = (self._struct, self._state, self._lower, self._extent, q)
         while self.samples < samples and goes_on():
             stop = min(samples, self.samples + pace.next())
-            code = self._library.rr1_sample_roadmap(*given, stop, *motion.context)
+            with motion.context() as context:
+                code = self._library.rr1_sample_roadmap(*given, stop, *context)
             if code == constants()["ROADMAP_FULL"]:
                 self._make_room(2 * self.size)
 
@@ -119,9 +120,9 @@ class Graph:
             first = self.size - len(goals) - 1
             going = code = constants()["ASTAR_GOING"]
             while code == going and goes_on():
-                code = self._library.rr1_find_roadmap_path(
-                    *(self._struct, first, start, pace.next(), path, count), *motion.context
-                )
+                given = self._struct, first, start, pace.next(), path, count
+                with motion.context() as context:
+                    code = self._library.rr1_find_roadmap_path(*given, *context)
         if code != constants()["ASTAR_FOUND"]:
             return None
         rows = int(count[0])

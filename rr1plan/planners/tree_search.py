@@ -9,6 +9,7 @@ from contextlib import suppress
 import numpy as np
 
 from rr1plan.checks import Array
+from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct, address_of, constants, load_library
 from rr1plan.kernels.random_state import RandomState, random_state
@@ -67,7 +68,7 @@ class TreeSearch:
                     self._slice = 2 * query.iterations
                     trees.add_goals(query.more_goals())
                 stop = min(stop, self._slice)
-            connected = trees.grow(self.state, stop - begin, query.motion.context)
+            connected = trees.grow(self.state, stop - begin, query.motion)
             query.iterations = begin + trees.samples
         query.edges += trees.edges
         return connected
@@ -131,10 +132,10 @@ class Trees:
         trees = self.memory.struct.value
         trees.sides[0].size = trees.samples = trees.edges = 0
 
-    def grow(self, state: RandomState, samples: int, scene: tuple[int, int]) -> bool:
+    def grow(self, state: RandomState, samples: int, motion: CollisionChecker) -> bool:
         """Grow until `samples` are drawn in all or the memory is full; whether the trees are connected."""
-        struct = self.memory.struct
-        code = self._call(struct, self._query, state, samples, *scene)
+        with motion.context() as context:
+            code = self._call(self.memory.struct, self._query, state, samples, *context)
         if code == constants()["SEARCH_FULL"]:
             self.memory.enlarge()
         return bool(code == constants()["SEARCH_SOLVED"])

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, as_generator, of_kind, whole_number
+from rr1plan.checks import Array, Seed, Value, as_generator, of_kind, whole_number
 from rr1plan.robot import Joint, Robot
 from rr1plan.robot.contact_bands import ContactBand, contact_bands, sampling_bounds
 from rr1plan.robot.link_contacts import LinkBodies, Pair
@@ -55,7 +55,7 @@ def adjacent_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
 
 
 @dataclass(frozen=True, eq=False)
-class PairProposal(Mapping[Pair, Reason]):
+class PairProposal(Value, Mapping[Pair, Reason]):
     """Pairs of links that need no check, each with the reason, and bands of contact to look at.
 
     Args:

@@ -25,6 +25,7 @@ UNKNOWN_VELOCITY = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.25}
 SECONDS_TO_VELOCITY = 0.25
 SECONDS_TO_ACCELERATION = 0.1
 _TOOL_NAMES = ("tool", "tool0", "tcp", "ee_link")
+_SAME_LIMIT = 1e-9  # limits that differ by less are the same [rad or m]
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,9 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         log.warning(
             "%s: group %r is planned for, not %s; option groups takes several", tree.name, first, ", ".join(others)
         )
-    joints = {joint.name: joint for joint in tree.joints}
     groups, names = _planning_joints(tree, known, chosen, choice.joints)
+    tree = _limited_by_followers(tree, names)
+    joints = {joint.name: joint for joint in tree.joints}
     limits = urdf_limits([joints[n] for n in names])
     locked = {
         j.name: float(np.clip(known.default_positions.get(j.name, 0.0), j.lower, j.upper))
@@ -124,6 +126,35 @@ def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robo
 
 def _listed(pairs: Iterable[frozenset[str]]) -> str:
     return ", ".join(sorted(" - ".join(sorted(pair)) for pair in pairs))
+
+
+def _limited_by_followers(tree: Tree, names: Sequence[str]) -> Tree:
+    """The tree with planning joints limited so that the joints that mimic them keep their own limits."""
+    given = {joint.name: joint for joint in tree.joints}
+    limited = dict(given)
+    for follower in tree.joints:
+        leader, gain, offset = follower, 1.0, 0.0
+        while leader.mimic is not None:
+            gain, offset = gain * leader.mimic.multiplier, offset + gain * leader.mimic.offset
+            leader = given[leader.mimic.joint]
+        if leader is follower or leader.name not in names or gain == 0.0:
+            continue
+        low, high = sorted(((follower.lower - offset) / gain, (follower.upper - offset) / gain))
+        before = limited[leader.name]
+        joint = replace(before, velocity=min(before.velocity, follower.velocity / abs(gain)))
+        if low > before.lower + _SAME_LIMIT or high < before.upper - _SAME_LIMIT:
+            joint = replace(joint, lower=max(low, before.lower), upper=min(high, before.upper))
+        if not joint.lower < joint.upper:
+            log.warning("%s: joint %r follows %r beyond its limits", tree.name, follower.name, leader.name)
+            continue
+        if joint.kind == "continuous" and (np.isfinite(joint.upper - joint.lower) or not gain.is_integer()):
+            # Not the same after a turn.
+            turns = max(joint.lower, -2.0 * np.pi), min(joint.upper, 2.0 * np.pi)
+            joint = replace(joint, kind="revolute", lower=turns[0], upper=turns[1])
+        if (joint.lower, joint.upper, joint.velocity) != (before.lower, before.upper, before.velocity):
+            limited[leader.name] = joint
+            log.warning("%s: joint %r is limited by %r, which follows it", tree.name, leader.name, follower.name)
+    return replace(tree, joints=tuple(limited.values()))
 
 
 def urdf_limits(joints: Sequence[Joint]) -> Limits:

@@ -5,7 +5,7 @@ Keys, all but the first optional:
 - `urdf`, `srdf`: files in the folder.
 - `tool`, `group`: as in `load_robot`.
 - `limits`: the preset a robot starts with.
-- `locked_joints` (earlier: `held`): values of joints that are not planned for [rad or m].
+- `locked_joints`: values of joints that are not planned for [rad or m].
 - `presets.<preset>.<joint>`: lower, upper, velocity, acceleration, jerk and effort of a planning
   joint; what is missing is the URDF's.
 - `about`: title, licence, provenance and notes, free text.
@@ -68,7 +68,7 @@ def read_robot_folder(folder: Path) -> RobotFolder:
     """
     file = folder / "robot.toml"
     table = read_toml(file)
-    locked = table.table(table.spelled("locked_joints", "held"))
+    locked = table.table("locked_joints")
     presets, about = table.table("presets"), table.table("about")
     found = RobotFolder(
         file=file,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 
 import numpy as np
 
@@ -100,9 +101,9 @@ def _axis(element: Element, name: str) -> Array:
     """The unit axis; URDF's default is x."""
     axis = element.child("axis")
     xyz = np.array((1.0, 0.0, 0.0) if axis is None else axis.vector("xyz", 3))
-    length = float(np.linalg.norm(xyz))
-    if axis is not None and length < 1e-6:
-        raise axis.error(f"the axis of joint {name!r} is {xyz.tolist()}, expected a direction")
+    length = math.hypot(*xyz)
+    if not 1e-6 <= length < np.inf:
+        raise element.error(f"the axis of joint {name!r} is {xyz.tolist()}, expected a direction")
     return read_only(xyz / length)
 
 

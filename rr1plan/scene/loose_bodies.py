@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,7 +30,10 @@ from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity, convex_s
 from rr1plan.shapes.mesh_files import load_mesh
 from rr1plan.transforms import as_pose, identity
 
+_log = logging.getLogger(__name__)
 _MOST_BODIES = 10_000
+# Nobody drops longer things; a file in millimeters was meant [m].
+_HUGE = 20.0
 # A smaller share of the bounding box is not a volume.
 _FLAT = 1e-9
 
@@ -66,6 +70,9 @@ def load_body(
     path, T = file_path(file), as_pose(pose)
     positive_number("density", density)
     mesh = load_mesh(path, scale=scale)
+    length = float(np.ptp(mesh.vertices, axis=0).max())
+    if length > _HUGE:
+        _log.warning("%s is %.4g m long; a file in millimeters needs scale=0.001", path, length)
     try:
         weight = density * _volume(mesh) if mass is None else positive_number("mass", mass)
         parts = convex_shapes([mesh], convex)

@@ -10,8 +10,8 @@ from typing import Literal
 from weakref import WeakValueDictionary
 
 from rr1plan.checks import check_text, file_path, known_name, of_kind
-from rr1plan.errors import FormatError, InputError, UnknownNameError
-from rr1plan.files.file_access import is_regular, write_text
+from rr1plan.errors import FormatError, InputError, InstallationError, UnknownNameError
+from rr1plan.files.file_access import check_writable, is_regular, write_text
 from rr1plan.robot import Robot
 from rr1plan.robot.mjcf_document import is_mjcf
 from rr1plan.robot.robot_builder import Choice, assemble
@@ -35,9 +35,17 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def models_folder() -> Path:
-    """The folder of the shipped models: inside an installed package, next to it in a source tree."""
-    inside = _PACKAGE / "models"
-    return inside if inside.is_dir() else _PACKAGE.parent / "models"
+    """The folder of the shipped models: inside an installed package, next to it in a source tree.
+
+    Raises:
+        InstallationError: there is none.
+    """
+    folder = next((f for f in (_PACKAGE / "models", _PACKAGE.parent / "models") if f.is_dir()), None)
+    if folder is None:
+        raise InstallationError(
+            f"the folder of models beside {_PACKAGE} is missing; rr1plan runs unpacked, not in a zip"
+        )
+    return folder
 
 
 # ---- robots ------------------------------------------------------------------------------
@@ -301,7 +309,7 @@ def save_scene(
     """Write a scene file (.toml) from which `load_scene` loads the same scene, to the last bit.
 
     Args:
-        file: The file; it is replaced atomically.
+        file: The file, whose name ends in .toml; it is replaced atomically.
         scene: The scene. Meshes and point clouds are written into the file.
         problems: Named queries in that scene, for `load_problems`.
         robots: Name or file of the robot of each arm, files relative to the scene file (default: the robot's name if it
@@ -312,11 +320,11 @@ def save_scene(
 
     Raises:
         InputError: a robot that was not loaded from a file, a scene that would read back differently (a robot that
-            was loaded with another SRDF), or a file that cannot be written.
+            was loaded with another SRDF), another suffix, or a file that cannot be written.
         UnknownNameError: a name in `robots` is not an arm.
     """
     of_kind("scene", scene, Scene)
-    path = file_path(file)
+    path = check_writable(file, ".toml")
     of_kind("problems", problems, Mapping, optional=True)
     of_kind("robots", robots, Mapping, optional=True)
     for problem in (problems or {}).values():

@@ -1,4 +1,4 @@
-"""MoveIt's `.scene` text, read in both its forms and written in the newer one.
+"""MoveIt's `.scene` text, in both its forms.
 
     name                     one line
     * id                     one object; the line to its end
@@ -7,7 +7,7 @@
     number of subframes      (missing in the older form) then for each: name, position, quaternion
     .                        the end
 
-Subframes are read over. A capsule is written as a cylinder and two spheres, which is the same solid.
+Subframes are read over.
 """
 
 from __future__ import annotations
@@ -16,18 +16,17 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.errors import FormatError, InputError
-from rr1plan.files.file_access import read_text, write_text
+from rr1plan.files.file_access import read_text
 from rr1plan.robot import Geometry
 from rr1plan.scene import Obstacle, Scene
-from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
+from rr1plan.shapes import Box, Cylinder, HalfSpace, Mesh, Shape, Sphere
 from rr1plan.shapes.convex_hulls import convex_hull
-from rr1plan.transforms import pose, quaternion_from_rotation
+from rr1plan.transforms import pose
 
 _MAX_COUNT = 10_000_000
 _CONE_SIDES = 32
@@ -61,29 +60,6 @@ def read_moveit_scene(file: str | Path) -> Scene:
         return Scene(obstacles=obstacles, name=scene.name)
     except InputError as error:
         raise FormatError(str(error), file) from error
-
-
-def write_moveit_scene(file: str | Path, scene: Scene) -> Path:
-    """Write the obstacles of a scene as a MoveIt `.scene` file (arms and held objects are not part of it).
-
-    Args:
-        file: The file; it is replaced in one step.
-        scene: The scene.
-
-    Raises:
-        InputError: a shape the format has no word for (a point cloud), or the file cannot be written.
-    """
-    broken = [name for name in (scene.name, *scene.obstacles) if name.splitlines() not in ([name], [])]
-    if broken:
-        raise InputError(f"the name {broken[0]!r} has more than one line, which a .scene file cannot hold")
-    lines = [scene.name]
-    for name, obstacle in scene.obstacles.items():
-        shapes = [part for g in obstacle.geometries for part in _written_shapes(name, g)]
-        lines += [f"* {name}", *_pose_lines(obstacle.pose), str(len(shapes))]
-        for kind, T, color in shapes:
-            lines += [*kind, *_pose_lines(T), _numbers(color)]
-        lines.append("0")
-    return write_text(file, "\n".join([*lines, "."]) + "\n")
 
 
 class _Words:
@@ -213,36 +189,3 @@ _READERS: dict[str, Callable[[_Words], list[Shape]]] = {
     "plane": _read_plane,
     "mesh": _read_mesh,
 }
-
-
-def _written_shapes(name: str, geometry: Geometry) -> list[tuple[list[str], Array, Any]]:
-    """Type and dimensions, pose and color of the written shapes that represent one shape."""
-    shape, color = geometry.shape, geometry.color or (0.0, 0.0, 0.0, 0.0)
-    if isinstance(shape, Capsule):
-        ends = [geometry.pose @ pose((0.0, 0.0, z)) for z in (-shape.length / 2, shape.length / 2)]
-        rod = (["cylinder", _numbers((shape.radius, shape.length))], geometry.pose, color)
-        return [rod, *((["sphere", repr(shape.radius)], end, color) for end in ends)]
-    match shape:
-        case Box():
-            lines = ["box", _numbers(shape.size)]
-        case Sphere():
-            lines = ["sphere", repr(shape.radius)]
-        case Cylinder():
-            lines = ["cylinder", _numbers((shape.radius, shape.length))]
-        case HalfSpace():
-            lines = ["plane", _numbers((*shape.normal, -shape.offset))]
-        case Mesh():
-            rows = [_numbers(v) for v in shape.vertices] + [" ".join(str(int(i)) for i in f) for f in shape.faces]
-            lines = ["mesh", f"{len(shape.vertices)} {len(shape.faces)}", *rows]
-        case _:
-            raise InputError(f"obstacle {name!r} has a {type(shape).__name__}, which a .scene file has no word for")
-    return [(lines, geometry.pose, color)]
-
-
-def _pose_lines(T: Array) -> list[str]:
-    w, x, y, z = quaternion_from_rotation(T[:3, :3])
-    return [_numbers(T[:3, 3]), _numbers((x, y, z, w))]
-
-
-def _numbers(values: Any) -> str:
-    return " ".join(repr(float(v)) for v in values)

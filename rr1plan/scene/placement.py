@@ -50,7 +50,7 @@ def place_grid(
         spacing: Distance between neighbors [m], one number or (along x, along y).
         pose: Middle of the grid in the world and how it is turned: (4, 4), or a position (3,) [m] (default: the
             origin).
-        q: PlacedArm of every arm: a configuration's name or numbers (nq,).
+        q: Configuration of every arm: a configuration's name or numbers (nq,).
         scene: The scene they are added to (default: an empty one).
         prefix: Their names are this and a number from 1 on, e.g. "arm01".
 
@@ -91,7 +91,7 @@ def place_ring(
         front: Which way the robot's front points in its base frame, shape (3,); (-1, 0, 0) for RR1.
         pose: Middle of the circle in the world and how it is turned: (4, 4), or a position (3,) [m] (default: the
             origin). The first arm stands on its x axis.
-        q: PlacedArm of every arm: a configuration's name or numbers (nq,).
+        q: Configuration of every arm: a configuration's name or numbers (nq,).
         scene: The scene they are added to (default: an empty one).
         prefix: Their names are this and a number from 1 on, e.g. "arm01".
 

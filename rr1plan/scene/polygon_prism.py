@@ -58,12 +58,12 @@ def _crosses_itself(points: Array) -> bool:
         for j in range(i + 1, n):
             if j - i in (1, n - 1):
                 continue
-            apart = turn[0][j][i] * turn[1][j][i] > 0.0 or turn[0][i][j] * turn[1][i][j] > 0.0
+            separate = turn[0][j][i] * turn[1][j][i] > 0.0 or turn[0][i][j] * turn[1][i][j] > 0.0
             low, high = (
                 np.maximum(np.minimum(a[i], b[i]), np.minimum(a[j], b[j])),
                 np.minimum(np.maximum(a[i], b[i]), np.maximum(a[j], b[j])),
             )
-            if not apart and (low <= high).all():
+            if not separate and (low <= high).all():
                 return True
     fore, back = b - a, a - np.roll(a, 1, axis=0)
     return bool(((_cross(back, fore) == 0.0) & ((back * fore).sum(axis=1) < 0.0)).any())

@@ -29,10 +29,10 @@ def read_queries(queries: Table, scene: Scene) -> dict[str, Problem]:
 def read_query(entry: Table, scene: Scene) -> Problem:
     """One problem."""
     if entry.one_of({"goal": None, "goals": None}) == "goal":
-        goal, start = _read_goal(entry, "goal"), _read_start(entry, "start")
+        goal, start = read_goal(entry, "goal"), _read_start(entry, "start")
     else:
         goals, starts = entry.table("goals"), entry.table("starts")
-        goal = {arm: _read_goal(goals, arm) for arm in goals.names()}
+        goal = {arm: read_goal(goals, arm) for arm in goals.names()}
         start = {arm: _read_start(starts, arm) for arm in starts.names()}
     arms = entry.strings("arms") or None
     entry.finish()
@@ -58,21 +58,31 @@ def _read_start(entry: Table, key: str) -> Any:
     return entry.numbers(key, (None,))
 
 
-def _read_goal(entry: Table, key: str) -> Any:
+def read_goal(entry: Table, key: str, frame: str = "tool") -> Any:
+    """A goal, or a list of alternatives.
+
+    Args:
+        entry: The table that has it.
+        key: Its key.
+        frame: The frame of poses and regions that name none.
+
+    Raises:
+        FormatError: it is not there, or is none.
+    """
     value = entry.required(key)
     if isinstance(value, list) and value and not all(is_number(v) for v in value):
-        return [_one_goal(entry, f"{key}[{i}]", item) for i, item in enumerate(value)]
-    return _one_goal(entry, key, value)
+        return [_one_goal(entry, f"{key}[{i}]", item, frame) for i, item in enumerate(value)]
+    return _one_goal(entry, key, value, frame)
 
 
-def _one_goal(entry: Table, place: str, value: Any) -> Any:
+def _one_goal(entry: Table, place: str, value: Any, frame: str) -> Any:
     if isinstance(value, str):
         return value
     if isinstance(value, list):
         check_numbers(value, lambda message: entry.error(message, place))
         return [float(v) if is_number(v) else v for v in value]
     table = Table(value, entry.file, (*entry.path, place), entry.text)
-    frame = table.string("frame", "tool")
+    frame = table.string("frame", frame)
     quaternion = table.numbers("quaternion", (4,)) if "quaternion" in table else None
     tolerance = table.number("orientation_tolerance", 1e-3)
     goal: PoseGoal | RegionGoal

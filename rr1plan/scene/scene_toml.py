@@ -32,7 +32,7 @@ import numpy as np
 from rr1plan.checks import of_kind, resolved_path, shown
 from rr1plan.files.checked_tables import Table, is_number
 from rr1plan.files.documents import parse_toml
-from rr1plan.files.file_access import read_text, write_text
+from rr1plan.files.file_access import read_text
 from rr1plan.files.toml_writer import to_toml
 from rr1plan.robot import Robot
 from rr1plan.robot.joint_limits import Limits
@@ -104,6 +104,8 @@ def parse_scene(text: str, file: str | Path, load_robot: RobotLoader) -> SceneFi
     top = parse_toml(text, file)
     if top.raw("version", _VERSION) != _VERSION:
         raise top.error(f"is version {top.raw('version')!r}, expected {_VERSION}", "version")
+    if "segments" in top.entries:
+        raise top.error("holds a sequence, not a scene; read it with load_segments", "segments")
     folder = Path(file).absolute().parent
     scene = Scene(name=top.string("name", Path(file).stem), description=top.string("description", ""))
     arms = _read_arms(top.table("arms"), folder, load_robot)
@@ -114,20 +116,6 @@ def parse_scene(text: str, file: str | Path, load_robot: RobotLoader) -> SceneFi
     problems = read_queries(top.table("queries"), scene)
     top.finish()
     return SceneFile(scene, problems)
-
-
-def write_scene(
-    file: str | Path,
-    scene: Scene,
-    problems: Mapping[str, Problem] | None = None,
-    robots: Mapping[str, str] | None = None,
-) -> Path:
-    """Write the `scene_text` of a scene to a file, which is replaced in one step.
-
-    Raises:
-        InputError: the folder is not there or not writeable.
-    """
-    return write_text(file, scene_text(scene, problems, robots))
 
 
 def scene_text(

@@ -7,7 +7,17 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, check_text, items_of, known_name, of_kind, positive_number, shape_of, whole_number
+from rr1plan.checks import (
+    Array,
+    check_text,
+    items_of,
+    known_name,
+    of_kind,
+    positive_number,
+    shape_of,
+    true_or_false,
+    whole_number,
+)
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
@@ -72,6 +82,7 @@ def pick_and_place(
     grasps: Iterable[PoseGoal] | None = None,
     supports: Iterable[str] | None = None,
     height: float = 0.08,
+    stop: bool = True,
 ) -> list[Segment]:
     """The segments that take an object and put it down elsewhere, to be planned alone or with others as a `Sequence`.
 
@@ -87,6 +98,7 @@ def pick_and_place(
         supports: What the object stands on, before and after, and may touch while it is lifted and lowered (default:
             what is less than 2 mm below it in the scene).
         height: How far it is lifted, and the tool approaches [m].
+        stop: Whether to come to rest above the object and the place, see `FreeMotion`.
 
     Raises:
         UnknownNameError: no such object or arm.
@@ -97,7 +109,7 @@ def pick_and_place(
     thing = scene.obstacles[known_name("obstacle", obstacle, scene.obstacles)]
     arm = scene.only_arm(arm)
     robot = scene.arms[arm].robot
-    height = positive_number("height", height)
+    height, stop = positive_number("height", height), true_or_false("stop", stop)
     if grasps is None:
         found = _grasps(robot, thing, obstacle, 8)
         width: float | None = max(own for own, _ in found)
@@ -123,16 +135,16 @@ def pick_and_place(
     over = [_shifted(goal, np.array([0.0, 0.0, height])) for goal in places]
     return [
         _open(robot, arm, width),
-        FreeMotion(above, arm=arm),
+        FreeMotion(above, arm=arm, stop=stop),
         StraightLine(offset=[0.0, 0.0, height], axes="tool", arm=arm),
         MoveGripper(around=obstacle, arm=arm),
         Attach(obstacle, arm=arm),
-        StraightLine(offset=[0.0, 0.0, height], arm=arm, allow=rest),
-        FreeMotion(over, arm=arm),
+        StraightLine(offset=[0.0, 0.0, height], arm=arm, allow=rest, stop=stop),
+        FreeMotion(over, arm=arm, stop=stop),
         StraightLine(offset=[0.0, 0.0, -height], arm=arm, allow=rest),
         Detach(obstacle),
         _open(robot, arm, width, fingers),
-        StraightLine(offset=[0.0, 0.0, -height], axes="tool", arm=arm),
+        StraightLine(offset=[0.0, 0.0, -height], axes="tool", arm=arm, stop=stop),
     ]
 
 

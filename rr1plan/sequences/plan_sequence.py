@@ -14,6 +14,7 @@ from rr1plan.retiming import retiming_names
 from rr1plan.scene import Pair, Scene
 from rr1plan.scene.unlocked_joints import unlocked_scene
 from rr1plan.sequences.grippers import finger_contacts
+from rr1plan.sequences.passed_corners import pass_corners
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, StraightLine
 from rr1plan.sequences.sequence import Sequence
 from rr1plan.sequences.sequence_plan import SequencePlan
@@ -35,7 +36,8 @@ def plan_sequence(
     """Plan all segments of a sequence, so that each ends where the next ones can go on.
 
     Where a segment has a choice (several goals, several configurations that reach one) and a later segment fails, the
-    next candidate is tried. The motion is from rest to rest in each segment; the referee judges each in its scene.
+    next candidate is tried. Each segment ends at rest unless it has `stop=False`, which takes the retiming "blend". The
+    referee judges each in its scene; should it reject a rounded corner between two, all end at rest.
 
     Args:
         sequence: The sequence.
@@ -65,8 +67,14 @@ def plan_sequence(
     plan = SequencePlan(scene, found.status, found.reason, found.failed, sequence, gripper_joints=grippers)
     if found.status is not PlanStatus.FOUND:
         return plan
-    trajectory, stages = _on_one_clock(sequence.scene, scene, found.steps)
-    report = validate_stages(trajectory, scene, stages, jerk_limits=retiming.startswith("ruckig"), progress=progress)
+    # Other retimings stop at all corners.
+    for steps in dict.fromkeys((pass_corners(found.steps) if retiming == "blend" else found.steps, found.steps)):
+        trajectory, stages = _on_one_clock(sequence.scene, scene, steps)
+        report = validate_stages(
+            trajectory, scene, stages, jerk_limits=retiming.startswith("ruckig"), progress=progress
+        )
+        if report.valid:
+            break
     return replace(plan, stages=stages, _trajectory=trajectory, _report=report)
 
 

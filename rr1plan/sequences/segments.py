@@ -18,6 +18,7 @@ from rr1plan.checks import (
     near_array,
     positive_number,
     shown,
+    true_or_false,
 )
 from rr1plan.errors import InputError
 from rr1plan.scene import Pair, pair
@@ -39,21 +40,30 @@ class FreeMotion(Value):
             that move at once a mapping by arm. The frame of a `PoseGoal` may be a held object.
         arm: The arm (default: the only one, or those of a mapping).
         allow: Pairs of elements (or arms, for all their links) that may touch during this segment.
+        stop: Whether to come to rest at its end. Without, the corner to the next segment of the same arms is rounded
+            where that is free of collision, so that its end is passed at a small distance.
     """
 
     goal: GoalLike | Mapping[str, GoalLike]
     _: KW_ONLY
     arm: str | None = None
     allow: frozenset[Pair] = frozenset()
+    stop: bool = True
 
     if TYPE_CHECKING:  # what it takes; above is what it holds
 
         def __init__(
-            self, goal: GoalLike | Mapping[str, GoalLike], *, arm: str | None = None, allow: _Pairs = ()
+            self,
+            goal: GoalLike | Mapping[str, GoalLike],
+            *,
+            arm: str | None = None,
+            allow: _Pairs = (),
+            stop: bool = True,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         _check_arm_and_pairs(self)
+        true_or_false("stop", self.stop)
         if isinstance(self.goal, Mapping) and self.arm is not None:
             raise InputError("FreeMotion got an arm and goals by arm, expected one of them")
 
@@ -78,6 +88,7 @@ class StraightLine(Value):
         axes: The axes of the offset: those of the "world", or of the "tool".
         arm: The arm (default: the only one).
         allow: Pairs of elements that may touch during this segment, such as a held object and what it stands on.
+        stop: Whether to come to rest at its end, see `FreeMotion`.
     """
 
     goal: tuple[PoseGoal, ...] = ()
@@ -86,6 +97,7 @@ class StraightLine(Value):
     axes: Literal["world", "tool"] = "world"
     arm: str | None = None
     allow: frozenset[Pair] = frozenset()
+    stop: bool = True
 
     if TYPE_CHECKING:  # what it takes; above is what it holds
 
@@ -97,10 +109,12 @@ class StraightLine(Value):
             axes: Literal["world", "tool"] = "world",
             arm: str | None = None,
             allow: _Pairs = (),
+            stop: bool = True,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         _check_arm_and_pairs(self)
+        true_or_false("stop", self.stop)
         goals = () if self.goal is None else alternatives(self.goal)
         if bool(goals) == (self.offset is not None):
             raise InputError("StraightLine takes either a goal or an offset")

@@ -55,14 +55,14 @@ class Sequence(Value):
         if not 0 < len(segments) <= _MOST_SEGMENTS:
             raise InputError(f"a sequence of {counted(len(segments), 'segment')}, expected 1 to {_MOST_SEGMENTS}")
         object.__setattr__(self, "segments", segments)
-        holders = {name: held.arm for name, held in self.scene.attachments.items()}
+        check = SegmentCheck(self.scene)
         for k, segment in enumerate(segments):
             if not isinstance(segment, _KINDS):
                 raise InputError(
                     f"segment {k + 1} is {shown(segment)}, expected one of {', '.join(c.__name__ for c in _KINDS)}"
                 )
             try:
-                self._check(segment, holders)
+                check(segment)
             except InputError as error:
                 error.args = (f"segment {k + 1} ({segment.label}): {error}",)
                 raise
@@ -76,25 +76,43 @@ class Sequence(Value):
         arms = dict.fromkeys(self.scene.only_arm(s.arm) for s in self.segments if isinstance(s, MoveGripper))
         return {name: gripper_joints(arm.robot) for name, arm in self.scene.arms.items() if name in arms}
 
-    def _check(self, segment: Segment, holders: dict[str, str]) -> None:
-        """Check a segment against the scene, and note which arm holds what after it."""
-        scene = self.scene
+
+class SegmentCheck:
+    """Checks segments of a sequence one after the other; what is held when follows from those before.
+
+    Args:
+        scene: The scene at the beginning.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        # The arm that holds each object.
+        self._holders = {name: held.arm for name, held in scene.attachments.items()}
+
+    def __call__(self, segment: Segment) -> None:
+        """Check the next segment.
+
+        Raises:
+            UnknownNameError: an arm, link, object or gripper state that there is not at that point.
+            InputError: a segment that does not fit the scene.
+        """
+        scene = self._scene
         if isinstance(segment, FreeMotion | StraightLine | MoveGripper):
             for name in frozenset[str]().union(*segment.allow):
                 known_name("element", name, (*scene.element_names, *scene.arms))
         if isinstance(segment, FreeMotion):
             for arm, goals in goals_by_arm(segment, scene).items():
-                _check_goals(scene, arm, goals, holders)
+                _check_goals(scene, arm, goals, self._holders)
         elif isinstance(segment, StraightLine):
             arm = scene.only_arm(segment.arm)
             if segment.goal:
-                _check_goals(scene, arm, segment.goal, holders)
+                _check_goals(scene, arm, segment.goal, self._holders)
         elif isinstance(segment, MoveGripper):
             _check_gripper(scene, segment)
         elif isinstance(segment, Attach):
-            _check_attach(scene, segment, holders)
+            _check_attach(scene, segment, self._holders)
         elif isinstance(segment, Detach):
-            holders.pop(known_name("held object", segment.name, holders))
+            self._holders.pop(known_name("held object", segment.name, self._holders))
 
 
 def _check_gripper(scene: Scene, segment: MoveGripper) -> None:

@@ -63,7 +63,7 @@ def load_sequence(
         raise FormatError("holds no sequence; read it with load_motion", file)
     try:
         grippers = {arm: tuple(joints) for arm, joints in saved.sequence.gripper_joints.items()}
-        where = saved.scene if scene is None else _with_planned_grippers(scene, grippers)
+        where = saved.scene if scene is None else with_planned_grippers(scene, grippers)
         trajectory = fit_trajectory(saved.trajectory, where)
         stages = tuple(_stage(entry) for entry in saved.sequence.stages)
         check_stages(trajectory, stages)
@@ -77,7 +77,7 @@ def load_sequence(
     return replace(plan, _trajectory=trajectory, _report=report)
 
 
-def _with_planned_grippers(scene: Scene, grippers: Mapping[str, tuple[str, ...]]) -> Scene:
+def with_planned_grippers(scene: Scene, grippers: Mapping[str, tuple[str, ...]]) -> Scene:
     """The scene with some gripper joints as planning joints, as far as they are locked in it."""
     locked = {
         arm: tuple(name for name in joints if name in scene.arm(arm).robot.locked_joints)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -13,6 +12,7 @@ from rr1plan.files.file_access import write_text
 from rr1plan.playback.viewer import view_document
 from rr1plan.playback.viewer.html_page import page_html
 from rr1plan.playback.viewer.live_viewer import Viewer
+from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.page_document import Document, with_moving_objects
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options, with_panel
 from rr1plan.sequences.sequence_replay import SequenceReplay
@@ -77,14 +77,13 @@ def _coordinates(T: Array) -> Array:
 
 def _stage_panel(motion: StagedMotion) -> Panel:
     """A list of the stages; a click goes to the beginning of one."""
-    page = files("rr1plan.sequences") / "page"
     data = [{"label": s.label, "begin": s.begin, "end": s.end} for s in motion.stages]
     return Panel(
         "stages",
         "Sequence",
         html="<ol></ol>",
-        css=(page / "stages.css").read_text(encoding="utf-8"),
-        script=(page / "stages.js").read_text(encoding="utf-8"),
+        css=page_asset("stages.css", "rr1plan.sequences"),
+        script=page_asset("stages.js", "rr1plan.sequences"),
         data=data,
         width=290,
     )

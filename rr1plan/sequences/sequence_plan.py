@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, counted, finite_array, known_name
+from rr1plan.checks import Array, Value, counted, finite_array, known_name
 from rr1plan.errors import NoPlanError
 from rr1plan.export.plan_files import save_sequence_document
 from rr1plan.notebook_view import NotebookView
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class SequencePlan(NotebookView):
+class SequencePlan(Value, NotebookView):
     """Result of `plan_sequence`, or a sequence from a file.
 
     Asking a plan that failed for its trajectory or report raises `NoPlanError` with the reason; look at `found` first.

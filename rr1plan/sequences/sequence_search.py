@@ -54,11 +54,13 @@ class PlannedSegment:
         segment: The segment.
         trajectory: The motion of its joints, from time zero; None if nothing moves.
         seconds: How long it takes [s].
+        motion: Of a planned motion its path, scene and margin.
     """
 
     segment: Segment
     trajectory: Trajectory | None = None
     seconds: float = 0.0
+    motion: MotionPlan | None = None
 
 
 @dataclass(eq=False)
@@ -204,7 +206,10 @@ class SequenceSearch:
             rest = self._extend(k + 1, _placed(scene, problem.arms, q), leg)
             if rest is not None:
                 assert leg.motion is not None, "the leg is planned before what follows the next choice"
-                return (PlannedSegment(segment, leg.motion.trajectory, leg.motion.trajectory.duration), *rest)
+                return (
+                    PlannedSegment(segment, leg.motion.trajectory, leg.motion.trajectory.duration, leg.motion),
+                    *rest,
+                )
         return None
 
     def _candidates(self, k: int, problem: Problem) -> list[Array]:
@@ -243,7 +248,7 @@ class SequenceSearch:
                 if motion.valid:
                     q = motion.trajectory(motion.trajectory.end_time)
                     yield (
-                        PlannedSegment(segment, motion.trajectory, motion.trajectory.duration),
+                        PlannedSegment(segment, motion.trajectory, motion.trajectory.duration, motion),
                         _placed(scene, (arm,), q),
                     )
         elif isinstance(segment, MoveGripper):

@@ -1,13 +1,16 @@
 """The referee's verdict on a sequence: every stage in its own scene, with or without what is held.
 
-Nothing of the search is used: the scenes follow from the first one, the trajectory and the stages, so that an object
-stays where it was put down and moves with the link that took it.
+A motion may go on from one stage to the next without a stop, but not through an instant at which something is attached
+or detached. Nothing of the search is used: the scenes follow from the first one, the trajectory and the stages, so that
+an object stays where it was put down and moves with the link that took it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.progress import ProgressCallback
@@ -19,6 +22,8 @@ from rr1plan.validation import validate
 
 # Positions count as equal within this [rad or m].
 _EQUAL = 1e-9
+# Speeds count as equal within this [rad/s or m/s], as for the referee between pieces.
+_STEADY = 1e-6
 
 
 def validate_stages(
@@ -63,10 +68,29 @@ def validate_stages(
             jerk_limits=jerk_limits,
             progress=_in_stage(progress, k, len(stages)),
         )
-        named = [replace(v, message=f"stage {k + 1} ({stage.label}): {v.message}") for v in report.violations]
+        named = [
+            replace(v, message=f"stage {k + 1} ({stage.label}): {v.message}")
+            for v in report.violations
+            if v.kind != "rest" or not _goes_through(trajectory, stages, k, v.time)
+        ]
         reports.append(replace(report, violations=tuple(named)))
     violations += [violation for report in reports for violation in report.violations]
     return _merged(reports, violations, trajectory.duration)
+
+
+def _goes_through(trajectory: Trajectory, stages: Sequence[SequenceStage], k: int, time: float | None) -> bool:
+    """Whether a motion goes on steadily from one stage to another at that end of stage k which is nearer to a time."""
+    stage = stages[k]
+    if time is None:
+        return False
+    first, second = (k - 1, k) if time - stage.begin < stage.end - time else (k, k + 1)
+    if first < 0 or second == len(stages) or stages[first].end == stages[first].begin:
+        return False
+    before, after = stages[first], stages[second]
+    if after.end == after.begin:
+        return False
+    speeds = [trajectory.cut(part.begin, part.end)(before.end, 1) for part in (before, after)]
+    return bool(np.abs(speeds[0] - speeds[1]).max(initial=0.0) <= _STEADY)
 
 
 def _jumps(kind: ViolationKind, names: tuple[str, ...], time: float, expected: Array, found: Array) -> list[Violation]:

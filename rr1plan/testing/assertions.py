@@ -5,10 +5,12 @@
         rp.assert_valid(motion)
         rp.assert_replays(motion, variations=rp.ReplayVariations(payload=0.5))
 
-Both raise `AssertionError` with the rule, the joint or elements, and the time.
+Both take sequences, too, and raise `AssertionError` with the rule, the joint or elements, and the time.
 """
 
 from __future__ import annotations
+
+from typing import overload
 
 import numpy as np
 
@@ -21,6 +23,11 @@ from rr1plan.playback.simulation.replay_trajectory import simulate
 from rr1plan.report import Report
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
+from rr1plan.sequences.sequence_files import with_planned_grippers
+from rr1plan.sequences.sequence_plan import SequencePlan
+from rr1plan.sequences.sequence_replay import SequenceReplay
+from rr1plan.sequences.simulate_sequence import simulate_sequence
+from rr1plan.sequences.stage_validation import validate_stages
 from rr1plan.testing.replay_variations import ReplayVariations, VariedReplays
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import certify_path, validate
@@ -32,7 +39,7 @@ _MOST_NAMED = 3
 
 
 def assert_valid(
-    motion: MotionPlan | Trajectory,
+    motion: MotionPlan | SequencePlan | Trajectory,
     scene: Scene | None = None,
     *,
     problem: Problem | None = None,
@@ -42,8 +49,8 @@ def assert_valid(
     """Assert that the referee certifies a motion, now: a report that the motion carries is ignored.
 
     Args:
-        motion: The motion; of a motion without times the path.
-        scene: The scene (default: that of the `MotionPlan`).
+        motion: The motion; of a motion without times the path, of a sequence all stages.
+        scene: The scene (default: that of the `MotionPlan`, or that at the beginning of the `SequencePlan`).
         problem: The problem whose start and goal it has to have (default: that of the `MotionPlan`, unless another
             scene is given).
         torque_limits: Check torques too.
@@ -60,7 +67,14 @@ def assert_valid(
     where, trajectory = _motion_in(motion, scene)
     if isinstance(motion, MotionPlan) and problem is None and scene is None:
         problem = motion.problem
-    if trajectory is not None:
+    if isinstance(motion, SequencePlan):
+        if problem is not None:
+            raise InputError("a sequence has no single start and goal; leave out option problem")
+        where = with_planned_grippers(where, motion.gripper_joints)
+        report = validate_stages(
+            motion.trajectory, where, motion.stages, torque_limits=torque_limits, jerk_limits=jerk_limits
+        )
+    elif trajectory is not None:
         report = validate(trajectory, where, problem, torque_limits=torque_limits, jerk_limits=jerk_limits)
     else:
         assert isinstance(motion, MotionPlan), "a trajectory has times"
@@ -74,6 +88,11 @@ def assert_valid(
     return report
 
 
+@overload
+def assert_replays(motion: SequencePlan, *, tolerance: float = 0.01, dt: float = 0.002) -> SequenceReplay: ...
+
+
+@overload
 def assert_replays(
     motion: MotionPlan | Trajectory,
     scene: Scene | None = None,
@@ -82,20 +101,33 @@ def assert_replays(
     goal_tolerance: float = 0.005,
     variations: ReplayVariations | None = None,
     dt: float = 0.002,
-) -> VariedReplays:
+) -> VariedReplays: ...
+
+
+def assert_replays(
+    motion: MotionPlan | SequencePlan | Trajectory,
+    scene: Scene | None = None,
+    *,
+    tolerance: float = 0.01,
+    goal_tolerance: float = 0.005,
+    variations: ReplayVariations | None = None,
+    dt: float = 0.002,
+) -> VariedReplays | SequenceReplay:
     """Assert that simulated arms follow a motion: without contact, within a tolerance, and to its end.
 
     Args:
-        motion: The motion.
-        scene: The scene (default: that of the `MotionPlan`).
+        motion: The motion; in that of a sequence friction alone holds objects, and they have to stay within 1 cm of
+            where the plan has them.
+        scene: The scene (default: that of the `MotionPlan`); not for a sequence, see `load_sequence`.
         tolerance: Largest tracking error of any joint on the way [rad or m].
-        goal_tolerance: Largest distance of any joint from the end of the motion, 0.3 s after it [rad or m].
+        goal_tolerance: Largest distance of any joint from the end of the motion, 0.3 s after it [rad or m]; not for a
+            sequence.
         variations: Replay with arms that differ from their description, too: payload, masses and friction that the
-            servos do not know of.
+            servos do not know of; not for a sequence.
         dt: Time of a step of the simulation [s].
 
     Returns:
-        The replays: that of the arms as described, then those of varied arms.
+        The replays: that of the arms as described, then those of varied arms; of a sequence its replay.
 
     Raises:
         AssertionError: a replay failed; names the worst one, its payload, masses and friction, and the joint or the
@@ -107,6 +139,10 @@ def assert_replays(
     goal_tolerance = positive_number("goal_tolerance", goal_tolerance)
     of_kind("variations", variations, ReplayVariations, optional=True)
     where, trajectory = _motion_in(motion, scene)
+    if isinstance(motion, SequencePlan):
+        if scene is not None or variations is not None:
+            raise InputError("a sequence is replayed in its own scene with arms as described")
+        return _replayed_sequence(motion, tolerance, dt)
     if trajectory is None:
         raise InputError("the motion has no times, and cannot be replayed; time its path with rr1plan.retime")
     cases: list[ArmVariation | None] = [None, *(() if variations is None else variations.cases())]
@@ -117,7 +153,20 @@ def assert_replays(
     return found
 
 
-def _motion_in(motion: MotionPlan | Trajectory, scene: Scene | None) -> tuple[Scene, Trajectory | None]:
+def _replayed_sequence(plan: SequencePlan, tolerance: float, dt: float) -> SequenceReplay:
+    """The replay of a sequence, if arms and objects follow it."""
+    replay = simulate_sequence(plan, dt=dt, hold=_SETTLE)
+    away = [f"{one.name} is {1e3 * one.max_offset:.3g} mm from its plan" for one in replay.objects.values()]
+    wrong = [f"{' and '.join(contact.pair)} touch at {contact.first:.3f} s" for contact in replay.contacts]
+    wrong += [] if replay.carried else away
+    if replay.max_error > tolerance:
+        wrong.append(f"a joint is {replay.max_error:.3g} rad or m from its set-point, tolerance {tolerance:g}")
+    if wrong:
+        raise AssertionError(f"the replay failed: {'; '.join(wrong)}\n{replay}")
+    return replay
+
+
+def _motion_in(motion: MotionPlan | SequencePlan | Trajectory, scene: Scene | None) -> tuple[Scene, Trajectory | None]:
     """The scene of a motion, and its trajectory; None for a path without times.
 
     Raises:
@@ -129,8 +178,10 @@ def _motion_in(motion: MotionPlan | Trajectory, scene: Scene | None) -> tuple[Sc
         if scene is None:
             raise InputError("a trajectory does not hold its scene; give the scene too (option scene)")
         return scene, motion
-    if not isinstance(motion, MotionPlan):
-        raise InputError(f"motion is of type {type(motion).__name__}, expected MotionPlan or Trajectory")
+    if not isinstance(motion, MotionPlan | SequencePlan):
+        raise InputError(
+            f"motion is of type {type(motion).__name__}, expected a MotionPlan, SequencePlan or Trajectory"
+        )
     if not motion.found:
         raise AssertionError(f"there is no motion: {motion}")
     where = motion.scene if scene is None else scene

@@ -52,11 +52,6 @@ class Extremes:
         """Largest jump at a break, of position, velocity and acceleration, shape (3, nq)."""
         return self.jumps[:, :, 0]
 
-    @property
-    def jump_time(self) -> Array:
-        """When [s]; 0 where nothing jumps; shape (3, nq)."""
-        return self.jumps[:, :, 1]
-
 
 def extremes(breaks: Array, coefficients: Array) -> Extremes:
     """Highest and lowest values of every column and its rates, and jumps between pieces.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -38,32 +37,30 @@ NO_WEBGL = """
     };
 """
 
-
-# Draws the 3-D view without shadows and reflections, in few pixels: a frame takes a fraction of the time.
-PLAIN = """
-    addEventListener("DOMContentLoaded", () => {
-        if (!window.RR1) return;
-        const plain = { ...RR1.pace.levels.at(-1), rich: false, shadows: "none", ghosts: true };
-        Object.assign(RR1.pace, { full: plain, levels: [plain], level: 0 });
-    });
+NO_DRAWING = """
+    for (const name of ["drawArrays", "drawElements", "drawArraysInstanced", "drawElementsInstanced"])
+        WebGL2RenderingContext.prototype[name] = () => {};
 """
 
 
 class Tab:
-    """A page of the browser that remembers every request and complaint."""
+    """A page of the browser that remembers every request and complaint.
 
-    def __init__(self, page: Any) -> None:
-        self.page = page
+    Args:
+        page: The page.
+        drawn: Whether WebGL draws, which takes most of the time without a graphics card; all else happens all the same.
+    """
+
+    def __init__(self, page: Any, *, drawn: bool = False) -> None:
+        self.page, self.drawn = page, drawn
+        if not drawn:
+            page.add_init_script(NO_DRAWING)
         self.requests: list[str] = []
         self.complaints: list[str] = []
         page.on("request", lambda r: self.requests.append(r.url))
         page.on("pageerror", lambda e: self.complaints.append(str(e)))
         page.on("console", lambda m: self.complaints.append(m.text) if m.type == "error" else None)
         page.on("dialog", lambda d: (self.complaints.append(f"dialog {d.message}"), d.dismiss()))
-
-    def draw_plainly(self) -> None:
-        """Pages that are opened from now on draw their 3-D view as fast as they can."""
-        self.page.add_init_script(PLAIN)
 
     def disable_webgl(self) -> None:
         """Pages that are opened from now on get no WebGL."""
@@ -77,11 +74,21 @@ class Tab:
         self.page.goto(page.as_uri() if isinstance(page, Path) else page)
         wait_until(self.page, ready)
 
-    def picture(self) -> np.ndarray:
-        """The pixels of the next frames as they stand, shape (height, width, 3)."""
+    def next_frames(self) -> None:
+        """Wait for the next frames."""
         frames = self.ask("RR1.frames")
         wait_until(self.page, f"RR1.frames > {frames} + 2")
+
+    def picture(self) -> np.ndarray:
+        """The pixels of the next frames as they stand, shape (height, width, 3)."""
+        assert self.drawn, "mark the test, or its module: pytest.mark.drawn"
+        self.next_frames()
         return np.asarray(Image.open(io.BytesIO(self.page.screenshot())).convert("RGB"), dtype=int)
+
+    def cspace_picture(self) -> np.ndarray:
+        """The pixels of the configuration space's canvas, which needs no WebGL, shape (height, width, 3)."""
+        png = self.page.locator("#panel-cspace canvas").screenshot()
+        return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=int)
 
     def bare_picture(self) -> np.ndarray:
         """The same without the cards."""
@@ -91,32 +98,23 @@ class Tab:
         return pixels
 
 
-@pytest.fixture(scope="module")
-def plain() -> bool:
-    """Whether the module's pages draw their 3-D view plainly: those of modules that do not look at it."""
-    return False
+def is_drawn(request: pytest.FixtureRequest) -> bool:
+    """Whether the test, or the module of a module's fixture, looks at pixels of the 3-D view."""
+    return request.node.get_closest_marker("drawn") is not None
 
 
 @pytest.fixture
-def tab(browser: Any, plain: bool) -> Iterator[Tab]:
-    with new_tab(browser, plain) as made:
-        yield made
+def tab(request: pytest.FixtureRequest, browser: Any) -> Iterator[Tab]:
+    page = browser.new_page()
+    yield Tab(page, drawn=is_drawn(request))
+    page.close()
 
 
 @pytest.fixture(scope="module")
-def shared_tab(browser: Any, plain: bool) -> Iterator[Tab]:
-    with new_tab(browser, plain) as made:
-        yield made
-
-
-@contextmanager
-def new_tab(browser: Any, plain: bool) -> Iterator[Tab]:
-    """A tab, which is closed afterwards."""
-    made = Tab(browser.new_page())
-    if plain:
-        made.draw_plainly()
-    yield made
-    made.page.close()
+def shared_tab(request: pytest.FixtureRequest, browser: Any) -> Iterator[Tab]:
+    page = browser.new_page()
+    yield Tab(page, drawn=is_drawn(request))
+    page.close()
 
 
 @pytest.fixture(scope="module")

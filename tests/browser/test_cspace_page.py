@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Iterator
 from pathlib import Path as FilePath
@@ -11,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from PIL import Image
 
 import rr1plan as rp
 from rr1plan.playback.cspace.cspace_colors import ink_on, layer_patterns, pattern_cells
@@ -25,11 +23,6 @@ pytestmark = pytest.mark.browser
 
 READY = "Boolean(window.RR1 && RR1.ready && RR1.lesson)"
 CELLS = 90
-
-
-@pytest.fixture(scope="module")
-def plain() -> bool:
-    return True
 
 
 @pytest.fixture(scope="module")
@@ -93,12 +86,6 @@ def in_view(tab: Any, point: Any) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def canvas_pixels(tab: Any) -> np.ndarray:
-    """What is drawn into the configuration space, as numbers."""
-    png = tab.page.locator("#panel-cspace canvas").screenshot()
-    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=int)
-
-
 def near(pixels: np.ndarray, color: str, tolerance: int = 12) -> np.ndarray:
     wanted = np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)])
     return np.asarray(np.abs(pixels - wanted).max(axis=2) <= tolerance)
@@ -128,7 +115,7 @@ def test_every_cell_reached_the_page(calm: Any, lesson: rp.CSpace) -> None:
 
 def test_obstacles_images_are_drawn_in_their_own_colors_and_patterns(calm: Any, lesson: rp.CSpace) -> None:
     calm.ask("RR1.lesson.showTree = false, RR1.lesson.redraw()")
-    pixels = canvas_pixels(calm)
+    pixels = calm.cspace_picture()
     calm.ask("RR1.lesson.showTree = true, RR1.lesson.redraw()")
     area = np.prod(calm.ask("[RR1.lesson.plot.size, RR1.lesson.plot.size]")) / calm.ask("RR1.lesson.ratio ** 2")
     for name, mask in lesson.grid.layers.items():
@@ -144,7 +131,7 @@ def test_obstacles_images_are_drawn_in_their_own_colors_and_patterns(calm: Any, 
 
 
 def test_a_slider_moves_the_arm_and_the_mark(calm: Any, lesson: rp.CSpace) -> None:
-    before = canvas_pixels(calm)
+    before = calm.cspace_picture()
     slider = calm.page.locator("#cspace-0")
     slider.focus()
     q = shown(calm)
@@ -154,7 +141,7 @@ def test_a_slider_moves_the_arm_and_the_mark(calm: Any, lesson: rp.CSpace) -> No
     assert moved[0] == pytest.approx(q[0] - 8 * np.pi / 360, abs=np.pi / 360)
     assert moved[1] == pytest.approx(q[1])
     check_arm(calm, lesson.grid.scene, moved)
-    after = canvas_pixels(calm)
+    after = calm.cspace_picture()
     x, y = on_canvas(calm, moved)
     box = calm.page.locator("#panel-cspace canvas").bounding_box()
     spot = after[round(y - box["y"]), round(x - box["x"])]
@@ -230,16 +217,16 @@ def test_the_mark_follows_the_clock(calm: Any, lesson: rp.CSpace) -> None:
     wrapped = (q + np.pi) % (2 * np.pi) - np.pi
     x, y = on_canvas(calm, wrapped)
     box = calm.page.locator("#panel-cspace canvas").bounding_box()
-    assert near(canvas_pixels(calm)[round(y - box["y"]), round(x - box["x"])][None, None], "#e4500e", 20).all()
+    assert near(calm.cspace_picture()[round(y - box["y"]), round(x - box["x"])][None, None], "#e4500e", 20).all()
 
 
 def test_a_path_over_the_seam_is_drawn_on_both_sides(calm: Any, lesson: rp.CSpace) -> None:
     assert np.abs(lesson.path).max() > np.pi
     assert "over the seam" in calm.page.locator(".verdict").inner_text()
     calm.ask("RR1.lesson.showTree = false, RR1.lesson.redraw()")
-    with_path = canvas_pixels(calm)
+    with_path = calm.cspace_picture()
     calm.ask("RR1.lesson.kept = RR1.lesson.curve, RR1.lesson.curve = [], RR1.lesson.redraw()")
-    without = canvas_pixels(calm)
+    without = calm.cspace_picture()
     calm.ask("RR1.lesson.curve = RR1.lesson.kept, RR1.lesson.showTree = true, RR1.lesson.redraw()")
     changed = (np.abs(with_path - without).max(axis=2) > 30).any(axis=0)
     x, size = calm.ask("[RR1.lesson.plot.x / RR1.lesson.ratio, RR1.lesson.plot.size / RR1.lesson.ratio]")
@@ -251,19 +238,19 @@ def test_a_path_over_the_seam_is_drawn_on_both_sides(calm: Any, lesson: rp.CSpac
 def test_the_tree_can_be_hidden_and_grown(calm: Any, lesson: rp.CSpace) -> None:
     edges = len(lesson.tree.edges)
     assert calm.ask("RR1.lesson.tree.length") == edges
-    whole = canvas_pixels(calm)
+    whole = calm.cspace_picture()
     calm.page.locator("[data-tool=tree]").click()
     calm.page.mouse.move(2, 2)
-    hidden = canvas_pixels(calm)
+    hidden = calm.cspace_picture()
     assert (np.abs(whole - hidden).max(axis=2) > 40).sum() > 200
     slider = calm.page.locator("#panel-cspace .grow input")
     slider.fill(str(edges // 2))
-    half = canvas_pixels(calm)
+    half = calm.cspace_picture()
     ink = [(np.abs(p - hidden).max(axis=2) > 40).sum() for p in (half, whole)]
     assert 0.1 * ink[1] < ink[0] < 0.9 * ink[1]
     calm.page.keyboard.press("g")
     wait_until(calm.page, f"RR1.lesson.grown === {edges}")
-    assert (canvas_pixels(calm) == whole).all()
+    assert (calm.cspace_picture() == whole).all()
 
 
 def test_the_tree_grows_from_its_roots(calm: Any, lesson: rp.CSpace) -> None:
@@ -308,13 +295,13 @@ def test_a_click_and_a_drag_in_the_workspace_bring_the_tool_there(calm: Any) -> 
 
 
 def test_components_get_colors(calm: Any) -> None:
-    plain = canvas_pixels(calm)
+    plain = calm.cspace_picture()
     calm.page.keyboard.press("c")
-    tinted = canvas_pixels(calm)
+    tinted = calm.cspace_picture()
     calm.page.keyboard.press("c")
     assert near(plain, "#cfe0fb", 2).sum() < 100
     assert near(tinted, "#cfe0fb", 2).sum() > 20_000
-    assert (canvas_pixels(calm) == plain).all()
+    assert (calm.cspace_picture() == plain).all()
 
 
 def test_where_no_path_exists_the_page_says_so_in_two_colors(tab: Any, tmp_path: FilePath) -> None:
@@ -326,7 +313,7 @@ def test_where_no_path_exists_the_page_says_so_in_two_colors(tab: Any, tmp_path:
     said = tab.page.locator(".verdict").inner_text()
     assert said.startswith("No path exists")
     assert "proven by certified cells" in said
-    pixels = canvas_pixels(tab)
+    pixels = tab.cspace_picture()
     assert near(pixels, "#cfe0fb", 2).sum() > 10_000
     assert near(pixels, "#cdeedb", 2).sum() > 10_000
     assert tab.page.locator(".grow").is_hidden()
@@ -394,7 +381,7 @@ def test_a_live_page_redraws_both_spaces_for_another_scene(tab: Any, rr1_table: 
         viewer.load(no_path.scene, problem=no_path)
         wait_until(tab.page, "document.querySelector('.verdict').classList.contains('bad')")
         assert tab.page.locator(".verdict").inner_text().startswith("No path exists")
-        assert near(canvas_pixels(tab), "#cdeedb", 2).sum() > 5_000
+        assert near(tab.cspace_picture(), "#cdeedb", 2).sum() > 5_000
         # An arm that is not flat, and back by a picture of its own resolution.
         viewer.load(rp.cspace(rr1_table, joints=("shoulder_joint", "elbow_joint"), resolution=16))
         seen("RR1.lesson.cells.n", 16)

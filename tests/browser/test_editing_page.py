@@ -17,11 +17,6 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def plain() -> bool:
-    return True
-
-
-@pytest.fixture(scope="module")
 def problem() -> rp.Problem:
     return next(iter(rp.load_problems("rr1_cluttered").values()))
 

@@ -14,11 +14,6 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def plain() -> bool:
-    return True
-
-
-@pytest.fixture(scope="module")
 def page_file(rr1_table: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     panel = rp.Panel("own", "Own", html="<input><button>x</button>", script="viewer.own = [];")
     options = rp.ViewOptions(panels=[panel])

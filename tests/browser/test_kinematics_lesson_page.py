@@ -19,11 +19,6 @@ POSES = ((0.5, 0.9), (-2.0, 2.2), (1.4, -0.7), (3.0, 0.05))
 
 
 @pytest.fixture(scope="module")
-def plain() -> bool:
-    return True
-
-
-@pytest.fixture(scope="module")
 def lesson() -> KinematicsLesson:
     made = rp.lesson("kinematics")
     assert isinstance(made, KinematicsLesson)
@@ -111,13 +106,13 @@ def test_the_velocity_ellipse_is_the_image_of_the_unit_circle(page: Any, lesson:
 
 def test_the_map_is_dark_where_the_arm_is_singular(page: Any) -> None:
     page.ask("RR1.steps.go(4)")
-    pixels = page.picture()
-    box = page.ask("document.querySelector('#panel-cspace canvas').getBoundingClientRect().toJSON()")
+    page.next_frames()
+    pixels = page.cspace_picture()
     plot = page.ask("[RR1.lesson.plot.x, RR1.lesson.plot.y, RR1.lesson.plot.size].map((v) => v / RR1.lesson.ratio)")
-    column = int(box["left"] + plot[0] + 0.15 * plot[2])
+    column = int(plot[0] + 0.15 * plot[2])
 
     def brightness(bend: float) -> float:
-        row = int(box["top"] + plot[1] + (0.5 - bend / (2 * np.pi)) * plot[2])
+        row = int(plot[1] + (0.5 - bend / (2 * np.pi)) * plot[2])
         return float(pixels[row, column].mean())
 
     assert brightness(np.pi / 2) > 180

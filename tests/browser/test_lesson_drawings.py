@@ -18,11 +18,6 @@ pytestmark = pytest.mark.browser
 READY = "Boolean(window.RR1 && RR1.ready && RR1.steps)"
 
 
-@pytest.fixture(scope="module")
-def plain() -> bool:
-    return True
-
-
 def go_to(tab: Any, name: str) -> None:
     wait_until(tab.page, "RR1.frames > 2")
     for _ in range(12):
@@ -49,6 +44,7 @@ def test_the_page_counts_solutions_as_python_does(tab: Any, tmp_path: Path) -> N
     assert tab.complaints == []
 
 
+@pytest.mark.drawn
 def test_regions_are_drawn_and_hidden_again(tab: Any, tmp_path: Path) -> None:
     tab.open(rp.lesson("workspace").save_html(tmp_path / "a.html"), READY)
     plain = tab.bare_picture()
@@ -108,7 +104,7 @@ def test_arms_that_turn_and_slide_are_dragged_by_the_tool(kinds: str, tab: Any, 
     # A drag of the tool with the mouse from one configuration to the tool's place in another.
     begin, end = np.array([0.3, 0.3]), np.array([0.5, 0.6])
     tab.ask("(q) => RR1.setQ(q)", begin.tolist())
-    tab.picture()
+    tab.next_frames()
     pixels = [
         tab.ask(
             """([x, y]) => {

@@ -17,11 +17,6 @@ pytestmark = pytest.mark.browser
 READY = "Boolean(window.RR1 && RR1.ready && RR1.steps)"
 
 
-@pytest.fixture(scope="module")
-def plain() -> bool:
-    return True
-
-
 @pytest.fixture(scope="module", params=rp.lesson_names())
 def lesson(request: pytest.FixtureRequest) -> rp.Lesson:
     return rp.lesson(request.param)
@@ -57,7 +52,7 @@ def test_arrow_keys_walk_all_steps(page: Any, lesson: rp.Lesson) -> None:
         assert page.ask("document.querySelector('#panel-steps article:not([hidden]) h3').textContent") == step.title
         if step.q is not None and not page.ask("RR1.playing"):
             np.testing.assert_allclose(page.ask("Array.from(RR1.q)"), step.q, atol=1e-6)
-        page.picture()
+        page.next_frames()
         page.page.keyboard.press("ArrowRight")
     assert page.ask("RR1.steps.index") == len(lesson.steps) - 1
     for _ in lesson.steps:
@@ -108,7 +103,7 @@ def test_animations_are_paused_and_stepped_by_keyboard_and_filmed(page: Any, les
     wait_until(page.page, f"{value} > {first}")
     page.page.keyboard.press(runs)
     paused = page.ask(value)
-    page.picture()
+    page.next_frames()
     assert page.ask(value) == paused
     page.page.keyboard.press(".")
     after = page.ask(value)
@@ -140,7 +135,7 @@ def test_moving_a_joint_moves_the_arm_in_every_step(page: Any, lesson: rp.Lesson
 def test_workspace_steps_and_panels_fit_in_the_window(page: Any, size: tuple[int, int]) -> None:
     page.page.set_viewport_size({"width": size[0], "height": size[1]})
     wait_until(page.page, f"innerWidth === {size[0]}")
-    page.picture()
+    page.next_frames()
     boxes = page.ask(
         "['stage', 'panel-steps', 'panels'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON())"
     )

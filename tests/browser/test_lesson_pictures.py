@@ -30,11 +30,6 @@ LESSONS = {
 
 
 @pytest.fixture(scope="module")
-def plain() -> bool:
-    return True
-
-
-@pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path]]:
     folder, found = tmp_path_factory.mktemp("lessons"), {}
     for name, kind in LESSONS.items():
@@ -197,7 +192,7 @@ def test_schedules_run_and_contacts_are_named(page: tuple[Any, Any]) -> None:
     wait_until(tab.page, "RR1.pair.time > 0.1")
     tab.page.keyboard.press("x")
     time = tab.ask("RR1.pair.time")
-    tab.picture()
+    tab.next_frames()
     assert tab.ask("RR1.pair.time") == time
     assert "touch." not in said.inner_text()
     tab.ask("RR1.pair.setSchedule('at_once'), RR1.pair.setTime(1.6)")

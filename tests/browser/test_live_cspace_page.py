@@ -27,11 +27,6 @@ TURN = 2.0 * np.pi
 
 
 @pytest.fixture(scope="module")
-def plain() -> bool:
-    return True
-
-
-@pytest.fixture(scope="module")
 def problem() -> rp.Problem:
     """The query of the lesson, with a box and a pyramid besides its discs."""
     asked = load_problems("planar2r_path")["over_the_seam"]
@@ -294,23 +289,27 @@ def test_the_phase_plane_stays_below_its_limit_curve_and_touches_it(fresh: Any) 
     assert fresh.page.locator(".phase").is_hidden()
 
 
-def test_the_torus_shows_the_image_and_a_click_moves_the_arm(fresh: Any) -> None:
-    fresh.page.keyboard.press("d")
-    wait_until(fresh.page, "Boolean(RR1.lesson.torus && !RR1.lesson.torus.asked)")
-    pixels = np.asarray(Image.open(io.BytesIO(fresh.page.locator("canvas.torus").screenshot())).convert("RGB"), int)
+@pytest.mark.drawn
+def test_the_torus_shows_the_image_and_a_click_moves_the_arm(tab: Any, page_file: FilePath) -> None:
+    tab.page.set_viewport_size({"width": 1280, "height": 720})
+    tab.open(page_file, LIVE)
+    tab.page.keyboard.press("d")
+    wait_until(tab.page, "Boolean(RR1.lesson.torus && !RR1.lesson.torus.asked)")
+    pixels = np.asarray(Image.open(io.BytesIO(tab.page.locator("canvas.torus").screenshot())).convert("RGB"), int)
     red, blue = ((pixels - np.array(color))[..., [0, 2]] for color in ((181, 83, 74), (74, 122, 166)))
     assert ((np.abs(red) < 40).all(axis=-1) & (pixels[..., 0] > pixels[..., 2] + 50)).sum() > 300
     assert ((np.abs(blue) < 40).all(axis=-1) & (pixels[..., 2] > pixels[..., 0] + 50)).sum() > 300
-    box = fresh.page.locator("canvas.torus").bounding_box()
-    before = np.array(fresh.ask("Array.from(RR1.q)"))
-    fresh.page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.75 * box["height"])
-    after = np.array(fresh.ask("Array.from(RR1.q)"))
+    box = tab.page.locator("canvas.torus").bounding_box()
+    before = np.array(tab.ask("Array.from(RR1.q)"))
+    tab.page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.75 * box["height"])
+    after = np.array(tab.ask("Array.from(RR1.q)"))
     assert np.abs(after - before).max() > 0.05
     # The near side of the torus, on which the eye looks.
-    assert abs((after[0] + np.pi - fresh.ask("RR1.lesson.torus.turn[0]") + np.pi) % TURN - np.pi) < 0.2
-    fresh.page.keyboard.press("d")
-    assert fresh.page.locator("canvas.torus").count() == 0
-    assert fresh.page.locator(".plot > canvas").is_visible()
+    assert abs((after[0] + np.pi - tab.ask("RR1.lesson.torus.turn[0]") + np.pi) % TURN - np.pi) < 0.2
+    tab.page.keyboard.press("d")
+    assert tab.page.locator("canvas.torus").count() == 0
+    assert tab.page.locator(".plot > canvas").is_visible()
+    assert tab.complaints == []
 
 
 def test_tool_links_and_manipulability_are_on_the_screen(fresh: Any) -> None:

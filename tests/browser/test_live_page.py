@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser.conftest import Tab
 
 import rr1plan as rp
 from rr1plan.playback.viewer.page_capture import wait_until
@@ -26,7 +27,7 @@ def flat(planar2r: rp.Robot) -> rp.Scene:
 
 def test_all_browsers_follow_and_each_is_heard(browser: Any, flat: rp.Scene) -> None:
     heard: list[tuple[str, float]] = []
-    tabs = [browser.new_page() for _ in range(3)]
+    tabs = [Tab(browser.new_page()).page for _ in range(3)]
     with rp.show(flat, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
         viewer.on_slider(lambda joint, value: heard.append((joint, value)))
         for tab in tabs:
@@ -58,6 +59,7 @@ scene = rp.Scene(name=sys.argv[2]).with_arm("arm", robot)
 viewer = rp.show(scene, options=rp.ViewOptions(port=int(sys.argv[1]), quiet=True))
 print(viewer.url, flush=True)
 viewer.update([float(sys.argv[3]), 0.0])
+print(viewer.url, flush=True)
 sys.stdin.read()
 """
 
@@ -74,7 +76,7 @@ def test_pages_come_back_when_a_killed_program_is_started_again(browser: Any) ->
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    tab = browser.new_page()
+    tab = Tab(browser.new_page()).page
     with run_program(port, "first", 0.5) as program:
         tab.goto(f"http://127.0.0.1:{port}/")
         wait_until(tab, f"{CONNECTED} && RR1.q[0] === 0.5")

@@ -17,7 +17,7 @@ from rr1plan import save_html
 from rr1plan.playback.viewer.page_capture import wait_until
 from rr1plan.report import Margin, Report, Violation
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.drawn]
 
 
 def contact(one: str, other: str, time: float) -> Violation:

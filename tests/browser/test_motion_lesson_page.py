@@ -18,11 +18,6 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def plain() -> bool:
-    return True
-
-
-@pytest.fixture(scope="module")
 def lesson() -> MotionLesson:
     made = rp.lesson("motion")
     assert isinstance(made, MotionLesson)
@@ -85,7 +80,7 @@ def test_driving_follows_the_blended_path_at_the_speed_of_the_plane(page: Any, l
     wait_until(page.page, "RR1.timing.share > 0.05")
     page.page.keyboard.press("d")
     share = page.ask("RR1.timing.share")
-    page.picture()
+    page.next_frames()
     assert page.ask("RR1.timing.share") == share
     page.ask("RR1.timing.drive()")
     page.ask("RR1.setJoint(0, 0.0)")

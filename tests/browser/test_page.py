@@ -74,14 +74,16 @@ def test_the_page_asks_nobody_for_anything(opened: Any, page_file: FilePath) -> 
     assert opened.ask("document.title") == "two"
 
 
-def test_the_picture_shows_the_robot_and_its_ghosts(calm: Any) -> None:
-    with_robot = calm.bare_picture()
+@pytest.mark.drawn
+def test_the_picture_shows_the_robot_and_its_ghosts(tab: Any, page_file: FilePath) -> None:
+    tab.open(page_file)
+    tab.ask("RR1.pause(), RR1.seek(0)")
+    with_robot = tab.bare_picture()
     red, green, blue = with_robot[..., 0], with_robot[..., 1], with_robot[..., 2]
     orange = (red > 120) & (green < 0.75 * red) & (blue < 0.6 * red)
     assert orange.sum() > 2000
-    calm.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, false))")
-    without = calm.bare_picture()
-    calm.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, true))")
+    tab.ask("['robots', 'start', 'goal', 'toolpath'].forEach(l => RR1.setShown(l, false))")
+    without = tab.bare_picture()
     assert (np.abs(with_robot - without).max(axis=2) > 40).sum() > 4000
 
 
@@ -248,6 +250,7 @@ def small_world(size: float) -> tuple[rp.Scene, rp.Trajectory]:
     return scene, rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1.0], [[0.2, 0.4], [1.9, 1.1]])
 
 
+@pytest.mark.drawn
 def test_worlds_of_any_size_look_alike(tab: Any, tmp_path: FilePath) -> None:
     pictures, places, words = [], [], []
     for size in (1.0, 0.005, 50.0):
@@ -263,7 +266,7 @@ def test_worlds_of_any_size_look_alike(tab: Any, tmp_path: FilePath) -> None:
         places.append(tab.ask(at))
         pictures.append(tab.bare_picture())
         tab.ask("RR1.editing.open()")
-        tab.picture()
+        tab.next_frames()
         words.append(tab.page.inner_text("#readout"))
     for k in (1, 2):
         np.testing.assert_allclose(places[k], places[0], atol=2.0)
@@ -430,6 +433,7 @@ def test_both_ends_of_a_motion_are_seen_in_every_window(tab: Any, tmp_path: File
     assert tab.complaints == []
 
 
+@pytest.mark.drawn
 def test_a_panda_behind_a_wall_is_seen(
     tab: Any, panda_and_wall: tuple[rp.Scene, rp.Trajectory, tuple[float, float, float]], tmp_path: FilePath
 ) -> None:

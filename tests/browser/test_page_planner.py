@@ -153,11 +153,6 @@ def check(found: list[Any], expected: list[Any]) -> None:
     assert any(answer["parts"][0][0] > answer["parts"][1][0] for answer in wanted if answer["status"] == "found")
 
 
-@pytest.fixture(scope="module")
-def plain() -> bool:
-    return True
-
-
 @pytest.mark.browser
 @pytest.mark.parametrize("name", SCENES)
 def test_a_page_plans_the_motions_of_plan_motion_to_the_last_bit(name: str, tab: Tab, tmp_path: Path) -> None:

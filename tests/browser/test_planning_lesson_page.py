@@ -17,11 +17,6 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def plain() -> bool:
-    return True
-
-
-@pytest.fixture(scope="module")
 def lesson() -> PlanningLesson:
     made = rp.lesson("planning")
     assert isinstance(made, PlanningLesson)
@@ -102,7 +97,7 @@ def test_keys_and_buttons_walk_the_search(page: Any) -> None:
     page.page.keyboard.press("p")
     assert page.page.locator("#panel-search .play").inner_text() == "Grow"
     at = page.ask("RR1.search.at")
-    page.picture()
+    page.next_frames()
     assert page.ask("RR1.search.at") == at
 
 
@@ -134,10 +129,8 @@ def test_the_trees_are_drawn_in_their_planner_s_color(page: Any) -> None:
     counts = []
     for at in (5, 120, 366):
         page.ask(f"RR1.search.choose({{planner: 'RRT', step: 0.3, bias: 0.05}}); RR1.search.go({at})")
-        pixels = page.picture()
-        box = page.ask("document.querySelector('#panel-cspace canvas').getBoundingClientRect().toJSON()")
-        part = pixels[int(box["top"]) : int(box["bottom"]), int(box["left"]) : int(box["right"])]
-        orange = (np.abs(part - np.array([213, 94, 0])) < 30).all(axis=2)
+        page.next_frames()
+        orange = (np.abs(page.cspace_picture() - np.array([213, 94, 0])) < 30).all(axis=2)
         counts.append(int(orange.sum()))
     assert counts[0] < counts[1] < counts[2]
     assert counts[2] > 300

@@ -198,16 +198,23 @@ def test_the_motion_to_compare_is_a_ghost_and_a_dashed_curve_on_one_clock(calm: 
     calm.page.click("[data-layer=compare]")
 
 
+@pytest.mark.drawn
+def test_layers_on_demand_are_made_when_they_are_first_shown(tab: Any, page_file: FilePath) -> None:
+    tab.open(page_file)
+    # The path of the tool is bright up to the current time.
+    tab.ask("RR1.seek(0.9 * RR1.player.end), document.body.classList.add('bare')")
+    before = tab.picture()
+    for layer in ("frames", "toolspeed", "nearest", "tree"):
+        tab.ask("layer => RR1.setShown(layer, true)", layer)
+        shown = tab.picture()
+        assert (np.abs(shown - before).max(axis=2) > 30).sum() > 30, layer
+        tab.ask("layer => RR1.setShown(layer, false)", layer)
+        assert (np.abs(tab.picture() - before).max(axis=2) > 30).sum() < 30, layer
+    assert tab.complaints == []
+
+
 @pytest.mark.parametrize("layer", ["frames", "toolspeed", "nearest", "tree"])
-def test_a_layer_on_demand_is_made_when_it_is_first_shown(calm: Any, layer: str) -> None:
-    calm.ask("document.body.classList.add('bare')")
-    before = calm.picture()
-    calm.ask("layer => RR1.setShown(layer, true)", layer)
-    shown = calm.picture()
-    assert (np.abs(shown - before).max(axis=2) > 30).sum() > 30
-    calm.ask("layer => RR1.setShown(layer, false)", layer)
-    assert (np.abs(calm.picture() - before).max(axis=2) > 30).sum() < 30
-    calm.ask("document.body.classList.remove('bare')")
+def test_a_layer_is_shown_and_hidden_by_its_button(calm: Any, layer: str) -> None:
     calm.page.click(f"[data-layer={layer}]")
     assert calm.ask("layer => RR1.isShown(layer)", layer)
     calm.page.click(f"[data-layer={layer}]")
@@ -287,6 +294,7 @@ def test_the_card_covers_no_arm(tab: Any, page_file: FilePath, width: int, heigh
     assert tab.complaints == []
 
 
+@pytest.mark.drawn
 def test_violations_are_marked_in_their_chart_and_lead_to_their_place(
     tab: Any, rr1_table: rp.Scene, tmp_path: FilePath
 ) -> None:

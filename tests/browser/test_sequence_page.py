@@ -9,7 +9,7 @@ import pytest
 
 import rr1plan as rp
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.drawn]
 
 
 @pytest.fixture(scope="module")

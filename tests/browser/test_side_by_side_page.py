@@ -12,7 +12,7 @@ import pytest
 import rr1plan as rp
 from rr1plan.playback.viewer.page_capture import wait_until
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.drawn]
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +116,7 @@ def test_a_tall_window_has_one_below_the_other(calm: Any) -> None:
     one, other = tiles(calm)
     assert one["width"] == other["width"] == 390
     assert other["top"] == one["height"] > 400
-    calm.picture()
+    calm.next_frames()
     for box in calm.page.locator("#tiles b").all():
         place = box.bounding_box()
         assert place["x"] >= 0
@@ -126,7 +126,7 @@ def test_a_tall_window_has_one_below_the_other(calm: Any) -> None:
 def test_a_motion_that_is_hidden_has_no_tile(calm: Any) -> None:
     calm.ask("RR1.setShown('replay', true)")
     assert labels(calm) == ["Plan, 1.00 s", "Simulated", "slow, 2.00 s"]
-    calm.picture()
+    calm.next_frames()
     calm.page.click("[data-layer=compare]")
     assert labels(calm) == ["Plan, 1.00 s", "Simulated"]
     calm.page.click("[data-layer=replay]")

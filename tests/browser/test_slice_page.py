@@ -21,11 +21,6 @@ CELLS = 60
 
 
 @pytest.fixture(scope="module")
-def plain() -> bool:
-    return True
-
-
-@pytest.fixture(scope="module")
 def page_file(rr1_table: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     picture = rp.cspace(rr1_table, joints=JOINTS, resolution=CELLS)
     return picture.save_html(tmp_path_factory.mktemp("slice") / "slice.html")

@@ -13,7 +13,7 @@ import rr1plan as rp
 from rr1plan import save_html, show
 from rr1plan.playback.viewer.page_capture import wait_until
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.drawn]
 
 LAYERS = ("linkspheres", "bodyspheres", "spheres")
 # Where each sphere of a layer is drawn, how large it is, and what for.

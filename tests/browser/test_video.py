@@ -246,7 +246,7 @@ def test_the_length_of_a_gif_does_not_drift(fps: float, tmp_path: FilePath) -> N
 def test_what_makes_no_sense_is_refused(tmp_path: FilePath) -> None:
     (tmp_path / "page.html").write_text("")
     for words, name, more in (
-        ("ends in .mp4, .gif, .webp", "a.avi", {}),
+        ("ends in .mp4 or .gif or .webp", "a.avi", {}),
         ("at most 50", "a.gif", {"fps": 60}),
         ("even numbers", "a.mp4", {"size": (101, 100)}),
         ("size", "a.gif", {"size": (1, 1)}),

@@ -134,6 +134,6 @@ def test_a_motion_that_does_not_end_at_rest_is_not_written(motion: rp.Trajectory
     for save in (rp.save_joint_trajectory, rp.save_rosbag, rp.check_joint_trajectory):
         with pytest.raises(rp.InputError, match="does not end at rest: 'arm/shoulder' has the speed"):
             save(*([tmp_path / "half.yaml", half] if save is not rp.check_joint_trajectory else [half]))
-    with pytest.raises(rp.InputError, match="is no YAML file"):
+    with pytest.raises(rp.InputError, match=r"expected a name that ends in \.yaml or \.yml"):
         rp.save_joint_trajectory(tmp_path / "motion.txt", motion)
     assert list(tmp_path.iterdir()) == []

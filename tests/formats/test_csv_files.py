@@ -40,6 +40,19 @@ def test_csv_of_standing_still_has_one_row(tmp_path: FilePath) -> None:
     assert load_csv(save_csv(tmp_path / "t.csv", still)).allclose(still, atol=0.0)
 
 
+@pytest.mark.parametrize("name", ["left, front/joint", 'a "b"/j', "a;b/j,1", "q:a/b", "左 腕/关节"])
+def test_names_of_any_letters_come_back(tmp_path: FilePath, name: str) -> None:
+    still = Trajectory.rest((name, "other/joint"), [0.5, 0.25])
+    assert load_csv(save_csv(tmp_path / "t.csv", still)).allclose(still, atol=0.0)
+
+
+def test_a_file_that_a_spreadsheet_wrote_is_read(tmp_path: FilePath) -> None:
+    (tmp_path / "t.csv").write_bytes(b'\xef\xbb\xbft,"q:a/b"\r\n0,"1.5"\r\n,\r\n1,2.5\r\n\r\n')
+    read = load_csv(tmp_path / "t.csv")
+    assert read.joint_names == ("a/b",)
+    assert read([0.0, 1.0]).tolist() == [[1.5], [2.5]]
+
+
 def test_a_motion_that_does_not_end_at_rest_is_not_written_as_csv(tmp_path: FilePath) -> None:
     moving = Trajectory(("arm/joint1",), [0.0, 1.0], np.array([[[0.0], [1.0]]]))
     with pytest.raises(InputError, match="'arm/joint1' has the speed 1"):
@@ -57,6 +70,7 @@ def test_a_motion_that_does_not_end_at_rest_is_not_written_as_csv(tmp_path: File
         ("t,q:a,q:b,v:a,v:b,a:a\n", "accelerations for other joints than positions: b"),
         ("t,q:a,a:a\n0,0,0\n", "accelerations without velocities"),
         ("t,q:a,v:a,a:a\n", "has no rows"),
+        ('t,q:a\n0,"1\n', ":2: is not CSV"),
         ("t,q:a,v:a,a:a\n0,0,0\n", ":2: has 3 values, expected 4"),
         ("t,q:a,v:a,a:a\n0,0,0,x\n", ":2: could not convert"),
         ("t,q:a,v:a,a:a\n0,nan,0,0\n1,0,0,0\n", "is nan"),

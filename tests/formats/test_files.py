@@ -11,7 +11,9 @@ from typing import Any
 import pytest
 
 import rr1plan as rp
+from rr1plan.cli import BAD_INPUT, run
 from rr1plan.files.file_access import check_writable, write_bytes, write_text
+from rr1plan.scene import model_library
 
 WRITERS: dict[str, Callable[[Path, rp.Scene], Any]] = {
     "bytes": lambda file, _: write_bytes(file, b"new"),
@@ -61,6 +63,50 @@ def test_a_link_stays_and_its_file_is_replaced(tmp_path: Path) -> None:
     assert list(file.parent.iterdir()) == [file]
 
 
+def test_a_new_file_has_the_mode_of_the_umask_and_an_old_one_keeps_its_own(tmp_path: Path) -> None:
+    new, old = tmp_path / "new", tmp_path / "old"
+    old.write_text("old")
+    old.chmod(0o600)
+    before = os.umask(0o027)
+    try:
+        write_text(new, "text")
+        write_text(old, "text")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(new.stat().st_mode) == 0o640
+    assert stat.S_IMODE(old.stat().st_mode) == 0o600
+
+
+def test_writing_never_changes_the_umask_which_all_threads_share(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def changed(_: int) -> int:
+        raise AssertionError("the umask was changed")
+
+    monkeypatch.setattr(os, "umask", changed)
+    write_text(tmp_path / "file", "new")
+    write_text(tmp_path / "file", "old")
+
+
+SAVERS: dict[str, Callable[[Path, rp.Scene], Any]] = {
+    ".json": rp.save_motion,
+    ".csv": lambda file, scene: rp.save_csv(file, rp.Trajectory.rest(scene.joint_names(), scene.configuration())),
+    ".toml": rp.save_scene,
+    ".xml": rp.save_mjcf,
+}
+
+
+@pytest.mark.parametrize("suffix", SAVERS)
+def test_a_suffix_by_which_a_file_would_be_read_as_another_format_is_refused(
+    suffix: str, rr1_table: rp.Scene, tmp_path: Path
+) -> None:
+    for name in ("a.scene", "a.txt", "a"):
+        with pytest.raises(rp.InputError, match=rf"{name}', expected a name that ends in \{suffix}"):
+            SAVERS[suffix](tmp_path / name, rr1_table)
+    assert not list(tmp_path.iterdir())
+    SAVERS[suffix](tmp_path / f"A{suffix.upper()}", rr1_table)
+
+
 def test_text_that_cannot_be_encoded_leaves_the_old_file(tmp_path: Path) -> None:
     file = tmp_path / "file"
     write_text(file, "old")
@@ -72,3 +118,21 @@ def test_text_that_cannot_be_encoded_leaves_the_old_file(tmp_path: Path) -> None
 
 def test_the_longest_name_that_a_file_can_have_is_written(tmp_path: Path) -> None:
     assert write_text(tmp_path / ("x" * 255), "text").read_text() == "text"
+
+
+def test_a_working_folder_that_was_deleted_is_named(
+    rr1_table: rp.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    for write in WRITERS.values():
+        with pytest.raises(rp.InputError, match=r"a\.toml is in a working folder that is no longer there"):
+            write(Path("a.toml"), rr1_table)
+    assert run(["plan", "planar2r_path", "--output", "a.json"]) == BAD_INPUT
+
+
+def test_an_archive_is_no_place_to_run_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(model_library, "_PACKAGE", tmp_path / "rr1plan.zip" / "rr1plan")
+    with pytest.raises(rp.InstallationError, match=r"folder of models .* is missing"):
+        rp.load_scene("rr1_table")

@@ -14,7 +14,6 @@ from rr1plan.robot.srdf import read_srdf
 from rr1plan.robot.urdf import read_urdf
 from rr1plan.robot.xacro import expand_xacro
 from rr1plan.scene.motion_bench import problem_set_joints
-from rr1plan.scene.moveit_scene import write_moveit_scene
 from rr1plan.shapes.mesh_files import SUFFIXES, read_mesh
 from rr1plan.shapes.point_cloud_files import read_points
 
@@ -61,7 +60,9 @@ WRITERS: dict[str, Callable[[Path, rp.Scene], Any]] = {
     "page": lambda file, scene: rp.save_html(file.with_suffix(".html"), scene),
     "picture": lambda file, scene: rp.cspace(scene, resolution=8).save(file.with_suffix(".png")),
     "model": lambda file, scene: rp.save_mjcf(file.with_suffix(".xml"), scene),
-    "moveit": lambda file, scene: write_moveit_scene(file.with_suffix(".scene"), scene),
+    "samples": lambda file, scene: rp.save_csv(
+        file.with_suffix(".csv"), rp.Trajectory.rest(scene.joint_names(), [0.0] * len(scene.joint_names()))
+    ),
 }
 
 

@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rr1plan.errors import FormatError, InputError
-from rr1plan.robot import Geometry
+from rr1plan.errors import FormatError
 from rr1plan.scene import Scene
-from rr1plan.scene.model_library import load_scene, scene_names
-from rr1plan.scene.moveit_scene import cone, read_moveit_scene, write_moveit_scene
-from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
+from rr1plan.scene.moveit_scene import cone, read_moveit_scene
+from rr1plan.shapes import Box, Cylinder, HalfSpace, Mesh, Sphere
 from rr1plan.transforms import pose
 
 HALF = 0.7071067811865476
@@ -115,34 +113,6 @@ def test_a_mesh_is_read_with_its_triangles(tmp_path: Path) -> None:
     assert isinstance(shape, Mesh)
     assert shape.faces.tolist() == [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
     assert shape.vertices[1].tolist() == [1.0, 0.0, 0.0]
-
-
-@pytest.mark.parametrize("name", scene_names())
-def test_obstacles_of_shipped_scenes_survive_the_round_trip(name: str, tmp_path: Path) -> None:
-    scene = load_scene(name)
-    read_back = load_scene(write_moveit_scene(tmp_path / "a.scene", scene))
-    for obstacle, thing in scene.obstacles.items():
-        shapes = [(g.shape, thing.pose @ g.pose) for g in thing.geometries if not isinstance(g.shape, Capsule)]
-        other = read_back.obstacles[obstacle]
-        assert len(other.geometries) == len(shapes) + 3 * (len(thing.geometries) - len(shapes))
-        for shape, T in shapes:
-            assert any(g.shape == shape and np.allclose(other.pose @ g.pose, T, atol=1e-12) for g in other.geometries)
-
-
-def test_a_capsule_is_written_as_the_same_solid(tmp_path: Path) -> None:
-    scene = Scene().with_obstacle("c", (Geometry("g", Capsule(0.1, 0.4), pose((1, 0, 0), rpy=(0, np.pi / 2, 0))),))
-    rod, *ends = read_moveit_scene(write_moveit_scene(tmp_path / "a.scene", scene)).obstacles["c"].geometries
-    assert rod.shape == Cylinder(0.1, 0.4)
-    assert [end.shape for end in ends] == [Sphere(0.1)] * 2
-    assert sorted(end.pose[0, 3].round(12) for end in ends) == [0.8, 1.2]
-
-
-def test_what_the_format_has_no_word_for_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="'scan' has a PointCloud"):
-        write_moveit_scene(tmp_path / "a.scene", Scene().with_obstacle("scan", PointCloud([[0.0, 0, 0]])))
-    with pytest.raises(InputError, match="more than one line"):
-        write_moveit_scene(tmp_path / "a.scene", Scene(name="a\nb").with_obstacle("ball", Sphere(1.0)))
-    assert not (tmp_path / "a.scene").exists()
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,7 @@ BAD = {
     "velocity negative": (one_joint('<limit lower="-1" upper="1" velocity="-2" effort="1"/>'), "velocity"),
     "effort nan": (one_joint('<limit lower="-1" upper="1" velocity="1" effort="nan"/>'), "finite"),
     "zero axis": (one_joint('<axis xyz="0 0 0"/>' + LIMIT), "axis of joint 'j'"),
+    "huge axis": (one_joint('<axis xyz="1.7e308 1e308 0"/>' + LIMIT), "axis of joint 'j'"),
     "nan axis": (one_joint('<axis xyz="0 nan 0"/>' + LIMIT), "finite"),
     "short axis": (one_joint('<axis xyz="0 1"/>' + LIMIT), "3 numbers"),
     "unknown type": (one_joint(LIMIT, "hinge"), "'hinge'"),

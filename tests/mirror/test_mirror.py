@@ -145,6 +145,72 @@ def test_faults_are_named_and_the_stream_goes_on(scene: rp.Scene, plan: rp.Traje
     assert "moved by 1.5" in said[5]
 
 
+def restarted(stream: list[rp.StateMessage], k: int, gone: float, begin: float = 0.0) -> list[rp.StateMessage]:
+    """The stream of a sender that counts its time anew from message k on, after a time without messages [s]."""
+    first = stream[k].time - begin
+    return [
+        m if i < k else rp.StateMessage(m.time - first, m.joint_names, m.positions, received=m.received + gone)
+        for i, m in enumerate(stream)
+    ]
+
+
+def test_a_restart_of_the_sender_is_named_and_its_clock_goes_on(
+    scene: rp.Scene, plan: rp.Trajectory, tmp_path: Path
+) -> None:
+    stream = messages(plan, start=1000.0)
+    k = len(stream) // 2
+    with rp.Mirror(scene, plan, record=tmp_path / "run.jsonl") as mirror:
+        report = mirror.run(restarted(stream, k, gone=0.0))
+        states = mirror.state
+    assert report.faults == {"order": 2, "restart": 1}
+    assert report.messages == len(stream) - 2
+    assert [event.kind for event in mirror.events] == ["order", "restart"]
+    newest = stream[k - 1].time
+    assert (
+        mirror.events[1].message
+        == f"the sender's clock went back from {newest:.3f} s to 0.000 s: it goes on from there"
+    )
+    # Its time and that of the plan go on, as if nothing had happened.
+    assert states is not None
+    assert states.time == pytest.approx(stream[-1].time, abs=0.003)
+    assert max(report.max_deviation.values()) < 0.01
+    assert not report.outside
+    assert report.delays[1] < 0.005
+    assert not report
+    # The recording has the sender's own times, and is mirrored in the same way.
+    with rp.Mirror(scene, plan) as again:
+        assert str(again.run(rp.read_states(tmp_path / "run.jsonl"))) == str(report)
+        assert [str(event) for event in again.events] == [str(event) for event in mirror.events]
+
+
+def test_time_without_messages_counts_in_a_restart(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    stream = messages(plan)
+    k = len(stream) // 2
+    with rp.Mirror(scene, plan) as mirror:
+        mirror.run(restarted(stream, k, gone=3.0, begin=0.05))
+        assert mirror.state is not None
+        assert mirror.state.time == pytest.approx(stream[-1].time + 3.0, abs=0.003)
+        # A second restart, without times of arrival: a file that is read at once.
+        last = mirror.state.time
+        for t in (0.0, 0.02, 0.04, 0.06):
+            mirror.receive(rp.StateMessage(t, plan.joint_names, stream[-1].positions))
+        assert mirror.state.time > last
+        assert mirror.report().faults == {"order": 4, "restart": 2}
+
+
+def test_late_and_repeated_messages_are_no_restart(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    stream = messages(plan)
+    with rp.Mirror(scene, plan) as mirror:
+        for k in range(20, 40, 4):
+            mirror.receive(stream[k])
+            for late in (k - 3, k - 2, k - 2, k - 1):  # two in a row, and two more
+                assert mirror.receive(stream[late]) is None
+        for _ in range(10):  # a clock that stands still
+            assert mirror.receive(stream[36]) is None
+        assert mirror.report().faults == {"order": 30}
+        assert mirror.receive(stream[37]) is not None
+
+
 def test_a_recording_reads_back_as_the_same_stream(scene: rp.Scene, plan: rp.Trajectory, tmp_path: Path) -> None:
     stream = messages(plan)
     with rp.Mirror(scene, plan, record=tmp_path / "run.jsonl") as mirror:

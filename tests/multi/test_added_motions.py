@@ -155,6 +155,27 @@ def test_an_arm_that_rests_in_the_way_yields_and_comes_back(planar2r: rp.Robot) 
     assert np.abs(idle(np.linspace(1.3, idle.end_time, 200)) - [-np.pi / 2, 0.0]).max() > 0.1
 
 
+def test_two_arms_that_rest_in_the_way_both_yield(planar2r: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("left", planar2r, (-1.2, 0.0, 0.0)).with_arm("idle", planar2r, (-0.6, 1.5, 0.0))
+    scene = scene.with_arm("other", planar2r, (-0.3, 1.5, 0.0))
+    scene = scene.with_obstacle("wall", rp.Box((0.1, 3.0, 0.2)), (-1.5, 0.0, 0.0))
+    ends = {"left": [1.3, 0.3], "idle": [-np.pi / 2, 0.0], "other": [-np.pi / 2, 0.0]}
+    plan = _at_rest(scene, ends)
+    there = rp.add_motion(plan, "other", [-np.pi / 2 + 0.1, 0.0], at=0.0, budget=_BUDGET, rng=1)
+    added = rp.add_motion(there.plan, "left", [-0.9, 0.5], at=0.0, budget=_BUDGET, rng=1)
+    assert added.stage == "yield", added.reason
+    assert added.blocked_by == ("idle", "other")
+    assert rp.validate(added.plan.trajectory, scene).certified
+    _assert_same_before(there.plan, added.plan, 0.3)
+    for arm in added.blocked_by:
+        np.testing.assert_allclose(added.plan.goal(arm), there.plan.goal(arm), atol=1e-9)
+    again = rp.add_motion(added.plan, "left", [1.3, 0.3], at=0.5 * added.arrival, budget=_BUDGET, rng=2)
+    plan = again.plan
+    assert rp.validate(plan.trajectory, scene).certified
+    late = rp.execute_plan(rp.plan_graph(plan), scene, {"idle": rp.ArmDelay(0.4, 0.3)})
+    assert rp.validate(late.trajectory, scene).certified
+
+
 def test_a_moving_arm_brakes_and_turns_back(planar2r: rp.Robot) -> None:
     plan = _at_rest(_facing(planar2r), {"left": [1.5, 0.0], "right": [np.pi + 1.5, 0.0]})
     there = rp.add_motion(plan, "left", [-1.2, 0.3], at=0.0, freeze=0.0, budget=_BUDGET, rng=0)

@@ -60,6 +60,14 @@ def test_starts_in_contact_are_named(planar2r: rp.Robot) -> None:
     assert "overlap by 80 mm" in result.reason
 
 
+def test_held_arms_in_contact_are_named(planar2r: rp.Robot) -> None:
+    scene = _facing(planar2r).with_configuration("left", [0.0, 0.0]).with_configuration("right", [np.pi, 0.0])
+    scene = scene.with_arm("far", planar2r, (0.0, 5.0, 0.0))
+    result = plan_many_arms(rp.Problem(scene, None, {"far": [1.0, 0.0]}))
+    assert result.status is PlanStatus.INVALID_START
+    assert "'left/link2' and 'right/link2'" in result.reason
+
+
 @pytest.mark.parametrize("depth", [0.001, 0.005, 0.05])
 def test_goals_that_exclude_each_other_are_named(planar2r: rp.Robot, depth: float) -> None:
     scene = rp.Scene().with_arm("left", planar2r, (-1.7 - 0.04 + depth / 2, 0.0, 0.0))

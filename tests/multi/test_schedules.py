@@ -11,6 +11,7 @@ import rr1plan as rp
 from rr1plan import place_grid
 from rr1plan.checks import Array
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.execution.route import route_of
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.timing.safe_intervals import BlockedTimes, blocked_times, earliest_schedule, safe_intervals
 from rr1plan.multi.timing.schedule import Leg, Occupancy, Schedule, extended, rest_row
@@ -65,6 +66,20 @@ def test_hops_keep_limits_and_are_where_they_say_when_they_say(path: AgentPath) 
         assert (np.abs(motion(clock, 1)) <= limits.velocity * (1 + 1e-6)).all()
         assert (np.abs(motion(clock, 2)) <= limits.acceleration * (1 + 1e-6)).all()
         np.testing.assert_array_equal(motion(np.array([0.0]))[0], path.at(0))
+
+
+def test_legs_without_a_pause_are_occupied_in_order_at_any_time(path: AgentPath) -> None:
+    middle = path.stops[4]
+    there = path.hop_duration(0, middle)
+    plain = (Leg(0.1, 0, middle), Leg(0.1 + there, middle, path.segments))
+    decreasing = 0
+    for time in np.random.default_rng(0).uniform(0.0, 100.0, 300).tolist():
+        legs = tuple(Leg(leg.departure + time, leg.begin, leg.end) for leg in plain)
+        schedule = Schedule(path, legs)
+        assert (np.diff(schedule.occupancy.enter[1:]) >= 0.0).all()
+        assert route_of(schedule).segments == path.segments
+        decreasing += schedule.instants(legs[0])[-1] > legs[1].departure
+    assert decreasing
 
 
 def test_a_schedule_is_always_in_a_row_that_it_occupies(path: AgentPath) -> None:

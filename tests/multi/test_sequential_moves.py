@@ -13,7 +13,8 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.paths.time_shortcuts import shorten_in_time
+from rr1plan.multi.paths.time_shortcuts import joint_times, shorten_in_time
+from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.search.sequential_moves import SequentialMoves
 from rr1plan.multi.stopwatch import Stopwatch
 
@@ -41,7 +42,9 @@ def _moves(problem: rp.Problem, seed: int, seconds: float = 60.0) -> SequentialM
     near = arms_in_reach(problem.scene, problem.arms, 0.0)
     single = {arm: Agent(problem, [arm]) for arm in problem.arms}
     rng, watch = np.random.default_rng(seed), Stopwatch(seconds)
-    return SequentialMoves(Agent(problem, problem.arms), _goal(problem), single, near, 0.0, rng, watch)
+    agent, goal = Agent(problem, problem.arms), _goal(problem)
+    retreats = RetreatSearch(agent, goal, single, near, 0.0, rng, watch)
+    return SequentialMoves(agent, goal, retreats, 0.0, rng, watch)
 
 
 def _check_path(problem: rp.Problem, points: Array) -> None:
@@ -55,14 +58,15 @@ def _check_path(problem: rp.Problem, points: Array) -> None:
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize("count", [3, 5])
-def test_arms_that_block_each_other_in_a_cycle_move_in_turn(planar2r: rp.Robot, count: int, seed: int) -> None:
+def test_arms_that_block_each_other_in_a_cycle_go_by_way_of_retreats(planar2r: rp.Robot, count: int, seed: int) -> None:
     problem = _ring(planar2r, count)
     points = _moves(problem, seed).find()
     assert points is not None
     _check_path(problem, points)
-    moving = (np.abs(np.diff(points, axis=0)).reshape(len(points) - 1, count, 2) > 0.0).any(axis=2).sum(axis=1)
-    assert moving.max() <= 3
-    assert np.median(moving) == 1
+    steps = joint_times(np.diff(points, axis=0), Agent(problem, problem.arms).limits)
+    in_turn = steps.reshape(len(steps), count, 2).max(axis=2).sum()
+    # Moves overlap, though no two arms can go to their goals at the same time.
+    assert steps.max(axis=1).sum() < 0.9 * in_turn
 
 
 def test_the_same_seed_gives_the_same_moves(planar2r: rp.Robot) -> None:

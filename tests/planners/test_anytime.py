@@ -122,7 +122,7 @@ def test_trees_under_a_bound_meet_within_it(shelf):
     met = 0
     for seed in range(20):
         trees.restart(*box, 0.6, 2.0, bound)
-        if not trees.grow(random_state(seed), 800, motion.context):
+        if not trees.grow(random_state(seed), 800, motion):
             continue
         met += 1
         path = trees.path()
@@ -136,7 +136,7 @@ def test_each_vertex_has_the_length_of_its_path(shelf):
     limits = shelf.scene.limits(shelf.arms)
     motion, memory = CollisionChecker(shelf.scene, shelf.arms), trees.memory
     trees.restart(limits.lower, limits.upper - limits.lower, 0.5, 2.0, 7.0)
-    trees.grow(random_state(1), 600, motion.context)
+    trees.grow(random_state(1), 600, motion)
     for side, size in enumerate(trees.sizes):
         assert size > 2
         for i in range(1, size):

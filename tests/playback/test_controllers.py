@@ -466,6 +466,30 @@ def test_a_run_can_be_paused_and_paced(scene: rp.Scene) -> None:
         sim.run()
 
 
+def test_a_trajectory_ends_with_its_controller(scene: rp.Scene) -> None:
+    """Whoever waits for its execution to end must not wait for ever."""
+    follow, hold = rp.JointTrajectoryController(ARM), rp.ForwardPositionController(ARM)
+    sim = rp.Simulation(scene)
+    for swap in (lambda: sim.activate(hold, replace=True), lambda: sim.deactivate(follow)):
+        sim.activate(follow, replace=True)
+        now = scene.configuration()
+        trajectory = rp.Trajectory.rest(ARM, sim.configuration(), duration=1.0)
+        running, later = follow.send(trajectory), follow.send(trajectory, at=sim.time + 5.0)
+        sim.run(duration=0.1)
+        swap()
+        assert running.status.terminal
+        assert later.status is rp.ExecutionStatus.CANCELED
+        with pytest.raises(rp.InputError, match="the controller is not active"):
+            follow.send(trajectory)
+        sim.run(duration=0.1)
+        np.testing.assert_allclose(sim.configuration(), now, atol=1e-3)
+    # An inactive controller can be activated again, in another simulation too.
+    sim.activate(follow)
+    execution = follow.send(rp.Trajectory.rest(ARM, sim.configuration(), duration=0.1))
+    sim.run(duration=0.5)
+    assert execution.status is rp.ExecutionStatus.SUCCEEDED
+
+
 def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> None:
     class Raises(rp.Controller):
         def update(self, state: rp.JointState) -> rp.SetPoint:
@@ -483,8 +507,23 @@ def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> N
         def update(self, state: rp.JointState) -> rp.SetPoint:
             return rp.SetPoint(state.positions[:-1])
 
+    class Words(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            return rp.SetPoint(["home"] * 6)
+
+    class Ragged(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            return rp.SetPoint([[0.0], [0.0, 1.0]])
+
+    class Overwrites(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            state.positions[:] = 0.0
+            raise ValueError("no matter")
+
     messages = {Raises: "Raises raised ZeroDivisionError at 0.000 s: no gain", Nothing: "returned a NoneType"}
     messages |= {NotFinite: "velocities that are not finite", TooFew: r"positions of shape \(5,\).*expected \(6,\)"}
+    messages |= {Words: "positions that are no numbers", Overwrites: "no matter"}
+    messages |= {Ragged: "positions that are no numbers"}
     for kind, message in messages.items():
         sim = rp.Simulation(scene)
         sim.activate(kind(ARM))

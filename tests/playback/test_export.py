@@ -51,7 +51,7 @@ def test_a_bag_reads_back_equal(motion: rp.Trajectory, tmp_path: Path) -> None:
     assert (message.points[-1].velocities == 0.0).all()
     states = messages[STATE_TOPIC]
     assert len(states) == len(times)
-    np.testing.assert_array_equal([s.position for _, s in states], motion(times))
+    np.testing.assert_array_equal([s.position for _, s in states], [p.positions for p in message.points])
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bag"]
 
 
@@ -61,6 +61,25 @@ def test_names_may_be_changed_and_arms_are_told_apart(motion: rp.Trajectory, tmp
     both = rp.Trajectory.merge(motion, other)
     folder = save_rosbag(tmp_path / "two", both, rename={"arm/a": "shoulder"})
     assert _read(folder)[TRAJECTORY_TOPIC][0][1].joint_names == ["shoulder", "arm_b", "right_a"]
+
+
+def test_a_bag_that_cannot_be_written_leaves_nothing(
+    motion: rp.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
+    link = tmp_path / "link"
+    link.symlink_to("gone")
+    with pytest.raises(InputError, match="link exists already"):
+        save_rosbag(link, motion)
+    link.unlink()
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("rosbags.rosbag2.Writer.write", full)
+    with pytest.raises(InputError, match=r"cannot write .*bag: No space left on device"):
+        save_rosbag(tmp_path / "bag", motion)
+    assert not list(tmp_path.iterdir())
 
 
 def test_bad_arguments_are_named(motion: rp.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

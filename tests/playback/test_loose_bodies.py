@@ -252,13 +252,16 @@ def test_mass_and_friction_are_in_scene_files_motion_files_and_mjcf(tmp_path: Pa
         rp.load_scene(tmp_path / "bad.toml")
 
 
-def test_a_mesh_file_becomes_a_body_of_its_volume(tmp_path: Path) -> None:
+def test_a_mesh_file_becomes_a_body_of_its_volume(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     trimesh.creation.box((100, 200, 300)).export(tmp_path / "brick.stl")
     body = rp.load_body(tmp_path / "brick.stl", scale=0.001, density=2000.0, pose=[0, 0, 1])
     assert body.mass == pytest.approx(12.0)
     assert body.pose[2, 3] == 1.0
     assert body.geometries[0].shape.convex
     assert rp.load_body(tmp_path / "brick.stl", scale=0.001, mass=1.0).mass == 1.0
+    assert caplog.messages == []
+    rp.load_body(tmp_path / "brick.stl")
+    assert "brick.stl is 300 m long; a file in millimeters needs scale=0.001" in caplog.text
     both = [trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1), pose([1.1, 0.0, 1.0]))]
     trimesh.util.concatenate(both).export(tmp_path / "two.obj")
     pieces = rp.load_body(tmp_path / "two.obj", scale=0.1, convex="pieces")

@@ -80,7 +80,7 @@ def test_what_is_no_time_line_is_refused(two: rp.Scene, line: rp.Timeline, tmp_p
         rp.timeline(trajectory, two, waits=[rp.Wait("c", 0.0, 1.0)])
     with pytest.raises(rp.UnknownNameError, match="joint of the scene"):
         rp.timeline(moving(("c/x",), [0.0, 1.0], [[0.1]]), two)
-    with pytest.raises(rp.InputError, match=r"ends in .png, .svg, .pdf"):
+    with pytest.raises(rp.InputError, match=r"ends in .png or .svg or .pdf"):
         line.save(tmp_path / "line.gif")
     with pytest.raises(rp.InputError, match="at most 100"):
         line.figure(width=101)

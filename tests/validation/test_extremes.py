@@ -68,7 +68,7 @@ def test_jumps_and_ends_are_those_of_the_pieces(seed: int) -> None:
             jumps = [abs(float(p(0.0)) - end) for p, end in zip(rates[1:], after[:-1], strict=True)]
             if order < ORDERS - 1 and max(jumps, default=0.0) > 1e-6:
                 assert found.jump[order, j] == pytest.approx(max(jumps), rel=1e-9, abs=1e-8)
-                assert found.jump_time[order, j] == breaks[1 + int(np.argmax(jumps))]
+                assert found.jumps[order, j, 1] == breaks[1 + int(np.argmax(jumps))]
 
 
 def test_a_plateau_of_many_equal_pieces_has_its_value_as_peak() -> None:

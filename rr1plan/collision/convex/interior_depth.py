@@ -15,13 +15,14 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, read_only
 from rr1plan.collision.convex.convex_bodies import occupied_cells
 from rr1plan.collision.convex.mesh_trees import box_of_mesh, mesh_tree
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
 _TINY = 1e-300
+_ORIGIN = read_only(np.zeros(3))
 # Steps onto the most violated face of a polytope, per call.
 _STEPS = 4
 
@@ -88,11 +89,7 @@ class _Round:
     radius_of_ball: float
     half: float
 
-    faces, convex = 1, True
-
-    @property
-    def center(self) -> Array:
-        return np.zeros(3)
+    faces, convex, center = 1, True, _ORIGIN
 
     @property
     def radius(self) -> float:
@@ -123,11 +120,7 @@ def _box_depths(beyond: Array) -> Array:
 class _BoxInterior:
     half: Array
 
-    faces, convex = 1, True
-
-    @property
-    def center(self) -> Array:
-        return np.zeros(3)
+    faces, convex, center = 1, True, _ORIGIN
 
     @property
     def radius(self) -> float:
@@ -146,11 +139,7 @@ class _CylinderInterior:
     radius_of_disc: float
     half: float
 
-    faces, convex = 1, True
-
-    @property
-    def center(self) -> Array:
-        return np.zeros(3)
+    faces, convex, center = 1, True, _ORIGIN
 
     @property
     def radius(self) -> float:

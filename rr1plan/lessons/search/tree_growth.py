@@ -112,14 +112,14 @@ def grow_rrt_connect(problem: Problem, *, step: float = 0.3, samples: int = 2000
         q = space.sample(generator)
         note.add(SAMPLE, point=q)
         new = active.extend(q, step)
-        meeting = None
+        joined = None
         if new is not None:
             target = note.vertices[new]
-            meeting = other.extend(target, step)
-            while meeting is not None and space.distance(note.vertices[meeting], target) > 1e-9:
-                meeting = other.extend(target, step)
-        if new is not None and meeting is not None:
-            first, second = (new, meeting) if active.side == 0 else (meeting, new)
+            joined = other.extend(target, step)
+            while joined is not None and space.distance(note.vertices[joined], target) > 1e-9:
+                joined = other.extend(target, step)
+        if new is not None and joined is not None:
+            first, second = (new, joined) if active.side == 0 else (joined, new)
             note.add_path([*trees[0].chain(first), *trees[1].chain(second)[-2::-1]])
         note.step()
         if np.isfinite(note.best):

@@ -7,6 +7,7 @@
 Everything before `at + freeze` stays as it is, because it is on its way to the drives. An arm that moves then brakes on
 its path to the first gridpoint from which its new motion is possible; new paths are timed among what all others do from
 then on (`safe_intervals.py`). Where that fails, those in the way are timed again after it, to the goals that they have.
+Where that fails, too, the motion begins when all others have arrived, and all arms are planned together.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from rr1plan.multi.execution.running_plan import Part, RunningPlan, Stop, part_o
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.paths.placed_path import placed_configuration
-from rr1plan.multi.portfolio import ManyArmsResult
+from rr1plan.multi.portfolio import ManyArmsResult, plan_many_arms
 from rr1plan.multi.preflight import MARGINS, affordable_margin
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import Blocked, are_apart, may_touch
@@ -54,8 +55,8 @@ _FREEZE, _SHORTEST = 0.3, 0.1  # defaults [s]
 _LATEST = 1e7  # later times are rounded to more than a nanosecond [s]
 # Share of the budget that is kept for the referee and for kernel calls, and most of it [s].
 _RESERVE, _MOST_RESERVE = 0.2, 0.1
-# Share of the budget for a motion that changes no other arm.
-_SHARE = 0.3
+# Share of the budget for a motion that changes no other arm, and of the rest for one to which single arms yield.
+_SHARE, _SHARE_OF_YIELDING = 0.3, 0.6
 _GoalLike = Goal | Array | str | Sequence[Goal | Array]
 # The referee begins so much before the change, so that it sees the two motions meet [s].
 _LEAD = 0.01
@@ -198,9 +199,14 @@ class _Change:
         if isinstance(found, _NewMotion):
             return self._result(arm, {arm: found}, found.stage)
         if found is not None:
+            watch = self._watch
+            self._watch = watch.with_deadline(_SHARE_OF_YIELDING * watch.left)
             yielded = self._by_yielding(arm, goal, found)
+            self._watch = watch
+            if yielded is None and self._has_time():
+                yielded = self._after_all(arm, goal)
             if yielded is not None:
-                return self._result(arm, yielded, "yield")
+                return self._result(arm, yielded, "yield" if len(yielded) > 1 else "wait")
         late = "" if self._has_time() else f" in {self._watch.seconds:.2g} s"
         reason = self._reason or f"no motion of {arm} among the others was found{late}"
         if self._blockers:
@@ -453,6 +459,27 @@ class _Change:
             back = attempt.best
             whole = _joined(away.trajectory, back.trajectory)
             return {arm: new, victim: _NewMotion((*away.parts[:-1], *back.parts), whole, back.arrival)}
+
+    def _after_all(self, arm: str, goal: _GoalLike) -> dict[str, _NewMotion] | None:
+        """Motions that begin when all arms are at their goals, planned together: others step aside and come back."""
+        plan, start = self.plan, max(self.now, self.plan.trajectory.end_time)
+        ends = {name: plan.goal(name) for name in plan.arms}
+        problem = Problem(plan.scene, ends, {**ends, arm: goal}, arms=plan.arms)
+        result = plan_many_arms(problem, budget=Budget(self._watch.time_left), rng=self._rng)
+        if result.trajectory is None:
+            return None
+        changed = {}
+        for name, (part,) in RunningPlan.of(result).parts.items():
+            if part.route.segments == 0:
+                continue
+            before = [old for old in plan.parts[name] if old.end > self.now]
+            later = part.shifted(start)
+            motion = plan.trajectory.select(name).cut(self.now, start)
+            motion = _joined(motion, result.trajectory.select(name).shifted(start))
+            changed[name] = _NewMotion(
+                (*before[:-1], before[-1].until(start), later), motion, float(later.route.steps.times[-1])
+            )
+        return changed if arm in changed else None
 
     @contextmanager
     def _trying(self) -> Iterator[None]:

@@ -189,10 +189,10 @@ class RouteMotion:
             grid, marks = self._span(station, share, end, first)
             x = fastest_speeds(self.route.curve, grid, self.limits, first)
             x[0] = first
-            resting = next((k for k, speed in zip(marks[:-1], x[1:-1], strict=True) if speed == 0.0 and k >= 0), end)
-            if resting < end:
+            stop = next((k for k, speed in zip(marks[:-1], x[1:-1], strict=True) if speed == 0.0 and k >= 0), end)
+            if stop < end:
                 # Where it can only rest another motion begins, which a single segment does not hold otherwise.
-                ends = [resting, end, *ends]
+                ends = [stop, end, *ends]
                 continue
             grids.append(grid)
             speeds.append(x[:-1])

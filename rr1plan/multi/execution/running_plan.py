@@ -72,6 +72,12 @@ class Part(Value):
         """The same part, left for another path at a time [s]."""
         return replace(self, end=min(self.end, time))
 
+    def shifted(self, time: float) -> Part:
+        """The same motion, later by a time [s], on this path from that time on."""
+        steps = self.route.steps
+        later = replace(self.route, steps=RouteSteps(steps.begins, steps.ends, steps.times + time))
+        return replace(self, route=later, begin=time)
+
 
 def part_of(schedule: Schedule, begin: float) -> Part:
     """An arm that moves by a schedule from some time on, for good."""

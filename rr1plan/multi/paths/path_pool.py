@@ -69,9 +69,8 @@ class PathPool:
         via = self._via(question) if detour else None
         if detour and via is None:
             return None, "no random configuration is free"
-        legs = [question] if via is None else _split(question, via)
         parts: list[Path] = []
-        for leg in legs:
+        for leg in [question] if via is None else _split(question, via):
             result = self._plan(leg, effort, patient=patient)
             if result.path is None:
                 return None, result.reason
@@ -80,6 +79,23 @@ class PathPool:
             return self.add_shortened(parts, question), ""
         except RetimingError as error:
             return None, str(error)
+
+    def _shortened(self, parts: Sequence[Path], question: Problem) -> list[Array]:
+        """Waypoints of each part of a path, shortened by itself; each begins where the one before ends."""
+        shorter: list[Array] = []
+        with checker_from_pool(question.scene, question.arms, self.margin) as checker:
+            for part in parts:
+                points = shorten(
+                    part,
+                    question.scene,
+                    checker=checker,
+                    iterations=_SHORTCUTS,
+                    seconds=self._watch.time_left,
+                    rng=self._rng,
+                ).waypoints
+                # Of joints that wrap, the planner may end some turns farther.
+                shorter.append(points + (shorter[-1][-1] - points[0]) if shorter else points)
+        return shorter
 
     def add_shortened(self, parts: Sequence[Path], question: Problem | None = None) -> AgentPath:
         """Shorten a path that is certified, round its corners, and add it.
@@ -92,19 +108,9 @@ class PathPool:
             RetimingError: it cannot be timed under the limits.
         """
         question = question or self.agent.question({}, self.margin)
+        points = np.concatenate(self._shortened(parts, question))
         with checker_from_pool(question.scene, question.arms, self.margin) as checker:
-            shorter = [
-                shorten(
-                    part,
-                    question.scene,
-                    checker=checker,
-                    iterations=_SHORTCUTS,
-                    seconds=self._watch.time_left,
-                    rng=self._rng,
-                ).waypoints
-                for part in parts
-            ]
-            path = AgentPath(self.agent, Path(self.agent.joint_names, np.concatenate(shorter)), checker)
+            path = AgentPath(self.agent, Path(self.agent.joint_names, points), checker)
         self.paths.append(path)
         return path
 

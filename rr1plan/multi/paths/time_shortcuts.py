@@ -1,6 +1,6 @@
 """Shortcuts of a path of several arms that save time rather than length.
 
-A shortcut joins two random instants by straight lines, of all arms or of a few while the others go on as they were
+A shortcut joins two random instants by straight lines, of one arm while the others go on as they were, or of all
 (partial shortcuts: Geraerts and Overmars, Creating high-quality paths for motion planning, 2007; of arms: Huang et al.,
 Benchmarking shortcutting techniques for multi-robot-arm motion planning, 2025). So arms that moved one after the other
 come to move at the same time. An edge takes as long as its slowest joint does from rest to rest; where corners are
@@ -22,7 +22,7 @@ from rr1plan.robot.joint_limits import Limits
 _LEAST_GAIN, _WAY = 1e-3, 0.1
 # Consecutive shortcuts without a gain after which the search stops, for each arm.
 _PATIENCE = 40
-_ALL, _MOST = 0.4, 2  # how often all arms are joined straight, and otherwise how many at most
+_ALL = 0.15  # how often all arms are joined straight, and not only one
 
 
 def shorten_in_time(
@@ -52,13 +52,14 @@ def shorten_in_time(
         if idle >= _PATIENCE * len(columns) or len(path.points) <= 2 or not watch.goes_on():
             break
         begin, end = np.sort(rng.random(2)) * path.times[-1]
-        count = len(columns) if rng.random() < _ALL else 1 + int(rng.integers(min(_MOST, len(columns))))
-        chosen = [columns[i] for i in rng.permutation(len(columns))[:count].tolist()]
+        together = len(columns) == 1 or rng.random() < _ALL
         first, behind = path.rows_between(begin, end)
         old = np.vstack([path.at(begin), path.points[first:behind], path.at(end)])
-        new = (
-            old[[0, -1]] if count == len(columns) else _straightened(old, path.times[first:behind], begin, end, chosen)
-        )
+        if together:
+            new = old[[0, -1]]
+        else:
+            arm = columns[int(rng.integers(len(columns)))]
+            new = _straightened(old, path.times[first:behind], begin, end, arm)
         idle += 1
         if path.cost(old) - path.cost(new) > _LEAST_GAIN * path.times[-1] and checker.path_is_free(new):
             joined = np.concatenate([path.points[:first], new, path.points[behind:]])
@@ -66,12 +67,25 @@ def shorten_in_time(
     return path.points
 
 
-def _straightened(section: Array, times: Array, begin: float, end: float, chosen: list[slice]) -> Array:
-    """A section on which some arms move straight, at the pace of the clock."""
+def joint_times(steps: Array, limits: Limits) -> Array:
+    """How long each joint takes for some differences of configurations from rest to rest [s], shape (n, nq).
+
+    Args:
+        steps: Differences, shape (n, nq).
+        limits: Of the joints; without a limit, 1 counts.
+    """
+    velocity, acceleration = (np.where(np.isfinite(most), most, 1.0) for most in (limits.velocity, limits.acceleration))
+    far = np.abs(steps)
+    ramps = 2.0 * np.sqrt(far / acceleration)
+    cruises = far / velocity + velocity / acceleration
+    return np.asarray(np.where(far * acceleration > velocity**2, cruises, ramps))
+
+
+def _straightened(section: Array, times: Array, begin: float, end: float, columns: slice) -> Array:
+    """A section on which one arm moves straight, at the pace of the clock."""
     new = section.copy()
     share = ((times - begin) / (end - begin))[:, None]
-    for columns in chosen:
-        new[1:-1, columns] = section[0, columns] + share * (section[-1, columns] - section[0, columns])
+    new[1:-1, columns] = section[0, columns] + share * (section[-1, columns] - section[0, columns])
     return new
 
 
@@ -88,25 +102,15 @@ class _TimedPolyline:
     """
 
     def __init__(self, points: Array, limits: Limits) -> None:
-        # Joints that move have limits, or their motion could not be timed.
-        self._velocity, self._acceleration = (
-            np.where(np.isfinite(most), most, 1.0) for most in (limits.velocity, limits.acceleration)
-        )
-        durations = self._joint_times(points).max(axis=1)
+        self._limits = limits
+        durations = joint_times(np.diff(points, axis=0), limits).max(axis=1)
         moves = durations > 0.0
         self.points: Array = points[np.concatenate([[True], moves])]
         self.times = np.concatenate([[0.0], np.cumsum(durations[moves])])
 
-    def _joint_times(self, points: Array) -> Array:
-        """How long each joint takes for each edge from rest to rest, shape (edges, nq)."""
-        steps = np.abs(np.diff(points, axis=0))
-        ramps = 2.0 * np.sqrt(steps / self._acceleration)
-        cruises = steps / self._velocity + self._velocity / self._acceleration
-        return np.asarray(np.where(steps * self._acceleration > self._velocity**2, cruises, ramps))
-
     def cost(self, points: Array) -> float:
         """The duration of some waypoints, and a share of the mean time of their joints."""
-        times = self._joint_times(points)
+        times = joint_times(np.diff(points, axis=0), self._limits)
         return float(times.max(axis=1).sum() + _WAY * times.mean(axis=1).sum())
 
     def at(self, time: float) -> Array:

@@ -202,8 +202,14 @@ class CoupledWindows:
     def _couple(self, time: float, arms: frozenset[str], effort: int) -> _Window | None:
         """Plan some arms as one around an instant; None if no path is found."""
         horizon, half, iterations = self.end, _FIRST * self.end, _ITERATIONS
+        last: _Window | None = None
         while self._watch.goes_on():
             window = self._absorb(_Window(arms, max(0.0, time - half), min(horizon, time + half)))
+            # What it absorbs may be longer than what it has grown by.
+            if window == last and not (window.begin <= 0.0 and window.end >= horizon):
+                half *= _GROWTH
+                continue
+            last = window
             self.windows += 1
             points = self._plan(window, iterations * len(window.arms))
             if points is not None:

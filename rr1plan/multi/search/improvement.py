@@ -24,6 +24,7 @@ from rr1plan.multi.paths.path_changes import changed_waypoints
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality, plan_quality
 from rr1plan.multi.preflight import affordable_margin
+from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.search.sequential_moves import SequentialMoves
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
@@ -336,8 +337,9 @@ class PlanImprover:
         whole = large[int(self._rng.integers(len(large)))]
         watch = self._watch.with_deadline(self._until - self._watch.seconds)
         single = {arm: self._agent([arm], whole) for arm in whole.arms}
-        margin = self._margin(whole)
-        points = SequentialMoves(whole, self._goal(whole), single, self._near, margin, self._rng, watch).find()
+        margin, goal = self._margin(whole), self._goal(whole)
+        retreats = RetreatSearch(whole, goal, single, self._near, margin, self._rng, watch)
+        points = SequentialMoves(whole, goal, retreats, margin, self._rng, watch).find()
         if points is None:
             return False
         pool = PathPool(whole, margin, self._rng, watch)

@@ -33,6 +33,7 @@ from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.preflight import affordable_margin
 from rr1plan.multi.search.coupled_windows import CoupledWindows
+from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.search.sequential_moves import SequentialMoves
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import Blocked, are_apart
@@ -253,19 +254,17 @@ class PrioritizedPlanner:
     def _move_in_turn(self, effort: int) -> bool:
         """Move one arm at a time by way of retreats, as one agent; whether that was possible."""
         began = time.perf_counter()
-        pool = self._pool_of(self.arms)
-        agent, alone = pool.agent, {arm: self._agent_of([arm]) for arm in self.arms}
-        goal = np.concatenate([self._alone[arm].paths[0].goal for arm in agent.arms])
-        moves = SequentialMoves(agent, goal, alone, self._near, pool.margin, self._rng, self._watch)
+        pool, single = self._pool_of(self.arms), {arm: self._agent_of([arm]) for arm in self.arms}
+        goal = np.concatenate([self._alone[arm].paths[0].goal for arm in pool.agent.arms])
+        retreats = RetreatSearch(pool.agent, goal, single, self._near, pool.margin, self._rng, self._watch)
+        moves = SequentialMoves(pool.agent, goal, retreats, pool.margin, self._rng, self._watch)
         for _ in range(_ATTEMPTS):
             points = moves.find(effort // _ROUNDS_OF_SAME_EFFORT)
             if points is None:
-                break
+                continue
             with suppress(RetimingError):
-                path = pool.add_shortened([Path(agent.joint_names, points)])
-                if self._watch.goes_on():
-                    pool.add_faster(path)
-            if min(path.fastest for path in pool.paths) <= self._slow_from():
+                pool.add_shortened([Path(pool.agent.joint_names, points)])
+            if min((path.fastest for path in pool.paths), default=math.inf) <= self._slow_from():
                 break
         self.statistics.add_time("sequential", began)
         return self._adopt([pool], "sequential")

@@ -116,7 +116,8 @@ class Schedule:
             now = leg.end
             rows += [segments + 1, np.array([rest_row(self.path, now)])]
             enter += [times[:-1], times[-1:]]
-        all_enter = np.concatenate(enter)
+        # The end of a leg and the departure of the next one are rounded differently.
+        all_enter = np.maximum.accumulate(np.concatenate(enter))
         return Occupancy(np.concatenate(rows), all_enter, np.append(all_enter[1:], np.inf))
 
     def trajectory(self) -> Trajectory:

@@ -12,15 +12,12 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import (
-    file_path,
-    positive_number,
-    whole_number,
-)
-from rr1plan.errors import InputError
+from rr1plan.checks import whole_number
+from rr1plan.files.file_access import check_writable
 from rr1plan.notebook_view import NotebookView
 from rr1plan.planning import PlanResult
 from rr1plan.playback.cspace.cspace_query import CSpaceQuery, compute_query
+from rr1plan.playback.figure_files import check_width, save_figure
 from rr1plan.progress import ProgressCallback
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
@@ -32,8 +29,6 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.live_viewer import Viewer
     from rr1plan.playback.viewer.page_document import Document
     from rr1plan.playback.viewer.view_options import ViewOptions
-
-_WIDEST = 100.0  # [inch]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,9 +58,7 @@ class CSpace(CSpaceQuery, NotebookView):
         """
         from rr1plan.playback.cspace.cspace_figure import draw
 
-        if positive_number("width", width) > _WIDEST:
-            raise InputError(f"width is {width:g} inches, expected at most {_WIDEST:g}")
-        return draw(self, float(width))
+        return draw(self, check_width(width))
 
     def save(self, file: str | FilePath) -> FilePath:
         """Write it in the format that the name ends in: .png, .svg, .pdf (pictures) or .html (the page), atomically.
@@ -73,12 +66,9 @@ class CSpace(CSpaceQuery, NotebookView):
         Raises:
             InputError: another ending, or a file that cannot be written.
         """
-        target = file_path(file)
         formats = {".png": self.save_png, ".svg": self.save_svg, ".pdf": self.save_pdf, ".html": self.save_html}
-        write = formats.get(target.suffix.lower())
-        if write is None:
-            raise InputError(f"cannot save {str(file)!r}, expected a name that ends in {', '.join(formats)}")
-        return write(target)
+        target = check_writable(file, *formats)
+        return formats[target.suffix.lower()](target)
 
     def save_png(self, file: str | FilePath, *, dpi: int = 150) -> FilePath:
         """Write the picture as PNG, atomically.
@@ -109,12 +99,7 @@ class CSpace(CSpaceQuery, NotebookView):
         return self._save_figure(file, "pdf")
 
     def _save_figure(self, file: str | FilePath, kind: str, dpi: int = 150) -> FilePath:
-        from rr1plan.playback.cspace.cspace_figure import save
-
-        target = file_path(file)
-        if target.suffix.lower() != f".{kind}":
-            raise InputError(f"cannot save {str(file)!r} as {kind.upper()}, expected a name that ends in .{kind}")
-        return save(self, target, kind, dpi)
+        return save_figure(check_writable(file, f".{kind}"), self.figure, dpi)
 
     def save_html(
         self, file: str | FilePath, *, trajectory: Trajectory | None = None, options: ViewOptions | None = None

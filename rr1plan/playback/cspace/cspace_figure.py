@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from matplotlib import rc_context
@@ -13,7 +11,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from rr1plan.checks import counted
-from rr1plan.files.file_access import write_bytes
 from rr1plan.playback.cspace.cspace_colors import (
     GOAL,
     HATCHES,
@@ -37,7 +34,6 @@ STYLE = {
     "font.size": 14,
     "axes.titlesize": 15,
     "axes.labelsize": 14,
-    "svg.hashsalt": "rr1plan",
     "axes.edgecolor": INK,
     "hatch.linewidth": 1.6,
 }
@@ -56,15 +52,6 @@ def draw(cspace: CSpaceQuery, width: float) -> Figure:
             figure.legend(handles=handles, loc="outside lower center", ncols=min(5, len(handles)), frameon=False)
         figure.suptitle(_title(cspace), fontsize=16, color=INK)
     return figure
-
-
-def save(cspace: CSpaceQuery, file: FilePath, kind: str, dpi: int) -> FilePath:
-    """Write the picture as "png", "svg" or "pdf", atomically; the same picture gives the same bytes."""
-    buffer = io.BytesIO()
-    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
-    with rc_context(STYLE):
-        draw(cspace, 13.0).savefig(buffer, format=kind, dpi=dpi, metadata=metadata)
-    return write_bytes(file, buffer.getvalue())
 
 
 def swatch(color: str, pattern: int, **options: Any) -> Patch:

@@ -11,7 +11,6 @@ import base64
 import os
 import zlib
 from collections.abc import Mapping
-from importlib.resources import files
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +32,7 @@ from rr1plan.playback.outlines import silhouette
 from rr1plan.playback.search_trees import DrawnTree
 from rr1plan.playback.simulation.replay import Replay
 from rr1plan.playback.viewer.html_page import page_html, plans_by_itself
+from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.page_document import Document, first_camera, pack_array, view_document
 from rr1plan.playback.viewer.page_planner import page_planner
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, with_panel
@@ -117,9 +117,9 @@ def page_parts(
     panel = Panel(
         "cspace",
         "Configuration space",
-        html=_asset("cspace.html"),
-        css=_asset("cspace.css"),
-        script="".join(_asset(f"{name}.js") for name in _SCRIPTS),
+        html=page_asset("cspace.html"),
+        css=page_asset("cspace.css"),
+        script="".join(page_asset(f"{name}.js") for name in _SCRIPTS),
         data=_data(cspace, names, document),
         width=520,
     )
@@ -132,10 +132,6 @@ def _color_obstacles(document: Document, colors: Mapping[str, str]) -> None:
         for part in row["parts"]:
             if part["color"] is None and row["name"] in colors:
                 part["color"] = [int(colors[row["name"]][i : i + 2], 16) / 255 for i in (1, 3, 5)] + [1.0]
-
-
-def _asset(name: str) -> str:
-    return (files("rr1plan.playback.viewer") / "page" / name).read_text(encoding="utf-8")
 
 
 # ---- the data of the panel ---------------------------------------------------------------------

@@ -22,7 +22,7 @@ _STRIP = 32  # rows between reports of progress
 
 
 class CSpaceRaster:
-    """Computes the image of every obstacle. It keeps scratch memory: give each thread its own.
+    """Computes the image of every obstacle. Threads may share it: each waits while another one uses its checker.
 
     Args:
         checker: Of the arm whose two joints move.
@@ -85,9 +85,10 @@ class CSpaceRaster:
             if report is not None:
                 report(first / self.shape[0])
             last = min(first + _STRIP, self.shape[0])
-            load_library().rr1_raster_pairs(
-                exact.struct, exact.scratch, self.struct, *self.ranges[layer], first, last, half, cells
-            )
+            with self.checker.context():  # the exact kernel's memory is a part of it
+                load_library().rr1_raster_pairs(
+                    exact.struct, exact.scratch, self.struct, *self.ranges[layer], first, last, half, cells
+                )
         return cells.view(np.bool_)
 
     def memory_image(self) -> bytes:

@@ -6,7 +6,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from rr1plan.checks import true_or_false
-from rr1plan.playback.schedules.figure_files import check_width, save_figure
+from rr1plan.playback.figure_files import check_width, save_figure
 from rr1plan.playback.schedules.pair_schedule import Axes, PairSchedule
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from rr1plan.checks import Array
 from rr1plan.playback.arm_colors import arm_color
-from rr1plan.playback.schedules.figure_files import Look, look_of, style_of
+from rr1plan.playback.figure_files import Look, look_of, style_of
 
 if TYPE_CHECKING:
     from rr1plan.playback.schedules.pair_schedule import Axes, PairSchedule

@@ -10,7 +10,7 @@ import numpy as np
 
 from rr1plan.checks import finite_number, items_of, known_name, of_kind, true_or_false
 from rr1plan.planning import Wait
-from rr1plan.playback.schedules.figure_files import check_width, save_figure
+from rr1plan.playback.figure_files import check_width, save_figure
 from rr1plan.playback.schedules.timeline_rows import Interval, TimelineRows
 from rr1plan.report import Report, Violation
 from rr1plan.scene import Scene

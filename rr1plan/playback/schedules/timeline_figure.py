@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 
 from rr1plan.checks import counted
 from rr1plan.playback.arm_colors import arm_color
-from rr1plan.playback.schedules.figure_files import Look, look_of, style_of
+from rr1plan.playback.figure_files import Look, look_of, style_of
 
 if TYPE_CHECKING:
     from rr1plan.playback.schedules.timeline_rows import TimelineRows

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from rr1plan.checks import counted
 from rr1plan.playback.arm_colors import arm_color
+from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.view_options import Panel
 
 if TYPE_CHECKING:
@@ -18,8 +18,7 @@ _MOST_CONFLICTS = 30
 
 def timeline_panel(line: TimelineRows) -> Panel:
     """The panel of a time line."""
-    page = files("rr1plan.playback.viewer") / "page"
-    html, css, script = ((page / f"timeline.{kind}").read_text(encoding="utf-8") for kind in ("html", "css", "js"))
+    html, css, script = (page_asset(f"timeline.{kind}") for kind in ("html", "css", "js"))
     return Panel("timeline", "Who moves when", html=html, css=css, script=script, data=_data(line), width=_WIDTH)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from rr1plan.checks import counted, known_name
+from rr1plan.checks import Value, counted, known_name
 from rr1plan.planning import Wait
 from rr1plan.report import Violation
 
@@ -14,7 +14,7 @@ Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class TimelineRows:
+class TimelineRows(Value):
     """When each arm of a motion moves and rests, whom it waits for, and where arms touch.
 
     Args:

@@ -84,7 +84,7 @@ class Controller(ABC):
 
     Attributes:
         joint_names: The same.
-        joints: Limits and step, from `activate` on.
+        joints: Limits and step, from `activate` to `deactivate`.
 
     Raises:
         InputError: no joints, or a joint twice.
@@ -96,13 +96,17 @@ class Controller(ABC):
         self.joint_names = check_joint_names(joint_names, empty=False)
 
     def activate(self, joints: JointInfo, state: JointState) -> None:
-        """Take over the joints; called once before the updates, and again after a reset.
+        """Take over the joints; called before the updates, and again after a reset.
 
         Args:
             joints: The joints, in the order of `joint_names`.
             state: Their state.
         """
         self.joints = joints
+
+    def deactivate(self) -> None:
+        """Give up the joints: another controller has them, or none; not called before a reset."""
+        del self.joints
 
     @abstractmethod
     def update(self, state: JointState) -> SetPoint:

@@ -85,6 +85,13 @@ def step_count(seconds: float, dt: float) -> int:
     return max(1, math.ceil(seconds / dt - 1e-9))
 
 
+def _as_slice(indices: NDArray[np.int64]) -> NDArray[np.int64] | slice:
+    """Indices in a row as a slice, by which arrays are read and written several times faster; others as they are."""
+    first = int(indices[0]) if len(indices) else 0
+    end = first + len(indices)
+    return slice(first, end) if np.array_equal(indices, np.arange(first, end)) else indices
+
+
 class Tile:
     """One MuJoCo model of a simulation: some of its arms with the obstacles.
 
@@ -106,10 +113,8 @@ class Tile:
         self, world: MujocoScene, columns: NDArray[np.int64], threads: int, variation: ArmVariation | None = None
     ) -> None:
         self.world = world
-        first, count = int(columns[0]) if len(columns) else 0, len(columns)
-        in_order = np.array_equal(columns, np.arange(first, first + count))
-        self.columns: NDArray[np.int64] | slice = slice(first, first + count) if in_order else columns
-        self.joints = count
+        self.columns = _as_slice(columns)
+        self.joints = count = len(columns)
         self._model: Any = world.model
         if variation is not None:
             self._model = varied_model(world.model, world.scene, world.effort_limits, variation)
@@ -128,6 +133,7 @@ class Tile:
         self._alarms = data.warning.number
         self._state_size = mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_INTEGRATION)
         self.proof: ContactProof | None = None
+        self._searching = True
         if len(world.scene.arms) >= _MANY_ARMS and not world.body_names:
             # Scenes that cannot be checked can still be simulated.
             with contextlib.suppress(InputError):
@@ -143,6 +149,9 @@ class Tile:
 
     def _search(self, contacts: bool) -> None:
         """Let MuJoCo search for contacts, or not."""
+        if contacts == self._searching:
+            return
+        self._searching = contacts
         flags = self._model.opt.disableflags
         self._model.opt.disableflags = flags & ~_NO_CONTACTS if contacts else flags | _NO_CONTACTS
 
@@ -281,7 +290,7 @@ class Simulation:
         self._warnings: list[str] = []
         self.tiles = self._build(scene)
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 and len(self.tiles) > 1 else None
-        self._active: dict[Controller, NDArray[np.int64]] = {}
+        self._active: dict[Controller, NDArray[np.int64] | slice] = {}
         # Whether joints that others mimic have been commanded.
         self._leading = False
         self._callbacks: list[StepCallback] = []
@@ -508,23 +517,25 @@ class Simulation:
         for name in controller.joint_names:
             if name in self._map.followers:
                 raise InputError(f"joint {name!r} mimics {self._map.followers[name]!r}; command that one")
-        for other, claimed in list(self._active.items()):
-            shared = set(claimed.tolist()) & set(indices.tolist())
+        for other in list(self._active):
+            shared = set(other.joint_names).intersection(controller.joint_names)
             if not shared or other is controller:
                 continue
             if not replace:
+                first = min(shared, key=self.joint_names.index)
                 raise InputError(
-                    f"joint {self.joint_names[min(shared)]!r} is commanded by an active {type(other).__name__}; "
-                    "deactivate it first, or activate with replace=True"
+                    f"joint {first!r} is commanded by an active {type(other).__name__}; deactivate it first, or "
+                    "activate with replace=True"
                 )
             del self._active[other]
+            other.deactivate()
         self._active.pop(controller, None)
         joints = self._map
         info = JointInfo(
             controller.joint_names, joints.lower[indices], joints.upper[indices], joints.velocity[indices], self.dt
         )
         controller.activate(info, self._state(indices))
-        self._active[controller] = indices
+        self._active[controller] = _as_slice(indices)
         self._leading = self._leading or self._map.leads(indices)
 
     def deactivate(self, controller: Controller) -> None:
@@ -537,6 +548,7 @@ class Simulation:
         if controller not in self._active:
             raise InputError("the controller is not active in this simulation")
         indices = self._active.pop(controller)
+        controller.deactivate()
         for rates in self._desired[1:]:
             rates[indices] = 0.0
 
@@ -714,30 +726,33 @@ class Simulation:
         self.steps += 1
         self._now = JointState(self.time, *state)
 
-    def _take(self, controller: Controller, indices: NDArray[np.int64]) -> None:
+    def _take(self, controller: Controller, indices: NDArray[np.int64] | slice) -> None:
         """Get the set-points of a controller."""
-        name = type(controller).__name__
+        name, shape = type(controller).__name__, (len(controller.joint_names),)
         try:
             point = controller.update(self._state(indices))
         except Exception as error:
             raise ControllerError(f"{name} raised {type(error).__name__} at {self.time:.3f} s: {error}") from error
         if not isinstance(point, SetPoint):
             raise ControllerError(f"{name} returned a {type(point).__name__} at {self.time:.3f} s, expected a SetPoint")
-        wanted = np.zeros((len(point), len(indices)))
-        for row, (field, values) in enumerate(zip(SetPoint._fields, point, strict=True)):
+        wanted: list[Array | float] = []
+        for field, values in zip(SetPoint._fields, point, strict=True):
             if values is None:
+                wanted.append(0.0)
                 continue
-            if np.shape(values) != indices.shape:
-                shape = np.shape(values)
+            try:
+                row = np.asarray(values, dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                raise ControllerError(f"{name} returned {field} that are no numbers at {self.time:.3f} s") from error
+            if row.shape != shape:
                 raise ControllerError(
-                    f"{name} returned {field} of shape {shape} at {self.time:.3f} s, expected {indices.shape}"
+                    f"{name} returned {field} of shape {row.shape} at {self.time:.3f} s, expected {shape}"
                 )
-            wanted[row] = values
-        if not np.isfinite(wanted).all():
-            field = SetPoint._fields[int(np.argmin(np.isfinite(wanted).all(axis=1)))]
-            raise ControllerError(f"{name} returned {field} that are not finite at {self.time:.3f} s")
-        for desired, values in zip(self._desired, wanted, strict=True):
-            desired[indices] = values
+            if not np.isfinite(row).all():
+                raise ControllerError(f"{name} returned {field} that are not finite at {self.time:.3f} s")
+            wanted.append(row)
+        for desired, row_or_zero in zip(self._desired, wanted, strict=True):
+            desired[indices] = row_or_zero
 
     def _note_contacts(self) -> None:
         for tile in self.tiles:
@@ -746,9 +761,11 @@ class Simulation:
                 self._contacts.add(tile.world, tile.data, self.time)
                 self._deepest = max(self._deepest, depth)
 
-    def _state(self, indices: NDArray[np.int64]) -> JointState:
+    def _state(self, indices: NDArray[np.int64] | slice) -> JointState:
+        """The state of some joints, a copy that controllers may change."""
         now = self._now
-        return JointState(now.time, now.positions[indices], now.velocities[indices], now.efforts[indices])
+        rows = (row[indices] for row in (now.positions, now.velocities, now.efforts))
+        return JointState(now.time, *(row.copy() if isinstance(indices, slice) else row for row in rows))
 
     def _indices(self, names: Sequence[str]) -> NDArray[np.int64]:
         for name in names:

@@ -122,14 +122,23 @@ class JointTrajectoryController(Controller):
     def activate(self, joints: JointInfo, state: JointState) -> None:
         """Hold the present positions, and cancel the trajectory in execution."""
         super().activate(joints, state)
-        for execution in (self._active, self._queued):
-            if execution is not None:
-                _end(execution, ExecutionStatus.CANCELED, state.time, "the controller was activated again")
-        self._active = self._queued = None
+        self._forget(state.time, "the controller was activated again")
         self._now = state.time
         self._hold = SetPoint(state.positions.copy())
         self._last = self._hold
         self._block_start = -math.inf
+
+    def deactivate(self) -> None:
+        """Give up the joints; the trajectory in execution is canceled."""
+        super().deactivate()
+        self._forget(self._now, "the controller was deactivated")
+
+    def _forget(self, time: float, message: str) -> None:
+        """Cancel all executions."""
+        for execution in (self._active, self._queued):
+            if execution is not None:
+                _end(execution, ExecutionStatus.CANCELED, time, message)
+        self._active = self._queued = None
 
     def send(self, trajectory: Trajectory, *, at: float | None = None) -> Execution:
         """Execute a trajectory; one in execution is preempted when the new one begins.
@@ -186,7 +195,7 @@ class JointTrajectoryController(Controller):
         since = state.time - execution.start
         point = self._set_point(since)
         error = np.abs(state.positions - point.positions)
-        np.maximum(execution.max_error, error[self._back], out=execution.max_error)
+        np.maximum(execution.max_error, error if self._back is None else error[self._back], out=execution.max_error)
         if error.max() > self.path_tolerance:
             message = self._worst(error, self.path_tolerance)
             _end(execution, ExecutionStatus.PATH_TOLERANCE_VIOLATED, state.time, message)
@@ -210,7 +219,8 @@ class JointTrajectoryController(Controller):
         execution.status = ExecutionStatus.ACTIVE
         trajectory = execution.trajectory
         self._path = Trajectory(self.joint_names, trajectory.breaks, trajectory.coefficients[:, :, columns])
-        self._back = np.argsort(columns)
+        in_order = np.array_equal(columns, np.arange(len(columns)))
+        self._back = None if in_order else np.argsort(columns)
         self._block_start = -math.inf
 
     def _check_start(self, trajectory: Trajectory, columns: NDArray[np.int64]) -> None:

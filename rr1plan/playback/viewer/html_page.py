@@ -15,7 +15,6 @@ import json
 import re
 from collections.abc import Sequence
 from functools import cache
-from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Any
@@ -24,6 +23,7 @@ from rr1plan.checks import finite_array
 from rr1plan.errors import BackendError, InputError, MissingPackageError
 from rr1plan.kernels.wasm_core import core_script
 from rr1plan.playback.viewer.live_page import LiveAccess
+from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.page_document import Document
 from rr1plan.playback.viewer.page_planner import page_modules
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
@@ -65,14 +65,14 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: L
     slots = {
         "TITLE": html.escape(document["title"]),
         "POLICY": html.escape(_policy(scripts, live, plans)),
-        "STYLE": "".join(map(_asset, _STYLES)) + "".join(_sealed(p.css, "style") for p in panels),
+        "STYLE": "".join(map(page_asset, _STYLES)) + "".join(_sealed(p.css, "style") for p in panels),
         "PANELS": "".join(_panel_html(p) for p in panels),
         "DOCUMENT": json_for_html(document),
         "SETTINGS": json_for_html(settings),
         "MESHCAT": scripts[0],
         "SCRIPT": scripts[1],
     }
-    return re.sub(r"\{\{([A-Z]+)\}\}", lambda m: slots[m.group(1)], _asset("page.html"))
+    return re.sub(r"\{\{([A-Z]+)\}\}", lambda m: slots[m.group(1)], page_asset("page.html"))
 
 
 def plans_by_itself(document: Document) -> bool:
@@ -82,7 +82,7 @@ def plans_by_itself(document: Document) -> bool:
 
 def planner_script() -> str:
     """The page's planner as a separate script, which defines `PagePlanner`."""
-    return "\n".join([_core_script(), _asset("referee.js"), _asset("planner.js")])
+    return "\n".join([_core_script(), page_asset("referee.js"), page_asset("planner.js")])
 
 
 def _core_script() -> str:
@@ -122,11 +122,6 @@ def check_size(size: Any) -> tuple[int, int]:
 
 
 @cache
-def _asset(name: str) -> str:
-    return (files("rr1plan.playback.viewer") / "page" / name).read_text(encoding="utf-8")
-
-
-@cache
 def _meshcat() -> str:
     """Meshcat's own viewer, as its package ships it (its licences stand in the page's head)."""
     # Found, not imported: the Python package would bring ZeroMQ and IPython along.
@@ -141,7 +136,7 @@ def _meshcat() -> str:
 
 
 def _script(panels: Sequence[Panel]) -> str:
-    parts = [_without_comments(text) for text in (_core_script(), *map(_asset, _SCRIPTS))]
+    parts = [_without_comments(text) for text in (_core_script(), *map(page_asset, _SCRIPTS))]
     mounts = [f"mounts[{json.dumps(p.name)}] = function (viewer, root, data) {{\n{p.script}\n}};" for p in panels]
     body = "\n".join([*parts[:-1], *mounts, parts[-1]])
     return _sealed(f"(function () {{\n'use strict';\nconst mounts = {{}};\n{body}\n}})();\n", "script")

@@ -126,10 +126,7 @@ def screenshot(
         MissingPackageError: playwright or a Chromium is not installed (extra `video`).
         BackendError: the browser does not start, or the page does not.
     """
-    file = file_path(file)
-    if file.suffix.lower() != ".png":
-        raise InputError(f"cannot save {str(file)!r} as PNG, expected a name that ends in .png")
-    check_writable(file)
+    file = check_writable(file, ".png")
     moment = None if time is None else finite_number("time", time)
     bare = true_or_false("bare", bare)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import check_callback, file_path, positive_number, true_or_false
+from rr1plan.checks import check_callback, positive_number, true_or_false
 from rr1plan.errors import InputError
 from rr1plan.files.file_access import check_writable, write_bytes
 from rr1plan.playback.viewer.html_page import check_size
@@ -67,11 +67,8 @@ def save_video(
         MissingPackageError: playwright, PyAV or a Chromium is not installed (extra `video`).
         BackendError: the browser does not start, or the page does not.
     """
-    file = file_path(file)
+    file = check_writable(file, *FASTEST)
     suffix = file.suffix.lower()
-    if suffix not in FASTEST:
-        raise InputError(f"cannot save {str(file)!r} as a video, expected a name that ends in {', '.join(FASTEST)}")
-    check_writable(file)
     fps, speed, size = positive_number("fps", fps), positive_number("speed", speed), check_size(size)
     if fps > FASTEST[suffix]:
         raise InputError(f"fps is {fps:g}, expected at most {FASTEST[suffix]:g} in {suffix} files")

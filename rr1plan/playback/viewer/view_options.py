@@ -10,7 +10,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import check_text, items_of, of_kind, shown, true_or_false, whole_number
+from rr1plan.checks import Value, check_text, items_of, of_kind, shown, true_or_false, whole_number
 from rr1plan.errors import InputError
 from rr1plan.planning import SearchTree
 from rr1plan.playback.viewer.camera import check_view
@@ -53,7 +53,7 @@ class Panel:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ViewOptions:
+class ViewOptions(Value):
     """Options of a page, the same for live pages and files.
 
     Args:

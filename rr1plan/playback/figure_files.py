@@ -1,4 +1,4 @@
-"""Figures of schedules as files, and what they have in common."""
+"""Figures as files, and what they have in common."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rr1plan.checks import file_path, positive_number
+from rr1plan.checks import positive_number
 from rr1plan.errors import InputError
 from rr1plan.files.file_access import check_writable, write_bytes
 
@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDEST = 100.0  # [inch]
-_DPI = 150
-_FORMATS = (".png", ".svg", ".pdf")
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 # So that the same figure gives the same bytes.
 _NO_DATES: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
@@ -79,35 +78,23 @@ def check_width(width: float) -> float:
     return number
 
 
-def check_figure_file(file: str | FilePath) -> FilePath:
-    """A file for a figure.
-
-    Raises:
-        InputError: a name that ends in none of .png, .svg and .pdf, or one that cannot be written.
-    """
-    target = file_path(file)
-    if target.suffix.lower() not in _FORMATS:
-        raise InputError(f"cannot save {str(file)!r}, expected a name that ends in {', '.join(_FORMATS)}")
-    check_writable(target)
-    return target
-
-
-def save_figure(file: str | FilePath, draw: Callable[[], Figure]) -> FilePath:
+def save_figure(file: str | FilePath, draw: Callable[[], Figure], dpi: int = 150) -> FilePath:
     """Draw a figure and write it in the format that the name ends in, atomically.
 
     Args:
         file: The file.
         draw: Makes the figure.
+        dpi: Dots per inch of a PNG.
 
     Raises:
         InputError: a name that ends otherwise, or a file that cannot be written.
     """
-    target = check_figure_file(file)
+    target = check_writable(file, *FIGURE_SUFFIXES)
     kind = target.suffix.lower()[1:]
     figure = draw()
     from matplotlib import rc_context
 
     buffer = io.BytesIO()
     with rc_context({"svg.hashsalt": "rr1plan"}):
-        figure.savefig(buffer, format=kind, dpi=_DPI, metadata=_NO_DATES.get(kind, {}))
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata=_NO_DATES.get(kind, {}))
     return write_bytes(target, buffer.getvalue())

@@ -1,0 +1,136 @@
+"""Samples of a trajectory that keep its limits when they are interpolated.
+
+`Trajectory.from_samples`, as a joint trajectory controller, draws cubics through positions and velocities, and quintics
+where samples have accelerations. Between samples these leave a motion whose acceleration jumps, by a quarter of its
+acceleration limit and more. So there is a sample at each break of the motion, accelerations are left out where
+they jump, and what remains (of rounded corners, a few thousandths) is made up for by taking that much longer.
+"""
+
+from __future__ import annotations
+
+from math import perm
+from typing import NamedTuple
+
+import numpy as np
+
+from rr1plan.checks import Array, of_kind
+from rr1plan.errors import InputError
+from rr1plan.retiming.polynomial_extrema import MAX_DEGREE, peaks
+from rr1plan.trajectory import Trajectory
+
+# Samples at regular times are left out that are nearer to a break than this share of their distance.
+_NEAR = 0.1
+# Breaks at smaller distances are one [s]: rounding of positions would make accelerations of them.
+_ONE = 1e-6
+# Jumps of acceleration and of velocity below these shares of their peaks come from rounding.
+_ROUNDING = 1e-7
+# Peaks that differ by less than this share are equal to the referee; peaks of joints that rest [rad/s or rad/s²].
+_EQUAL, _STILL = 1e-10, 1e-6
+_ATTEMPTS = 12
+# Speeds at the end below this are zero [rad/s or m/s].
+_REST = 1e-6
+
+
+class TrajectorySamples(NamedTuple):
+    """Samples of a motion.
+
+    Args:
+        times: When [s], shape (n,).
+        positions: Positions [rad or m], shape (n, nq).
+        velocities: Velocities, shape (n, nq); the last ones are zero.
+        accelerations: Accelerations, shape (n, nq); None where they jump.
+    """
+
+    times: Array
+    positions: Array
+    velocities: Array
+    accelerations: Array | None
+
+
+def sample_within_limits(trajectory: Trajectory, dt: float, *, tick: float | None = None) -> TrajectorySamples:
+    """Samples between which no speed and no acceleration is higher than those of the motion.
+
+    Args:
+        trajectory: A trajectory that ends at rest.
+        dt: Longest time between samples [s]; there is one at each break, too.
+        tick: Times from the start are multiples of this [s] (default: any).
+
+    Raises:
+        InputError: the trajectory does not end at rest, or too many samples.
+    """
+    of_kind("trajectory", trajectory, Trajectory)
+    times = _times(trajectory, dt)
+    _check_rest_at_end(trajectory)
+    smooth, continuous = (_is_continuous(trajectory, derivative) for derivative in (2, 1))
+    begin, factor = trajectory.start_time, 1.0
+    for attempt in range(_ATTEMPTS):
+        # Where the motion is sampled follows from the times that are written.
+        written = begin + factor * (times - begin)
+        if tick is not None:
+            written = begin + tick * np.round((written - begin) / tick)
+        own = np.clip(begin + (written - begin) / factor, begin, trajectory.end_time)
+        q, v, a = (trajectory(own, derivative) / factor**derivative for derivative in range(3))
+        v[-1] = 0.0
+        samples = TrajectorySamples(written, q, v, a if smooth else None)
+        if len(times) == 1 or not continuous or trajectory.degree > MAX_DEGREE + 1:
+            break
+        excess = _excess(trajectory, Trajectory.from_samples(trajectory.joint_names, *samples))
+        if excess <= 1.0:
+            break
+        factor *= excess * (1.0 + _ROUNDING * 2.0**attempt)
+    return samples
+
+
+def _times(trajectory: Trajectory, dt: float) -> Array:
+    """Regular times and breaks."""
+    breaks = trajectory.breaks
+    breaks = breaks[np.concatenate([[True], np.diff(breaks) > _ONE])]
+    breaks = np.append(breaks[:-1], trajectory.end_time) if len(breaks) > 1 else trajectory.breaks[[0, -1]]
+    regular = trajectory.sample_times(dt)
+    after = np.clip(np.searchsorted(breaks, regular), 1, len(breaks) - 1)
+    apart = np.minimum(np.abs(regular - breaks[after - 1]), np.abs(regular - breaks[after]))
+    return np.unique(np.concatenate([breaks, regular[apart > _NEAR * dt]]))
+
+
+def _is_continuous(trajectory: Trajectory, derivative: int) -> bool:
+    """Whether a derivative does not jump at breaks."""
+    powers = np.arange(trajectory.degree + 1)
+    rows = np.moveaxis(trajectory.coefficients, 1, 0)[derivative:]
+    for k in range(derivative):
+        rows = rows * (powers[derivative:] - k)[:, None, None]
+    if not len(rows) or len(trajectory.breaks) < 3:
+        return True
+    steps = np.diff(trajectory.breaks)[:, None]
+    ends = sum(row * steps**k for k, row in enumerate(rows))
+    jumps = np.abs(ends[:-1] - rows[0][1:])
+    return bool(jumps.max(initial=0.0) <= _ROUNDING * max(1.0, float(np.abs(ends).max(initial=0.0))))
+
+
+def _excess(trajectory: Trajectory, read: Trajectory) -> float:
+    """How many times longer interpolated samples have to take so that their peaks are those of the motion."""
+    factor = 1.0
+    for derivative in (1, 2):
+        allowed, found = _peaks(trajectory, derivative), _peaks(read, derivative)
+        moving = allowed > _STILL
+        over = (found[moving] / allowed[moving]).max(initial=1.0)
+        if over > 1.0 + _EQUAL:
+            factor = max(factor, float(over) ** (1.0 / derivative))
+    return factor
+
+
+def _peaks(trajectory: Trajectory, derivative: int) -> Array:
+    """Largest absolute value of a derivative of each joint, shape (nq,); a bound for quintics."""
+    steps, c = np.diff(trajectory.breaks), trajectory.coefficients
+    found = peaks(c[:, : MAX_DEGREE + 1], steps, derivative)
+    if trajectory.degree > MAX_DEGREE:
+        power = MAX_DEGREE + 1
+        found += np.abs(c[:, power]) * perm(power, derivative) * steps[:, None] ** (power - derivative)
+    return np.asarray(found.max(axis=0))
+
+
+def _check_rest_at_end(trajectory: Trajectory) -> None:
+    """Refuse a trajectory that does not end at rest."""
+    speeds = np.abs(trajectory(trajectory.end_time, 1))
+    if speeds.max(initial=0.0) > _REST:
+        joint = trajectory.joint_names[int(np.argmax(speeds))]
+        raise InputError(f"the trajectory does not end at rest: {joint!r} has the speed {speeds.max():.3g}")

@@ -1,0 +1,118 @@
+"""Retreats: a configuration of each arm of a crowded group from which it is in nobody's way.
+
+An arm that goes to its goal by way of its retreat leaves room for all others meanwhile. Retreats are drawn around the
+arm's way to its goal, and the one by which the arm arrives first is taken of those that keep clear of where others
+begin and end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.kernels.planner_kernels import CStruct
+from rr1plan.model.joint_space import Space
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.paths.time_shortcuts import joint_times
+from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.coordination import are_apart
+
+# Random configurations that are drawn for a retreat, how many of them are compared with where other arms begin and end,
+# and how far it should be from there [m].
+_DRAWN, _COMPARED, _ROOM = 64, 24, 0.03
+
+
+class RetreatSearch:
+    """Finds retreats of some arms.
+
+    Args:
+        agent: All arms as one.
+        goal: Where they end, shape (nq,).
+        single: The agent of each arm.
+        near: Of each arm those that it can meet.
+        margin: Distance to keep from what stands still, beyond the padding [m].
+        rng: Where random numbers come from.
+        watch: Says when to give up.
+    """
+
+    def __init__(
+        self,
+        agent: Agent,
+        goal: Array,
+        single: Mapping[str, Agent],
+        near: Mapping[str, frozenset[str]],
+        margin: float,
+        rng: np.random.Generator,
+        watch: Stopwatch,
+    ) -> None:
+        self._agent, self._goal, self._margin, self._rng, self._watch = agent, goal, margin, rng, watch
+        self._single = [single[arm] for arm in agent.arms]
+        self._columns = list(agent.columns.values())
+        self._near = [[k for k, other in enumerate(agent.arms) if other in near[arm]] for arm in agent.arms]
+        self._space = Space.around(agent.question({}, margin), goal[None])
+
+    def find(self) -> Array | None:
+        """A configuration for each arm, in the way of few starts and goals, shape (nq,); None if it is too late."""
+        ends = [(one.start, self._goal[columns]) for one, columns in zip(self._single, self._columns, strict=True)]
+        placed = [
+            [placed_configuration(one.bodies, q) for q in both] for one, both in zip(self._single, ends, strict=True)
+        ]
+        retreats = self._agent.start.copy()
+        chosen: dict[int, CStruct] = {}
+        for arm in self._rng.permutation(len(ends)).tolist():
+            fewest = 2 * len(ends) + 1
+            for q in self._candidates(arm):
+                own = placed_configuration(self._single[arm].bodies, q)
+                number = self._conflicts(arm, own, placed, chosen, fewest)
+                if number < fewest:
+                    fewest, chosen[arm], retreats[self._columns[arm]] = number, own, q
+                if fewest == 0 or not self._watch.goes_on():
+                    break
+            if not self._watch.goes_on():
+                return None
+        return retreats
+
+    def _candidates(self, arm: int) -> list[Array]:
+        """Free configurations of an arm, those first by way of which it arrives first: its home, and random ones."""
+        agent, columns = self._single[arm], self._columns[arm]
+        drawn = self._drawn(arm)
+        durations = sum(
+            joint_times(drawn - end, agent.limits).max(axis=1) for end in (agent.start, self._goal[columns])
+        )
+        question, found = agent.question({}, self._margin), []
+        with checker_from_pool(question.scene, question.arms, self._margin) as checker:
+            for number in np.argsort(durations, kind="stable").tolist():
+                if checker.is_free(drawn[number]):
+                    found.append(drawn[number])
+                if len(found) == _COMPARED:
+                    break
+        return found
+
+    def _drawn(self, arm: int) -> Array:
+        """Configurations of an arm within its limits: its home, and random ones, from near its way to anywhere."""
+        agent, columns = self._single[arm], self._columns[arm]
+        home = agent.problem.scene.arms[agent.arms[0]].robot.home
+        wraps = self._space.wraps[columns]
+        low = np.where(wraps, -np.pi, self._space.lower[columns])
+        high = np.where(wraps, np.pi, self._space.upper[columns])
+        begin, end = agent.start, self._goal[columns]
+        middle = begin + self._rng.random((_DRAWN, 1)) * (end - begin)
+        share = np.arange(1, _DRAWN + 1)[:, None] / _DRAWN
+        drawn = np.clip(middle + share * (self._rng.uniform(low, high, (_DRAWN, len(low))) - middle), low, high)
+        return np.concatenate([home[None], drawn]) if (low <= home).all() and (home <= high).all() else drawn
+
+    def _conflicts(
+        self, arm: int, own: CStruct, ends: Sequence[Sequence[CStruct]], chosen: Mapping[int, CStruct], most: int
+    ) -> int:
+        """With how many starts, goals and chosen retreats of others an arm is in conflict; counted to `most`."""
+        number = 0
+        for other in self._near[arm]:
+            for placed in (*ends[other], chosen[other]) if other in chosen else ends[other]:
+                number += not are_apart(self._single[arm], own, self._single[other], placed, _ROOM)
+                if number >= most:
+                    return number
+        return number

@@ -1,0 +1,44 @@
+"""`assert_valid` and `assert_replays` of sequences: stage by stage, with objects that friction holds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+
+
+def test_a_planned_sequence_is_valid_and_replays(moved: rp.SequencePlan) -> None:
+    assert rp.assert_valid(moved).certified
+    replay = rp.assert_replays(moved)
+    assert replay.objects["block"].max_offset < 0.01
+    assert replay.max_error < 0.01
+
+
+def test_a_sequence_is_checked_in_another_scene(moved: rp.SequencePlan, table: rp.Scene) -> None:
+    assert rp.assert_valid(moved, table).certified  # with the gripper locked, as scenes have it
+    at = moved.object_poses("block", [moved.stages[6].end])[0][:3, 3]
+    with pytest.raises(AssertionError, match=r"the motion is not valid: collision: stage 7 .*ball and block overlap"):
+        rp.assert_valid(moved, table.with_obstacle("ball", rp.Sphere(0.004), at - [0, 0, 0.032]))
+
+
+def test_an_object_that_is_not_held_is_named(moved: rp.SequencePlan) -> None:
+    """It slips from fingers with a hundredth of the friction."""
+    block = moved.scene.obstacles["block"]
+    slippery = replace(moved.scene, obstacles={**moved.scene.obstacles, "block": replace(block, friction=0.01)})
+    with pytest.raises(AssertionError, match=r"the replay failed: .*block is \d+ mm from its plan"):
+        rp.assert_replays(replace(moved, scene=slippery))
+
+
+def test_what_a_sequence_does_not_take_is_refused(moved: rp.SequencePlan, table: rp.Scene) -> None:
+    with pytest.raises(rp.InputError, match="in its own scene with arms as described"):
+        rp.assert_replays(moved, table)  # type: ignore[call-overload]
+    problem = rp.Problem(table, None, "home")
+    with pytest.raises(rp.InputError, match="a sequence has no single start and goal"):
+        rp.assert_valid(moved, problem=problem)
+    failed = rp.plan_sequence(rp.Sequence(table, [rp.StraightLine(offset=np.array([0, 0, 5.0]))]), rng=0)
+    for check in (rp.assert_valid, rp.assert_replays):
+        with pytest.raises(AssertionError, match="there is no motion: no plan"):
+            check(failed)
