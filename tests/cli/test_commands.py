@@ -168,7 +168,7 @@ def test_motions_of_every_kind_are_validated_viewed_and_replayed(
     Path("t.yaml").write_text(yaml.safe_dump({"joint_names": names, "points": points}))
     for name, verdict, pieces in (
         ("t.json", OK, "quadratic"),
-        ("t.csv", OK, "quintic"),
+        ("t.csv", OK, "cubic"),
         ("t.yaml", INVALID_PLAN, "linear"),
     ):
         holds_its_scene = name == "t.json"
