@@ -88,8 +88,8 @@ def _times(trajectory: Trajectory, dt: float) -> Array:
     breaks = np.append(breaks[:-1], trajectory.end_time) if len(breaks) > 1 else trajectory.breaks[[0, -1]]
     regular = trajectory.sample_times(dt)
     after = np.clip(np.searchsorted(breaks, regular), 1, len(breaks) - 1)
-    apart = np.minimum(np.abs(regular - breaks[after - 1]), np.abs(regular - breaks[after]))
-    return np.unique(np.concatenate([breaks, regular[apart > _NEAR * dt]]))
+    gaps = np.minimum(np.abs(regular - breaks[after - 1]), np.abs(regular - breaks[after]))
+    return np.unique(np.concatenate([breaks, regular[gaps > _NEAR * dt]]))
 
 
 def _is_continuous(trajectory: Trajectory, derivative: int) -> bool:

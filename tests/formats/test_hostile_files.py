@@ -26,6 +26,7 @@ READERS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "xacro": (expand_xacro, "a.xacro"),
     "srdf": (lambda file: read_srdf(file, read_urdf(URDF)), "a.srdf"),
     "scene": (rp.load_scene, "a.toml"),
+    "sequence": (rp.load_segments, "a.toml"),
     "moveit": (rp.load_scene, "a.scene"),
     "bench": (rp.load_scene, "a.yaml"),
     "problems": (problem_set_joints, "a.json.gz"),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import random
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from sequences.conftest import tool_down
 
 import rr1plan as rp
 from rr1plan.cli import BAD_INPUT, NO_PLAN, OK, run
+from rr1plan.files.toml_writer import to_toml
 from rr1plan.sequences.sequence_toml import is_sequence_file
 
 POSE = '{ frame = "tool", position = [-0.3, 0, 0.2], quaternion = [0, 1, 0, 0] }'
@@ -144,6 +147,46 @@ def test_a_mistake_is_named_with_its_line(segments: tuple[str, ...], folder: Pat
         rp.load_segments(write(folder, *segments))
     assert "pick.toml" in str(caught.value)
     assert line is None or f"pick.toml:{line}:" in str(caught.value)
+
+
+_VALUES = [
+    *(True, 0, -1, 0.5, 1e9, float("inf"), 2**62, "", "arm", "block", "home"),
+    *([], [[]], [0], [1.0, 2.0, 3.0], [["arm", "table"]]),
+    *({}, {"offset": [0, 0, 0.1]}, {"width": 0.05}, {"around": "block"}, {"frame": "x"}, {"position": [0, 0, 1]}),
+]
+
+
+def test_whatever_a_file_says_it_is_read_or_refused_with_its_place(folder: Path) -> None:
+    """Segments in which one or two values are replaced by others, or keys are added."""
+    pose = {"frame": "tool", "position": [-0.3, 0, 0.3], "quaternion": [0, 1, 0, 0]}
+    segments = [
+        {"free_motion": pose, "arm": "arm", "allow": [["arm", "table"]], "stop": False},
+        {"free_motions": {"arm": "home"}},
+        {"straight_line": {"offset": [0, 0, -0.05], "axes": "tool"}},
+        {"move_gripper": {"width": 0.05}, "seconds": 0.5},
+        {"attach": "block", "link": "tool", "touch": ["finger_link"]},
+        {"pause": 1.0},
+    ]
+    rng, refused = random.Random(0), 0
+    for _ in range(200):
+        changed = copy.deepcopy(segments)
+        for _ in range(rng.choice((1, 1, 2))):
+            at = rng.choice(changed)
+            while True:
+                key = rng.choice([*at, "place", "stop"]) if isinstance(at, dict) else rng.randrange(len(at))
+                inner = at.get(key) if isinstance(at, dict) else at[key]
+                if not inner or not isinstance(inner, dict | list) or rng.random() < 0.5:
+                    break
+                at = inner
+            at[key] = copy.deepcopy(rng.choice(_VALUES))
+        (folder / "f.toml").write_text(to_toml({"scene": "cell.toml", "segments": changed}))
+        try:
+            read = rp.load_segments(folder / "f.toml")
+        except rp.FormatError as error:
+            refused += "f.toml" in str(error)
+        else:
+            assert len(read.segments) == len(segments)
+    assert 100 < refused < 200
 
 
 @pytest.mark.parametrize(
