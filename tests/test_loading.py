@@ -200,10 +200,9 @@ def test_a_trajectory_without_its_meshes_is_still_judged_in_a_scene_that_is_give
 
 
 def test_samples_and_ros_messages_are_judged_by_the_same_referee(motion: rp.MotionPlan, tmp_path: Path) -> None:
-    # Quintics between samples pass the limits a little where acceleration jumps; a slower motion keeps them.
-    table = rp.load_motion(rp.save_csv(tmp_path / "t.csv", motion.trajectory.stretched(2.0)), motion.scene)
+    table = rp.load_motion(rp.save_csv(tmp_path / "t.csv", motion.trajectory), motion.scene)
     assert table
-    assert table.trajectory.degree == 5
+    assert table.trajectory.degree == 3  # its accelerations jump
     times, q = motion.trajectory.sample(0.05)
     points = [
         {"positions": [float(v) for v in row[::-1]], "time_from_start": float(t)}
