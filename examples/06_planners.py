@@ -5,7 +5,7 @@ import rr1plan as rp
 # From below the rack of a crowded workbench to above it: the straight line is not free.
 problem = rp.load_problems("rr1_cluttered")["low_to_high"]
 
-for name in ("rrt_connect", "bkpiece1", "prm", "bit_star", "anytime"):
+for name in ("rrt_connect", "lbkpiece1", "prm", "bit_star", "anytime"):
     result = rp.plan(problem, planner=name, budget=rp.Budget(seconds=1.0), rng=1)
     length = "-" if result.path is None else f"{result.path.length:.2f} rad"
     print(f"{name:18s} {result.status.value:8s} {result.seconds:6.2f} s  length {length}")

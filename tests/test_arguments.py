@@ -261,7 +261,7 @@ def calls(folder: Path) -> dict[str, Call]:
     with_block = rr1.with_obstacle("block", rp.Sphere(0.02), [-0.3, 0, 0.1])
     steps = rp.plan_sequence(rp.Sequence(scene, [rp.FreeMotion(q + 0.1), rp.Pause(0.1)]), rng=0)
     steps.save(folder / "q.json")
-    (folder / "s.toml").write_text('scene = "rr1_table"\n[[segments]]\npause = 1\n')
+    (folder / "sequence.toml").write_text('scene = "rr1_table"\n[[segments]]\npause = 1\n')
     shown = dict.fromkeys(("trajectory", "path", "problem", "report", "replay", "options"))
     live = {"options": silent()}
     picture = rp.cspace(scene, problem, resolution=8)
@@ -473,7 +473,7 @@ def calls(folder: Path) -> dict[str, Call]:
             lambda **options: steps.show(**options).close(),
             live | {"replay": None},
         ),
-        "load_segments": (rp.load_segments, {"file": folder / "s.toml"}),
+        "load_segments": (rp.load_segments, {"file": folder / "sequence.toml"}),
         "load_sequence": (
             rp.load_sequence,
             {"file": folder / "q.json", "scene": None, "torque_limits": False, "jerk_limits": False, "progress": None},
@@ -904,6 +904,8 @@ _NOT_CALLED = {
         "Schedule.instants",
         "Schedule.leg_duration",
         "CollisionChecker.memory_image",
+        "CollisionChecker.run_edge_kernel",
+        "CollisionChecker.run_exact_kernel",
         "CoordinationDiagram",
         "Timeline",
         "Wait",
@@ -948,7 +950,8 @@ _NOT_CALLED = {
     *("SequencePlan", "SequenceReplay", "CarriedObject", "Lesson"),
     *("ReplayRecord", "CurveChecker", "CurveChecker.polynomial_is_free", "EdgeCounters"),
     *("Progress", "Viewer", "Viewer.wait", "Planner", "Planner.plan"),
-    *("AddedMotion", "Dependency", "Node", "PlanExecution", "Part", "Part.until", "PlanGraph", "PlanGraph.from_dict"),
+    *("AddedMotion", "Dependency", "Node", "PlanExecution", "Part", "Part.shifted", "Part.until"),
+    *("PlanGraph", "PlanGraph.from_dict"),
     *("PlanGraph.with_times", "Route", "RunningPlan", "RunningPlan.part_at", "RunningPlan.with_parts"),
     *("PairProposal.get", "Geometry", "Inertial", "Joint", "Joint.motion", "Link", "Mimic", "Attachment", "Obstacle"),
 }

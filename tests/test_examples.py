@@ -85,9 +85,9 @@ def samples_are_free_and_the_certificate_finds_the_contact(said: str, _: Path) -
 
 def planners_differ_in_cost_and_optimizing_ones_improve(said: str, _: Path) -> None:
     lengths = {name: float(length) for name, length in re.findall(r"^(\w+) +found .* length (\S+) rad$", said, re.M)}
-    assert set(lengths) == {"rrt_connect", "bkpiece1", "prm", "bit_star", "anytime"}
+    assert set(lengths) == {"rrt_connect", "lbkpiece1", "prm", "bit_star", "anytime"}
     assert len(set(lengths.values())) == len(lengths)
-    assert max(lengths["bit_star"], lengths["anytime"]) < min(lengths["rrt_connect"], lengths["bkpiece1"])
+    assert max(lengths["bit_star"], lengths["anytime"]) < min(lengths["rrt_connect"], lengths["prm"])
     assert lengths["anytime"] < 3.0
     improvements = [numbers(r"(\S+) at \S+ s", line) for line in said.splitlines() if "improved:" in line]
     assert len(improvements) == 2

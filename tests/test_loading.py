@@ -202,7 +202,7 @@ def test_a_trajectory_without_its_meshes_is_still_judged_in_a_scene_that_is_give
 def test_samples_and_ros_messages_are_judged_by_the_same_referee(motion: rp.MotionPlan, tmp_path: Path) -> None:
     table = rp.load_motion(rp.save_csv(tmp_path / "t.csv", motion.trajectory), motion.scene)
     assert table
-    assert table.trajectory.degree == 3  # its accelerations jump
+    assert table.trajectory.degree == 3  # accelerations jump
     times, q = motion.trajectory.sample(0.05)
     points = [
         {"positions": [float(v) for v in row[::-1]], "time_from_start": float(t)}

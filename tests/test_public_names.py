@@ -80,7 +80,10 @@ _UNTYPED = {
 _INTERNAL = {
     *(
         f"CollisionChecker.{name}"
-        for name in ("context", "exact_kernel", "fixed", "geometry", "memory_image", "model", "solids", "tables")
+        for name in (
+            *("exact_kernel", "fixed", "geometry", "memory_image", "model", "run_edge_kernel", "run_exact_kernel"),
+            *("solids", "tables"),
+        )
     ),
     *("Scene.contact_rules", "Scene.kept", "Scene.kept_for_any_padding", "GroupResult"),
     *("ManyArmsResult.separated", "Schedule", "Schedule.occupancy", "Part", "Part.occupancy", "Route"),

@@ -6,7 +6,7 @@ import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +29,14 @@ _start_of: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 
 class CStruct:
-    """A C struct that keeps the targets of its pointers alive.
+    """A C struct that keeps the targets of its pointers alive. Subclasses say which sources declare it.
 
     Args:
-        sources: Sources that declare it.
         name: Name of the struct.
         fields: Values of its fields, see `set`. Omitted fields are zero.
 
     Attributes:
+        sources: Sources that declare it.
         value: The struct itself.
         address: Where it is.
 
@@ -44,9 +44,11 @@ class CStruct:
         TypeError: an array of another type than declared.
     """
 
-    def __init__(self, sources: KernelSources, name: str, **fields: Any) -> None:
-        self.sources, self.name = sources, name
-        self.value = sources.classes[name]()
+    sources: ClassVar[KernelSources]
+
+    def __init__(self, name: str, **fields: Any) -> None:
+        self.name = name
+        self.value = self.sources.classes[name]()
         self.address = ctypes.addressof(self.value)
         self._targets: dict[str, Any] = {}
         self._rooms: list[tuple[dict[str, _Part], NDArray[Any]]] = []
@@ -76,16 +78,16 @@ class CStruct:
         """
         layout, size = _layout(self.sources, self.name, tuple(counts.items()))
         room = np.empty(size, np.uint8) if unset else np.zeros(size, np.uint8)
-        begin = address_of(self.sources, room, "uint8_t")
-        first = -begin % _LINE
+        begin = ctypes.addressof(_start_of(room))
+        first, value = -begin % _LINE, self.value
         for key, part in layout.items():
-            setattr(self.value, key, begin + first + part.offset)
+            setattr(value, key, begin + first + part.offset)
         self._rooms.append((layout, room[first:]))
 
     def copied(self, **fields: Any) -> Self:
         """A copy of the struct, with new values for some fields."""
         other = object.__new__(type(self))
-        other.sources, other.name = self.sources, self.name
+        other.name = self.name
         other.value = type(self.value).from_buffer_copy(self.value)
         other.address = ctypes.addressof(other.value)
         other._targets, other._rooms = dict(self._targets), list(self._rooms)
@@ -123,9 +125,7 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
         TypeError: `given` is of another type.
     """
     if isinstance(given, np.ndarray):
-        if not given.flags.c_contiguous:
-            raise TypeError(f"an array for {kind} is not C-contiguous")
-        expected = _DTYPES.get(kind)
+        flags, expected = given.flags, _DTYPES.get(kind)
         if expected is None:
             row = given.itemsize * (given.shape[1] if given.ndim == 2 else 1)
             size = sources.item_size(kind)
@@ -133,8 +133,10 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
                 raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
         elif given.dtype is not expected and given.dtype != expected:
             raise TypeError(f"an array of {given.dtype} is not an array of {kind}")
-        if given.flags.writeable and given.size:
+        if flags.carray and given.size:  # contiguous and writable
             return ctypes.addressof(_start_of(given))  # a quarter of the time of the general case below
+        if not flags.c_contiguous:
+            raise TypeError(f"an array for {kind} is not C-contiguous")
         address: int = given.__array_interface__["data"][0]
         return address
     if not isinstance(given, CStruct):

@@ -12,7 +12,7 @@ from rr1plan.cli.picture_files import film
 from rr1plan.cli.plan import named_query
 from rr1plan.cli.served_page import live_options, serve
 from rr1plan.files.file_access import check_writable
-from rr1plan.lessons.lesson_catalog import LESSONS
+from rr1plan.lessons.lesson_titles import LESSONS
 from rr1plan.scene.model_library import load_scene
 
 

@@ -7,8 +7,7 @@ padding is not proven, so it is refused.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -174,14 +173,15 @@ class CollisionChecker(CoalChecker):
         """Build the collision tables, which the first query needs."""
         _ = self._kernel, self.static_is_free
 
-    @contextmanager
-    def context(self) -> Iterator[tuple[int, int]]:
-        """The addresses of tables and scratch memory, which compiled planners pass to the edge check.
+    def run_edge_kernel(self, kernel: Callable[..., int], *given: Any) -> int:
+        """Call a compiled planner; its last arguments are the addresses of tables and scratch memory.
 
-        They are for the block only: other threads wait at its end until they may use the checker.
+        Args:
+            kernel: The planner, a function of the library.
+            *given: Its other arguments.
         """
         with self._lock:
-            yield self._kernel.context
+            return kernel(*given, *self._kernel.context)
 
     @exclusive
     def memory_image(self, **roots: Root) -> bytes:
@@ -311,7 +311,6 @@ class CollisionChecker(CoalChecker):
             raise InputError(f"the path's joints are {', '.join(path.joint_names)}, expected {', '.join(names)}")
         return path.waypoints[:, [path.joint_names.index(name) for name in names]]
 
-    @exclusive
     def polynomial_is_free(self, coefficients: ArrayLike, duration: float) -> bool:
         """Every configuration on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, is free.
 
@@ -323,10 +322,11 @@ class CollisionChecker(CoalChecker):
             InputError: wrong shape, no coefficient, not finite, or a negative duration.
         """
         curve, duration = self._checked_curve(coefficients, duration)
-        if len(curve) > 3:
-            return self._certify_exactly(curve, duration)[0] == FREE
-        self.edges_checked += 1
-        return self.static_is_free and self._kernel.certify_parabola(curve, duration)[0] == FREE
+        with self._lock:
+            if len(curve) > 3:
+                return self._certify_exactly(curve, duration)[0] == FREE
+            self.edges_checked += 1
+            return self.static_is_free and self._kernel.certify_parabola(curve, duration)[0] == FREE
 
     @exclusive
     def polynomial_is_free_slowly(self, coefficients: ArrayLike, duration: float) -> bool:

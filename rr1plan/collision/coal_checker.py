@@ -6,10 +6,10 @@ they touch). Joint limits are another question: see `CollisionChecker.limit_viol
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import isfinite
 from threading import RLock
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -78,20 +78,27 @@ class CoalChecker:
         self.nq = sum(scene.arms[name].robot.nq for name in self.arms)
 
     @property
-    @exclusive
     def scene(self) -> Scene:
         """The scene, with all obstacles where they have been moved."""
-        for name in list(self._moved):
-            self._scene = self._scene.with_obstacle_at(name, self._moved.pop(name))
+        if self._moved:
+            self._place_moved()
         return self._scene
 
-    @property
     @exclusive
+    def _place_moved(self) -> None:
+        for name in list(self._moved):
+            self._scene = self._scene.with_obstacle_at(name, self._moved[name])
+            del self._moved[name]
+
+    @property
     def geometry(self) -> CollisionGeometry:
         """The solids of the moving arms and of all that can come near them, and their pairs."""
-        if self._geometry is None:
-            self._geometry = collision_geometry(self.scene, self.arms, self.distance)
-        return self._geometry
+        return self._geometry or self._new_geometry()
+
+    @exclusive
+    def _new_geometry(self) -> CollisionGeometry:
+        geometry = self._geometry = collision_geometry(self.scene, self.arms, self.distance)
+        return geometry
 
     def _forget_places(self) -> None:
         """Drop cached values that depend on obstacle poses, except the kernels' tables."""
@@ -291,6 +298,16 @@ class CoalChecker:
         """The exact kernel of those pairs."""
         like, static = arm_exact_struct(self.geometry.instances), len(self.pair_tables.static)
         return ExactKernel(self.tables, self.nq, like, static)
+
+    def run_exact_kernel(self, kernel: Callable[..., Any], *given: Any) -> None:
+        """Call a kernel whose first arguments are the tables and the scratch memory of the exact kernel.
+
+        Args:
+            kernel: A function of the library.
+            *given: Its other arguments.
+        """
+        with self._lock:
+            kernel(self.exact_kernel.struct, self.exact_kernel.scratch, *given)
 
     @exclusive
     def solid_distances(self, q: ArrayLike, pairs: NDArray[np.intp] | None = None) -> Array:

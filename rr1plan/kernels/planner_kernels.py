@@ -41,8 +41,7 @@ class CStruct(memory.CStruct):
         TypeError: an array that is not what the headers say.
     """
 
-    def __init__(self, name: str, **fields: Any) -> None:
-        super().__init__(SOURCES, name, **fields)
+    sources = SOURCES
 
 
 def address_of(given: memory.CStruct | NDArray[Any], kind: str) -> int:

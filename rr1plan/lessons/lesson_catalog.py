@@ -7,24 +7,12 @@ from typing import TYPE_CHECKING
 
 from rr1plan.checks import known_name, of_kind
 from rr1plan.errors import InputError
+from rr1plan.lessons.lesson_titles import LESSONS
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 
 if TYPE_CHECKING:
     from rr1plan.lessons.lesson import Lesson
-
-# In the order of a course: of each lesson its class, in the module `<name>_lesson`, and its title.
-LESSONS = {
-    "workspace": ("WorkspaceLesson", "Workspace"),
-    "configuration_space": ("ConfigurationSpaceLesson", "Configuration space"),
-    "kinematics": ("KinematicsLesson", "Kinematics"),
-    "no_path": ("NoPathLesson", "No free path although both ends are free"),
-    "planning": ("PlanningLesson", "Planning step by step"),
-    "motion": ("MotionLesson", "From path to motion"),
-    "continuous_checking": ("ContinuousCheckingLesson", "Continuous checking"),
-    "two_arms": ("TwoArmsLesson", "Two 2R arms"),
-    "six_joints": ("SixJointsLesson", "Six joints"),
-}
 
 
 def lesson_names() -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 
 from rr1plan.files.file_access import write_text
-from rr1plan.lessons.lesson import Lesson
+from rr1plan.lessons.lesson_content import LessonContent
 from rr1plan.playback.viewer.html_page import page_html
 from rr1plan.playback.viewer.live_viewer import Viewer, announced
 from rr1plan.playback.viewer.page_asset import page_asset
@@ -18,12 +18,12 @@ from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_opt
 _PACKAGE = "rr1plan.lessons"
 
 
-def save_page(lesson: Lesson, file: str | os.PathLike[str], options: ViewOptions | None) -> FilePath:
+def save_page(lesson: LessonContent, file: str | os.PathLike[str], options: ViewOptions | None) -> FilePath:
     """Write a lesson as one self-contained page; see `Lesson.save_html`."""
     return write_text(file, page_html(*page_parts(lesson, options)))
 
 
-def show_page(lesson: Lesson, options: ViewOptions | None) -> Viewer:
+def show_page(lesson: LessonContent, options: ViewOptions | None) -> Viewer:
     """Open a lesson live in the browser of this machine; see `Lesson.show`."""
     return announced(_LessonViewer(lesson, options))
 
@@ -31,12 +31,12 @@ def show_page(lesson: Lesson, options: ViewOptions | None) -> Viewer:
 class _LessonViewer(Viewer):
     """A live page of a lesson."""
 
-    def __init__(self, lesson: Lesson, options: ViewOptions | None) -> None:
+    def __init__(self, lesson: LessonContent, options: ViewOptions | None) -> None:
         document, options = page_parts(lesson, options)
         self._open(lesson.scene, document, options)
 
 
-def page_parts(lesson: Lesson, options: ViewOptions | None) -> tuple[Document, ViewOptions]:
+def page_parts(lesson: LessonContent, options: ViewOptions | None) -> tuple[Document, ViewOptions]:
     """The document of the page, and the options with all panels."""
     options = checked_options(options)
     document, panels = lesson._page(options)
@@ -46,7 +46,7 @@ def page_parts(lesson: Lesson, options: ViewOptions | None) -> tuple[Document, V
     return document, replace(options, panels=(*panels, *options.panels, _steps_panel(lesson)))
 
 
-def _steps_panel(lesson: Lesson) -> Panel:
+def _steps_panel(lesson: LessonContent) -> Panel:
     articles = "".join(
         f'<article data-step="{html.escape(step.name)}" hidden><h3>{html.escape(step.title)}</h3>{step.text}</article>'
         for step in lesson.steps

@@ -136,8 +136,7 @@ class Query:
             return False
         near, visible = np.empty_like(goals), np.empty(1, np.int64)
         given = self.problem.start, goals, len(goals), space.lower, space.upper, near, visible
-        with self.motion.context() as context:
-            count = load_library().rr1_check_endpoints(*given, *context)
+        count = self.motion.run_edge_kernel(load_library().rr1_check_endpoints, *given)
         if count == 0:
             return False
         self.goals = near[:count]

@@ -98,8 +98,7 @@ class Graph:
         given = (self._struct, self._state, self._lower, self._extent, q)
         while self.samples < samples and goes_on():
             stop = min(samples, self.samples + pace.next())
-            with motion.context() as context:
-                code = self._library.rr1_sample_roadmap(*given, stop, *context)
+            code = motion.run_edge_kernel(self._library.rr1_sample_roadmap, *given, stop)
             if code == constants()["ROADMAP_FULL"]:
                 self._make_room(2 * self.size)
 
@@ -121,8 +120,7 @@ class Graph:
             going = code = constants()["ASTAR_GOING"]
             while code == going and goes_on():
                 given = self._struct, first, start, pace.next(), path, count
-                with motion.context() as context:
-                    code = self._library.rr1_find_roadmap_path(*given, *context)
+                code = motion.run_edge_kernel(self._library.rr1_find_roadmap_path, *given)
         if code != constants()["ASTAR_FOUND"]:
             return None
         rows = int(count[0])

@@ -117,8 +117,8 @@ class _Shortener:
         while not (over or done):
             over = self._expired()
             steps = 0 if over else chunk
-            with self._checker.context() as context:
-                done = bool(call(self._path, self._state, steps, iterations, SHORTCUTS.patience, *context))
+            given = self._path, self._state, steps, iterations, SHORTCUTS.patience
+            done = bool(self._checker.run_edge_kernel(call, *given))
         self._checker.edges_checked += self._path.value.edges
 
     def waypoints(self) -> Array:

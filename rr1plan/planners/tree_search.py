@@ -134,8 +134,7 @@ class Trees:
 
     def grow(self, state: RandomState, samples: int, motion: CollisionChecker) -> bool:
         """Grow until `samples` are drawn in all or the memory is full; whether the trees are connected."""
-        with motion.context() as context:
-            code = self._call(self.memory.struct, self._query, state, samples, *context)
+        code = motion.run_edge_kernel(self._call, self.memory.struct, self._query, state, samples)
         if code == constants()["SEARCH_FULL"]:
             self.memory.enlarge()
         return bool(code == constants()["SEARCH_SOLVED"])

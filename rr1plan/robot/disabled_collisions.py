@@ -23,6 +23,7 @@ from rr1plan.robot.link_contacts import LinkBodies, Pair
 
 Reason = Literal["Adjacent", "Always", "Never"]
 
+_HOME_SAMPLES = 300  # random configurations among which that at home is looked for
 _MOST_SAMPLES = 1_000_000
 
 
@@ -158,13 +159,12 @@ def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int, rng: Seed = None) 
     return frozenset(stuck)
 
 
-def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed = None) -> Array:
+def free_configuration(robot: Robot, wish: Array, rng: Seed = None) -> Array:
     """A configuration without self-collision near `wish`, or `wish` itself if it is free.
 
     Args:
         robot: The robot.
         wish: Desired configuration [rad], shape (nq,).
-        samples: Number of random configurations to try.
         rng: Generator or seed.
 
     Returns:
@@ -177,7 +177,7 @@ def free_configuration(robot: Robot, wish: Array, samples: int = 300, rng: Seed 
     if not bodies.touching(values, pairs):
         return wish
     candidates = sorted(
-        (_random(robot, generator) for _ in range(samples)), key=lambda q: float(np.abs(q - wish).sum())
+        (_random(robot, generator) for _ in range(_HOME_SAMPLES)), key=lambda q: float(np.abs(q - wish).sum())
     )
     return next((q for q in candidates if not bodies.touching(robot.joint_values(q), pairs)), wish)
 

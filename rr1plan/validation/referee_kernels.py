@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from pathlib import Path
-from typing import Any
 
 from rr1plan.binding import c_memory as memory
 from rr1plan.binding.c_sources import KernelSources
@@ -34,8 +33,7 @@ class RefereeStruct(memory.CStruct):
         TypeError: an array that is not what the headers say.
     """
 
-    def __init__(self, name: str, **fields: Any) -> None:
-        super().__init__(SOURCES, name, **fields)
+    sources = SOURCES
 
 
 def _columns(struct: str, *fields: str) -> tuple[int, ...]:

@@ -37,6 +37,14 @@ def sources(tmp_path: Path) -> KernelSources:
     return KernelSources(tmp_path / "unit.c")
 
 
+def struct(sources: KernelSources, name: str, **fields: Any) -> CStruct:
+    class Struct(CStruct):
+        pass
+
+    Struct.sources = sources
+    return Struct(name, **fields)
+
+
 class Loaded:
     """An image at an address."""
 
@@ -62,8 +70,8 @@ class Loaded:
 
 def test_structs_arrays_and_what_they_share_arrive(sources: KernelSources) -> None:
     shared = np.arange(5, dtype=np.int64)
-    leaf = CStruct(sources, "Leaf", count=3, numbers=np.array([1.5, 2.5, 3.5]))
-    tree = CStruct(sources, "Tree", tag=-7, leaves=leaf, room=np.zeros(1000), first=shared, second=shared[2:])
+    leaf = struct(sources, "Leaf", count=3, numbers=np.array([1.5, 2.5, 3.5]))
+    tree = struct(sources, "Tree", tag=-7, leaves=leaf, room=np.zeros(1000), first=shared, second=shared[2:])
     image = memory_image(sources, tree=tree)
     assert len(image) < 1000  # zeros are left out
     loaded = Loaded(sources, image)
@@ -85,7 +93,7 @@ def test_pointers_in_rows_and_in_structs_within_structs_lead_to_roots(sources: K
     leaves = rows.view(np.int64)  # columns: count, numbers, more
     leaves[:, 0] = 5, 6, 7
     leaves[2, 1] = address_of(sources, numbers, "double") + 8
-    tree = CStruct(sources, "Tree", leaves=rows)
+    tree = struct(sources, "Tree", leaves=rows)
     tree.value.pair[1].numbers = address_of(sources, others, "double")
     tree.value.pair[1].count = 1
     loaded = Loaded(sources, memory_image(sources, tree=tree, a=("double", numbers), b=("double", others)))
@@ -99,7 +107,7 @@ def test_pointers_in_rows_and_in_structs_within_structs_lead_to_roots(sources: K
 def test_a_pointer_to_a_later_row_is_moved_by_the_size_of_rows(sources: KernelSources) -> None:
     rows = zeroed(sources, "Leaf", 3)
     rows.view(np.int64)[:, 0] = 5, 6, 7
-    tree = CStruct(sources, "Tree", leaves=rows[2:])
+    tree = struct(sources, "Tree", leaves=rows[2:])
     loaded = Loaded(sources, memory_image(sources, rows=("Leaf", rows), tree=tree))
     assert loaded.at("Leaf", loaded.root("tree").leaves).count == 7
     assert loaded.header["roots"]["rows"][2] == 3
@@ -107,7 +115,7 @@ def test_a_pointer_to_a_later_row_is_moved_by_the_size_of_rows(sources: KernelSo
 
 def test_structs_that_lead_to_each_other_are_copied_once(sources: KernelSources) -> None:
     room = np.array([4.0])
-    one, two = (CStruct(sources, "Tree", tag=tag, room=room) for tag in (1, 2))
+    one, two = (struct(sources, "Tree", tag=tag, room=room) for tag in (1, 2))
     loaded = Loaded(sources, memory_image(sources, one=one, two=two))
     assert loaded.root("one").room == loaded.root("two").room
     assert (loaded.root("one").tag, loaded.root("two").tag) == (1, 2)
@@ -115,15 +123,15 @@ def test_structs_that_lead_to_each_other_are_copied_once(sources: KernelSources)
 
 def test_equal_memory_gives_equal_bytes(sources: KernelSources) -> None:
     def image() -> bytes:
-        room, leaf = np.array([4.0, 5.0]), CStruct(sources, "Leaf", numbers=np.zeros(3))
-        return memory_image(sources, tree=CStruct(sources, "Tree", leaves=leaf, room=room, first=np.zeros(0, np.int64)))
+        room, leaf = np.array([4.0, 5.0]), struct(sources, "Leaf", numbers=np.zeros(3))
+        return memory_image(sources, tree=struct(sources, "Tree", leaves=leaf, room=room, first=np.zeros(0, np.int64)))
 
     kept = [image() for _ in range(3)]
     assert len(set(kept)) == 1
 
 
 def test_other_declarations_have_another_digest(sources: KernelSources) -> None:
-    leaf = memory_image(sources, leaf=CStruct(sources, "Leaf"))
+    leaf = memory_image(sources, leaf=struct(sources, "Leaf"))
     sources.unit.with_name("tree.h").write_text(HEADER.replace("int8_t tag", "int64_t tag"))
     changed = KernelSources(sources.unit)
     assert Loaded(sources, leaf).header["digest"] == json.loads(sources.declarations)["digest"]
@@ -131,14 +139,14 @@ def test_other_declarations_have_another_digest(sources: KernelSources) -> None:
 
 
 def test_memory_that_cannot_be_copied_is_named(sources: KernelSources) -> None:
-    tree = CStruct(sources, "Tree")
+    tree = struct(sources, "Tree")
     tree.value.pair[0].numbers = address_of(sources, room := np.zeros(3), "double")
     message = r"Leaf\.numbers leads to memory that is not known; pass the array of double there as a root too"
     with pytest.raises(TypeError, match=message):
         memory_image(sources, tree=tree)
     assert memory_image(sources, tree=tree, room=("double", room))
     rows = zeroed(sources, "Leaf", 2)
-    tree = CStruct(sources, "Tree")
+    tree = struct(sources, "Tree")
     tree.value.leaves = address_of(sources, rows, "Leaf") + 8
     with pytest.raises(TypeError, match=r"Tree\.leaves leads into the middle of a Leaf"):
         memory_image(sources, tree=tree, rows=("Leaf", rows))

@@ -112,10 +112,10 @@ SCENES = scenes()
 
 def native(checker: CollisionChecker, kernel: str, *given: Any) -> tuple[float, float, float]:
     """Status, fraction and pair."""
-    with checker.context() as context:
-        status = getattr(load_library(), kernel)(*context, *given)
-        result = SOURCES.classes["Scratch"].from_address(context[1]).result
-        return status, result.fraction, result.pair
+    context = checker._kernel.context
+    status = getattr(load_library(), kernel)(*context, *given)
+    result = SOURCES.classes["Scratch"].from_address(context[1]).result
+    return status, result.fraction, result.pair
 
 
 def random_edges(nq: int, count: int) -> np.ndarray:
@@ -272,9 +272,7 @@ def test_a_roadmap_has_the_same_vertices_and_ways_to_the_last_bit(
 ) -> None:
     problem = rp.load_problems(scene)[name]
     checker = CollisionChecker(problem.scene, problem.arms)
-    image = checker.memory_image()
-    with checker.context() as context:
-        recorder = Recorder(context)
+    image, recorder = checker.memory_image(), Recorder(checker._kernel.context)
     monkeypatch.setattr(roadmap_graph, "load_library", lambda: recorder)
     roadmap = roadmap_graph.Graph(problem.scene, problem.arms)
     with Query("roadmap", problem, COUNTED, 0, None) as query:
@@ -299,9 +297,7 @@ def test_shortcuts_are_the_same_to_the_last_bit(ask: Ask, monkeypatch: pytest.Mo
         if checker.within_limits(q) and checker.edge_is_free(points[-1], q):
             points.append(q)
     fresh = CollisionChecker(SCENES[scene])
-    image = fresh.memory_image()
-    with fresh.context() as context:
-        recorder = Recorder(context)
+    image, recorder = fresh.memory_image(), Recorder(fresh._kernel.context)
     monkeypatch.setattr(shortcut, "load_library", lambda: recorder)
     path = rp.Path(checker.joint_names, np.array(points))
     shorter = shorten(path, fresh.scene, checker=fresh, rng=5, iterations=80)

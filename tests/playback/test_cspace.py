@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from itertools import combinations
 from pathlib import Path
 
 import coal
@@ -18,6 +19,7 @@ from rr1plan import CSpace
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.playback.cspace.cspace_cells import label_components, widest_spot
+from rr1plan.playback.cspace.cspace_colors import HATCHES, pattern_cells
 from rr1plan.playback.cspace.cspace_grid import LIMITS, compute_grid
 from rr1plan.playback.cspace.cspace_raster import SELF
 from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
@@ -205,6 +207,13 @@ def test_self_collision_and_two_of_six_joints_are_shown(rr1_table: rp.Scene) -> 
         q[names.index("elbow_joint")] = grid.axes[0][i]
         q[names.index("forearm_joint")] = grid.axes[1][j]
         assert checker.is_free(q) == (not any(m[i, j] for n, m in grid.layers.items() if n != LIMITS))
+
+
+def test_patterns_differ_and_leave_most_of_the_color() -> None:
+    inked = [pattern_cells(k, (120, 120)) for k in range(len(HATCHES))]
+    assert not inked[0].any()
+    assert all(0.05 < cells.mean() < 0.4 for cells in inked[1:])
+    assert all((a != b).mean() > 0.05 for a, b in combinations(inked, 2))
 
 
 def test_overlaps_show_both_colors(lesson: rp.Scene) -> None:

@@ -107,9 +107,9 @@ class PrioritizedPlanner:
         diagrams: Coordination diagrams, which groups share.
         rng: Where random numbers come from.
         watch: Says when to give up.
-        threads: How many to use.
 
     Attributes:
+        threads: How many compute diagrams.
         schedules: Of the agents that have one.
         stage: What it took to schedule all, one of `STAGES`; empty while they are not.
         reason: Why there is none for all of them; empty while that is not known.
@@ -123,12 +123,11 @@ class PrioritizedPlanner:
         diagrams: DiagramCache,
         rng: np.random.Generator,
         watch: Stopwatch,
-        threads: int = 1,
     ) -> None:
         self._near, self._diagrams, self._rng, self._watch = near, diagrams, rng, watch
         self.pools = {pool.agent: pool for pool in pools}
         self.agents = list(self.pools)
-        self.threads = threads
+        self.threads = 1
         self.schedules: dict[Agent, Schedule] = {}
         self.statistics = Statistics(paths=len(self.pools))
         self.stage = ""
@@ -364,10 +363,10 @@ class PrioritizedPlanner:
             margin = self._margins[agent]
         return PathPool(agent, margin, self._rng, self._watch)
 
-    def _add_path(self, pool: PathPool, effort: int = 0) -> AgentPath | None:
+    def _add_path(self, pool: PathPool) -> AgentPath | None:
         """One more path from the start to the goal, regardless of others."""
         began = time.perf_counter()
-        path, _ = pool.add({}, effort=effort)
+        path, _ = pool.add({})
         self.statistics.add_time("paths", began)
         self.statistics.paths += 1
         return path

@@ -80,15 +80,12 @@ class CSpaceRaster:
         """
         half = np.array([0.5 * (axis[1] - axis[0]) if whole else 0.0 for axis in self._axes])
         cells = np.zeros(self.shape, np.uint8)
-        exact = self.checker.exact_kernel
         for first in range(0, self.shape[0], _STRIP):
             if report is not None:
                 report(first / self.shape[0])
             last = min(first + _STRIP, self.shape[0])
-            with self.checker.context():  # the exact kernel's memory is a part of it
-                load_library().rr1_raster_pairs(
-                    exact.struct, exact.scratch, self.struct, *self.ranges[layer], first, last, half, cells
-                )
+            given = self.struct, *self.ranges[layer], first, last, half, cells
+            self.checker.run_exact_kernel(load_library().rr1_raster_pairs, *given)
         return cells.view(np.bool_)
 
     def memory_image(self) -> bytes:

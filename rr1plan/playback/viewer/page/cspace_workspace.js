@@ -130,7 +130,9 @@ class Workspace {
   follow(q) {
     const [x, y] = this.tool(q), now = this.manipulability(q), meters = (v) => `${placed(v, this.outer)} m`.replace("-", "−");
     this.handle.position.set(x, y, data.planar.height);
-    const rows = [meters(x), meters(y), `${now.toFixed(3)}${this.unit}`, this.lengths.map((v) => `${v.toFixed(2)} m`).join(", ") || "–"];
+    // Digits that count, for arms of millimeters too.
+    const digits = (v, whole, count) => (whole < 0.05 ? v.toPrecision(3) : v.toFixed(count));
+    const rows = [meters(x), meters(y), `${digits(now, this.most, 3)}${this.unit}`, this.lengths.map((v) => `${digits(v, this.outer, 2)} m`).join(", ") || "–"];
     this.readout.values.forEach((out, k) => { out.textContent = rows[k]; });
     this.readout.bar.style.width = `${Math.min((100 * now) / this.most, 100)}%`;
   }

@@ -1,0 +1,25 @@
+"""No module imports itself by way of others, not for types or inside functions either; no file name occurs twice."""
+
+from __future__ import annotations
+
+from collections import Counter
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import grimp
+
+import rr1plan
+
+
+def test_imports_have_no_cycle() -> None:
+    graph = grimp.build_graph("rr1plan", cache_dir=None)
+    modules = graph.modules - {"rr1plan"}  # which lists all public names
+    imports = {name: graph.find_modules_directly_imported_by(name) & modules for name in modules}
+    assert sum(map(len, imports.values())) > 1000
+    TopologicalSorter(imports).prepare()
+
+
+def test_a_file_name_alone_says_which_file_is_meant() -> None:
+    files = Path(rr1plan.__file__).parent.rglob("*.py")
+    names = Counter(file.name for file in files if file.name != "__init__.py")
+    assert [name for name, count in names.items() if count > 1] == []
