@@ -39,7 +39,7 @@ function fillPart(slider) {
 /** Length of a motion, or a moment in it. */
 const seconds = (t) => `${t.toFixed(2)} s`;
 
-const WIDEST_REPORT = 400, LEAST_BESIDE = 290; // [px]
+const WIDEST_REPORT = 400, LEAST_BESIDE = 270; // [px]
 
 class Controls {
   constructor(viewer) {
