@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from browser.conftest import Tab, new_tab
+from browser.conftest import Tab
 
 import rr1plan as rp
 from rr1plan.lessons.continuous_checking_lesson import ContinuousCheckingLesson
@@ -40,10 +39,12 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path
 
 
 @pytest.fixture(scope="module")
-def tabs(browser: Any, plain: bool) -> Iterator[dict[str, Tab]]:
+def tabs(browser: Any) -> Iterator[dict[str, Tab]]:
     """The lessons that are open by now."""
-    with ExitStack() as stack:
-        yield defaultdict(lambda: stack.enter_context(new_tab(browser, plain)))
+    opened: dict[str, Tab] = defaultdict(lambda: Tab(browser.new_page()))
+    yield opened
+    for tab in opened.values():
+        tab.page.close()
 
 
 @pytest.fixture

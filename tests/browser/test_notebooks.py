@@ -75,6 +75,7 @@ def test_viewers_of_a_notebook_are_at_one_port(ran: Any) -> None:
 
 
 @pytest.mark.browser
+@pytest.mark.drawn
 @pytest.mark.parametrize("policy", ["", VSCODE], ids=["jupyter", "vscode"])
 def test_the_exported_notebook_shows_live_pages(exported: str, policy: str, tab: Any, tmp_path: Path) -> None:
     page = tmp_path / "notebook.html"

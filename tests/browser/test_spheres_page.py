@@ -13,7 +13,7 @@ import rr1plan as rp
 from rr1plan import save_html, show
 from rr1plan.playback.viewer.page_capture import wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.drawn]
+pytestmark = pytest.mark.browser
 
 LAYERS = ("linkspheres", "bodyspheres", "spheres")
 # Where each sphere of a layer is drawn, how large it is, and what for.
@@ -95,21 +95,19 @@ def test_what_is_drawn_contains_the_sphere_and_little_more(calm: Any) -> None:
     assert (wider < 1.02).all()
 
 
-def test_chips_turn_each_level_on_and_off(calm: Any) -> None:
-    chips = dict(calm.ask(CHIPS))
+@pytest.mark.drawn
+def test_chips_turn_each_level_on_and_off_and_the_robot_is_seen_through_them(tab: Any, page_file: FilePath) -> None:
+    tab.open(page_file)
+    chips = dict(tab.ask(CHIPS))
     assert {name: chips[name] for name in LAYERS} == {"spheres": "true", "linkspheres": "false", "bodyspheres": "false"}
-    shown = calm.bare_picture()
-    calm.page.click("[data-layer=spheres]")
-    assert dict(calm.ask(CHIPS))["spheres"] == "false"
-    without = calm.bare_picture()
-    calm.page.click("[data-layer=linkspheres]")
-    coarse = calm.bare_picture()
+    shown = tab.bare_picture()
+    tab.page.click("[data-layer=spheres]")
+    assert dict(tab.ask(CHIPS))["spheres"] == "false"
+    without = tab.bare_picture()
+    tab.page.click("[data-layer=linkspheres]")
+    coarse = tab.bare_picture()
     for one, two in ((shown, without), (without, coarse), (shown, coarse)):
         assert (np.abs(one - two).max(axis=2) > 12).sum() > 4000
-
-
-def test_the_robot_is_seen_through_its_spheres(calm: Any) -> None:
-    shown = calm.bare_picture()
     red, green, blue = shown[..., 0], shown[..., 1], shown[..., 2]
     assert ((red > 120) & (green < 0.75 * red) & (blue < 0.65 * red)).sum() > 1000
 

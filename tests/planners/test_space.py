@@ -110,7 +110,7 @@ def test_a_joint_that_another_follows_by_half_turns_does_not_wrap(tmp_path, is_c
     scene = rp.Scene().with_arm("arm", robot).with_obstacle("post", rp.Sphere(0.05), [0.0, 0.8, 0.3])
     problem = rp.Problem(scene, [0.0], [4.0])
     space = joint_space(problem.scene, problem.arms)
-    assert (space.wraps.tolist(), space.continuous.tolist(), space.is_shared) == ([False], [True], False)
+    assert (space.wraps.tolist(), space.continuous.tolist(), space.is_shared) == ([False], [False], True)
     around = Space.around(problem, np.array([[4.0]]))
     assert np.isfinite(around.extent).all()
     result = rp.plan(problem, budget=COUNTED, rng=0)
