@@ -213,8 +213,8 @@ def test_no_schedule_touches_anything_in_the_page(page: tuple[Any, Any]) -> None
                 for (const { name, times } of scenario.schedules) {
                     RR1.pair.setSchedule(name);
                     let count = 0;
-                    for (let k = 0; k <= 200; k++) {
-                        RR1.pair.setTime((k / 200) * times[times.length - 1]);
+                    for (let k = 0; k <= 80; k++) {
+                        RR1.pair.setTime((k / 80) * times[times.length - 1]);
                         if (RR1.planner.contacts(RR1.pair.q()).length) count += 1;
                     }
                     found[`${scenario.name} ${name}`] = count;

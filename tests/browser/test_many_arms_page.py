@@ -17,7 +17,7 @@ from rr1plan import save_html
 from rr1plan.playback.viewer.page_capture import wait_until
 from rr1plan.report import Margin, Report, Violation
 
-pytestmark = [pytest.mark.browser, pytest.mark.drawn]
+pytestmark = pytest.mark.browser
 
 
 def contact(one: str, other: str, time: float) -> Violation:
@@ -87,17 +87,19 @@ def test_what_is_drawn_of_many_arms_is_where_they_are(calm: Any, grid: rp.Scene)
             assert np.abs(np.array(box) - expected[name]).max() < 4 * resolution, name
 
 
-def test_every_level_draws_less_and_the_picture_stays(calm: Any) -> None:
-    calm.ask("RR1.setShown('toolpath', false)")
-    levels = [None, *range(1, int(calm.ask("RR1.pace.levels.length")))]
-    pictures, counts = zip(*(picture(calm, level) for level in levels), strict=True)
+@pytest.mark.drawn
+def test_every_level_draws_less_and_the_picture_stays(tab: Any, page_file: FilePath) -> None:
+    tab.open(page_file)
+    tab.ask("RR1.setShown('toolpath', false)")
+    levels = [None, *range(1, int(tab.ask("RR1.pace.levels.length")))]
+    pictures, counts = zip(*(picture(tab, level) for level in levels), strict=True)
     assert list(counts) == sorted(counts, reverse=True)
     assert counts[0] > 4 * counts[-1]
     # Gray levels in blocks of 8 pixels: the arms are where they were, and about as bright.
     blocks = [p[:640, :960].mean(axis=2).reshape(80, 8, 120, 8).mean(axis=(1, 3)) for p in pictures]
     for coarse in blocks[1:]:
         assert np.corrcoef(blocks[0].ravel(), coarse.ravel())[0, 1] > 0.9
-    calm.ask("RR1.setShown('toolpath', true)")
+    assert tab.complaints == []
 
 
 def test_arms_outside_of_the_picture_are_not_drawn(calm: Any) -> None:
