@@ -75,6 +75,15 @@ _ASK = """([name, start, goal]) => {
   editing.open();
   editing.select({ kind: "obstacle", arm: -1, name, element: name });
 }"""
+# What has been noted of a drop, once the first picture has been drawn; after five seconds in any case.
+_SEEN = """() => new Promise((resolve) => {
+  const end = performance.now() + 5e3;
+  const look = () => {
+    const { drop } = window, done = drop && (!drop.plays || drop.drawn);
+    if (done || performance.now() > end) resolve(drop); else requestAnimationFrame(look);
+  };
+  look();
+})"""
 _DROPS = {"began": "the page plans", "plays": "a proven motion plays", "drawn": "its first picture is drawn"}
 
 Drag = tuple[str, rp.Scene, np.ndarray, np.ndarray]
@@ -187,8 +196,7 @@ def measure_drops(page: Any, file: Path, drags: Sequence[Drag], rng: np.random.G
         page.mouse.move(x + right, y + down, steps=4)
         page.wait_for_timeout(100)
         page.mouse.up()
-        page.wait_for_timeout(300)
-        found = page.evaluate("window.drop")
+        found = page.evaluate(_SEEN)
         if found and found["plays"] and "drawn" in found:
             times.append({stage: (found[stage] - found["dropped"]) / 1e3 for stage in _DROPS})
     return times
