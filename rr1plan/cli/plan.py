@@ -9,7 +9,7 @@ from typing import Any
 
 import rr1plan as rp
 from rr1plan.cli.console import Console
-from rr1plan.cli.many_arms import check_figures, many_values, save_figures, say_many, say_unscheduled
+from rr1plan.cli.many_arms_output import check_figures, many_values, save_figures, say_groups, say_many
 from rr1plan.errors import InputError
 from rr1plan.export.csv_files import csv_text, save_csv
 from rr1plan.files.file_access import check_writable
@@ -180,7 +180,8 @@ def _no_plan(motion: MotionPlan, console: Console) -> int:
         console.result({**said, **many_values(motion)})
     else:
         console.error(str(motion), code)
-        say_unscheduled(motion, console)
+        if motion.many_arms is not None:
+            say_groups(motion.many_arms, console)
     return code
 
 

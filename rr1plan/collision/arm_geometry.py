@@ -14,7 +14,6 @@ from rr1plan.checks import Array, read_only
 from rr1plan.collision.convex.convex_bodies import is_surfaceless, solid_pieces
 from rr1plan.errors import InputError
 from rr1plan.model.arm_model import ArmModel, Body, ElementGeometry, arm_model_of, hang
-from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Attachment, Scene
 from rr1plan.shapes import Shape
 
@@ -101,7 +100,8 @@ def arm_geometry(arm: Arm, attachments: Mapping[str, Attachment]) -> ArmGeometry
 
 @lru_cache(maxsize=128)
 def _arm_geometry(content: _Content) -> ArmGeometry:
-    arm_model = model_of_robot(content.arm.robot)
+    # The robot alone, its base at the origin and its planning joints free.
+    arm_model = arm_model_of(Scene({_ARM: Arm(content.arm.robot)}), (_ARM,))
     links = solids_of(replace(g, element=g.element[len(_PREFIX) :]) for g in arm_model.link_geometries)
     held = solids_of(g for name, thing in content.attachments.items() for g in _held(arm_model, name, thing))
     solids = (*links, *held)
@@ -116,11 +116,6 @@ def _arm_geometry(content: _Content) -> ArmGeometry:
     shared = np.array([[len(a & b) for b in sets] for a in sets], dtype=np.int64)
     kinds = tuple(is_surfaceless(solid.shape) for solid in solids)
     return ArmGeometry(arm_model, solids, len(links), tuple(number), read_only(groups), read_only(shared), kinds)
-
-
-def model_of_robot(robot: Robot) -> ArmModel:
-    """The Pinocchio model of a robot alone, its base at the origin and its planning joints free."""
-    return arm_model_of(Scene({_ARM: Arm(robot)}), (_ARM,))
 
 
 def _held(arm_model: ArmModel, name: str, thing: Attachment) -> tuple[ElementGeometry, ...]:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 
 from matplotlib import axes as mpl_axes
 from matplotlib import rc_context
-from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, NullFormatter
@@ -53,17 +51,12 @@ def _label(plot: mpl_axes.Axes, x: str, y: str, title: str) -> None:
     for axis in (plot.xaxis, plot.yaxis):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
         if axis.get_scale() == "log":
-            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if _decades(axis) < 3 else (1.0,)))
+            low, high = axis.get_view_interval()
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,)))
             axis.set_minor_formatter(NullFormatter())
     plot.set(xlabel=x, ylabel=y, title=title)
     if plot.get_legend_handles_labels()[1]:
         plot.legend(frameon=False, fontsize=11)
-
-
-def _decades(axis: Axis) -> float:
-    """Powers of ten that a logarithmic axis spans."""
-    low, high = axis.get_view_interval()
-    return math.log10(high / low)
 
 
 def _factors(plot: mpl_axes.Axes, rows: Sequence[Row], key: str, thesis: Mapping[int, float], title: str) -> None:

@@ -143,7 +143,8 @@ class KinematicsLesson(Lesson):
 
     def _draw_ellipse(self, axes: Axes, drawn: Any, q: Array, faint: bool) -> None:
         tip = self.flat.points(q)[2]
-        found = ellipses(self._planar_jacobian(q))
+        base = self.scene.arms[self.arm_name].base[:3, :3]
+        found = ellipses((base @ tool_jacobian(self.robot, q))[:2])
         angle = float(np.degrees(np.arctan2(found.directions[1, 0], found.directions[0, 0])))
         kinds = [(found.velocity, SPEED, VELOCITY, "velocity ellipse", "-")]
         if not faint:
@@ -155,10 +156,6 @@ class KinematicsLesson(Lesson):
             patch = drawn(tuple(tip), 2 * sizes[0], 2 * sizes[1], angle=angle, fill=False, edgecolor=color, ls=line)
             patch.set(linewidth=1.2 if faint else 2.4, alpha=0.7 if faint else 1.0, label=None if faint else label)
             axes.add_patch(patch)
-
-    def _planar_jacobian(self, q: Array) -> Array:
-        base = self.scene.arms[self.arm_name].base[:3, :3]
-        return np.asarray((base @ tool_jacobian(self.robot, q))[:2])
 
     def _draw_map(self, figure: Figure, axes: Axes) -> None:
         """|det J| over the configuration space, and where it is zero."""

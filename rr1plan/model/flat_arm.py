@@ -82,7 +82,7 @@ class FlatArm:
                 cosine = np.where(np.abs(np.abs(cosine) - 1.0) < _EXACT, np.sign(cosine), cosine)
                 bend = side * np.arccos(cosine)
                 fore = c / abs(c) * (a / abs(a)).conjugate()
-                return s1 * np.angle(target / (a * (1 + abs(c) / abs(a) * np.exp(1j * bend)))), _turn(
+                return s1 * np.angle(target / (a * (1 + abs(c) / abs(a) * np.exp(1j * bend)))), _wrap(
                     s2 * (bend - np.angle(fore))
                 )
             case "RP":
@@ -99,7 +99,8 @@ class FlatArm:
                 return local.real - q2 * (u2 / u1).real, q2
 
 
-def _turn(angle: Array) -> Array:
+def _wrap(angle: Array) -> Array:
+    """An angle in [-pi, pi]."""
     return np.asarray(np.angle(np.exp(1j * angle)))
 
 

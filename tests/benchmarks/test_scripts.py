@@ -58,8 +58,8 @@ def test_problems_of_a_file_are_solved_and_judged(script, problem_file, tmp_path
 
 def test_simulated_arms_are_measured(script, tmp_path):
     arguments = ["--arms", "1", "2", "--spacings", "3", "--threads", "1", "--seconds", "0.1"]
-    assert script("simulated_arms").main([*arguments, "--out", str(tmp_path)]) == 0
-    results = json.loads((tmp_path / "simulated_arms.json").read_text())["results"]
+    assert script("simulated_arms_speed").main([*arguments, "--out", str(tmp_path)]) == 0
+    results = json.loads((tmp_path / "simulated_arms_speed.json").read_text())["results"]
     assert [(r["arms"], r["models"], r["contacts"]) for r in results] == [(1, 1, 0), (2, 1, 0)]
     assert all(r["tracking_error_rad"] < 1e-3 for r in results)
 
@@ -74,8 +74,8 @@ def test_calibrations_are_measured(script, tmp_path):
 
 def test_a_falling_tower_is_measured(script, tmp_path):
     arguments = ["--boats", "6", "--seconds", "2", "--out", str(tmp_path)]
-    assert script("falling_tower").main(arguments) == 0
-    results = json.loads((tmp_path / "falling_tower.json").read_text())["results"]
+    assert script("falling_tower_speed").main(arguments) == 0
+    results = json.loads((tmp_path / "falling_tower_speed.json").read_text())["results"]
     assert [r["solver"] for r in results] == ["newton", "cg"]
     (windows,) = zip(*(r["windows"] for r in results), strict=True)
     assert all(0.0 <= w["penetration_at_end_mm"] <= w["penetration_mm"] < 100.0 and w["contacts"] for w in windows)
@@ -152,19 +152,19 @@ def test_planners_are_timed_to_their_first_path(script, tmp_path):
 
 def test_paths_get_shorter_while_planners_have_time(script, tmp_path):
     arguments = ["--scenes", "planar2r_path", "--every", "2", "--milliseconds", "10", "40", "--out", str(tmp_path)]
-    assert script("anytime").main([*arguments, "--planners", "anytime", "bit_star"]) == 0
-    results = json.loads((tmp_path / "anytime.json").read_text())
+    assert script("path_lengths").main([*arguments, "--planners", "anytime", "bit_star"]) == 0
+    results = json.loads((tmp_path / "path_lengths.json").read_text())
     assert set(results["race"]) == {"rrt_connect + shorten", "anytime", "bit_star"}
     early, late = results["race"]["anytime"]
     assert late["solved"] == 1.0
     assert 1.0 <= late["median"] <= early["median"]
-    assert "40 ms: solved" in (tmp_path / "anytime.md").read_text()
-    assert (tmp_path / "anytime.png").stat().st_size > 0
+    assert "40 ms: solved" in (tmp_path / "path_lengths.md").read_text()
+    assert (tmp_path / "path_lengths.png").stat().st_size > 0
 
 
 def test_cells_of_the_picture_are_those_of_coal(script, tmp_path):
-    assert script("cspace_cells").main(["--resolution", "24", "--out", str(tmp_path)]) == 0
-    scenes = json.loads((tmp_path / "cspace_cells.json").read_text())["scenes"]
+    assert script("cspace_against_coal").main(["--resolution", "24", "--out", str(tmp_path)]) == 0
+    scenes = json.loads((tmp_path / "cspace_against_coal.json").read_text())["scenes"]
     assert [(s["cells"], s["wrong"]) for s in scenes] == [(576, 0)] * 2
 
 
@@ -183,14 +183,14 @@ def test_concave_obstacles_are_timed_as_triangles_and_as_pieces(script, tmp_path
 
 def test_inverse_kinematics_is_timed_beside_the_plain_method(script, tmp_path):
     arguments = ["--robot", "planar2r_limited", "--poses", "6", "--plain", "3", "--out", str(tmp_path)]
-    assert script("inverse_kinematics").main(arguments) == 0
-    robots = json.loads((tmp_path / "inverse_kinematics.json").read_text())["robots"]
+    assert script("ik_comparison").main(arguments) == 0
+    robots = json.loads((tmp_path / "ik_comparison.json").read_text())["robots"]
     assert [r["robot"] for r in robots] == ["rr1", "planar2r_limited"]
     for robot in robots:
         assert robot["wrong"] == 0
         assert [len(robot[method]["counts"]) for method in ("ours", "plain", "goals")] == [6, 3, 6]
         assert all(min(robot[method]["counts"]) > 0 for method in ("ours", "plain", "goals"))
-    assert "one solution: solved" in (tmp_path / "inverse_kinematics.md").read_text()
+    assert "one solution: solved" in (tmp_path / "ik_comparison.md").read_text()
 
 
 def test_the_same_seed_draws_the_same_feasible_queries(script):

@@ -528,14 +528,10 @@ class _Change:
             said = "; ".join(map(str, report.violations[:2])) or "it cannot be decided"
             reason = f"the referee does not certify the motion that was found: {said}"
             return AddedMotion(plan, "", reason, yielding, seconds=self._watch.seconds)
-        parts = {name: new.parts for name, new in changed.items()}
-        parts = {name: (*self._over(name), *new) for name, new in parts.items()}
+        over = {name: (part for part in plan.parts[name] if part.end <= self.now) for name in changed}
+        parts = {name: (*over[name], *new.parts) for name, new in changed.items()}
         made = plan.with_parts(parts, trajectory, self.now)
         return AddedMotion(made, stage, "", yielding, changed[arm].arrival, report, self._watch.seconds)
-
-    def _over(self, arm: str) -> tuple[Part, ...]:
-        """Parts of an arm that end before the change."""
-        return tuple(part for part in self.plan.parts[arm] if part.end <= self.now)
 
     def _rest(self, changed: Mapping[str, _NewMotion]) -> Trajectory:
         """The motion of all arms from the change on."""

@@ -53,7 +53,7 @@ def shorten_in_time(
             break
         begin, end = np.sort(rng.random(2)) * path.times[-1]
         together = len(columns) == 1 or rng.random() < _ALL
-        first, behind = path.rows_between(begin, end)
+        first, behind = np.searchsorted(path.times, [begin, end], side="right").tolist()
         old = np.vstack([path.at(begin), path.points[first:behind], path.at(end)])
         if together:
             new = old[[0, -1]]
@@ -118,8 +118,3 @@ class _TimedPolyline:
         row = min(int(np.searchsorted(self.times, time, side="right")), len(self.times) - 1)
         share = (time - self.times[row - 1]) / (self.times[row] - self.times[row - 1])
         return np.asarray(self.points[row - 1] + share * (self.points[row] - self.points[row - 1]))
-
-    def rows_between(self, begin: float, end: float) -> tuple[int, int]:
-        """The first waypoint after an instant, and the first one after a later one."""
-        first, behind = np.searchsorted(self.times, [begin, end], side="right").tolist()
-        return first, behind

@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rr1plan.checks import Array, finite_array, of_kind
 from rr1plan.collision import CollisionChecker
@@ -140,7 +139,9 @@ def one_turn(robot: Robot) -> tuple[Array, Array]:
         Lower and upper ends, shape (nq,) each.
     """
     lower, upper = robot.limits.lower, robot.limits.upper
-    turns = _is_revolute(robot) & (upper - lower > 2.0 * np.pi)
+    kinds = {joint.name: joint.kind for joint in robot.joints}
+    is_revolute = np.array([kinds[name] != "prismatic" for name in robot.joint_names], np.bool_)
+    turns = is_revolute & (upper - lower > 2.0 * np.pi)
     return (
         np.where(turns, np.maximum(lower, robot.home - np.pi), lower),
         np.where(turns, np.minimum(upper, robot.home + np.pi), upper),
@@ -152,11 +153,6 @@ def _turned_back(robot: Robot, q: Array) -> Array:
     low, high = one_turn(robot)
     turned = q - 2.0 * np.pi * np.round((q - robot.home) / (2.0 * np.pi))
     return np.asarray(np.where((q < low) | (q > high), np.where((turned >= low) & (turned <= high), turned, q), q))
-
-
-def _is_revolute(robot: Robot) -> NDArray[np.bool_]:
-    kinds = {joint.name: joint.kind for joint in robot.joints}
-    return np.array([kinds[name] != "prismatic" for name in robot.joint_names], np.bool_)
 
 
 def _free_among(

@@ -8,7 +8,7 @@ what that search has proven, which may be more than what was asked for.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -108,7 +108,9 @@ def plan_small_team(
         bound = found.lower_bound if math.isfinite(found.lower_bound) else bound
         if known:
             break
-        known = _scheduled(pools.values(), near, rng, watch)
+        # Paths of the pools need no roadmap.
+        planner = PrioritizedPlanner(pools.values(), near, DiagramCache(), rng, watch)
+        known = tuple(planner.schedules.values()) if planner.run() else ()
         cost = math.fsum(s.arrival * len(s.arms) for s in known) if known else math.inf
     if known and bound > 0.0:
         return TeamPlan(known, alone, max(1.0, cost / bound))
@@ -134,21 +136,6 @@ def _roadmaps(
             return None
         roadmaps[arm] = made
     return roadmaps
-
-
-def _scheduled(
-    pools: Iterable[PathPool], near: Mapping[str, frozenset[str]], rng: np.random.Generator, watch: Stopwatch
-) -> tuple[Schedule, ...]:
-    """Schedules of the arms on paths that need no roadmap; none if none are found.
-
-    Args:
-        pools: Of each arm, with its first path.
-        near: Of each arm those that it can meet.
-        rng: Where random numbers come from.
-        watch: Says when to give up.
-    """
-    planner = PrioritizedPlanner(pools, near, DiagramCache(), rng, watch)
-    return tuple(planner.schedules.values()) if planner.run() else ()
 
 
 def _margin_between(agents: Sequence[Agent], goals: Mapping[str, Array], near: Mapping[str, frozenset[str]]) -> float:

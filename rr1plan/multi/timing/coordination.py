@@ -106,7 +106,7 @@ def cross_pairs(one: Agent, two: Agent, margin: float, *, fixed: bool = False) -
         # One table for all agents with the same bodies in the same order.
         key: tuple[object, ...] = (
             "cross pairs",
-            *(_shape_of(agent) for agent in (one, two)),
+            *((agent.bodies.group_rows.tobytes(), agent.bodies.is_fixed.tobytes()) for agent in (one, two)),
             scene.padding,
             margin,
             fixed,
@@ -114,10 +114,6 @@ def cross_pairs(one: Agent, two: Agent, margin: float, *, fixed: bool = False) -
     else:
         key = ("cross pairs", one.arms, two.arms, margin, fixed)
     return kept_in(scene.kept, key, lambda: _cross_pairs(scene, one, two, margin, fixed))
-
-
-def _shape_of(agent: Agent) -> tuple[bytes, bytes]:
-    return agent.bodies.group_rows.tobytes(), agent.bodies.is_fixed.tobytes()
 
 
 def _cross_pairs(scene: Scene, one: Agent, two: Agent, margin: float, fixed: bool) -> CStruct:

@@ -133,7 +133,8 @@ def build_mujoco(
     spec = builder.spec
     model = _compile(spec)
     configuration = model.qpos0.copy()
-    configuration[: len(builder.joints)] = _qpos(scene, builder.joints)
+    values = {name: arm.robot.joint_values(arm.q) for name, arm in scene.arms.items()}
+    configuration[: len(builder.joints)] = [values[j.arm][j.joint.name] for j in builder.joints]
     inertia = _joint_inertia(model, configuration)[: len(builder.joints)]
     massless = tuple(j.name for j, carried in zip(builder.joints, inertia, strict=True) if carried < _NOTHING_CARRIED)
     for name in massless:
@@ -375,17 +376,13 @@ def loose_bodies(scene: Scene) -> dict[str, Obstacle]:
 
 
 def _set_inertial(body: Any, inertial: Inertial) -> None:
-    inertia = _definite(inertial.inertia)
+    inertia = inertial.inertia
+    if np.linalg.eigvalsh(inertia)[0] < _LEAST_MOMENT:  # a point or nearly one
+        inertia = inertia + _LEAST_MOMENT * np.eye(3)
     body.explicitinertial = True
     body.mass = inertial.mass
     body.ipos = inertial.com
     body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
-
-
-def _definite(inertia: Array) -> Array:
-    """The inertia, or a little more of it for a body that is a point or nearly one."""
-    least = float(np.linalg.eigvalsh(inertia)[0])
-    return inertia if least >= _LEAST_MOMENT else inertia + _LEAST_MOMENT * np.eye(3)
 
 
 def _offset(xyz: Any) -> Array:
@@ -401,11 +398,6 @@ def _frame_along(normal: Array) -> Array:
     x = np.cross(helper, normal)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(normal, x), normal])
-
-
-def _qpos(scene: Scene, joints: list[_PlacedJoint]) -> Array:
-    values = {name: arm.robot.joint_values(arm.q) for name, arm in scene.arms.items()}
-    return np.array([values[j.arm][j.joint.name] for j in joints])
 
 
 def _joint_inertia(model: Any, qpos: Array) -> Array:

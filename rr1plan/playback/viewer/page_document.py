@@ -122,7 +122,9 @@ def view_document(
         "shapes": shapes.rows,
         "track": None if motion is None else _shown_track(motion, scene, trajectory, path),
         "replay": None if replay is None else _track(_replayed(replay), scene) | {"summary": _summary(replay)},
-        "path": None if path is None else _waypoints(path, scene),
+        "path": None
+        if path is None
+        else {"columns": _columns(path.joint_names, scene), "waypoints": pack_array(path.waypoints)},
         "ghosts": ghosts,
         "targets": [] if problem is None else _targets(problem),
         "report": None if report is None else _finite(report.to_dict()),
@@ -350,10 +352,6 @@ def _summary(replay: Replay) -> dict[str, Any]:
         "tracked": replay.tracked,
         "contacts": [{"pair": list(c.pair), "first": c.first, "last": c.last} for c in replay.contacts],
     }
-
-
-def _waypoints(path: Path, scene: Scene) -> dict[str, Any]:
-    return {"columns": _columns(path.joint_names, scene), "waypoints": pack_array(path.waypoints)}
 
 
 def _compared(name: str, other: Trajectory, scene: Scene, options: ViewOptions) -> dict[str, Any]:

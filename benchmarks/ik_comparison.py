@@ -1,6 +1,6 @@
 """Inverse kinematics: how long, how often solved, beside closed-loop inverse kinematics on Pinocchio.
 
-    python benchmarks/inverse_kinematics.py [--robot panda.urdf ur5.urdf] [--poses 300]
+    python benchmarks/ik_comparison.py [--robot panda.urdf ur5.urdf] [--poses 300]
 
 Poses of the tool at random free configurations, so that each has a solution. "One solution" is `solve_ik`, and the
 method of Pinocchio's example written plainly in Python, from the same starts: the robot's home, then random ones. Its
@@ -48,7 +48,7 @@ class Found:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = make_parser("Inverse kinematics", "inverse_kinematics")
+    parser = make_parser("Inverse kinematics", "ik_comparison")
     parser.add_argument("--robot", nargs="*", default=[], help="URDF files, or names of shipped robots, besides rr1")
     parser.add_argument("--poses", type=int, default=300, help="poses of each robot")
     parser.add_argument("--plain", type=int, default=100, help="how many of them are shown to the plain method")
@@ -69,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     wrong = sum(r["wrong"] for r in results)
     facts = {"poses": args.poses, "of them for the plain method": args.plain, "seed": args.seed, "wrong": wrong}
     text = f"{heading('Inverse kinematics', facts)}\n\nCPU: median / p95 / max.\n\n{table(header, rows)}"
-    save(args.out, "inverse_kinematics", {"robots": results}, text)
+    save(args.out, "ik_comparison", {"robots": results}, text)
     return 0 if wrong == 0 else 1
 
 

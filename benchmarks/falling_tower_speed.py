@@ -1,6 +1,6 @@
 """Simulated time for a second of computation while a tower of boat-like hulls of 256 triangles falls.
 
-    python benchmarks/falling_tower.py [--boats 10 20 50 100 200 500] [--solvers newton cg] [--threads 1 2]
+    python benchmarks/falling_tower_speed.py [--boats 10 20 50 100 200 500] [--solvers newton cg] [--threads 1 2]
 
 The experiment `dynamic` of `rr1plan experiment`, with other solvers, threads and time steps.
 """
@@ -17,7 +17,7 @@ from rr1plan.experiments.measuring_process import measure
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = make_parser(__doc__.splitlines()[0], "falling_tower")
+    parser = make_parser(__doc__.splitlines()[0], "falling_tower_speed")
     parser.add_argument("--boats", type=int, nargs="+", default=(10, 20, 50, 100, 200, 500), help="boats in the tower")
     parser.add_argument("--solvers", nargs="+", default=("newton", "cg"), help="solvers of the simulation")
     parser.add_argument("--threads", type=int, nargs="+", default=(1,), help="threads of the simulation")
@@ -33,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     ]
     results = [task | {"windows": measure("dynamic", task)} for task in track(tasks, "towers")]
     text = "\n\n".join([heading("Falling tower", {"time step": f"{1e3 * args.dt:g} ms"}), _table(results)])
-    save(args.out, "falling_tower", {"results": results}, text)
+    save(args.out, "falling_tower_speed", {"results": results}, text)
     return 0
 
 

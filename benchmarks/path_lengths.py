@@ -1,6 +1,6 @@
 """Path length after 10, 100 and 1000 ms: the anytime planner and OMPL's optimizing planners.
 
-    python benchmarks/anytime.py [PROBLEMS.json.gz --robot panda.urdf]
+    python benchmarks/path_lengths.py [PROBLEMS.json.gz --robot panda.urdf]
 
 All planners use the same certified edges and differ in the search only. The baseline is RRT-Connect with one round of
 shortcuts, without a budget. Budgets are CPU time: planners read a clock of the process's CPU time. Lengths
@@ -52,19 +52,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         _solve(name, next(iter(problems.values())), 0, budgets[0])  # loads what is loaded once
     work = [(name, problem, args.seed + s) for problem in problems for s in range(args.repeats) for name in names]
     runs: list[Run] = []
-    for name, problem, seed in track(work, "anytime"):
+    for name, problem, seed in track(work, "path lengths"):
         with _cpu_clock():
             runs += _run(name, problem, problems[problem], seed, budgets)
     facts = {"problems": len(problems), "seeds": args.repeats, "first seed": args.seed}
     race = {name: summarise([r for r in runs if r.planner == name], _shortest(runs), budgets) for name in names}
     text = "\n\n".join([heading("The length of a path after a while", facts), describe(race, budgets)])
-    save(args.out, "anytime", {"settings": facts, "race": race, "runs": [vars(r) for r in runs]}, text)
-    draw_race(args.out / "anytime.png", race, [1e3 * b for b in budgets])
+    save(args.out, "path_lengths", {"settings": facts, "race": race, "runs": [vars(r) for r in runs]}, text)
+    draw_race(args.out / "path_lengths.png", race, [1e3 * b for b in budgets])
     return 0
 
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = make_parser("How short a path is after a while", "anytime")
+    parser = make_parser("How short a path is after a while", "path_lengths")
     parser.add_argument("file", type=Path, nargs="?", help="MotionBenchMaker problems (.json or .json.gz)")
     parser.add_argument("--robot", type=Path, help="their robot's URDF")
     parser.add_argument("--srdf", type=Path, help="their robot's SRDF (default: beside the URDF)")

@@ -1,6 +1,6 @@
 """Simulated time for a second of computation, by the number of RR1: all of them follow seven poses, contacts on.
 
-    python benchmarks/simulated_arms.py [--arms 1 12 120 1000] [--spacings 0.8 3] [--threads 1 2]
+    python benchmarks/simulated_arms_speed.py [--arms 1 12 120 1000] [--spacings 0.8 3] [--threads 1 2]
 
 The experiment `multi` of `rr1plan experiment`, with other spacings and threads. At 0.8 m arms can meet their neighbors
 and are one model; at 3 m they cannot, and have separate models.
@@ -21,7 +21,7 @@ _DT = 0.002  # [s]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = make_parser(__doc__.splitlines()[0], "simulated_arms")
+    parser = make_parser(__doc__.splitlines()[0], "simulated_arms_speed")
     parser.add_argument("--arms", type=int, nargs="+", default=(1, 12, 120, 250, 500, 1000), help="arms on a grid")
     parser.add_argument("--spacings", type=float, nargs="+", default=(0.8, 3.0), help="of the grid [m]")
     parser.add_argument("--threads", type=int, nargs="+", default=(1, 2), help="threads of the simulation")
@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     ]
     results = [task | _measure(task) for task in track(tasks, "simulated arms")]
     text = "\n\n".join([heading("Simulated arms", {"time step": f"{1e3 * _DT:g} ms"}), _table(results)])
-    save(args.out, "simulated_arms", {"results": results}, text)
+    save(args.out, "simulated_arms_speed", {"results": results}, text)
     return 0
 
 

@@ -80,18 +80,12 @@ def say_many(motion: MotionPlan, console: Console) -> None:
         f"{counted(len(many.paths), 'arm')}: makespan {many.makespan:.3f} s, "
         f"{many.ratio:.2f} times the slowest arm alone; {many.quality.waiting:.3f} s of waiting"
     )
-    _say_groups(many, console)
+    say_groups(many, console)
     _say_waits(motion.timeline(), console)
 
 
-def say_unscheduled(motion: MotionPlan, console: Console) -> None:
-    """Print which groups of arms have schedules, if any were planned."""
-    if motion.many_arms is not None:
-        _say_groups(motion.many_arms, console)
-
-
-def _say_groups(many: ManyArmsResult, console: Console) -> None:
-    """The groups that took most, those without schedules first."""
+def say_groups(many: ManyArmsResult, console: Console) -> None:
+    """Print the groups that took most, those without schedules first."""
     groups = sorted(many.groups, key=lambda group: (group.found, -len(group.arms), -group.seconds))
     for group in groups[:_MOST]:
         who = ", ".join(group.arms) if len(group.arms) <= _MOST else counted(len(group.arms), "arm")

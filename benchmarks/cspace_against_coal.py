@@ -1,6 +1,6 @@
 """The picture of a configuration space against Coal, cell by cell.
 
-    python benchmarks/cspace_cells.py [--resolution 360]
+    python benchmarks/cspace_against_coal.py [--resolution 360]
 
 The picture is computed block-wise; here Coal alone checks every cell's center and every pair of shapes.
 """
@@ -20,7 +20,7 @@ from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = make_parser("Cells of the configuration space against Coal", "cspace_cells")
+    parser = make_parser("Cells of the configuration space against Coal", "cspace_against_coal")
     parser.add_argument("--resolution", type=int, default=360, help="cells along each axis")
     args = parser.parse_args(argv)
     pin_to_core(args.core)
@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
     header = ["scene", "cells", "components", "cells that differ", "picture [CPU ms]", "every cell by Coal [CPU ms]"]
     text = heading("Cells of the configuration space against Coal", {"resolution": args.resolution})
-    save(args.out, "cspace_cells", {"scenes": results}, f"{text}\n\n{table(header, rows)}")
+    save(args.out, "cspace_against_coal", {"scenes": results}, f"{text}\n\n{table(header, rows)}")
     return 0 if all(r["wrong"] == 0 for r in results) else 1
 
 
