@@ -21,8 +21,9 @@ delays = {
 late = rp.execute_plan(graph, problem.scene, delays)
 print(f"planned {result.makespan:.2f} s, with delays {late.makespan:.2f} s")
 print("waiting for others:", ", ".join(f"{arm} {seconds:.2f} s" for arm, seconds in late.waiting.items()))
-print(rp.validate(late.trajectory, problem.scene, problem))
-print(rp.simulate(late.trajectory, problem.scene))
+report = rp.validate(late.trajectory, problem.scene, problem)
+replay = rp.simulate(late.trajectory, problem.scene)
+print(report, replay, sep="\n")
 
 # With 0.2 s between those that share some space nobody has to wait at run time, if no start is later than that.
 tolerant = rp.execute_plan(graph, problem.scene, gap=0.2)
@@ -34,4 +35,13 @@ print(added)
 assert added, added.reason
 speed = np.abs(added.plan.velocity("arm04", 0.7)).max()
 print(f"at 0.7 s it has {speed:.2f} rad/s, it is there after {added.arrival:.2f} s:", added.report)
-rp.save_html("18_delays.html", problem.scene, trajectory=late.trajectory, problem=problem)
+line = rp.timeline(late.trajectory, problem.scene, report=report, waits=late.waits)
+rp.save_html(
+    "18_delays.html",
+    problem.scene,
+    trajectory=late.trajectory,
+    problem=problem,
+    report=report,
+    replay=replay,
+    options=rp.ViewOptions(title="Four RR1 that are late", panels=[line.panel()]),
+)

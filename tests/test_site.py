@@ -11,6 +11,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 import rr1plan as rp
+from rr1plan.playback.viewer.page_capture import find_browser, open_browser, wait_until
 
 pytest.importorskip("sphinx", reason="sphinx is not installed")
 
@@ -74,3 +75,19 @@ def test_all_pages_of_the_documentation_are_in_the_site(site: Path) -> None:
     written = {file.relative_to(DOCS).with_suffix(".html") for file in DOCS.rglob("*.md")}
     assert len(written) > 15
     assert {page for page in written if not (site / page).is_file()} == set()
+
+
+@pytest.mark.browser
+def test_the_search_works_from_disk(site: Path) -> None:
+    if find_browser() is None:
+        pytest.skip("no Chromium on this machine")
+    pytest.importorskip("playwright", reason="playwright is not installed")
+    complaints: list[str] = []
+    with open_browser((960, 640)) as context:
+        page = context.new_page()
+        page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+        page.goto(f"{(site / 'search.html').as_uri()}?q=certified+edge")
+        wait_until(page, "document.querySelectorAll('#search-results li a').length > 5")
+        links = page.eval_on_selector_all("#search-results li a", "(all) => all.map((link) => link.href)")
+    assert complaints == []
+    assert any("concepts.html" in link for link in links)

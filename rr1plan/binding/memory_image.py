@@ -16,6 +16,7 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.binding.c_memory import CStruct, address_of
@@ -72,6 +73,11 @@ class _Region:
         """The address after its last byte."""
         return self.address + len(self.data)
 
+    @property
+    def is_zero(self) -> bool:
+        """Whether all bytes are zero."""
+        return not np.frombuffer(self.data, np.uint8).any()
+
 
 def _collect(sources: KernelSources, root: Root, regions: dict[int, _Region]) -> tuple[str, int, int]:
     """Add a root and all targets of its pointers to `regions` by address; type, address and count of the root."""
@@ -114,7 +120,7 @@ class _Memory:
         self.size = 0
         # In order of discovery, which does not depend on addresses.
         whole = set(self._addresses)
-        kept = sorted((r for r in regions.values() if r.address in whole), key=lambda region: not any(region.data))
+        kept = sorted((r for r in regions.values() if r.address in whole), key=lambda region: region.is_zero)
         for region in kept:
             self._offsets[region.address] = self.size
             items = len(region.data) // sources.item_size(region.kind)
@@ -122,7 +128,7 @@ class _Memory:
         self.data = bytearray()
         self.pointers: list[int] = []
         for region in kept:
-            if any(region.data):
+            if not region.is_zero:
                 self._pad(self._offsets[region.address])
                 self._append(region.kind, region.data)
 

@@ -197,6 +197,17 @@ def test_a_joint_slider_poses_the_arm(calm: Any) -> None:
     assert not calm.ask("RR1.manual")
 
 
+def test_a_slider_of_a_joint_without_limits_stays_in_its_turn(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r, q=[7.0, 0.0])
+    tab.open(save_html(tmp_path / "turns.html", scene))
+    assert float(tab.ask("document.getElementById('joint-0').value")) == pytest.approx(7.0 - 2 * np.pi)
+    assert tab.ask("document.querySelector('.joint output').textContent") == "401.1°"
+    for value, expected in ((-0.5, 2 * np.pi - 0.5), (-3.1, 2 * np.pi - 3.1), (3.1, 3.1)):
+        tab.page.fill("#joint-0", str(value))
+        assert tab.ask("RR1.q[0]") == pytest.approx(expected)
+    assert tab.complaints == []
+
+
 @pytest.mark.parametrize("layer", ["robots", "obstacles", "start", "goal", "toolpath", "collisions", "replay"])
 def test_every_toggle_shows_and_hides_its_layer(calm: Any, layer: str) -> None:
     visible = f"RR1.world.layers['{layer}'].visible"

@@ -44,6 +44,7 @@ process.stdout.write(JSON.stringify(answer));
 SEARCH = 400  # iterations of each search
 SCENES = ("rr1_shelf", "rr1_cluttered", "rr1_pair", "planar2r_path")
 ROUNDS, QUESTIONS = 5, 50  # 1,000 questions in all scenes
+MANY = "rr1_shared_bin"  # of four arms
 
 
 def in_node(data: dict[str, Any], name: str, *given: Any, before: str = "") -> Any:
@@ -108,7 +109,7 @@ def packed(array: np.ndarray) -> list[int]:
 
 
 def expected_motion(problem: rp.Problem, seed: int) -> dict[str, Any]:
-    motion = rp.plan_motion(problem, budget=Budget(math.inf, SEARCH), rng=seed)
+    motion = rp.plan_motion(problem, planner="rrt_connect", budget=Budget(math.inf, SEARCH), rng=seed)
     answer: dict[str, Any] = {"status": motion.status.value, "margin": motion.margin}
     if not motion.found:
         return answer
@@ -125,7 +126,7 @@ def expected_motion(problem: rp.Problem, seed: int) -> dict[str, Any]:
 def questions(name: str, rounds: int = ROUNDS, count: int = QUESTIONS) -> tuple[rp.Scene, list[Any], list[Any]]:
     """A scene, rounds of questions for the page, and the answers of `plan_motion`."""
     scene = rp.load_scene(name)
-    rng = np.random.default_rng(SCENES.index(name))
+    rng = np.random.default_rng([*SCENES, MANY].index(name))
     asked, expected, seed = [], [], 0
     for moved, moves in moved_scenes(scene, rng)[:rounds]:
         ends = configurations(moved, 2 * count, rng).reshape(count, 2, -1)
@@ -166,8 +167,9 @@ def test_a_page_plans_the_motions_of_plan_motion_to_the_last_bit(name: str, tab:
     assert all(url.startswith(("file:", "data:", "blob:")) for url in tab.requests)
 
 
-def test_node_plans_the_same() -> None:
-    scene, asked, expected = questions("rr1_shelf", rounds=2)
+@pytest.mark.parametrize(("name", "count"), [("rr1_shelf", 50), (MANY, 15)])
+def test_node_plans_the_same(name: str, count: int) -> None:
+    scene, asked, expected = questions(name, 2, count)
     check(in_node(planner_data(scene), "motions", asked, SEARCH), expected)
 
 
@@ -313,10 +315,10 @@ def test_only_pages_with_a_planner_may_compile_webassembly(planar2r: rp.Robot) -
 
 def test_a_page_names_why_it_cannot_plan(planar2r: rp.Robot) -> None:
     many = rp.Scene()
-    for i in range(3):
+    for i in range(13):
         many = many.with_arm(f"arm{i}", planar2r, [5.0 * i, 0.0, 0.0])
     document, policy = document_and_policy(many)
-    assert document["planner"] == {"missing": "3 arms move, and pages plan for 2 at most"}
+    assert document["planner"] == {"missing": "13 arms move, and pages plan for 12 at most"}
     assert "wasm" not in policy
     assert page_planner(many, ["arm0"])["joints"] == list(many.joint_names(["arm0"]))
     assert page_planner(rp.Scene()) == page_planner(many, []) == {"missing": "no arm moves"}

@@ -67,3 +67,15 @@ def test_a_click_on_a_stage_goes_to_its_beginning(opened: Any, plan: rp.Sequence
         *[False] * (len(plan.stages) - 1),
         True,
     ]
+
+
+def test_the_buttons_stay_in_their_bar_beside_the_list(opened: Any) -> None:
+    size = opened.page.viewport_size
+    boxes = """() => [...document.querySelectorAll("#bar, #bar > *")].filter((node) => node.checkVisibility())
+        .map((node) => node.getBoundingClientRect()).map(({ left, right }) => [left, right])"""
+    for width in (800, 840):
+        opened.page.set_viewport_size({"width": width, "height": 600})
+        (left, right), *parts = opened.ask(boxes)
+        assert len(parts) > 4
+        assert all(left <= begin and end <= right for begin, end in parts)
+    opened.page.set_viewport_size(size)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.playback.viewer.page_capture import wait_until
 
 pytestmark = pytest.mark.browser
 
@@ -70,3 +71,35 @@ def test_a_few_rows_lie_below_the_arms(opened: Any) -> None:
     assert stage["bottom"] <= panels["top"] + 0.5
     assert stage["width"] == panels["width"] == opened.page.viewport_size["width"]
     assert panels["bottom"] <= opened.page.viewport_size["height"] + 0.5
+
+
+def test_a_motion_planned_in_the_page_has_rows_of_its_own(opened: Any) -> None:
+    said = "document.querySelector('#panel-timeline .said').textContent"
+    wait_until(opened.page, "RR1.planner")
+    opened.page.mouse.move(1, 1)
+    before = opened.ask(said)
+    turn = "() => { const { editing } = RR1, q = editing.start.slice(); q[0] += 0.3; editing.setEnd('goal', q); }"
+    opened.ask(turn)
+    assert opened.ask("RR1.editing.plan().certified")
+    middle = opened.ask("RR1.player.start + 0.5 * RR1.duration")
+    for row, expected in enumerate(("arm01 moves", "arm02 is at its goal")):
+        opened.page.hover(CANVAS, position=place_of(opened, row, middle))
+        assert opened.ask(said) == expected
+    opened.page.mouse.move(1, 1)
+    assert opened.ask(said) == f"2 arms, {opened.ask('RR1.duration'):.2f} s, planned here in their joint space"
+    opened.ask("RR1.editing.reset()")
+    assert opened.ask(said) == before
+    assert opened.complaints == []
+
+
+def test_a_small_window_leaves_the_arms_room_while_they_are_moved(opened: Any) -> None:
+    size = opened.page.viewport_size
+    width = "document.getElementById('stage').clientWidth"
+    for small in ({"width": 800, "height": 600}, {"width": 390, "height": 844}):
+        opened.page.set_viewport_size(small)
+        opened.ask("RR1.editing.open()")
+        assert not opened.page.is_visible("#panels")
+        assert opened.ask(width) == small["width"]
+        opened.ask("RR1.editing.open(false)")
+        assert opened.page.is_visible(CANVAS)
+    opened.page.set_viewport_size(size)

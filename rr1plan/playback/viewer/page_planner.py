@@ -4,8 +4,8 @@
 proven by the referee (`page/referee.js`). A page whose planner
 is left out contains the reason instead:
 
-- More than two arms move. They are planned one by one and scheduled (`plan_many_arms`), which pages do not do; the
-  joint space of all of them is too large for RRT-Connect, and their tables have megabytes.
+- More than twelve arms move. Pages plan in the joint space of all of them, which RRT-Connect searches less often with
+  success the more there are; `plan_many_arms`, which plans each arm and schedules them, is not among the kernels.
 - A joint that moves has no limit of position, velocity or acceleration.
 - The scene cannot be checked for collisions, or things that do not move are in contact.
 - The convex decomposition of its moving meshes takes longer than a second (it is kept once a motion was planned), or
@@ -41,7 +41,7 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import PoseGoal
 from rr1plan.validation.wasm_referee import referee_image, referee_module
 
-_MOST_ARMS = 2
+_MOST_ARMS = 12
 _MOST_SECONDS = 1.0  # of convex decomposition
 _MOST_BYTES = 4_000_000  # of the tables, deflated
 

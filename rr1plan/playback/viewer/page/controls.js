@@ -276,17 +276,18 @@ class Controls {
       const line = element("div", undefined, "joint"), label = element("label", name), out = element("output");
       const slider = element("input");
       const column = arm.firstColumn + i;
-      const [low, high] = arm.robot.limits[i];
+      const [low, high] = arm.robot.limits[i], straight = arm.robot.kinds[i] === "prismatic", turns = !straight && low === null;
       Object.assign(slider, { type: "range", min: low === null ? -Math.PI : low, max: high === null ? Math.PI : high, step: "any", id: `joint-${column}` });
       label.htmlFor = slider.id;
       label.title = name;
       slider.oninput = () => {
-        const value = Number(slider.value);
-        this.viewer.editing.jog(column, value);
+        const value = Number(slider.value), { q, editing } = this.viewer;
+        // A joint without limits stays in the turn in which it is.
+        editing.jog(column, turns ? value + TURN * Math.round((q[column] - value) / TURN) : value);
       };
       line.append(label, out, slider);
       row.fold.append(line);
-      return { slider, out, column, straight: arm.robot.kinds[i] === "prismatic" };
+      return { slider, out, column, straight, turns };
     });
   }
 
@@ -328,9 +329,9 @@ class Controls {
     const { q } = this.viewer;
     for (const { fold, joints } of this.rows) {
       if (!fold.open || !joints) continue;
-      for (const { slider, out, column, straight } of joints) {
+      for (const { slider, out, column, straight, turns } of joints) {
         // Not while it is dragged: a simulated joint follows later.
-        if (!slider.matches(":active")) slider.value = q[column];
+        if (!slider.matches(":active")) slider.value = turns ? q[column] - TURN * Math.round(q[column] / TURN) : q[column];
         fillPart(slider);
         out.textContent = straight ? `${tenths(1000 * q[column])} mm` : `${tenths((180 / Math.PI) * q[column])}°`;
       }
@@ -343,6 +344,7 @@ class Controls {
   }
 }
 
+const TURN = 2 * Math.PI;
 /** A value with one decimal, never "-0.0": the sum of -0 and 0 is 0. */
 const tenths = (value) => (Math.round(10 * value) / 10 + 0).toFixed(1);
 /** A coordinate [m] among things of a size [m], to a fraction of a thousandth of it, and never "-0.000". */

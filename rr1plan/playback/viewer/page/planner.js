@@ -23,7 +23,8 @@
 //                  lengths: of the way from the root
 //       margin, iterations, seconds: {plan, shorten, retime, certify}
 //
-// The same seed gives the same path and the same timing as `plan_motion(problem, rng=seed)`, to the last bit.
+// The same seed gives the same path and the same timing as `plan_motion(problem, planner="rrt_connect", rng=seed)`, to
+// the last bit; for one arm or two this planner is the default.
 
 // A module with one instruction for vectors, which only browsers with WebAssembly SIMD accept.
 const SIMD_PROBE = Uint8Array.of(

@@ -4,21 +4,22 @@ const canvas = root.querySelector("canvas"), pen = canvas.getContext("2d");
 const chart = root.querySelector(".chart"), now = root.querySelector(".now"), said = root.querySelector(".said");
 const AXIS = 20, CONFLICT = "#d1003f";
 const FEW_ROWS = 5;
+const STILL = 1e-9; // [rad or m] by which an arm at rest may move in a piece of its motion, by rounding
+let line = data; // what is drawn: the data of the panel, or the rows of a motion that was planned in the page
 document.body.classList.toggle("few-rows", data.arms.length <= FEW_ROWS && document.querySelectorAll("#panels > .panel").length === 1);
 let left = 0, right = 0, rowHeight = 0, below = 0;
 
-const end = data.start + data.makespan;
-const x = (time) => left + ((time - data.start) / (data.makespan || 1)) * (right - left);
+const x = (time) => left + ((time - line.start) / (line.makespan || 1)) * (right - left);
 const y = (row) => (row + 0.5) * rowHeight;
 
 /** Seconds between two lines of the grid: 1, 2 or 5 times a power of ten. */
 function gridStep() {
-  const least = data.makespan / 6, power = 10 ** Math.floor(Math.log10(least || 1));
+  const least = line.makespan / 6, power = 10 ** Math.floor(Math.log10(least || 1));
   return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= least) || 1;
 }
 
 function draw() {
-  const width = chart.clientWidth, rows = data.arms.length;
+  const width = chart.clientWidth, rows = line.arms.length;
   if (!width) return;
   rowHeight = Math.min(26, Math.max(4, (Math.max(320, window.innerHeight - 220) - AXIS) / rows));
   below = rows * rowHeight;
@@ -30,12 +31,12 @@ function draw() {
   pen.setTransform(scale, 0, 0, scale, 0, 0);
   pen.font = "12px Inter, 'Segoe UI', 'DejaVu Sans', sans-serif";
   const named = rowHeight >= 13;
-  left = named ? Math.min(110, 8 + Math.max(...data.arms.map((arm) => pen.measureText(arm.name).width))) : 14;
+  left = named ? Math.min(110, 8 + Math.max(...line.arms.map((arm) => pen.measureText(arm.name).width))) : 14;
   right = width - 8;
   drawGrid();
-  data.arms.forEach((arm, row) => drawRow(arm, row, named));
+  line.arms.forEach((arm, row) => drawRow(arm, row, named));
   if (named) drawArrows();
-  for (const conflict of data.conflicts) drawConflict(conflict);
+  for (const conflict of line.conflicts) drawConflict(conflict);
   follow();
 }
 
@@ -43,12 +44,12 @@ function drawGrid() {
   const step = gridStep(), digits = Math.max(0, -Math.floor(Math.log10(step)));
   pen.textBaseline = "alphabetic";
   pen.textAlign = "center";
-  for (let k = 0; k * step <= data.makespan + 1e-9; k++) {
-    const at = x(data.start + k * step);
+  for (let k = 0; k * step <= line.makespan + 1e-9; k++) {
+    const at = x(line.start + k * step);
     pen.fillStyle = "#e3e7ec";
     pen.fillRect(Math.round(at), 0, 1, below);
     pen.fillStyle = "#667080";
-    pen.fillText(`${(data.start + k * step).toFixed(digits)}${k ? "" : " s"}`, at + (k ? 0 : 6), below + 14);
+    pen.fillText(`${(line.start + k * step).toFixed(digits)}${k ? "" : " s"}`, at + (k ? 0 : 6), below + 14);
   }
 }
 
@@ -67,17 +68,17 @@ function drawRow(arm, row, named) {
   for (const [begin, last] of arm.moves) pen.fillRect(x(begin), y(row) - thick / 2, Math.max(1, x(last) - x(begin)), thick);
   if (arm.undelayed !== null && arm.moves.length) {
     pen.fillStyle = "#1b2430";
-    pen.fillRect(x(data.start + arm.undelayed) - 0.75, y(row) - 0.42 * rowHeight, 1.5, 0.84 * rowHeight);
+    pen.fillRect(x(line.start + arm.undelayed) - 0.75, y(row) - 0.42 * rowHeight, 1.5, 0.84 * rowHeight);
   }
 }
 
 /** From each arm that is waited for to the one that waits, when that goes on. */
 function drawArrows() {
-  data.arms.forEach((arm, row) => {
+  line.arms.forEach((arm, row) => {
     for (const [, until, others] of arm.waits) {
       for (const other of others) {
         const at = x(until), from = y(other), sign = row > other ? 1 : -1, to = y(row) - sign * 0.1 * rowHeight;
-        pen.strokeStyle = pen.fillStyle = data.arms[other].color;
+        pen.strokeStyle = pen.fillStyle = line.arms[other].color;
         pen.lineWidth = 1.6;
         pen.beginPath();
         pen.moveTo(at, from);
@@ -122,31 +123,48 @@ function drawConflict({ time, rows }) {
   }
 }
 
+/** The rows of a motion that the page has planned in the joint space of its arms: nobody waits there. */
+function rowsPlannedHere(track) {
+  const { arms } = viewer.kinematics;
+  const rows = data.arms.map((row) => {
+    const { firstColumn, robot } = arms.find(({ name }) => name === row.name), moves = [];
+    const slots = track.columns.flatMap((c, slot) => (c >= firstColumn && c < firstColumn + robot.names.length ? [slot] : []));
+    for (let i = 0; i < track.pieces; i++) {
+      const [begin, last] = [track.breaks[i], track.breaks[i + 1]], rate = (slot) => track.derived(i, slot, 0).slice(1);
+      if (!slots.some((slot) => rate(slot).some((c, k) => Math.abs(c) * (last - begin) ** (k + 1) > STILL))) continue;
+      if (moves.length && moves[moves.length - 1][1] === begin) moves[moves.length - 1][1] = last; else moves.push([begin, last]);
+    }
+    return { ...row, moves, waits: [], undelayed: null };
+  });
+  const makespan = track.end - track.start;
+  return { arms: rows, conflicts: [], start: track.start, makespan, summary: `${rows.length} arms, ${makespan.toFixed(2)} s, planned here in their joint space` };
+}
+
 /** Puts the clock's line where the motion is. */
 function follow() {
-  now.style.left = `${x(Math.min(Math.max(viewer.time, data.start), end))}px`;
+  now.style.left = `${x(Math.min(Math.max(viewer.time, line.start), line.start + line.makespan))}px`;
 }
 
 /** A description of the chart at a point. */
 function words(row, time) {
-  const arm = data.arms[row];
+  const arm = line.arms[row];
   if (!arm) return "";
   const wait = arm.waits.find(([begin, last]) => begin <= time && time <= last);
   if (!wait) return `${arm.name} ${arm.moves.some(([begin, last]) => begin <= time && time <= last) ? "moves" : "is at its goal"}`;
-  const whom = wait[2].map((other) => data.arms[other].name).join(", ");
+  const whom = wait[2].map((other) => line.arms[other].name).join(", ");
   return `${arm.name} waits ${(wait[1] - wait[0]).toFixed(2)} s${whom ? ` for ${whom}` : ""}`;
 }
 
 function pointed(event) {
   const box = canvas.getBoundingClientRect();
   const share = (event.clientX - box.left - left) / (right - left);
-  return { time: data.start + Math.min(Math.max(share, 0), 1) * data.makespan, row: Math.floor((event.clientY - box.top) / rowHeight) };
+  return { time: line.start + Math.min(Math.max(share, 0), 1) * line.makespan, row: Math.floor((event.clientY - box.top) / rowHeight) };
 }
 
 /** The conflict whose cross is under the pointer. */
 function conflictAt({ time, row }) {
   const near = (conflict) => Math.abs(x(conflict.time) - x(time)), rows = Math.max(1, 8 / rowHeight);
-  const hit = data.conflicts.filter((c) => near(c) < 7 && c.rows.some((r) => Math.abs(r - row) < rows));
+  const hit = line.conflicts.filter((c) => near(c) < 7 && c.rows.some((r) => Math.abs(r - row) < rows));
   return hit.sort((a, b) => near(a) - near(b))[0];
 }
 
@@ -165,11 +183,16 @@ function choose(event) {
 chart.addEventListener("pointerdown", (event) => { chart.setPointerCapture(event.pointerId); choose(event); });
 chart.addEventListener("pointermove", (event) => {
   const place = pointed(event);
-  say(conflictAt(place), words(place.row, place.time) || data.summary);
+  say(conflictAt(place), words(place.row, place.time) || line.summary);
   if (event.buttons) choose(event);
 });
-chart.addEventListener("pointerleave", () => say(null, data.summary));
-say(null, data.summary);
+chart.addEventListener("pointerleave", () => say(null, line.summary));
+say(null, line.summary);
 new ResizeObserver(draw).observe(chart);
 viewer.on("change", follow);
+viewer.on("load", (doc) => {
+  line = doc.planned ? rowsPlannedHere(viewer.player.track) : data;
+  say(null, line.summary);
+  draw();
+});
 draw();
