@@ -69,20 +69,29 @@ class CStruct:
                 setattr(value, key, address_of(self.sources, given, kind))
                 targets[key] = given
 
-    def give_room(self, *, unset: bool = False, **counts: int) -> None:
-        """Point fields to new memory, aligned for vectors, in which data used together share pages and cache lines.
+    def give_room(self, room: NDArray[np.uint8] | None = None, *, unset: bool = False, **counts: int) -> None:
+        """Point fields to memory, aligned for vectors, in which data used together share pages and cache lines.
 
         Args:
-            unset: Whether it may hold anything; otherwise it is zeroed.
+            room: The memory, of `room_size` bytes at least (default: new memory).
+            unset: Whether new memory may hold anything; otherwise it is zeroed.
             **counts: Of each field how many items it leads to.
         """
         layout, size = _layout(self.sources, self.name, tuple(counts.items()))
-        room = np.empty(size, np.uint8) if unset else np.zeros(size, np.uint8)
+        if room is None:
+            room = np.empty(size, np.uint8) if unset else np.zeros(size, np.uint8)
         begin = ctypes.addressof(_start_of(room))
         first, value = -begin % _LINE, self.value
         for key, part in layout.items():
             setattr(value, key, begin + first + part.offset)
+        self._rooms = [other for other in self._rooms if other[0] is not layout]
         self._rooms.append((layout, room[first:]))
+        for key in layout.keys() & self._targets.keys():
+            del self._targets[key]
+
+    def room_size(self, **counts: int) -> int:
+        """Bytes that `give_room` needs."""
+        return _layout(self.sources, self.name, tuple(counts.items()))[1]
 
     def copied(self, **fields: Any) -> Self:
         """A copy of the struct, with new values for some fields."""

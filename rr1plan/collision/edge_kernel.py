@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import threading
 from copy import copy
 from functools import partial
+from threading import get_ident
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,15 +14,20 @@ from numpy.typing import NDArray
 
 from rr1plan.binding.memory_image import Root
 from rr1plan.checks import Array
-from rr1plan.collision.tables.edge_tables import EdgeTables, PaddedPairs, edge_scratch, pair_struct, scene_struct
+from rr1plan.collision.tables.edge_tables import (
+    EdgeTables,
+    PaddedPairs,
+    edge_scratch,
+    list_sizes,
+    pair_struct,
+    scene_struct,
+)
 from rr1plan.collision.tables.exact_tables import ExactTables, exact_scratch, exact_struct
 from rr1plan.kernels.planner_kernels import CStruct, address_of, constants, load_library
 from rr1plan.kernels.wasm_core import memory_image
 
-# Scratch memory that is written before it is read.
-_LISTS = (
-    "near_obstacles", "near_spheres", "mesh_spheres", "near_groups", "near_bodies", "candidates", "intervals", "open",
-)  # fmt: skip
+# Memory of each thread that calls write before they read it; page faults of new memory cost as much as an edge check.
+_threads = threading.local()
 Answer = tuple[int, float, int]
 
 FREE, CONTACT = constants()["EDGE_FREE"], constants()["EDGE_CONTACT"]
@@ -89,9 +96,6 @@ class EdgeKernel:
         tolerance: Motions that pass at less than this beyond the padding are refused [m].
         library: The compiled kernels (default: the fastest ones this processor can run).
         fixed: What does not move, to move it; see `move_object`.
-
-    Attributes:
-        context: Addresses of the scene's tables and of the scratch memory, as the kernels of planners take them.
     """
 
     def __init__(
@@ -108,11 +112,32 @@ class EdgeKernel:
         self._scene = scene_struct(tables, exact.struct, columns, tolerance, fixed)
         self._scratch = edge_scratch(tables, exact.scratch, columns)
         self._result = self._scratch.value.result
-        self.context = self._scene.address, self._scratch.address
+        self._lists, self._queue = list_sizes(tables), exact.scratch.value.queue_size
+        self._context = self._scene.address, self._scratch.address
+        self._thread: int | None = None
         self._ends = np.zeros((2, columns))
         begin = address_of(self._ends, "double")
         certify: Any = self._library.rr1_certify_edge
-        self._certify_edge = partial(certify.native, *self.context, begin, begin + self._ends.strides[0])
+        self._certify_edge = partial(certify.native, *self._context, begin, begin + self._ends.strides[0])
+
+    @property
+    def context(self) -> tuple[int, int]:
+        """Addresses of the scene's tables and of the scratch memory, as kernels take them in the calling thread."""
+        if self._thread != get_ident():
+            self._take_lists()
+        return self._context
+
+    def _take_lists(self) -> None:
+        """Use the memory of the calling thread, which all kernels share, for what calls write before they read it."""
+        scratch, exact = self._scratch, self._exact.scratch
+        size = scratch.room_size(**self._lists)
+        both = size + exact.room_size(queue=self._queue)
+        room = getattr(_threads, "room", None)
+        if room is None or len(room) < both:
+            room = _threads.room = np.empty(both, np.uint8)
+        scratch.give_room(room[:size], **self._lists)
+        exact.give_room(room[size:], queue=self._queue)
+        self._thread = get_ident()
 
     @property
     def done(self) -> EdgeCounters:
@@ -155,6 +180,8 @@ class EdgeKernel:
             FREE, CONTACT or GRAZING; where that is found (0..1); which pair (-1: free).
         """
         self._ends[0], self._ends[1] = q0, q1
+        if self._thread != get_ident():
+            self._take_lists()
         return self._answer(self._certify_edge())
 
     def certify_parabola(self, curve: Array, duration: float) -> Answer:
@@ -200,7 +227,8 @@ class EdgeKernel:
 
     def memory_image(self, **roots: Root) -> bytes:
         """The scene's tables and the scratch memory for `core.wasm`, named `scene` and `scratch`, and further roots."""
-        for scratch, names in ((self._scratch, _LISTS), (self._exact.scratch, ("queue",))):
+        self._take_lists()
+        for scratch, names in ((self._scratch, self._lists), (self._exact.scratch, ("queue",))):
             for name in names:
                 scratch.part(name)[:] = 0
         return memory_image(scene=self._scene, scratch=self._scratch, **roots)
@@ -208,7 +236,7 @@ class EdgeKernel:
     def scratch_bytes(self) -> bytes:
         """All directions and frames that the last calls left behind, to compare libraries by."""
         parts = {**self._scratch.targets, **self._exact.scratch.targets}
-        return b"".join(part.tobytes() for name, part in parts.items() if name not in (*_LISTS, "queue", "exact"))
+        return b"".join(part.tobytes() for name, part in parts.items() if name not in (*self._lists, "queue", "exact"))
 
     def _answer(self, status: int) -> Answer:
         return status, self._result.fraction, self._result.pair

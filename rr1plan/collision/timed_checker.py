@@ -270,7 +270,7 @@ class _MovingPairs:
             slices=np.zeros((max(1, slices), 6)),
             tolerance=whole.tolerance,
         )
-        self._exact = exact_scratch(pairs.tables, whole.nq, own_terms, queue=1)
+        self._exact = exact_scratch(pairs.tables, whole.nq, own_terms)
         self._scratch = CStruct(
             "TimedScratch",
             exact=self._exact,

@@ -22,8 +22,6 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 from rr1plan.scene.subscene import subscene
 
-_QUEUE_OF_ONE = 1  # intervals: nodes of paths are placed, not halved
-
 
 class AgentBodies:
     """The bodies of some arms, grouped by the joint that carries them, without anything else of their scene.
@@ -66,7 +64,7 @@ class AgentBodies:
 
     def scratch(self) -> CStruct:
         """Memory in which to place them; one thread's."""
-        return exact_scratch(self.tables, self.columns, queue=_QUEUE_OF_ONE)
+        return exact_scratch(self.tables, self.columns)
 
 
 @lru_cache(maxsize=1024)

@@ -183,17 +183,15 @@ def pair_struct(pairs: PaddedPairs, padding: Array) -> CStruct:
 
 
 def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:
-    """Memory that the kernel writes: one thread's.
+    """Memory that the kernel writes and keeps between calls; see `list_sizes` for the rest.
 
     Args:
         tables: What the kernel knows of spheres, cores and pairs.
         exact: Memory of the exact kernel.
         columns: Number of columns of q.
     """
-    arm, pairs = tables.arm, tables.pairs
-    rows, largest = arm.longest_chain + 1, arm.largest_group
-    stride, joints, spheres = len(arm.groups) + -len(arm.groups) % LANES, len(arm.joints), len(arm.spheres)
-    bodies, obstacles = pairs.pair_of.shape
+    arm, rows, bodies = tables.arm, tables.arm.longest_chain + 1, len(tables.pairs.pair_of)
+    stride, joints = len(arm.groups) + -len(arm.groups) % LANES, len(arm.joints)
     scratch = CStruct("Scratch", bound_rows=rows, interval_size=_INTERVALS, exact=exact)
     scratch.give_room(
         joint_motions=joints,
@@ -204,24 +202,29 @@ def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:
         placed_batch=bodies,
         group_lanes=bodies,
         frames=joints,
-        spheres=spheres,
+        spheres=len(arm.spheres),
         seeds=len(tables.padding),
-    )
-    scratch.give_room(
-        unset=True,
-        # One more than there are: what is not kept is written behind the last.
-        near_obstacles=obstacles + 1,
-        near_spheres=spheres + 1,
-        mesh_spheres=spheres,
-        near_groups=len(pairs.group_pairs) + 1,
-        near_bodies=largest * max(largest, obstacles) + 1,
-        candidates=len(tables.padding) + 1,
-        intervals=_INTERVALS,
-        open=_INTERVALS,
     )
     # All others are placed for every batch.
     scratch.part("frames")[0] = _WORLD_FRAME
     return scratch
+
+
+def list_sizes(tables: EdgeTables) -> dict[str, int]:
+    """How many entries the lists of `Scratch` have, which every call writes before it reads them."""
+    arm, pairs = tables.arm, tables.pairs
+    spheres, largest, obstacles = len(arm.spheres), arm.largest_group, pairs.pair_of.shape[1]
+    return {
+        # One more than there are: what is not kept is written behind the last.
+        "near_obstacles": obstacles + 1,
+        "near_spheres": spheres + 1,
+        "mesh_spheres": spheres,
+        "near_groups": len(pairs.group_pairs) + 1,
+        "near_bodies": largest * max(largest, obstacles) + 1,
+        "candidates": len(tables.padding) + 1,
+        "intervals": _INTERVALS,
+        "open": _INTERVALS,
+    }
 
 
 # ---- pairs -----------------------------------------------------------------------------------------

@@ -234,25 +234,21 @@ def _no_meshes() -> CStruct:
     return CStruct("MeshTables", **vars(NO_MESHES))
 
 
-def exact_scratch(
-    tables: ExactTables, columns: int, terms: int = _TERMS, queue: int | None = None, pairs: int = 0
-) -> CStruct:
-    """Memory that the exact kernel writes.
+def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, pairs: int = 0) -> CStruct:
+    """Memory that the exact kernel writes, without the queue, which curves need: see `EdgeKernel`.
 
     Args:
         tables: Its tables; the poses of fixed bodies are copied from them.
         columns: Number of columns of q.
         terms: Coefficients of the longest curve.
-        queue: Pairs and intervals that can be open at once, a power of two (default: enough for curves).
         pairs: Most pairs of other tables with these bodies that it has to serve too.
     """
-    queue = queue or max(_QUEUE, 1 << (16 * len(tables.pairs)).bit_length())
     stride = len(tables.joints) + 1
     scratch = CStruct(
         "ExactScratch",
         travel_stride=stride,
         coefficient_rows=terms,
-        queue_size=queue,
+        queue_size=max(_QUEUE, 1 << (16 * len(tables.pairs)).bit_length()),
         joint_poses=tables.joint_poses.copy(),
         poses=tables.poses.copy(),
         centers=tables.centers.copy(),
@@ -265,7 +261,6 @@ def exact_scratch(
         reach=columns,
         placed_at=len(tables.bodies),
     )
-    scratch.give_room(unset=True, queue=queue)
     return scratch
 
 
