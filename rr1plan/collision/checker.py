@@ -161,7 +161,7 @@ class CollisionChecker(CoalChecker):
         The kernel updates pairs that involve a moving arm; it does not check contacts with arms that stand still.
         """
         names = self._scene.obstacles if len(self._scene.obstacles) <= FEW_OBSTACLES else ()
-        first = len(self.arms) + len(self.geometry.obstacles) - len(names)
+        first = len(self.arms) + len(self.geometry.obstacles.counts) - len(names)
         return {name: first + i for i, name in enumerate(names)}
 
     def _begin_anew(self, scene: Scene) -> None:

@@ -14,7 +14,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, arm_geometry
 from rr1plan.collision.arm_instances import ArmInstances, arm_instances
-from rr1plan.collision.obstacle_geometry import obstacle_geometry, stationary_arm_geometry
+from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_geometry, stationary_arm_geometry
 from rr1plan.collision.reach_broad_phase import Near, find_near
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import SOURCES, constants, load_library
@@ -46,7 +45,7 @@ class CollisionGeometry:
     Attributes:
         distance: As given.
         instances: The moving arms.
-        obstacles: Solids that do not move: of arms that stand still, then of obstacles.
+        obstacles: What does not move: arms that stand still, then obstacles.
         rules: Which elements must not touch; its `names` are the elements.
         pairs: Which solids must not touch.
         least_gap: What is left out stays at least this far from every moving arm [m]; inf when nothing is.
@@ -58,28 +57,29 @@ class CollisionGeometry:
     def __init__(self, scene: Scene, arms: tuple[str, ...], distance: float) -> None:
         held = held_by_arm(scene)
         geometries = {name: arm_geometry(arm, held.get(name, {})) for name, arm in scene.arms.items()}
-        all_obstacles = {name: obstacle_geometry(name, obstacle) for name, obstacle in scene.obstacles.items()}
-        near = find_near(scene, geometries, tuple(all_obstacles.values()), arms, distance)
+        obstacles = obstacle_geometry(scene.obstacles)
+        near = find_near(scene, geometries, obstacles, arms, distance)
         self._arms = arms
         self.distance = distance
         self.least_gap = near.least_gap
         self.instances = arm_instances([geometries[a] for a in arms], [scene.arms[a].base for a in arms])
-        standing = tuple(
-            stationary_arm_geometry(name, geometries[name], scene.arms[name].base, scene.arms[name].q)
-            for name in near.arms
-        )
-        self.obstacles = (*standing, *[all_obstacles[name] for name in near.obstacles])
+        if len(near.obstacles) < len(scene.obstacles):
+            obstacles = obstacle_geometry({name: scene.obstacles[name] for name in near.obstacles})
+        if near.arms:
+            still = ((name, geometries[name], scene.arms[name]) for name in near.arms)
+            standing = [stationary_arm_geometry(name, geometry, arm.base, arm.q) for name, geometry, arm in still]
+            obstacles = ObstacleGeometry.joined([*standing, obstacles])
+        self.obstacles = obstacles
         self.rules = _rules(scene, near, arms)
-        elements = tuple(chain.from_iterable([thing.elements for thing in self.obstacles]))
-        sizes = b"".join([thing.sizes for thing in self.obstacles])
         # Half-spaces, point clouds and concave meshes are the last kinds.
-        surfaceless = np.frombuffer(sizes, np.int64)[::_SIZE_NUMBERS] >= constants()["BODY_HALF_SPACE"]
-        self.pairs = _solid_pairs(_PairContent(self.instances, arms, self.rules, elements, surfaceless.tobytes()))
+        surfaceless = np.frombuffer(obstacles.sizes, np.int64)[::_SIZE_NUMBERS] >= constants()["BODY_HALF_SPACE"]
+        content = _PairContent(self.instances, arms, self.rules, tuple(obstacles.elements), surfaceless.tobytes())
+        self.pairs = _solid_pairs(content)
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
         """All solids: those of the moving arms, then those that do not move."""
-        return self.instances.solids(self._arms) + tuple(solid for thing in self.obstacles for solid in thing.solids)
+        return self.instances.solids(self._arms) + self.obstacles.solids
 
     def check_kinds(self) -> None:
         """Refuse moving pairs of which neither has a surface to measure from.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,30 +23,47 @@ _MADE_SOLID = (Mesh, PointCloud)
 
 
 class ObstacleGeometry:
-    """An object that does not move, as solids.
+    """Objects that do not move, as solids, one object after the other.
 
     Args:
         elements: The element that each solid is a part of.
         shapes: The shape of each.
-        frames: T_object_solid of each, (4, 4) after (4, 4).
-        pose: T_world_object, shape (4, 4).
-
-    Attributes:
         sizes: A `ShapeSize` of each.
+        frames: T_object_solid of each, (4, 4) after (4, 4).
+        counts: How many solids each object has.
+        poses: T_world_object of each object, (4, 4) after (4, 4).
     """
 
-    __slots__ = ("elements", "frames", "pose", "shapes", "sizes")
+    __slots__ = ("counts", "elements", "frames", "poses", "shapes", "sizes")
 
-    def __init__(self, elements: Sequence[str], shapes: Sequence[Shape], frames: bytes, pose: Array) -> None:
-        self.elements, self.shapes, self.frames, self.pose = elements, shapes, frames, pose
-        self.sizes = b"".join(map(shape_size, shapes))
+    def __init__(
+        self,
+        elements: Sequence[str],
+        shapes: Sequence[Shape],
+        sizes: bytes,
+        frames: bytes,
+        counts: Sequence[int],
+        poses: bytes,
+    ) -> None:
+        self.elements, self.shapes, self.sizes, self.frames = elements, shapes, sizes, frames
+        self.counts, self.poses = counts, poses
+
+    @staticmethod
+    def joined(parts: Sequence[ObstacleGeometry]) -> ObstacleGeometry:
+        """The objects of all parts."""
+        return ObstacleGeometry(
+            [element for part in parts for element in part.elements],
+            [shape for part in parts for shape in part.shapes],
+            b"".join([part.sizes for part in parts]),
+            b"".join([part.frames for part in parts]),
+            [count for part in parts for count in part.counts],
+            b"".join([part.poses for part in parts]),
+        )
 
     def at(self, pose: Array, elements: Sequence[str] | None = None) -> ObstacleGeometry:
-        """The same object elsewhere, with the same elements by default: T_world_object, shape (4, 4)."""
-        other = object.__new__(ObstacleGeometry)
-        other.elements = self.elements if elements is None else elements
-        other.shapes, other.frames, other.pose, other.sizes = self.shapes, self.frames, pose, self.sizes
-        return other
+        """The only object elsewhere, with the same elements by default: T_world_object, shape (4, 4)."""
+        elements = self.elements if elements is None else elements
+        return ObstacleGeometry(elements, self.shapes, self.sizes, self.frames, self.counts, pose.tobytes())
 
     @property
     def surfaceless(self) -> list[bool]:
@@ -57,27 +74,42 @@ class ObstacleGeometry:
     def solids(self) -> tuple[Solid, ...]:
         """The solids; their joint is the world."""
         frames = np.frombuffer(self.frames).reshape(-1, 4, 4)
-        parts = zip(self.elements, self.shapes, frames, strict=True)
-        return tuple(Solid(element, shape, 0, read_only(self.pose @ T)) for element, shape, T in parts)
+        poses = np.repeat(np.frombuffer(self.poses).reshape(-1, 4, 4), self.counts, axis=0)
+        parts = zip(self.elements, self.shapes, poses, frames, strict=True)
+        return tuple(Solid(element, shape, 0, read_only(pose @ T)) for element, shape, pose, T in parts)
 
 
-def obstacle_geometry(name: str, obstacle: Obstacle) -> ObstacleGeometry:
-    """An obstacle as solids.
+def one_object(elements: Sequence[str], shapes: Sequence[Shape], frames: bytes) -> ObstacleGeometry:
+    """An object at the world's origin; see `ObstacleGeometry`."""
+    sizes = b"".join(map(shape_size, shapes))
+    return ObstacleGeometry(elements, shapes, sizes, frames, [len(shapes)], identity().tobytes())
+
+
+def obstacle_geometry(obstacles: Mapping[str, Obstacle]) -> ObstacleGeometry:
+    """Obstacles as solids.
+
+    Args:
+        obstacles: The obstacles by name.
 
     Raises:
         InputError: a shape that cannot be made solid.
     """
-    first, *more = obstacle.geometries
-    if not more and not isinstance(first.shape, _MADE_SOLID):
-        return ObstacleGeometry((name,), (first.shape,), first.pose.tobytes(), obstacle.pose)
+    elements: list[str] = []
     shapes: list[Shape] = []
     frames: list[bytes] = []
-    for geometry in obstacle.geometries:
-        shape, frame = geometry.shape, geometry.pose.tobytes()
-        for piece in pieces_of(name, shape, obstacle_pieces) if isinstance(shape, _MADE_SOLID) else (shape,):
-            shapes.append(piece)
-            frames.append(frame)
-    return ObstacleGeometry([name] * len(shapes), shapes, b"".join(frames), obstacle.pose)
+    counts, poses = [], []
+    for name, obstacle in obstacles.items():
+        first = len(shapes)
+        for geometry in obstacle.geometries:
+            shape, frame = geometry.shape, geometry.pose.tobytes()
+            for piece in pieces_of(name, shape, obstacle_pieces) if isinstance(shape, _MADE_SOLID) else (shape,):
+                elements.append(name)
+                shapes.append(piece)
+                frames.append(frame)
+        counts.append(len(shapes) - first)
+        poses.append(obstacle.pose.tobytes())
+    sizes = b"".join(map(shape_size, shapes))
+    return ObstacleGeometry(elements, shapes, sizes, b"".join(frames), counts, b"".join(poses))
 
 
 def stationary_arm_geometry(name: str, geometry: ArmGeometry, base: Array, q: Array) -> ObstacleGeometry:
@@ -138,7 +170,7 @@ def _new_placed_arm(geometry: ArmGeometry, q: Array) -> PlacedArm:
     begins = [i for i, name in enumerate(names) if i == 0 or name != names[i - 1]]
     elements = _balls_around(bodies, begins)
     ball = _balls_around(bodies, [0])[0] if names else np.zeros(4)
-    solids = ObstacleGeometry(names, [solid.shape for solid in geometry.solids], poses.tobytes(), identity())
+    solids = one_object(names, [solid.shape for solid in geometry.solids], poses.tobytes())
     return PlacedArm(solids, read_only(bodies), read_only(elements), read_only(ball))
 
 

@@ -44,7 +44,7 @@ class Near:
 def find_near(
     scene: Scene,
     geometries: Mapping[str, ArmGeometry],
-    obstacles: Sequence[ObstacleGeometry],
+    obstacles: ObstacleGeometry,
     arms: tuple[str, ...],
     distance: float,
 ) -> Near:
@@ -53,11 +53,11 @@ def find_near(
     Args:
         scene: The scene.
         geometries: Of its arms.
-        obstacles: Its obstacles, in their order.
+        obstacles: Of its obstacles, in their order.
         arms: The arms that move.
         distance: The distance [m].
     """
-    if len(scene.arms) == 1 and len(obstacles) <= FEW_OBSTACLES:
+    if len(scene.arms) == 1 and len(scene.obstacles) <= FEW_OBSTACLES:
         return Near((), tuple(scene.obstacles), None, np.inf)
     others = [name for name in scene.arms if name not in set(arms)]
     balls = placed_balls(np.array([reach_ball(geometries[a]) for a in arms]).reshape(-1, 4), bases_of(scene, arms))
@@ -153,12 +153,11 @@ def placed_balls(balls: Array, bases: Array) -> Array:
     return np.concatenate([centers + shift, balls[..., 3:]], axis=-1)
 
 
-def obstacle_boxes(obstacles: Sequence[ObstacleGeometry]) -> Array:
+def obstacle_boxes(obstacles: ObstacleGeometry) -> Array:
     """Low and high corner of a box around each obstacle [m], infinite for a half-space, shape (n, 6)."""
-    if not obstacles:
+    if not obstacles.counts:
         return np.zeros((0, 6))
-    boxes = boxes_of(obstacles)
-    counts = np.array([len(obstacle.elements) for obstacle in obstacles])
+    boxes, counts = boxes_of(obstacles), np.array(obstacles.counts)
     first = np.cumsum(counts) - counts
     low, high = np.minimum.reduceat(boxes[:, :3], first), np.maximum.reduceat(boxes[:, 3:], first)
     return np.concatenate([low, high], axis=1)

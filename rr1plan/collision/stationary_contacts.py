@@ -61,7 +61,7 @@ def _contacts(scene: Scene) -> Iterator[Contact]:
         yield from _own_contacts(scene, name, geometries[name])
     padding = max((scene.padding, *scene.pair_padding.values()))
     balls = stationary_balls(scene, geometries, names)
-    boxes = obstacle_boxes([obstacle_geometry(name, obstacle) for name, obstacle in scene.obstacles.items()])
+    boxes = obstacle_boxes(obstacle_geometry(scene.obstacles))
     near = near_balls(balls, padding)
     placed = [placed_arm(geometries[name], scene.arms[name].q.tobytes()) for name in names]
     for parts in ([arm.elements for arm in placed], [arm.bodies for arm in placed]):
@@ -160,8 +160,8 @@ def _contacts_between(
     arms = {name: scene.arms[name] for name in owners if name in scene.arms}
     obstacles = {name: scene.obstacles[name] for name in owners if name in scene.obstacles}
     standing = [stationary_arm_geometry(n, geometries[n], arm.base, arm.q) for n, arm in arms.items()]
-    things = [*standing, *(obstacle_geometry(name, obstacle) for name, obstacle in obstacles.items())]
-    elements = [element for thing in things for element in thing.elements]
+    things = ObstacleGeometry.joined([*standing, obstacle_geometry(obstacles)])
+    elements = things.elements
     near = _near_solids(things, max((scene.padding, *scene.pair_padding.values())))
     named = [(elements[i], elements[j]) for i, j in near]
     checked = {(a, b): scene.padding_of(a, b) for a, b in dict.fromkeys(named) if a != b and not scene.may_touch(a, b)}
@@ -173,8 +173,7 @@ def _contacts_between(
     nothing = np.zeros(0)
     if tables is not None and ExactKernel(tables, 0).least_clearance(nothing, ROUNDING) >= ROUNDING:
         return  # mostly, and Coal's objects would take milliseconds
-    solids = tuple(solid for thing in things for solid in thing.solids)
-    coal = CoalPairs(None, solids, near[chosen], padding)
+    coal = CoalPairs(None, things.solids, near[chosen], padding)
     coal.place(nothing)
     deepest: dict[tuple[str, str], Contact] = {}
     for k in coal.touching():
@@ -185,11 +184,11 @@ def _contacts_between(
     yield from deepest.values()
 
 
-def _near_solids(things: Sequence[ObstacleGeometry], distance: float) -> NDArray[np.int64]:
-    """Pairs of solids of two things, or of one with itself, whose balls are within a distance, shape (m, 2)."""
-    balls, first = balls_of(things), len(things[0].elements)
-    one, two = balls[:first], balls[first:] if len(things) > 1 else balls
+def _near_solids(things: ObstacleGeometry, distance: float) -> NDArray[np.int64]:
+    """Pairs of solids of two objects, or of one with itself, whose balls are within a distance, shape (m, 2)."""
+    balls, alone = balls_of(things), len(things.counts) == 1
+    one, two = (balls, balls) if alone else np.split(balls, [things.counts[0]])
     near = ball_gaps(one, two) <= distance
-    if len(things) == 1:
+    if alone:
         return np.argwhere(np.triu(near, 1))
     return np.asarray(np.argwhere(near) + np.array([0, len(one)]))

@@ -5,7 +5,7 @@ Rows of an arm are shared by all arms with its geometry, and a scene's tables by
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cache
 from itertools import islice
 from typing import NamedTuple
@@ -150,7 +150,7 @@ def build_static_tables(tables: ExactTables, pairs: SolidPairs, padding: Array) 
     return tables._replace(pairs=pairs.static_rows, padding=padding)
 
 
-def build_fixed_tables(things: Sequence[ObstacleGeometry], pairs: _INTS, padding: Array) -> ExactTables | None:
+def build_fixed_tables(things: ObstacleGeometry, pairs: _INTS, padding: Array) -> ExactTables | None:
     """Tables of objects that do not move; None if some pairs cannot be measured by the kernel.
 
     Args:
@@ -158,7 +158,7 @@ def build_fixed_tables(things: Sequence[ObstacleGeometry], pairs: _INTS, padding
         pairs: Pairs of their solids, numbered object after object [index], shape (m, 2).
         padding: Distance to keep of each [m], shape (m,).
     """
-    surfaceless = np.array([kind for thing in things for kind in thing.surfaceless], np.bool_)[pairs]
+    surfaceless = np.array(things.surfaceless, np.bool_)[pairs]
     if surfaceless.all(axis=1).any():
         return None
     turned = np.where(surfaceless[:, :1], pairs[:, ::-1], pairs)
@@ -269,6 +269,7 @@ def arm_exact_struct(instances: ArmInstances) -> CStruct:
 
     def make() -> CStruct:
         columns = sum(len(geometry.arm_model.joint_names) for geometry in instances.geometries)
-        return exact_struct(_tables(instances, FixedSolids(()), np.zeros((0, 3), np.int64), np.zeros(0)), columns)
+        nothing = FixedSolids(ObstacleGeometry.joined(()))
+        return exact_struct(_tables(instances, nothing, np.zeros((0, 3), np.int64), np.zeros(0)), columns)
 
     return kept_in(instances.kept, "exact struct", make)

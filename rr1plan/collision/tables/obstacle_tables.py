@@ -13,7 +13,7 @@ from rr1plan.collision.arm_instances import ArmInstances
 from rr1plan.collision.convex.convex_bodies import is_concave
 from rr1plan.collision.convex.convex_cores import CoreTables, joined_cores, shape_core
 from rr1plan.collision.convex.mesh_trees import NO_MESHES, MeshTree, joined_trees, mesh_tree
-from rr1plan.collision.obstacle_geometry import ObstacleGeometry
+from rr1plan.collision.obstacle_geometry import ObstacleGeometry, one_object
 from rr1plan.collision.tables.arm_tables import arm_tables
 from rr1plan.collision.tables.body_tables import BodyTables, body_core, describe_solids, neighbors
 from rr1plan.kernels.planner_kernels import CStruct, constants, load_library
@@ -40,21 +40,19 @@ class FixedSolids:
         struct: All as C reads it.
     """
 
-    def __init__(self, things: Sequence[ObstacleGeometry], first_body: int = 0, links: int = 0) -> None:
-        counts = [len(thing.shapes) for thing in things]
-        sizes = bytearray().join([thing.sizes for thing in things])
-        self.count, self._links = sum(counts), sum(counts[:links])
-        self._exact_kinds = np.frombuffer(sizes, np.int64)[5 * self._links :: 5]
-        self.struct, special = describe_solids(sizes, counts, links, first_body)
+    def __init__(self, things: ObstacleGeometry, first_body: int = 0, links: int = 0) -> None:
+        self.count, self._links = len(things.shapes), sum(things.counts[:links])
+        self._exact_kinds = np.frombuffer(things.sizes, np.int64)[5 * self._links :: 5]
+        self.struct, special = describe_solids(bytearray(things.sizes), things.counts, links, first_body)
         self.struct.set(
-            frames=np.frombuffer(bytearray().join([thing.frames for thing in things])).reshape(-1, 16),
-            objects=np.frombuffer(bytearray().join([thing.pose.tobytes() for thing in things])).reshape(-1, 16),
+            frames=np.frombuffer(bytearray(things.frames)).reshape(-1, 16),
+            objects=np.frombuffer(bytearray(things.poses)).reshape(-1, 16),
         )
         # Meshes and point clouds by their number among all solids, except those of links; and those with cores.
         self._special: list[tuple[int, Shape]] = []
         self._cores: list[tuple[int, CoreTables]] = []
         if special:
-            self._describe_special([shape for thing in things for shape in thing.shapes])
+            self._describe_special(things.shapes)
 
     @property
     def solids(self) -> _INTS:
@@ -158,14 +156,14 @@ class FixedSolids:
         return tables, place(self.struct, places, count, at.kinds, at.shapes, at.boxes, at.core)
 
 
-def boxes_of(things: Sequence[ObstacleGeometry]) -> Array:
+def boxes_of(things: ObstacleGeometry) -> Array:
     """Low and high corner of the box around each solid of some objects [m], infinite for a half-space, shape (n, 6)."""
     fixed = FixedSolids(things)
     boxes = fixed.place_obstacles(np.arange(fixed.count), fixed.count)[0].part("boxes")
     return np.ascontiguousarray(boxes.reshape(6, -1).T)
 
 
-def balls_of(things: Sequence[ObstacleGeometry]) -> Array:
+def balls_of(things: ObstacleGeometry) -> Array:
     """A ball around each solid of some objects: center and radius [m], shape (n, 4)."""
     fixed = FixedSolids(things)
     count = fixed.count
@@ -174,12 +172,14 @@ def balls_of(things: Sequence[ObstacleGeometry]) -> Array:
     return np.column_stack([centers, values[:, 15]])
 
 
-def fixed_links(instances: ArmInstances) -> tuple[ObstacleGeometry, ...]:
+def fixed_links(instances: ArmInstances) -> ObstacleGeometry:
     """The solids of the arms that no joint moves, an object for each arm; cached."""
-    arms = zip(instances.geometries, instances.bases, strict=True)
-    return kept_in(
-        instances.kept, "fixed links", lambda: tuple(fixed_links_of(geometry).at(base) for geometry, base in arms)
-    )
+
+    def make() -> ObstacleGeometry:
+        arms = zip(instances.geometries, instances.bases, strict=True)
+        return ObstacleGeometry.joined([fixed_links_of(geometry).at(base) for geometry, base in arms])
+
+    return kept_in(instances.kept, "fixed links", make)
 
 
 def fixed_links_of(geometry: ArmGeometry) -> ObstacleGeometry:
@@ -193,4 +193,4 @@ def _fixed_links_of(geometry: ArmGeometry) -> ObstacleGeometry:
     poses, frames = arm_tables(geometry).bodies.poses[fixed], np.tile(np.eye(4), (len(fixed), 1, 1))
     frames[:, :3, :3], frames[:, :3, 3] = poses[:, :9].reshape(-1, 3, 3), poses[:, 9:]
     solids = [geometry.solids[i] for i in fixed]
-    return ObstacleGeometry([s.element for s in solids], tuple(s.shape for s in solids), frames.tobytes(), np.eye(4))
+    return one_object([s.element for s in solids], [s.shape for s in solids], frames.tobytes())
