@@ -137,7 +137,7 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
         flags, expected = given.flags, _DTYPES.get(kind)
         if expected is None:
             row = given.itemsize * (given.shape[1] if given.ndim == 2 else 1)
-            size = sources.item_size(kind)
+            size = sources.item_sizes[kind]
             if row != size:
                 raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
         elif given.dtype is not expected and given.dtype != expected:
@@ -209,7 +209,7 @@ def _layout(sources: KernelSources, name: str, counts: tuple[tuple[str, int], ..
     parts, end = {}, 0
     for field, count in counts:
         kind = sources.pointers(name)[field]
-        item = sources.item_size(kind)
+        item = sources.item_sizes[kind]
         parts[field] = _Part(end, count * item, item, _DTYPES.get(kind))
         end += -(-count * item // _LINE) * _LINE
     return parts, end + _LINE
@@ -217,7 +217,7 @@ def _layout(sources: KernelSources, name: str, counts: tuple[tuple[str, int], ..
 
 def zeroed(sources: KernelSources, kind: str, count: int) -> NDArray[Any]:
     """Zeroed memory for structs (rows of bytes) or numbers, aligned for vectors."""
-    item = sources.item_size(kind)
+    item = sources.item_sizes[kind]
     room = np.zeros(count * item + _LINE, np.uint8)
     part = _Part(-address_of(sources, room, "uint8_t") % _LINE, count * item, item, _DTYPES.get(kind))
     return part.of(room)

@@ -49,7 +49,6 @@ class KernelSources:
     def __init__(self, unit: Path) -> None:
         self.unit = unit
         self._pointers: dict[str, dict[str, str]] = {}
-        self._sizes: dict[tuple[str, bool], int] = {}
 
     @cached_property
     def files(self) -> tuple[Path, ...]:
@@ -97,17 +96,15 @@ class KernelSources:
             self._pointers[name] = {field.name: field.kind for field in self.structs[name] if field.pointer}
         return self._pointers[name]
 
-    def item_size(self, kind: str, *, wasm: bool = False) -> int:
-        """Size of one item in bytes.
+    @cached_property
+    def item_sizes(self) -> dict[str, int]:
+        """Size of one item in bytes, by type: structs and types of numbers."""
+        return {kind: ctypes.sizeof(made) for kind, made in (_NUMBERS | self.classes).items()}
 
-        Args:
-            kind: A struct or a type of number.
-            wasm: Whether to use the layout of WebAssembly.
-        """
-        if (kind, wasm) not in self._sizes:
-            classes = self.wasm_classes if wasm else self.classes
-            self._sizes[kind, wasm] = ctypes.sizeof(classes[kind] if kind in classes else _NUMBERS[kind])
-        return self._sizes[kind, wasm]
+    @cached_property
+    def wasm_item_sizes(self) -> dict[str, int]:
+        """The same in the layout of WebAssembly."""
+        return {kind: ctypes.sizeof(made) for kind, made in (_NUMBERS | self.wasm_classes).items()}
 
     def layout(self) -> list[int]:
         """Size of each struct, then the offset and size of each of its fields, by ctypes."""

@@ -96,7 +96,7 @@ def _collect(sources: KernelSources, root: Root, regions: dict[int, _Region]) ->
                     regions.setdefault(at, _Region(pointers[field], at, b""))
                     continue
                 _collect(sources, target if isinstance(target, CStruct) else (pointers[field], target), regions)
-    return kind, address, len(data) // sources.item_size(kind)
+    return kind, address, len(data) // sources.item_sizes[kind]
 
 
 class _Memory:
@@ -123,8 +123,8 @@ class _Memory:
         kept = sorted((r for r in regions.values() if r.address in whole), key=lambda region: region.is_zero)
         for region in kept:
             self._offsets[region.address] = self.size
-            items = len(region.data) // sources.item_size(region.kind)
-            self.size += -(-items * sources.item_size(region.kind, wasm=True) // _ALIGNMENT) * _ALIGNMENT
+            items = len(region.data) // sources.item_sizes[region.kind]
+            self.size += -(-items * sources.wasm_item_sizes[region.kind] // _ALIGNMENT) * _ALIGNMENT
         self.data = bytearray()
         self.pointers: list[int] = []
         for region in kept:
@@ -149,10 +149,10 @@ class _Memory:
         if index < 0 or (inside and address >= region.end):
             raise TypeError(f"{name} leads to memory that is not known; pass the array of {kind} there as a root too")
         if self._has_pointers(region.kind):
-            item, rest = divmod(inside, self._sources.item_size(region.kind))
+            item, rest = divmod(inside, self._sources.item_sizes[region.kind])
             if rest or kind != region.kind:
                 raise TypeError(f"{name} leads into the middle of a {region.kind}")
-            inside = item * self._sources.item_size(region.kind, wasm=True)
+            inside = item * self._sources.wasm_item_sizes[region.kind]
         return self._offsets[region.address] + inside
 
     def _append(self, kind: str, data: bytes) -> None:
@@ -161,7 +161,7 @@ class _Memory:
             self.data += data
             return
         native, wasm = self._sources.classes[kind], self._sources.wasm_classes[kind]
-        for first in range(0, len(data), self._sources.item_size(kind)):
+        for first in range(0, len(data), self._sources.item_sizes[kind]):
             begin = len(self.data)
             for field in self._sources.structs[kind]:
                 place = getattr(native, field.name)
@@ -171,7 +171,7 @@ class _Memory:
                     self._append_pointer(int.from_bytes(part, sys.byteorder), field.kind, f"{kind}.{field.name}")
                 else:
                     self._append(field.kind, part)
-            self._pad(begin + self._sources.item_size(kind, wasm=True))
+            self._pad(begin + self._sources.wasm_item_sizes[kind])
 
     def _append_pointer(self, address: int, kind: str, name: str) -> None:
         if address:

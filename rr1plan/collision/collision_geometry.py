@@ -31,7 +31,7 @@ from rr1plan.scene import Attachment, Scene
 from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
 
 _INTS = NDArray[np.int64]
-_SIZE_NUMBERS = SOURCES.item_size("ShapeSize") // 8
+_SIZE_NUMBERS = SOURCES.item_sizes["ShapeSize"] // 8
 
 
 class CollisionGeometry:

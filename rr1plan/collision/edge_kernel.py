@@ -136,7 +136,7 @@ class EdgeKernel:
         if room is None or len(room) < both:
             room = _threads.room = np.empty(both, np.uint8)
         scratch.give_room(room[:size], unset=True, **self._lists)
-        exact.give_room(room[size:], queue=self._queue)
+        exact.give_room(room[size:], unset=True, queue=self._queue)
         self._thread = get_ident()
 
     @property

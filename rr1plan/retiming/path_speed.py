@@ -81,15 +81,14 @@ def _curve_struct(curve: Curve) -> CStruct:
 
 
 def _limits_struct(limits: Limits) -> CStruct:
+    # Limits are above zero.
     velocity, acceleration = np.ascontiguousarray(limits.velocity), np.ascontiguousarray(limits.acceleration)
-    with np.errstate(divide="ignore"):
-        inverses = 1.0 / velocity, 1.0 / acceleration
     return CStruct(
         "RateLimits",
         velocity=velocity,
         acceleration=acceleration,
-        inverse_velocity=inverses[0],
-        inverse_acceleration=inverses[1],
+        inverse_velocity=1.0 / velocity,
+        inverse_acceleration=1.0 / acceleration,
     )
 
 

@@ -170,4 +170,4 @@ class Search:
 @cache
 def _row_size(table: str) -> int:
     """Numbers of eight bytes in a row of a table."""
-    return SOURCES.item_size(SOURCES.pointers("RefereeSearch")[table]) // 8
+    return SOURCES.item_sizes[SOURCES.pointers("RefereeSearch")[table]] // 8

@@ -40,7 +40,7 @@ from rr1plan.validation.referee_kernels import (
 from rr1plan.validation.referee_shapes import core_row, point_body
 
 Table = NDArray[np.int64]
-_ROW = Struct("=14d")  # a `ShapeRow`
+_ROW = Struct("14d")  # a `ShapeRow`
 
 
 class HeldThing(NamedTuple):

@@ -57,7 +57,7 @@ class Loaded:
             pointer.value += base
 
     def at(self, kind: str, address: int, index: int = 0) -> Any:
-        size = self.sources.item_size(kind, wasm=True)
+        size = self.sources.wasm_item_sizes[kind]
         return self.sources.wasm_classes[kind].from_buffer(self.memory, address - self.base + index * size)
 
     def numbers(self, address: int, count: int, dtype: str = "<f8") -> list[float]:

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -194,6 +195,46 @@ def test_a_full_queue_changes_the_order_and_no_verdict(worlds):
             assert (tight.certify_curve(curve, 1.0)[0] == FREE) == (roomy.certify_curve(curve, 1.0)[0] == FREE)
     counts = [kernel.done.configurations for kernel in (tight, roomy)]
     assert counts[0] != counts[1]
+
+
+def test_kernels_of_one_thread_share_lists_and_answer_as_alone(worlds):
+    """Lists hold nothing from one call to the next, so kernels that take turns answer like kernels of other threads."""
+    names = ("cluttered", "two arms", "planar", "triangles")
+    checkers = [CollisionChecker(worlds[name][0]) for name in names]
+    asked = [list(questions(c.nq, worlds[name][1], 25, 38)) for c, name in zip(checkers, names, strict=True)]
+
+    def answers(kernel, question):
+        q0, q1, curve, duration = question
+        return (
+            kernel.certify_edge(q0, q1),
+            kernel.certify_parabola(curve, duration),
+            kernel.certify_curve(curve, duration),
+        )
+
+    def alone(checker, own):
+        kernel = kernel_of(checker)
+        return [answers(kernel, question) for question in own]
+
+    def lists(kernel):
+        _ = kernel.context
+        return kernel._scratch.value.intervals
+
+    with ThreadPoolExecutor(len(names)) as pool:
+        expected = list(pool.map(alone, checkers, asked))
+        kernels = [kernel_of(checker) for checker in checkers]
+        turns = [[answers(*both) for both in zip(kernels, row, strict=True)] for row in zip(*asked, strict=True)]
+        assert [list(column) for column in zip(*turns, strict=True)] == expected
+        pair = [kernel_of(checkers[0]), kernel_of(checkers[0])]
+        here = {lists(kernel) for kernel in pair}
+        assert len(here) == 1
+        assert pool.submit(lists, kernels[0]).result() not in here
+        moved, halves = kernel_of(checkers[0]), (asked[0][::2], asked[0][1::2])
+        found = []
+        for one, two in zip(halves[0], [*halves[1], None], strict=True):
+            found.append(answers(moved, one))
+            if two is not None:
+                found.append(pool.submit(answers, moved, two).result())
+        assert found == expected[0]
 
 
 def test_bodies_of_a_planar_arm_are_no_contact_for_lack_of_a_volume():

@@ -108,7 +108,7 @@ class BodyCore(NamedTuple):
 
 
 _NONE = read_only(np.zeros((0, 3)))
-_SIZE = struct.Struct("=q4d")
+_SIZE = struct.Struct("q4d")
 
 
 def shape_size(shape: Shape) -> bytes:
