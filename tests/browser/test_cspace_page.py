@@ -489,7 +489,8 @@ def written(tab: Any) -> tuple[dict[str, np.ndarray], list[float]]:
     rows, plot = tab.ask("""() => {
         const usual = CanvasRenderingContext2D.prototype.fillText, rows = [], { plot } = RR1.lesson;
         CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
-            const wide = this.measureText(text).width, left = x - ({ center: 0.5, right: 1 }[this.textAlign] || 0) * wide;
+            const wide = this.measureText(text).width, before = { center: 0.5, right: 1 }[this.textAlign] || 0;
+            const left = x - before * wide;
             const tall = 0.35 * parseFloat(this.font.match(/([\\d.]+)px/)[1]);
             rows.push([text, [left, y - tall, left + wide, y + tall]]);
             usual.call(this, text, x, y);
