@@ -489,7 +489,8 @@ def written(tab: Any) -> tuple[dict[str, np.ndarray], list[float]]:
     rows, plot = tab.ask("""() => {
         const usual = CanvasRenderingContext2D.prototype.fillText, rows = [], { plot } = RR1.lesson;
         CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
-            const wide = this.measureText(text).width, left = this.textAlign === "center" ? x - wide / 2 : x;
+            const wide = this.measureText(text).width, before = { center: 0.5, right: 1 }[this.textAlign] || 0;
+            const left = x - before * wide;
             const tall = 0.35 * parseFloat(this.font.match(/([\\d.]+)px/)[1]);
             rows.push([text, [left, y - tall, left + wide, y + tall]]);
             usual.call(this, text, x, y);
@@ -529,3 +530,17 @@ def test_goals_are_not_written_over_names(tab: Any, tmp_path: FilePath, width: i
         for name in picture.grid.layers:
             box = texts[name]
             assert right < box[0] or box[2] < left or bottom < box[1] or box[3] < top, (mark, name)
+
+
+@pytest.mark.parametrize("kinds", ["RP", "PP"])
+def test_names_of_axes_stand_between_their_marks(kinds: str, tab: Any, tmp_path: FilePath) -> None:
+    scene = rp.Scene(name=kinds).with_arm("arm", rp.planar_arm(kinds, (1.0, 0.8)))
+    tab.open(rp.cspace(scene, resolution=40).save_html(tmp_path / "axes.html"), READY)
+    texts, _ = written(tab)
+    assert {"0", "0.2", "0.4", "0.6", "0.8"} <= set(texts)
+    for name in ("θ₁" if kinds == "RP" else "d₁", "d₂"):
+        left, top, right, bottom = texts[name]
+        for text, box in texts.items():
+            assert text == name or right < box[0] or box[2] < left or bottom < box[1] or box[3] < top, (name, text)
+    assert tab.page.is_visible(".readout .links") == (kinds == "RP")  # a gantry has no lengths
+    assert tab.complaints == []

@@ -233,19 +233,20 @@ function wrapped(axis, angle) {
 
 /** Marks of an axis: quarter turns for angles, round numbers else: [share, text]. */
 function ticks(axis) {
-  const span = data.high[axis] - data.low[axis];
-  if (data.joints[axis].straight) {
-    const step = 10 ** Math.floor(Math.log10(span)) / 2;
-    const marks = [];
-    for (let k = Math.ceil(data.low[axis] / step - 1e-6); k * step <= data.high[axis] + 1e-6; k++) marks.push([share(axis, k * step), `${+(k * step).toFixed(3)}`]);
-    return marks;
-  }
+  if (data.joints[axis].straight) return niceTicks(data.low[axis], data.high[axis], 5).map((v) => [share(axis, v), shortNumber(v)]);
   const names = { "-2": "−π", "-1": "−π/2", 0: "0", 1: "π/2", 2: "π", "-3": "−3π/2", 3: "3π/2", "-4": "−2π", 4: "2π" };
   const marks = [];
   for (let k = Math.ceil((data.low[axis] * 2) / Math.PI - 1e-6); (k * Math.PI) / 2 <= data.high[axis] + 1e-6; k++) {
     marks.push([share(axis, (k * Math.PI) / 2), names[k] || `${k / 2}π`]);
   }
   return marks;
+}
+
+/** Where the name of an axis stands, as a share of it: between the two marks around a place. */
+function betweenTicks(axis, place) {
+  const shares = [0, ...ticks(axis).map(([part]) => part), 1];
+  const above = shares.findIndex((part) => part > place);
+  return (shares[above - 1] + shares[above]) / 2;
 }
 
 /** Axes, marks and edges around a plot; dashed edges with arrows are the same place as the edge across. */
@@ -264,11 +265,8 @@ function drawFrame(pen, plot, unit) {
   pen.font = `600 ${13 * unit}px ${FONT}`;
   pen.textAlign = "center";
   pen.textBaseline = "alphabetic";
-  pen.fillText(symbol(0), x + 0.625 * size, y + size + 18 * unit);
-  pen.save();
-  pen.translate(x - 20 * unit, y + 0.375 * size);
-  pen.fillText(symbol(1), 0, 0);
-  pen.restore();
+  pen.fillText(symbol(0), x + betweenTicks(0, 0.625) * size, y + size + 18 * unit);
+  pen.fillText(symbol(1), x - 20 * unit, y + (1 - betweenTicks(1, 0.624)) * size + 4 * unit);
   for (const axis of [0, 1]) {
     pen.setLineDash(data.periodic[axis] ? [6 * unit, 4 * unit] : []);
     pen.lineWidth = (data.periodic[axis] ? 1.6 : 1.1) * unit;

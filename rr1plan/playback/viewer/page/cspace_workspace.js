@@ -23,6 +23,7 @@ class Workspace {
     // The most that the manipulability can be: with the elbow at a right angle, the rod out, the link along the rail.
     const { kinds, bars } = data.planar, [first, second] = bars.map(([x, y]) => Math.hypot(x, y));
     this.lengths = [...kinds].flatMap((kind, k) => (kind === "R" && [first, second][k] ? [[first, second][k]] : []));
+    for (const node of this.readout.box.querySelectorAll(".links")) node.hidden = !this.lengths.length;
     this.most = { RR: first * second, RP: this.outer, PR: second, PP: 1 }[kinds];
     this.unit = ["", " m", " m²"][[...kinds].filter((kind) => kind === "R").length];
   }
@@ -132,7 +133,7 @@ class Workspace {
     this.handle.position.set(x, y, data.planar.height);
     // Digits that count, for arms of millimeters too.
     const digits = (v, whole, count) => (whole < 0.05 ? v.toPrecision(3) : v.toFixed(count));
-    const rows = [meters(x), meters(y), `${digits(now, this.most, 3)}${this.unit}`, this.lengths.map((v) => `${digits(v, this.outer, 2)} m`).join(", ") || "–"];
+    const rows = [meters(x), meters(y), `${digits(now, this.most, 3)}${this.unit}`, this.lengths.map((v) => `${digits(v, this.outer, 2)} m`).join(", ")];
     this.readout.values.forEach((out, k) => { out.textContent = rows[k]; });
     this.readout.bar.style.width = `${Math.min((100 * now) / this.most, 100)}%`;
   }
