@@ -259,7 +259,7 @@ def _work_off(
 
     A chunk that cannot be pickled is tried again problem by problem.
     """
-    pending: dict[Future[list[Any]], list[Task]] = {}
+    pending: dict[Future[list[object]], list[Task]] = {}
     lost: list[Task] = []
     try:
         while (chunks or pending) and not board.cancelled:
@@ -284,7 +284,7 @@ def _work_off(
     return lost
 
 
-def _keep_ended(pending: dict[Future[list[Any]], list[Task]], board: _Board) -> None:
+def _keep_ended(pending: dict[Future[list[object]], list[Task]], board: _Board) -> None:
     """Store the results that were reported before the batch was cancelled; their chunks end at once."""
     for future, chunk in pending.items():
         with suppress(Exception):  # a chunk without results: it was not started, or its process died
@@ -294,7 +294,7 @@ def _keep_ended(pending: dict[Future[list[Any]], list[Task]], board: _Board) -> 
                         board.note(task.number, answer)
 
 
-def _take(future: Future[list[Any]], chunk: list[Task], chunks: deque[list[Task]], board: _Board) -> list[Task]:
+def _take(future: Future[list[object]], chunk: list[Task], chunks: deque[list[Task]], board: _Board) -> list[Task]:
     """Store the results of a chunk; return its tasks if they were lost."""
     try:
         answers = future.result()

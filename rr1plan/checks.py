@@ -33,7 +33,7 @@ Seed = np.random.Generator | int | None
 """A generator, the seed of a new one, or None for a random seed."""
 
 
-def _in_brief(value: Any) -> str:
+def _in_brief(value: object) -> str:
     """One-line repr of a field."""
     if isinstance(value, np.ndarray):
         if value.ndim == 1 and value.size <= _MOST_NUMBERS:
@@ -57,7 +57,7 @@ def _rest(value: Sized, most: int) -> str:
     return f", ... {len(value)} in all" if len(value) > most else ""
 
 
-def number_array(name: str, value: Any) -> Array:
+def number_array(name: str, value: object) -> Array:
     """A new float64 array of `value`, of any shape; infinities and NaN may be in it.
 
     Raises:
@@ -105,7 +105,7 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     return array
 
 
-def near_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
+def near_array(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
     """`finite_array` of lengths, coordinates or angles [m or rad] of at most 1e4 (10 km).
 
     Raises:
@@ -118,7 +118,7 @@ def near_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
     return array
 
 
-def turn_angles(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
+def turn_angles(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
     """`finite_array` of angles of a rotation [rad] within one turn.
 
     Raises:
@@ -156,7 +156,7 @@ def positive_number(name: str, value: Any) -> float:
     return number
 
 
-def number_from_zero(name: str, value: Any) -> float:
+def number_from_zero(name: str, value: object) -> float:
     """`value` as a finite float of zero or more.
 
     Raises:
@@ -267,7 +267,7 @@ def file_path(value: Any) -> Path:
     return path
 
 
-def resolved_path(value: Any) -> Path:
+def resolved_path(value: object) -> Path:
     """`file_path`, absolute and with symbolic links resolved, except for a loop of links, which cannot be opened.
 
     Raises:
@@ -314,12 +314,12 @@ class Value:
         entries = [f"{name}={_in_brief(getattr(self, name))}" for name, field in fields.items() if field.repr]
         return f"{type(self).__name__}({', '.join(entries)})"
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """The fields, without cached properties."""
         fields = self.__dataclass_fields__  # type: ignore[attr-defined]  # every subclass is a dataclass
         return {n: dict(v) if isinstance(v, MappingProxyType) else v for n, v in self.__dict__.items() if n in fields}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         """Restore the fields as read-only values."""
         for name, value in state.items():
             parts = value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else (value,)

@@ -33,7 +33,7 @@ class leaving_at_once:
     """Context in which Ctrl-C exits the process; no effect if SIGINT is ignored, or in other threads."""
 
     def __enter__(self) -> None:
-        self._before: Any = signal.getsignal(signal.SIGINT)
+        self._before: object = signal.getsignal(signal.SIGINT)
         self._installed = callable(self._before) and _set_handler(leave)
 
     def __exit__(self, *_: object) -> None:

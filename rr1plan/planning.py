@@ -74,7 +74,7 @@ class Budget:
             raise InputError("a budget needs seconds or iterations, got neither")
 
 
-def _is_above_zero(value: Any, kind: type[Any]) -> bool:
+def _is_above_zero(value: object, kind: type[Any]) -> bool:
     return isinstance(value, kind) and not isinstance(value, bool) and bool(value > 0)
 
 
@@ -185,7 +185,7 @@ class PlannerInfo:
     optimizing: bool = False
 
 
-def check_question(problem: Any, budget: Any, progress: Any) -> None:
+def check_question(problem: object, budget: object, progress: object) -> None:
     """Check the types of a planner's arguments.
 
     Args:

@@ -165,7 +165,7 @@ class Report(Value):
         }
 
     @staticmethod
-    def from_dict(data: Any) -> Report:
+    def from_dict(data: object) -> Report:
         """Inverse of `to_dict`.
 
         Raises:
@@ -207,7 +207,7 @@ def _violation(data: Any) -> Violation:
     )
 
 
-def _margin(name: str, data: Any) -> Margin:
+def _margin(name: str, data: object) -> Margin:
     given = _fields(f"margin {name!r}", data, ("value", "unit", "subject", "time"))
     return Margin(
         _number("value", given["value"]),
@@ -225,19 +225,19 @@ def _fields(name: str, data: Any, keys: tuple[str, ...]) -> Mapping[str, Any]:
     return given
 
 
-def _mapping(name: str, data: Any) -> Mapping[str, Any]:
+def _mapping(name: str, data: object) -> Mapping[str, object]:
     if not isinstance(data, Mapping) or not all(isinstance(key, str) for key in data):
         raise FormatError(f"{name} is {type(data).__name__}, expected a mapping with text keys")
     return data
 
 
-def _list(name: str, data: Any) -> list[Any]:
+def _list(name: str, data: object) -> list[object]:
     if not isinstance(data, list):
         raise FormatError(f"{name} is {type(data).__name__}, expected a list")
     return data
 
 
-def _text(name: str, data: Any) -> str:
+def _text(name: str, data: object) -> str:
     if not isinstance(data, str):
         raise FormatError(f"{name} is {shown(data)}, expected text")
     return data

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from script_runs import run_script
 
 import rr1plan as rp
 
@@ -390,14 +391,25 @@ CLAIMS: dict[str, Callable[[str, Path], None]] = {
 }
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda p: p.stem)
-def test_an_example_runs_and_shows_what_it_claims(example: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-W", "error", str(example)]
+# The first one, and one whose spawned processes import it.
+_IN_A_PROCESS = ("01_first_motion", "15_many_problems")
+
+
+@pytest.mark.parametrize("example", [p for p in EXAMPLES if p.stem not in _IN_A_PROCESS], ids=lambda p: p.stem)
+def test_an_example_runs_and_shows_what_it_claims(
+    example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    CLAIMS[example.stem](run_script(example, tmp_path, monkeypatch, capfd), tmp_path)
+
+
+@pytest.mark.parametrize("name", _IN_A_PROCESS)
+def test_an_example_runs_in_a_fresh_process(name: str, tmp_path: Path) -> None:
+    command = [sys.executable, "-W", "error", str(EXAMPLES[0].with_name(f"{name}.py"))]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     # What is said of the first compilation depends on what ran before.
     assert [line for line in done.stderr.splitlines() if not line.startswith("compiling for this machine")] == []
-    CLAIMS[example.stem](done.stdout, tmp_path)
+    CLAIMS[name](done.stdout, tmp_path)
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda p: p.stem)

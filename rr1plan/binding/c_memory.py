@@ -15,7 +15,7 @@ from rr1plan.binding.c_sources import KernelSources, Prototype
 
 # Vectors across two lines of the processor's cache take twice as long.
 _LINE = 64
-_NATIVE: dict[str, Any] = {"void": None, "int64_t": ctypes.c_int64, "double": ctypes.c_double}
+_NATIVE: dict[str, object] = {"void": None, "int64_t": ctypes.c_int64, "double": ctypes.c_double}
 _DTYPES: dict[str, np.dtype[Any]] = {
     "double": np.dtype(np.float64),
     "float": np.dtype(np.float32),
@@ -50,7 +50,7 @@ class CStruct:
         self.name = name
         self.value = self.sources.classes[name]()
         self.address = ctypes.addressof(self.value)
-        self._targets: dict[str, Any] = {}
+        self._targets: dict[str, object] = {}
         self._rooms: list[tuple[dict[str, _Part], NDArray[Any]]] = []
         self.set(**fields)
 

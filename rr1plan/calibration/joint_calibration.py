@@ -92,7 +92,7 @@ class JointCalibration:
             object.__setattr__(self, name, _deviation(name, getattr(self, name)))
 
 
-def _deviation(name: str, value: Any) -> float:
+def _deviation(name: str, value: object) -> float:
     number = number_array(name, value)
     if number.shape != () or not number >= 0.0:
         raise InputError(f"{name} is {shown(value)}, expected a number >= 0 (inf: unknown)")

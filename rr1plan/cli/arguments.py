@@ -187,7 +187,9 @@ def _note(action: argparse.Action, namespace: argparse.Namespace, option: str | 
 class _Store(argparse.Action):
     """Store the value of an option."""
 
-    def __call__(self, _: Any, namespace: argparse.Namespace, values: Any, option_string: str | None = None) -> None:
+    def __call__(
+        self, _: object, namespace: argparse.Namespace, values: object, option_string: str | None = None
+    ) -> None:
         _note(self, namespace, option_string)
         setattr(namespace, self.dest, values)
 
@@ -198,7 +200,9 @@ class _Flag(argparse.Action):
     def __init__(self, option_strings: list[str], dest: str, help: str | None = None) -> None:
         super().__init__(option_strings, dest, nargs=0, default=False, help=help)
 
-    def __call__(self, _: Any, namespace: argparse.Namespace, values: Any, option_string: str | None = None) -> None:
+    def __call__(
+        self, _: object, namespace: argparse.Namespace, values: object, option_string: str | None = None
+    ) -> None:
         _note(self, namespace, option_string)
         setattr(namespace, self.dest, True)
 

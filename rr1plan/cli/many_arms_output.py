@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rr1plan.checks import counted, known_name
 from rr1plan.cli.console import Console, milliseconds
@@ -104,7 +104,7 @@ def _say_waits(line: Timeline, console: Console) -> None:
         console.say(f"               and {counted(len(waits) - _MOST, 'wait')} more")
 
 
-def many_values(motion: MotionPlan) -> Mapping[str, Any]:
+def many_values(motion: MotionPlan) -> Mapping[str, object]:
     """A plan of many arms as plain values, for JSON; nothing for other motions."""
     many = motion.many_arms
     if many is None:

@@ -155,7 +155,7 @@ def told_to(advance: Advance) -> ProgressCallback:
     return lambda progress: advance(progress.fraction, _STAGES.get(progress.stage, ""))
 
 
-def summary(motion: MotionPlan) -> dict[str, Any]:
+def summary(motion: MotionPlan) -> dict[str, object]:
     """A motion plan as plain values, for JSON."""
     result, many = motion.result, motion.many_arms
     paths = [motion.path] if many is None else list(many.paths.values())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import rr1plan as rp
 from rr1plan.cli.console import Console
@@ -65,7 +65,7 @@ def plan_any(options: Namespace, console: Console) -> int:
 
 
 def _save(found: SequencePlan, options: Namespace, look: rp.ViewOptions | None, console: Console) -> Mapping[str, str]:
-    files: dict[str, Any] = {}
+    files: dict[str, object] = {}
     if options.output is not None:
         files["motion"] = found.save(options.output, embed=options.embed)
     if options.csv == "-":

@@ -97,7 +97,7 @@ class CollisionChecker(CoalChecker):
     def __repr__(self) -> str:
         return f"CollisionChecker({self.scene.name!r}, arms={list(self.arms)}, {len(self.pairs)} pairs)"
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         """Pickles as what it was made from; the counters begin anew."""
         return _rebuild, (self.scene, self.arms, self.margin, self.tolerance)
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -144,7 +145,7 @@ def _points_in(shape: Shape) -> Array:
             return np.zeros((1, 3))
 
 
-def _geometry_model(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> Any:
+def _geometry_model(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> pin.GeometryModel:
     geometry = pin.GeometryModel()
     for k, solid in enumerate(solids):
         placement = pin.SE3(np.array(solid.placement))
@@ -155,7 +156,7 @@ def _geometry_model(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> Any:
     return geometry
 
 
-def _geometry_data(geometry: Any, padding: Array) -> Any:
+def _geometry_data(geometry: pin.GeometryModel, padding: Array) -> pin.GeometryData:
     data = pin.GeometryData(geometry)
     for request in data.distanceRequests:
         request.gjk_tolerance = _GJK_TOLERANCE
@@ -170,7 +171,7 @@ def _geometry_data(geometry: Any, padding: Array) -> Any:
     return data
 
 
-def _forget_guesses(requests: Any) -> None:
+def _forget_guesses(requests: coal.StdVec_DistanceRequest | coal.StdVec_CollisionRequest) -> None:
     """Start every search afresh: a guess kept from the last one can be NaN, and then spoils all that follow."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # the successor of this switch does not turn it off

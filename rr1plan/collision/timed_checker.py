@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from threading import RLock
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -94,7 +93,7 @@ class TimedChecker:
     def __repr__(self) -> str:
         return f"TimedChecker(arms={list(self.arms)}, among {list(self._motions)})"
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         """Pickles as what it was made from."""
         alone = self._alone
         return _rebuild, (self._scene, self.arms, alone.margin, alone.tolerance, self._motions)

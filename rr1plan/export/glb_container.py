@@ -57,7 +57,7 @@ class GlbArrays:
             self._data += data  # every component has four bytes, so all views are aligned
         return self._known[key]
 
-    def pack(self, document: dict[str, Any]) -> bytes:
+    def pack(self, document: dict[str, object]) -> bytes:
         """The file of a document without its accessors, buffer views and buffers, which are added here."""
         whole = {
             **document,

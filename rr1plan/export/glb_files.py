@@ -126,7 +126,7 @@ class _Model:
             self._add_held(row["name"], robot, links)
             first += len(row["q"])
 
-    def _link(self, parent: int, arm: str, robot: Mapping[str, Any], link: int, T: Array) -> int:
+    def _link(self, parent: int, arm: str, robot: Mapping[str, object], link: int, T: Array) -> int:
         node = self._node(parent, "", None, **_placed(T))
         self._dress(node, arm, robot, link)
         return node

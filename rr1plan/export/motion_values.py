@@ -72,7 +72,7 @@ def plain(value: Any, stored: Shapes | None = None) -> Any:
     return _plain_fields(value, stored)
 
 
-def _plain_fields(value: Any, stored: Shapes | None) -> dict[str, Any]:
+def _plain_fields(value: object, stored: Shapes | None) -> dict[str, object]:
     if type(value) not in _ENTRIES:
         raise InputError(f"a {type(value).__name__} has no form in a motion file")
     entry = _ENTRIES[type(value)]
@@ -87,7 +87,7 @@ def _both(names: Pair) -> list[str]:
     return sorted(names) * (2 if len(names) == 1 else 1)
 
 
-def plain_scene(scene: Scene, stored: Shapes | None = None) -> dict[str, Any]:
+def plain_scene(scene: Scene, stored: Shapes | None = None) -> dict[str, object]:
     """A scene, and the robots of its arms, as the entries `scene` and `robots` of a document."""
     robots: list[Robot] = []
     arms = []

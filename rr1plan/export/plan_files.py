@@ -62,7 +62,7 @@ class SavedMotion(Value):
     trajectory: Trajectory | None = None
     report: Report | None = None
     problem: Problem | None = None
-    plan_graph: Mapping[str, Any] | None = None
+    plan_graph: Mapping[str, object] | None = None
     sequence: schema.Sequence | None = None
     units: tuple[str, ...] | None = None
     made_for: schema.SceneReference | None = None
@@ -187,7 +187,7 @@ def _motion_entries(
     trajectory: Trajectory | None,
     report: Report | None,
     problem: Problem | None,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     entries: dict[str, Any] = {}
     if path is not None:
         entries["path"] = _path_entry(path, scene)
@@ -203,7 +203,7 @@ def _motion_entries(
     return entries
 
 
-def _save(file: _File, kind: str, scene: Scene, entries: dict[str, Any], embed: bool) -> pathlib.Path:
+def _save(file: _File, kind: str, scene: Scene, entries: dict[str, object], embed: bool) -> pathlib.Path:
     of_kind("embed", embed, bool)
     stored: values.Shapes | None = None if embed else {}
     target = check_writable(file, ".json")
@@ -213,7 +213,7 @@ def _save(file: _File, kind: str, scene: Scene, entries: dict[str, Any], embed: 
     return write_text(target, text)
 
 
-def _text(kind: str, scene: Scene, entries: dict[str, Any], stored: values.Shapes | None) -> str:
+def _text(kind: str, scene: Scene, entries: dict[str, object], stored: values.Shapes | None) -> str:
     """The text of the file, validated for reading. `stored` collects shapes in separate files."""
     content = {"made_for": _reference(scene), **values.plain_scene(scene, stored), **entries}
     try:
@@ -228,7 +228,7 @@ def _text(kind: str, scene: Scene, entries: dict[str, Any], stored: values.Shape
     return f'{head[:-1]}, "content": {text}}}\n'
 
 
-def _digest(content: Any) -> str:
+def _digest(content: object) -> str:
     """SHA-256 of the content in canonical form.
 
     Raises:
@@ -238,19 +238,19 @@ def _digest(content: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _reference(scene: Scene) -> dict[str, Any]:
+def _reference(scene: Scene) -> dict[str, object]:
     of_kind("scene", scene, Scene)
     arms = {name: {"robot": arm.robot.name, "sha256": arm.robot.content_hash} for name, arm in scene.arms.items()}
     return {"scene": scene.name, "sha256": scene.content_hash, "arms": arms}
 
 
-def _path_entry(path: Path, scene: Scene) -> dict[str, Any]:
+def _path_entry(path: Path, scene: Scene) -> dict[str, object]:
     of_kind("path", path, Path)
     head = {"joint_names": list(path.joint_names), "units": units(path.joint_names, scene)}
     return head | {"waypoints": path.waypoints.tolist()}
 
 
-def _trajectory_entry(trajectory: Trajectory, scene: Scene) -> dict[str, Any]:
+def _trajectory_entry(trajectory: Trajectory, scene: Scene) -> dict[str, object]:
     of_kind("trajectory", trajectory, Trajectory)
     head = {"joint_names": list(trajectory.joint_names), "units": units(trajectory.joint_names, scene)}
     return head | {

@@ -222,7 +222,7 @@ def _from_yaml(file: pathlib.Path) -> JointTrajectoryMessage:
     return _converted(_unwrapped(documents[0]), file)
 
 
-def _unwrapped(data: Any) -> dict[Any, Any]:
+def _unwrapped(data: object) -> dict[object, object]:
     """The JointTrajectory in the messages around it; {} where there is none."""
     for _ in range(4):
         if isinstance(data, list) and len(data) == 1:

@@ -134,7 +134,7 @@ class Table:
         """A table within this one, empty when it is not there."""
         return Table(self.raw(key, {}), self.file, (*self.path, key), self.text)
 
-    def wrapped(self, key: str, data: Mapping[str, Any]) -> Table:
+    def wrapped(self, key: str, data: Mapping[str, object]) -> Table:
         """Other data in the place of an entry."""
         self._asked.add(key)
         return Table(data, self.file, (*self.path, key), self.text)
@@ -212,7 +212,7 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def check_numbers(value: Any, error: Callable[[str], FormatError]) -> None:
+def check_numbers(value: object, error: Callable[[str], FormatError]) -> None:
     """Require nested lists of numbers (NumPy would accept "1" and True)."""
     if isinstance(value, list):
         for item in value:

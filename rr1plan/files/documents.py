@@ -63,7 +63,7 @@ def read_yaml(file: str | Path, max_bytes: int = MAX_BYTES) -> Table:
     return Table(documents[0] if documents else None, file)
 
 
-def read_yaml_documents(file: str | Path, max_bytes: int = MAX_BYTES) -> list[Any]:
+def read_yaml_documents(file: str | Path, max_bytes: int = MAX_BYTES) -> list[object]:
     """The documents of a YAML file, separated by "---", without empty ones.
 
     Raises:
@@ -73,7 +73,7 @@ def read_yaml_documents(file: str | Path, max_bytes: int = MAX_BYTES) -> list[An
     return [document for document in documents if document is not None]
 
 
-def _parse(text: str, file: str | Path, kind: str, parse: Callable[[str], Any]) -> Any:
+def _parse(text: str, file: str | Path, kind: str, parse: Callable[[str], object]) -> Any:
     try:
         data = parse(text)
     except RecursionError as error:
@@ -93,11 +93,11 @@ def _line(error: Exception) -> int | None:
     return int(found[1]) if found else None
 
 
-def _check_nesting(data: Any, most: int, file: str | Path) -> None:
+def _check_nesting(data: object, most: int, file: str | Path) -> None:
     """Refuse nests that are too deep, or that have more entries than the text they are from has characters."""
     level, entries, depth = [data], 0, 0
     while level:
-        inner: list[Any] = []
+        inner: list[object] = []
         for item in level:
             values = item.values() if isinstance(item, dict) else item if isinstance(item, list) else ()
             entries += len(values)
@@ -120,7 +120,7 @@ def _bounded_toml(text: str) -> Any:
     return tomllib.loads(text)
 
 
-def _bounded_yaml(text: str) -> list[Any]:
+def _bounded_yaml(text: str) -> list[object]:
     # Most scenes are not YAML, and the parser takes its time to load.
     import yaml
 

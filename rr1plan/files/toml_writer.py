@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import Any
 
 from rr1plan.errors import InputError
 
@@ -13,7 +12,7 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+\Z")
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 
 
-def to_toml(data: Mapping[str, Any]) -> str:
+def to_toml(data: Mapping[str, object]) -> str:
     """TOML text of nested mappings, lists, texts, numbers and truth values.
 
     Raises:
@@ -24,7 +23,7 @@ def to_toml(data: Mapping[str, Any]) -> str:
     return "\n".join(lines).strip() + "\n"
 
 
-def _table(data: Mapping[str, Any], path: tuple[str, ...], lines: list[str], depth: int) -> None:
+def _table(data: Mapping[str, object], path: tuple[str, ...], lines: list[str], depth: int) -> None:
     """Plain entries first, then tables: as [headers] down to `depth`, inline below."""
     below = {k: v for k, v in data.items() if isinstance(v, Mapping) and v and len(path) < depth}
     lists = {k: v for k, v in data.items() if path and isinstance(v, list) and v and isinstance(v[0], Mapping)}
@@ -50,7 +49,7 @@ def _text(value: str) -> str:
     return f'"{escaped}"'
 
 
-def _value(value: Any) -> str:
+def _value(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int):

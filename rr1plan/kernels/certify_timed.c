@@ -106,6 +106,7 @@ static SliceBox box_on(const TimedArm *arm, double middle, double half, const Ti
     const double *breaks = scene->breaks + arm->first_break;
     double start = breaks[0], end = breaks[arm->piece_count], last = (double)(arm->slice_count - 1);
     double per_second = end > start ? (double)arm->slice_count / (end - start) : 0.0;
+    // Slices overlap by a millionth, so that times on a border may be rounded to either side.
     int64_t first = (int64_t)clamp_number((middle - half - start) * per_second - 1e-6, 0.0, last);
     int64_t final = (int64_t)clamp_number((middle + half - start) * per_second + 1e-6, 0.0, last);
     SliceBox box = scene->slices[arm->first_slice + first];

@@ -29,7 +29,12 @@ typedef struct {
 // What a solid is, in its own frame.
 typedef struct {
     double ball_center[3];  // of the ball around it
-    double bounds[12];      // from `ball_radius` on as in `ExactShape`
+    double ball_radius;     // this and the next five as in `ExactShape`
+    double core_margin;     // its `radius`
+    double box_center[3];
+    double box_half[3];
+    double size[3];
+    double offset;
     double half[3];         // as in `ObstacleShape`
     double radius;
     double middle[3];  // as in `CoreShape`

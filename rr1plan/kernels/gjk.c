@@ -183,6 +183,7 @@ static GapBounds core_gap(Core *a, Core *b, double least, double enough, ExactPo
     int count = 0;
     for (int step = 0; step < GJK_ITERATIONS; step++) {
         double length = sqrt_number(vec_dot(n, n));
+        // A shorter vector has no direction left: the cores touch. [m]
         if (length < 1e-12) return (GapBounds){gap.lower, max_number(gap.lower, 0.0)};
         Vec w = farthest_point(a, (Vec){-n.x, -n.y, -n.z});
         w = vec_sub(w, farthest_point(b, n));
@@ -192,6 +193,7 @@ static GapBounds core_gap(Core *a, Core *b, double least, double enough, ExactPo
             *direction = (ExactPoint){n.x / length, n.y / length, n.z / length};
             if (gap.lower >= enough || (gap.lower > least && gap.upper < enough)) return gap;
         }
+        // The duality gap, between the nearest point so far and the best plane, is down to rounding.
         if (count > 0 && length - found <= 1e-10 * length + 1e-13) return gap;
         for (int i = 0; i < count; i++)
             if (simplex[i].x == w.x && simplex[i].y == w.y && simplex[i].z == w.z) return gap;

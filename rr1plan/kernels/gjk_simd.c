@@ -154,6 +154,7 @@ NOINLINE Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
     GjkBegin begin = begin_search(query, scene, scratch);
     Vec8 nearest = begin.point;
     f64x8 square = vec8_dot(nearest, nearest);
+    // A point at the origin has no direction: any finite vector does, since the lane is found to touch.
     Vec8 n = vec8_scale(nearest, 1.0 / max_lanes(sqrt_lanes(square), splat(1e-12)));
     f64x8 best = splat(-1e300);
     Vec8 best_n = n, a = nearest, b = nearest, c = nearest, low_point = n, high_point = n;

@@ -145,6 +145,7 @@ static double descend(const Chain *chain, const IkTarget *target, double *q, int
         }
         if (equations.count == 0) break;
         moved = 0;
+        // In proportion to the squared error (Sugihara); the second term keeps the matrix positive definite despite rounding.
         double damping = mu * min_number(cost, 1.0) + 1e-12 * (1.0 + trace);
         double reduction = damped_step(q, lower, upper, damping, &equations);
         if (0.0 <= reduction && reduction < min_reduction * cost) break;

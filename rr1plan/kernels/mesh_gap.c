@@ -124,6 +124,8 @@ INLINE void cross_triangle(const double *t, const double p[3], int axis, Crossin
     }
     double volume = d[0] * (d[4] * d[8] - d[5] * d[7]) + d[1] * (d[5] * d[6] - d[3] * d[8]) +
                     d[2] * (d[3] * d[7] - d[4] * d[6]);
+    // The products of two edges add up to `areas` at most, each with a few roundings. Where the sign of the volume is lost,
+    // the triangle counts if all of it is ahead of p and not if all of it is behind; else nothing is certain.
     double areas = length[0] * length[1] + length[1] * length[2] + length[2] * length[0];
     if (abs_number(volume) <= 1e-14 * far * areas) {
         double low = min_number(d[axis], min_number(d[3 + axis], d[6 + axis]));

@@ -35,6 +35,8 @@ INLINE Vec8 nearest_in_face(const double *t, Vec8 p, int *is_thin) {
         least = select_mask(nearer, square, least);
     }
     double ee = e[0] * e[0] + e[1] * e[1] + e[2] * e[2], ff = f[0] * f[0] + f[1] * f[1] + f[2] * f[2];
+    // `det` is ee ff sin^2 of the angle between e and f: below 3e-5 rad the normal is mostly rounding, and the nearest
+    // point of the edges is taken.
     double ef = e[0] * f[0] + e[1] * f[1] + e[2] * f[2], det = ee * ff - ef * ef;
     *is_thin = !(det > 1e-9 * ee * ff);
     if (*is_thin) return best;

@@ -1,4 +1,6 @@
 // The pairs of a scene, listed once: of solids from pairs of elements, and sorted as the certified edge reads them.
+#include "arm_geometry.h"
+#include "exact_tables.h"
 #include "pair_tables.h"
 #include "simd.h"
 
@@ -8,11 +10,11 @@
 // shared: how many joints two chains have in common; surfaceless: 1 for solids that have to be second in `rows`.
 // order, first: room for a number for each solid, and for each element and one more.
 // index, owner, rows: for each pair its solids, its pair of elements, and its solids as they are measured with the
-// joints that move both. Returns how many move.
+// number of joints that move both. Returns how many move.
 EXPORT int64_t rr1_list_solid_pairs(
-    const int64_t *checked, int64_t checked_count, const int64_t *elements, int64_t solid_count, int64_t element_count,
-    const int64_t *chains, const int64_t *shared, int64_t chain_count, const uint8_t *surfaceless, int64_t *order,
-    int64_t *first, int64_t *index, int64_t *owner, int64_t *rows
+    const NumberPair *checked, int64_t checked_count, const int64_t *elements, int64_t solid_count,
+    int64_t element_count, const int64_t *chains, const int64_t *shared, int64_t chain_count,
+    const uint8_t *surfaceless, int64_t *order, int64_t *first, NumberPair *index, int64_t *owner, ExactPair *rows
 ) {
     for (int64_t e = 0; e <= element_count; e++) first[e] = 0;
     for (int64_t i = 0; i < solid_count; i++) first[elements[i] + 1]++;
@@ -23,7 +25,7 @@ EXPORT int64_t rr1_list_solid_pairs(
     for (int write = 0; write < 2; write++) {
         int64_t next[2] = {0, moving};
         for (int64_t k = 0; k < checked_count; k++) {
-            int64_t a = checked[2 * k], b = checked[2 * k + 1];
+            int64_t a = checked[k].one, b = checked[k].other;
             for (int64_t i = a ? first[a - 1] : 0; i < first[a]; i++) {
                 for (int64_t j = b ? first[b - 1] : 0; j < first[b]; j++) {
                     int64_t one = order[i], two = order[j], stays = chains[one] == chains[two];
@@ -32,12 +34,13 @@ EXPORT int64_t rr1_list_solid_pairs(
                         continue;
                     }
                     int64_t row = next[stays]++;
-                    index[2 * row] = one;
-                    index[2 * row + 1] = two;
+                    index[row] = (NumberPair){one, two};
                     owner[row] = k;
-                    rows[3 * row] = surfaceless[one] ? two : one;
-                    rows[3 * row + 1] = surfaceless[one] ? one : two;
-                    rows[3 * row + 2] = stays ? 0 : shared[chains[one] * chain_count + chains[two]];
+                    rows[row] = (ExactPair){
+                        .body = surfaceless[one] ? two : one,
+                        .other = surfaceless[one] ? one : two,
+                        .shared = stays ? 0 : shared[chains[one] * chain_count + chains[two]],
+                    };
                 }
             }
         }
@@ -50,11 +53,12 @@ EXPORT int64_t rr1_list_solid_pairs(
 //
 // pairs: those that move; body: the body of each solid, -1: none.
 EXPORT int64_t rr1_number_obstacles(
-    const int64_t *pairs, int64_t pair_count, const int64_t *body, int64_t solid_count, int64_t *place
+    const NumberPair *pairs, int64_t pair_count, const int64_t *body, int64_t solid_count, int64_t *place
 ) {
     for (int64_t i = 0; i < solid_count; i++) place[i] = -1;
-    for (int64_t k = 0; k < 2 * pair_count; k++) {
-        if (body[pairs[k]] < 0) place[pairs[k]] = 0;
+    for (int64_t k = 0; k < pair_count; k++) {
+        if (body[pairs[k].one] < 0) place[pairs[k].one] = 0;
+        if (body[pairs[k].other] < 0) place[pairs[k].other] = 0;
     }
     int64_t count = 0;
     for (int64_t i = 0; i < solid_count; i++) {
@@ -88,8 +92,7 @@ static KeyedRow *sorted_rows(KeyedRow *rows, KeyedRow *other, int64_t count) {
 
 // Blocks of the obstacles that some body of each group has a pair with. Returns how many.
 static int64_t list_obstacle_blocks(
-    const int64_t *groups, int64_t group_count, const int64_t *pair_of, int64_t columns, NearBlock *blocks,
-    int64_t *first
+    const Group *groups, int64_t group_count, const int64_t *pair_of, int64_t columns, NearBlock *blocks, int64_t *first
 ) {
     int64_t count = 0, before = 0;
     for (int64_t g = 0; g < group_count; g++) {
@@ -98,7 +101,7 @@ static int64_t list_obstacle_blocks(
             int64_t lanes = 0, obstacles = 0;
             for (int64_t lane = 0; lane < LANES; lane++) {
                 int64_t found = 0;
-                for (int64_t b = groups[6 * g + 2]; b < groups[6 * g + 3]; b++) {
+                for (int64_t b = groups[g].first_body; b < groups[g].last_body; b++) {
                     found |= pair_of[b * columns + column + lane] >= 0;
                 }
                 lanes |= found << lane;
@@ -117,49 +120,42 @@ static int64_t list_obstacle_blocks(
 // pairs, rows: of solids that move, as `rr1_list_solid_pairs` gives them; body, place: of each solid, as
 // `rr1_number_obstacles` has them; bodies, groups: of `ArmGeometry`, whose chains have at most `joint_count` joints;
 // columns: of `pair_of`, a multiple of LANES; room: four numbers for each pair of bodies.
-// body_pairs, group_pairs: their first four and five columns; solids: of each body pair.
+// solids: of each body pair.
 // counts: of group pairs, blocks of obstacles, blocks of groups.
 EXPORT void rr1_list_body_pairs(
-    const int64_t *pairs, const int64_t *rows, int64_t pair_count, const int64_t *body, const int64_t *place,
-    const int64_t *bodies, int64_t body_count, const int64_t *groups, int64_t group_count, int64_t joint_count,
-    int64_t columns, int64_t *room, int64_t *pair_of, int64_t *body_pairs, int64_t *solids, int64_t *group_pairs,
-    NearBlock *obstacle_blocks, int64_t *first_obstacle_block, NearBlock *group_blocks, int64_t *first_group_block,
-    int64_t counts[3]
+    const NumberPair *pairs, const ExactPair *rows, int64_t pair_count, const int64_t *body, const int64_t *place,
+    const Body *bodies, int64_t body_count, const Group *groups, int64_t group_count, int64_t joint_count,
+    int64_t columns, int64_t *room, int64_t *pair_of, ListedBodyPair *body_pairs, NumberPair *solids,
+    ListedGroupPair *group_pairs, NearBlock *obstacle_blocks, int64_t *first_obstacle_block,
+    NearBlock *group_blocks, int64_t *first_group_block, int64_t counts[3]
 ) {
     for (int64_t k = 0; k < body_count * columns; k++) pair_of[k] = -1;
     int64_t both = 0;
-    for (int64_t k = 0; k < pair_count; k++) both += body[pairs[2 * k]] >= 0 && body[pairs[2 * k + 1]] >= 0;
+    for (int64_t k = 0; k < pair_count; k++) both += body[pairs[k].one] >= 0 && body[pairs[k].other] >= 0;
     KeyedRow *keyed = (KeyedRow *)room;
     int64_t next = 0;
     for (int64_t k = 0; k < pair_count; k++) {
-        int64_t one = pairs[2 * k], two = pairs[2 * k + 1];
+        int64_t one = pairs[k].one, two = pairs[k].other;
         if (body[one] < 0) {
             pair_of[body[two] * columns + place[one]] = k;
         } else if (body[two] < 0) {
             pair_of[body[one] * columns + place[two]] = k;
         } else {
-            int64_t group = bodies[4 * body[one] + 3], other = bodies[4 * body[two] + 3];
-            keyed[next++] = (KeyedRow){(group * group_count + other) * joint_count + rows[3 * k + 2], k};
+            int64_t group = bodies[body[one]].group, other = bodies[body[two]].group;
+            // Sorted by both groups, then by the number of joints that move both bodies.
+            keyed[next++] = (KeyedRow){(group * group_count + other) * joint_count + rows[k].shared, k};
         }
     }
     keyed = sorted_rows(keyed, (KeyedRow *)room + both, both);
     int64_t families = 0, blocks = 0, group_done = 0;
     for (int64_t i = 0; i < both; i++) {
-        int64_t k = keyed[i].row, one = pairs[2 * k], two = pairs[2 * k + 1];
-        solids[2 * i] = one;
-        solids[2 * i + 1] = two;
-        body_pairs[4 * i] = body[one];
-        body_pairs[4 * i + 1] = body[two];
-        body_pairs[4 * i + 2] = rows[3 * k + 2];
-        body_pairs[4 * i + 3] = k;
+        int64_t k = keyed[i].row, one = pairs[k].one, two = pairs[k].other;
+        solids[i] = pairs[k];
+        body_pairs[i] = (ListedBodyPair){body[one], body[two], rows[k].shared, k};
         if (i == 0 || keyed[i].key != keyed[i - 1].key) {
-            int64_t group = bodies[4 * body[one] + 3], other = bodies[4 * body[two] + 3];
-            int64_t *family = group_pairs + 5 * families, column = other - other % LANES;
-            int same_group = families > 0 && family[-5] == group;
-            family[0] = group;
-            family[1] = other;
-            family[2] = rows[3 * k + 2];
-            family[3] = i;
+            int64_t group = bodies[body[one]].group, other = bodies[body[two]].group, column = other - other % LANES;
+            int same_group = families > 0 && group_pairs[families - 1].group == group;
+            group_pairs[families] = (ListedGroupPair){group, other, rows[k].shared, .first = i};
             while (group_done <= group) first_group_block[group_done++] = blocks;
             if (!same_group || group_blocks[blocks - 1].first != column) {
                 group_blocks[blocks++] = (NearBlock){column, 0, families};
@@ -167,7 +163,7 @@ EXPORT void rr1_list_body_pairs(
             group_blocks[blocks - 1].lanes |= (int64_t)1 << other % LANES;
             families++;
         }
-        group_pairs[5 * families - 1] = i + 1;
+        group_pairs[families - 1].last = i + 1;
     }
     while (group_done <= group_count) first_group_block[group_done++] = blocks;
     counts[0] = families;

@@ -4,6 +4,12 @@
 
 #include <stdint.h>
 
+// Two elements, or two solids, by number.
+typedef struct {
+    int64_t one;
+    int64_t other;
+} NumberPair;
+
 // Two bodies that move against each other.
 typedef struct {
     int64_t body;
@@ -16,6 +22,14 @@ typedef struct {
     int64_t column2;  // of q, along its columns
 } BodyPair;
 
+// The entries of `BodyPair` before those of its clearance map.
+typedef struct {
+    int64_t body;
+    int64_t other;
+    int64_t shared;
+    int64_t pair;
+} ListedBodyPair;
+
 // Two groups some bodies of which must not meet.
 typedef struct {
     int64_t group;
@@ -25,6 +39,15 @@ typedef struct {
     int64_t last;
     int64_t map;  // of all its pairs together, shaped like that of the first; -1: none
 } GroupPair;
+
+// The entries of `GroupPair` before its clearance map.
+typedef struct {
+    int64_t group;
+    int64_t other;
+    int64_t shared;
+    int64_t first;
+    int64_t last;
+} ListedGroupPair;
 
 // LANES obstacles or groups in a row, and which of them a group must not meet.
 typedef struct {

@@ -99,6 +99,7 @@ static double highest_speed(const double *alpha, const double *beta, int64_t cou
         int64_t upper = lowest_line(size, slope, count, 1.0, y), lower = lowest_line(size, slope, count, -1.0, y);
         double room = size[upper] + size[lower] - (slope[upper] - slope[lower]) * y;
         double closing = slope[upper] - slope[lower];
+        // The intersection of the two lines, except for rounding, or no y gives more room.
         if (room >= -1e-12 * size[upper] || closing <= 0.0) break;
         y = (size[upper] + size[lower]) / closing;
     }

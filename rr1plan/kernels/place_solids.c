@@ -47,14 +47,14 @@ static void describe(const ShapeSize *given, FixedSolid *solid, SolidShape *shap
         solid->core = CORE_LEFT_OUT;
         return;
     }
-    shape->bounds[0] = ball;
-    shape->bounds[1] = shape->radius = radius;
+    shape->ball_radius = ball;
+    shape->core_margin = shape->radius = radius;
     for (int k = 0; k < 3; k++) {
-        shape->bounds[5 + k] = half[k];
-        shape->bounds[8 + k] = core[k];
+        shape->box_half[k] = half[k];
+        shape->size[k] = core[k];
         if (given->kind != BODY_HALF_SPACE) shape->half[k] = core[k];
     }
-    shape->bounds[11] = offset;
+    shape->offset = offset;
 }
 
 // Describes solids object after object, of which the first `link_count` are links: those have no bodies and no places for
@@ -100,7 +100,14 @@ static void set_body(const SolidShape *shape, const Pose *at, ExactShape *row, P
     for (int k = 0; k < 9; k++) row->rotation[k] = at->rotation[k];
     for (int k = 0; k < 3; k++) row->origin[k] = at->origin[k];
     placed_point(at, shape->ball_center, row->ball_center);
-    for (int k = 0; k < 12; k++) (&row->ball_radius)[k] = shape->bounds[k];
+    row->ball_radius = shape->ball_radius;
+    row->radius = shape->core_margin;
+    for (int k = 0; k < 3; k++) {
+        row->box_center[k] = shape->box_center[k];
+        row->box_half[k] = shape->box_half[k];
+        row->size[k] = shape->size[k];
+    }
+    row->offset = shape->offset;
     *pose = *at;
     *center = (ExactPoint){row->ball_center[0], row->ball_center[1], row->ball_center[2]};
 }
@@ -109,9 +116,9 @@ static void set_body(const SolidShape *shape, const Pose *at, ExactShape *row, P
 static void set_shape(
     const FixedSolid *solid, const SolidShape *shape, const Pose *at, ObstacleShape *row, double *box, int64_t stride
 ) {
-    const double *box_center = shape->bounds + 2, *box_half = shape->bounds + 5, *normal = shape->bounds + 8;
+    const double *box_half = shape->box_half, *normal = shape->size;  // the latter of a half-space
     if (solid->kind == OBSTACLE_HALF_SPACE) {
-        double height = shape->bounds[11];
+        double height = shape->offset;
         *row = (ObstacleShape){.low = -INFINITY};
         for (int r = 0; r < 3; r++) {
             const double *R = at->rotation + 3 * r;
@@ -132,7 +139,7 @@ static void set_shape(
         return;
     }
     for (int k = 0; k < 9; k++) row->rotation[k] = at->rotation[k];
-    placed_point(at, box_center, row->center);
+    placed_point(at, shape->box_center, row->center);
     const double *half = solid->is_exact ? shape->half : box_half;
     for (int k = 0; k < 3; k++) row->half[k] = half[k];
     row->radius = shape->radius;

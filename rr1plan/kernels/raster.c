@@ -54,6 +54,7 @@ static int stays_in_contact(const ExactPair *pair, double padding, double moved,
         if (!erode(one.kind, one.size, depth, size)) continue;
         one.size = size;
         const ExactPoint *p = &raster->scratch->centers[pair->body], *o = &raster->scratch->centers[pair->other];
+        // Any first direction but zero will do; the centers may coincide.
         ExactPoint direction = {p->x - o->x, p->y - o->y, p->z - o->z + 1e-9};
         if (side == 0) direction = (ExactPoint){-direction.x, -direction.y, -direction.z};
         return core_gap(&two, &one, 0.0, RASTER_ROUNDING, &direction).upper <= 0.0;

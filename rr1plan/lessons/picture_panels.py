@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.playback.cspace.cspace_grid import compute_grid
@@ -14,7 +13,7 @@ from rr1plan.scene import Scene
 _PACKAGE = "rr1plan.lessons"
 
 
-def picture_panel(name: str, title: str, scripts: Sequence[str], data: Any) -> Panel:
+def picture_panel(name: str, title: str, scripts: Sequence[str], data: object) -> Panel:
     """A panel whose content, style and script are the files `page/<name>_panel.html`, `.css` (if any) and `.js`.
 
     Args:
@@ -35,7 +34,7 @@ def picture_panel(name: str, title: str, scripts: Sequence[str], data: Any) -> P
     )
 
 
-def slice_axes(scene: Scene, arm: str, columns: tuple[int, int]) -> dict[str, Any]:
+def slice_axes(scene: Scene, arm: str, columns: tuple[int, int]) -> dict[str, object]:
     """The axes of the picture of two joints: what `cspace_picture.js` finds in its data.
 
     Args:

@@ -51,7 +51,7 @@ def planar_data(checker: CollisionChecker) -> dict[str, Any]:
     return {"outlines": outlines, "pairs": list(rows.values())}
 
 
-def view_data(scene: Scene) -> dict[str, Any]:
+def view_data(scene: Scene) -> dict[str, object]:
     """The part of the plane that the tools of a scene of 2R arms reach, and its height.
 
     Args:
@@ -69,7 +69,7 @@ def view_data(scene: Scene) -> dict[str, Any]:
     return {"view": [(1.04 * corners.min(axis=0)).tolist(), (1.04 * corners.max(axis=0)).tolist()], "height": height}
 
 
-def _outline(name: str, shape: Shape, pose: Array) -> dict[str, Any]:
+def _outline(name: str, shape: Shape, pose: Array) -> dict[str, object]:
     """A shape seen from above: the hull of a few points, widened by a radius."""
     upright = bool(abs(pose[2, 2]) > 1.0 - _UPRIGHT)
     if isinstance(shape, Sphere) or (isinstance(shape, Cylinder) and upright):

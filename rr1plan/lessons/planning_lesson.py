@@ -26,6 +26,7 @@ from rr1plan.scene.problem import JointGoal, Problem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
     from rr1plan.playback.viewer.page_document import Document
@@ -40,7 +41,13 @@ COLORS = {
     "RRT*": "#a3428f",
     "PRM": "#00805c",
 }
-_DASHES: dict[str, Any] = {"Dijkstra": (0, (1, 1.2)), "A*": "-", "RRT": (0, (5, 1.5)), "RRT-Connect": "-.", "RRT*": "-"}
+_DASHES: dict[str, object] = {
+    "Dijkstra": (0, (1, 1.2)),
+    "A*": "-",
+    "RRT": (0, (5, 1.5)),
+    "RRT-Connect": "-.",
+    "RRT*": "-",
+}
 _STEPS = (0.15, 0.3, 0.6, 1.2)  # [rad]
 _BIASES = (0.0, 0.05, 0.3)
 _CELLS = (48, 36, 24)
@@ -178,7 +185,7 @@ class PlanningLesson(Lesson):
         axes.spines[["top", "right"]].set_visible(False)
 
 
-def _plain_ticks(axis: Any) -> None:
+def _plain_ticks(axis: Axis) -> None:
     """Ticks of a logarithmic axis at 50, 100, 200 and so on, as plain numbers."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
@@ -224,7 +231,7 @@ def _joined(space: Any, a: Array, b: Array) -> Array:
     return np.array([a, b - np.where(space.periodic, 2.0 * np.pi * np.round((b - a) / turn), 0.0)])
 
 
-def _row(variant: Variant, kinematics: Kinematics) -> dict[str, Any]:
+def _row(variant: Variant, kinematics: Kinematics) -> dict[str, object]:
     """A variant as the page reads it: events in columns, points with the tool's positions."""
     record = variant.record
     events = [event for step in record.steps for event in step]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.patches import Patch
@@ -106,7 +106,7 @@ class SixJointsLesson(Lesson):
         panel = picture_panel("slices", "Six joints", ("slice_raster.js",), data)
         return view_document(self.scene, options=options), (panel,)
 
-    def _motion_data(self, axis: str) -> dict[str, Any]:
+    def _motion_data(self, axis: str) -> dict[str, object]:
         rows = self.motions[axis]
         nearest = int(np.argmin(np.linalg.norm(rows - self.turning, axis=1)))
         return {
@@ -168,7 +168,7 @@ def _draw_slice(axes: Axes, grid: CSpaceGrid) -> dict[str, Patch]:
     return handles
 
 
-def _solution_data(solution: InverseSolution) -> dict[str, Any]:
+def _solution_data(solution: InverseSolution) -> dict[str, object]:
     state = "free" if solution.is_valid else "contact" if solution.within_limits else "limits"
     touching = ", ".join(f"{a} and {b}" for a, b in solution.touching)
     text = {"free": "free", "contact": f"in contact: {touching}", "limits": "outside the joint limits"}[state]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,12 +10,15 @@ from rr1plan.checks import Array
 from rr1plan.playback.cspace.configuration_space import CSpace
 from rr1plan.playback.cspace.cspace_torus import layer_image
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 _RADIUS, _TUBE = 1.0, 0.45
 _PIXELS = 700
 _RISE = 0.75  # elevation of the camera [rad]
 
 
-def draw_torus_surface(axes: Any, cspace: CSpace) -> None:
+def draw_torus_surface(axes: Axes, cspace: CSpace) -> None:
     """Draw it; the first angle goes around the torus, the second around its tube."""
     axes.imshow(torus_image(layer_image(cspace.grid)), interpolation="antialiased")
     axes.set_title("the same as a torus", loc="left")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.colors import ListedColormap
@@ -152,7 +152,7 @@ class TwoArmsLesson(Lesson):
     def _data(self) -> dict[str, tuple[str, str, float, str]]:
         return self._shown
 
-    def _arm(self, checker: CollisionChecker, name: str, number: int) -> dict[str, Any]:
+    def _arm(self, checker: CollisionChecker, name: str, number: int) -> dict[str, object]:
         other = self.arms[1 - number]
         layers = {other: arm_color(1 - number), **dict.fromkeys(self.scene.obstacles, "#6b9b5e")}
         axes = slice_axes(self.scene, name, (0, 1))
@@ -166,7 +166,7 @@ class TwoArmsLesson(Lesson):
             "columns": [2 * number, 2 * number + 1],
         }
 
-    def _scenario(self, name: str) -> dict[str, Any]:
+    def _scenario(self, name: str) -> dict[str, object]:
         pair = self.pairs[name]
         flat = np.packbits(pair.blocked.ravel(), bitorder="little")
         return {
@@ -374,7 +374,7 @@ def _own_steps(pair: PathPair, schedules: Sequence[_Schedule]) -> list[tuple[str
     return [*_first_steps(pair), ("schedules", "A schedule is a curve", text)]
 
 
-def _schedule_data(schedule: _Schedule) -> dict[str, Any]:
+def _schedule_data(schedule: _Schedule) -> dict[str, object]:
     curve = schedule.curve
     times = schedule.times if curve is None else curve.times
     return {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 from rr1plan.mirror.mirror_report import MirrorEvent, MirrorState, MirrorStatistics
 from rr1plan.playback.viewer import Panel, Viewer, ViewOptions
@@ -53,7 +52,7 @@ class MirrorPage:
             self._next_panel = now + _PANEL
 
 
-def _panel_state(state: MirrorState, statistics: MirrorStatistics, event: MirrorEvent | None) -> dict[str, Any]:
+def _panel_state(state: MirrorState, statistics: MirrorStatistics, event: MirrorEvent | None) -> dict[str, object]:
     corridor = state.corridor
     return {
         "time": state.time,

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -74,7 +73,7 @@ class ArmModel:
 
     joint_names: tuple[str, ...]
     limits: Limits
-    model: Any
+    model: pin.Model
     columns: NDArray[np.intp]
     gains: Array
     offsets: Array
@@ -190,7 +189,7 @@ def _depth_first(robot: Robot) -> list[Joint]:
     return ordered
 
 
-def _joint_model(joint: Joint) -> Any:
+def _joint_model(joint: Joint) -> pin.JointModel:
     """Pinocchio's joint model with one position; axis-aligned ones are faster."""
     aligned, unaligned = (
         (_PRISMATIC, pin.JointModelPrismaticUnaligned)
@@ -201,7 +200,7 @@ def _joint_model(joint: Joint) -> Any:
     return aligned[_AXES.index(axis)]() if axis in _AXES else unaligned(np.array(axis))
 
 
-def joint_twist(joint: Any) -> Array:
+def joint_twist(joint: pin.JointModel) -> Array:
     """Unit twist (linear, angular) of a one-degree-of-freedom joint in its frame, shape (6,)."""
     state = joint.createData()
     joint.calc(state, np.zeros(1))

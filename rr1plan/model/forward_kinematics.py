@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from threading import RLock
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -51,7 +50,7 @@ class Kinematics:
     def __repr__(self) -> str:
         return f"Kinematics({self.scene.name!r}, arms={list(self.arms)})"
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         """Pickle the scene; the model is rebuilt on loading."""
         return Kinematics, (self.scene, self.arms)
 

@@ -64,7 +64,7 @@ class SceneModel:
         self._bodies, self._frames = self.arm_model.bodies, self.arm_model.frames
         self._taken = np.maximum(self.columns, 0)
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         """Pickle the scene; the model is rebuilt on loading."""
         return SceneModel, (self.scene, self.arms)
 

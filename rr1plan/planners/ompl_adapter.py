@@ -122,7 +122,7 @@ def _search(
 # ---- building ---------------------------------------------------------------------------------
 
 
-def _space(question: Question) -> Any:
+def _space(question: Question) -> ob.StateSpace:
     n = len(question.lower)
     bounds = ob.RealVectorBounds(n)
     for i in range(n):
@@ -136,12 +136,12 @@ def _space(question: Question) -> Any:
 class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]  # the stubs of OMPL are not followed
     """Passes whole edges to the callback. Stores no reference to OMPL's objects: that would leak them."""
 
-    def __init__(self, information: Any, n: int, valid: Callable[[Array, Array], bool]) -> None:
+    def __init__(self, information: ob.SpaceInformation, n: int, valid: Callable[[Array, Array], bool]) -> None:
         super().__init__(information)
         self.valid, self.n = valid, n
         self.a, self.b = np.zeros(n), np.zeros(n)
 
-    def checkMotion(self, a: Any, b: Any) -> bool:
+    def checkMotion(self, a: ob.State, b: ob.State) -> bool:
         """Whether the straight line between two states is free."""
         self.a[:] = a[0 : self.n]
         self.b[:] = b[0 : self.n]
@@ -149,12 +149,12 @@ class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]  # the stubs of 
 
 
 def _information(
-    space: Any, question: Question, watch: Watch, edges: list[tuple[tuple[float, ...], ...]] | None = None
-) -> Any:
+    space: ob.StateSpace, question: Question, watch: Watch, edges: list[tuple[tuple[float, ...], ...]] | None = None
+) -> ob.SpaceInformation:
     n = len(question.lower)
     q = np.zeros(n)
 
-    def state_valid(state: Any) -> bool:
+    def state_valid(state: ob.State) -> bool:
         q[:] = state[0:n]
         return watch.in_time() and question.state_valid(q)
 
@@ -172,7 +172,7 @@ def _information(
     return information
 
 
-def _definition(information: Any, question: Question) -> Any:
+def _definition(information: ob.SpaceInformation, question: Question) -> ob.ProblemDefinition:
     definition = ob.ProblemDefinition(information)
     goals = ob.GoalStates(information)
     state = information.allocState()  # owned by Python; OMPL's freeState would free it twice
@@ -189,7 +189,7 @@ def _definition(information: Any, question: Question) -> Any:
     return definition
 
 
-def _set(search: Any, planner: str, name: str, value: Any) -> None:
+def _set(search: ob.Planner, planner: str, name: str, value: Any) -> None:
     setters = {_snake_case(n[3:]): n for n in dir(search) if n.startswith("set")}
     setter = setters[known_name(f"setting of OMPL's {planner}", name, setting_names(planner))]
     if not isinstance(value, bool | np.bool_) and finite_number(name, value) < 0.0:
@@ -208,7 +208,7 @@ def _snake_case(name: str) -> str:
 # ---- reading ----------------------------------------------------------------------------------
 
 
-def _solution(definition: Any, n: int) -> Answer:
+def _solution(definition: ob.ProblemDefinition, n: int) -> Answer:
     """The exact solution as an array; an approximate solution does not count."""
     if not definition.hasExactSolution():
         near = float(definition.getSolutionDifference()) if definition.hasApproximateSolution() else None
@@ -224,7 +224,9 @@ def _tree_of(edges: list[tuple[tuple[float, ...], ...]]) -> SearchTree:
     return SearchTree(np.array(list(index)), np.array(pairs, dtype=np.int64).reshape(-1, 2))
 
 
-def _explored(search: Any, information: Any, question: Question) -> tuple[SearchTree, NDArray[np.int64]]:
+def _explored(
+    search: ob.Planner, information: ob.SpaceInformation, question: Question
+) -> tuple[SearchTree, NDArray[np.int64]]:
     """A copy of the explored graph, and the indices of the goals in it."""
     n = len(question.lower)
     data = ob.PlannerData(information)
@@ -240,7 +242,7 @@ def _explored(search: Any, information: Any, question: Question) -> tuple[Search
 # ---- roadmaps ---------------------------------------------------------------------------------
 
 
-def _search_roadmap(search: Any, information: Any, question: Question, watch: Watch) -> Answer:
+def _search_roadmap(search: ob.Planner, information: ob.SpaceInformation, question: Question, watch: Watch) -> Answer:
     """Grow a roadmap in rounds and search it after each round; PRM* continues until the budget ends."""
     optimizing = isinstance(search, og.PRMstar)
     for _ in question.goals:
@@ -261,7 +263,7 @@ def _search_roadmap(search: Any, information: Any, question: Question, watch: Wa
     return answer
 
 
-def _after(watch: Watch, checks: int) -> Any:
+def _after(watch: Watch, checks: int) -> ob.PlannerTerminationCondition:
     """A termination condition that is true after `checks` more termination checks."""
     last = watch.checks + checks
 
@@ -271,7 +273,7 @@ def _after(watch: Watch, checks: int) -> Any:
     return ob.PlannerTerminationCondition(watch.guarded(is_over, failed=True))
 
 
-def _query_roadmap(search: Any, information: Any, question: Question) -> Answer:
+def _query_roadmap(search: ob.Planner, information: ob.SpaceInformation, question: Question) -> Answer:
     """The shortest path on the roadmap (Dijkstra 1959), or the distance from the start's component to a goal."""
     tree, ends = _explored(search, information, question)
     vertices = tree.vertices

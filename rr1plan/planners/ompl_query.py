@@ -152,7 +152,7 @@ def interrupts_kept(watch: Watch) -> Iterator[None]:
         yield
         return
 
-    def note(number: int, frame: Any) -> None:
+    def note(number: int, frame: object) -> None:
         watch.error, watch.over = KeyboardInterrupt(), True
 
     signal.signal(signal.SIGINT, note)

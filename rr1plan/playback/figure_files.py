@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rr1plan.checks import positive_number
 from rr1plan.errors import InputError
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _WIDEST = 100.0  # [inch]
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 # So that the same figure gives the same bytes.
-_NO_DATES: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+_NO_DATES: dict[str, dict[str, object]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
 
 class Look(NamedTuple):
@@ -49,7 +49,7 @@ def look_of(dark: bool) -> Look:
     return _DARK if dark else _LIGHT
 
 
-def style_of(look: Look) -> dict[str, Any]:
+def style_of(look: Look) -> dict[str, object]:
     """Settings of matplotlib: letters that are read from the last row when the figure fills a slide."""
     return {
         "font.family": "DejaVu Sans",

@@ -36,7 +36,7 @@ _TORQUE_STEP = 0.05
 _MOST = 200
 
 
-class _Rows(NamedTuple):
+class ConstraintRows(NamedTuple):
     """|a u + b x + c| <= 1 on every interval, each (n, rows), and x <= top (n + 1,)."""
 
     a: Array
@@ -59,11 +59,12 @@ def time_curve_with_torque(curve: Curve, limits: Limits, inverse_dynamics: Inver
     # Intervals are short also on straight lines, along which torques change.
     longest = np.asarray(curve.lengths / np.clip(np.ceil(curve.lengths / _TORQUE_STEP), 8, _MOST))
     grid = make_grid(curve, limits, longest)
-    rows = _stack(_rate_rows(curve, grid, limits), _torque_rows(curve, grid, limits.effort, inverse_dynamics))
-    return timed(curve, grid, _solve(curve, grid, rows))
+    rows = _stack(rate_rows(curve, grid, limits), _torque_rows(curve, grid, limits.effort, inverse_dynamics))
+    return timed(curve, grid, solve_speeds(curve, grid, rows))
 
 
-def _rate_rows(curve: Curve, grid: Grid, limits: Limits) -> _Rows:
+def rate_rows(curve: Curve, grid: Grid, limits: Limits) -> ConstraintRows:
+    """The rows of velocity and acceleration limits on the intervals of a grid."""
     second = grid.second(curve)
     begin, end = grid.first(curve, 0.0), grid.first(curve, 1.0)
     delta = grid.delta[:, None]
@@ -75,7 +76,7 @@ def _rate_rows(curve: Curve, grid: Grid, limits: Limits) -> _Rows:
         b.append(slowness)
     top = _top_speed(np.vstack([begin, end[-1:]]), limits)
     left, right = np.hstack(a), np.hstack(b)
-    return _Rows(left, right, np.zeros_like(left), top)
+    return ConstraintRows(left, right, np.zeros_like(left), top)
 
 
 def _top_speed(first: Array, limits: Limits) -> Array:
@@ -84,7 +85,7 @@ def _top_speed(first: Array, limits: Limits) -> Array:
     return np.asarray(np.maximum(slowest, 1e-12) ** -2.0)
 
 
-def _torque_rows(curve: Curve, grid: Grid, effort: Array, inverse_dynamics: InverseDynamics) -> _Rows:
+def _torque_rows(curve: Curve, grid: Grid, effort: Array, inverse_dynamics: InverseDynamics) -> ConstraintRows:
     second = grid.second(curve)
     a, b, c = [], [], []
     for at in (0.0, 1.0):
@@ -98,22 +99,22 @@ def _torque_rows(curve: Curve, grid: Grid, effort: Array, inverse_dynamics: Inve
         b.append(bent)
         c.append(static)
     parts = [np.hstack(part) / np.tile(effort, 2) for part in (a, b, c)]
-    return _Rows(parts[0], parts[1], parts[2], np.full(len(grid.delta) + 1, np.inf))
+    return ConstraintRows(parts[0], parts[1], parts[2], np.full(len(grid.delta) + 1, np.inf))
 
 
-def _stack(one: _Rows, other: _Rows) -> _Rows:
+def _stack(one: ConstraintRows, other: ConstraintRows) -> ConstraintRows:
     a, b, c = (np.hstack(pair) for pair in zip(one[:3], other[:3], strict=True))
-    return _Rows(a, b, c, np.minimum(one.top, other.top))
+    return ConstraintRows(a, b, c, np.minimum(one.top, other.top))
 
 
-def _solve(curve: Curve, grid: Grid, rows: _Rows) -> Array:
+def solve_speeds(curve: Curve, grid: Grid, rows: ConstraintRows) -> Array:
     """Squared speeds at the gridpoints (n + 1,), from TOPPRA, with lengths and speeds scaled to about one."""
     length = float(grid.delta.sum())
     pull = float((1.0 / np.maximum(np.abs(rows.a).max(axis=1), 1e-12)).max())
     unit = max(float(rows.top.max()), 1e-12)
     unit = min(unit, pull * length)
     points = np.concatenate([[0.0], np.cumsum(grid.delta / length)])
-    scaled = _Rows(rows.a * (unit / length), rows.b * unit, rows.c, rows.top / unit)
+    scaled = ConstraintRows(rows.a * (unit / length), rows.b * unit, rows.c, rows.top / unit)
     with _quiet():
         algorithm = TOPPRA([_Constraint(scaled)], _Line(points[-1]), points, solver_wrapper="seidel")
         _, speed, _, _ = algorithm.compute_parameterization(0.0, 0.0, return_data=True)
@@ -155,7 +156,7 @@ def _quiet() -> Iterator[None]:
 class _Constraint(LinearConstraint):  # type: ignore[misc]  # toppra has no types
     """Precomputed rows |a u + b x + c| <= 1."""
 
-    def __init__(self, rows: _Rows) -> None:
+    def __init__(self, rows: ConstraintRows) -> None:
         super().__init__()
         self.rows = rows
         self.dof = rows.a.shape[1]
@@ -175,7 +176,7 @@ class _Line(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc]  #
     def __init__(self, length: float) -> None:
         self.length = length
 
-    def __call__(self, path_positions: Any, order: int = 0) -> Array:
+    def __call__(self, path_positions: object, order: int = 0) -> Array:
         """The path parameter itself."""
         s = np.asarray(path_positions, dtype=np.float64)[..., None]
         return np.asarray(s if order == 0 else np.full_like(s, float(order == 1)))

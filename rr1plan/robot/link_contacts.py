@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Any
 
 import coal
 import numpy as np
@@ -15,6 +14,7 @@ from rr1plan.robot import Robot
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
 Pair = frozenset[str]
+_Placed = tuple[coal.CollisionGeometry, coal.Transform3s]
 # Bounding balls with a larger gap do not touch; rounding errors are below this [m].
 _SLACK = 1e-9
 
@@ -67,7 +67,7 @@ class LinkBodies:
         return poses
 
 
-def _ball(shapes: list[tuple[Any, Array]]) -> tuple[Array, float]:
+def _ball(shapes: list[tuple[coal.CollisionGeometry, Array]]) -> tuple[Array, float]:
     """Bounding sphere of a link's shapes: center in the link's frame (3,) and radius [m]."""
     for shape, _ in shapes:
         shape.computeLocalAABB()
@@ -77,16 +77,16 @@ def _ball(shapes: list[tuple[Any, Array]]) -> tuple[Array, float]:
     return center, float((np.linalg.norm(centers - center, axis=1) + radii).max())
 
 
-def _touch(one: list[tuple[Any, Any]], other: list[tuple[Any, Any]]) -> bool:
+def _touch(one: list[_Placed], other: list[_Placed]) -> bool:
     request = coal.CollisionRequest()
     return any(coal.collide(a, at, b, bt, request, coal.CollisionResult()) > 0 for a, at in one for b, bt in other)
 
 
-def _transform(T: Array) -> Any:
+def _transform(T: Array) -> coal.Transform3s:
     return coal.Transform3s(T[:3, :3], T[:3, 3])
 
 
-def coal_shape(shape: Shape) -> Any:
+def coal_shape(shape: Shape) -> coal.CollisionGeometry:
     """A link's shape as a Coal geometry (link meshes are convex)."""
     if isinstance(shape, Box):
         return coal.Box(*shape.size)

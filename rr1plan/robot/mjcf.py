@@ -12,7 +12,6 @@ import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -359,5 +358,5 @@ class _Reader:
         return all(end in self.bodies for end in ends)
 
 
-def _listed(names: Sequence[Any], most: int = 12) -> str:
+def _listed(names: Sequence[object], most: int = 12) -> str:
     return ", ".join(map(str, names[:most])) + (", ..." if len(names) > most else "")

@@ -73,9 +73,9 @@ class CompiledDocument:
     """
 
     document: Document
-    spec: Any
-    model: Any
-    geoms: tuple[Any, ...]
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel
+    geoms: tuple[mujoco.MjsGeom, ...]
     uses: tuple[GeomUse, ...]
     meshes: dict[str, Mesh]
 
@@ -125,7 +125,7 @@ def compile_document(document: Document, lookup: MeshLookup) -> CompiledDocument
     return CompiledDocument(document, spec, model, geoms, used, meshes)
 
 
-def _parsed(document: Document) -> Any:
+def _parsed(document: Document) -> mujoco.MjSpec:
     try:
         return mujoco.MjSpec.from_string(document.text)
     except (ValueError, RuntimeError) as error:
@@ -140,7 +140,7 @@ def _refusal(document: Document, error: Exception) -> FormatError:
     return document.error(f"MuJoCo does not take it: {message}", int(lines[-1]) if lines else None)
 
 
-def _use(geom: Any, paired: Container[str]) -> GeomUse:
+def _use(geom: mujoco.MjsGeom, paired: Container[str]) -> GeomUse:
     """The purpose of a geom; `paired` are the names of those that are in a pair."""
     hidden = geom.group >= _SEEN_GROUPS
     touches = bool(geom.contype or geom.conaffinity) or (bool(geom.name) and geom.name in paired)
@@ -156,7 +156,7 @@ def _use(geom: Any, paired: Container[str]) -> GeomUse:
 # ---- what MuJoCo passes over ------------------------------------------------------------------
 
 
-def _check_ranges(document: Document, spec: Any) -> None:
+def _check_ranges(document: Document, spec: mujoco.MjSpec) -> None:
     """Refuse ranges that MuJoCo takes for none."""
     automatic = mujoco.mjtLimited.mjLIMITED_AUTO
     for joint in spec.joints:
@@ -170,14 +170,14 @@ def _at(document: Document, element: Any, message: str) -> FormatError:
     return document.error(message, int(lines[-1]) if lines else None)
 
 
-def _check_keyframes(document: Document, spec: Any, model: Any) -> None:
+def _check_keyframes(document: Document, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
     for index, key in enumerate(spec.keys):
         if len(key.qpos) not in (0, model.nq):
             name = key.name or str(index)
             raise _at(document, key, f"keyframe {name!r} has {len(key.qpos)} values in qpos, expected {model.nq}")
 
 
-def _check_numbers(document: Document, model: Any) -> None:
+def _check_numbers(document: Document, model: mujoco.MjModel) -> None:
     """Refuse a model with a number that is not finite, such as 1e200 squared, or a length beyond all reason."""
     for name in _NUMBERS:
         if not np.isfinite(getattr(model, name)).all():
@@ -195,19 +195,19 @@ def _check_numbers(document: Document, model: Any) -> None:
 class _Meshes:
     """Reads the meshes that geoms use, and gives them to MuJoCo."""
 
-    def __init__(self, document: Document, lookup: MeshLookup, spec: Any) -> None:
+    def __init__(self, document: Document, lookup: MeshLookup, spec: mujoco.MjSpec) -> None:
         self.document = document
         self.lookup = lookup
         self.spec = spec
         self.faces = 0
 
-    def read(self, uses: Iterable[tuple[Any, GeomUse]]) -> dict[str, Mesh]:
+    def read(self, uses: Iterable[tuple[mujoco.MjsGeom, GeomUse]]) -> dict[str, Mesh]:
         """The meshes with files that are used, by name; geoms whose mesh is only looked at and not there are deleted.
 
         Raises:
             FormatError: a mesh that collides or gives mass and cannot be read, or more triangles than are read.
         """
-        users: dict[str, list[tuple[Any, GeomUse]]] = {}
+        users: dict[str, list[tuple[mujoco.MjsGeom, GeomUse]]] = {}
         for geom, use in uses:
             if geom.meshname:
                 users.setdefault(geom.meshname, []).append((geom, use))
@@ -222,7 +222,7 @@ class _Meshes:
                     found[asset.name] = mesh
         return found
 
-    def _mesh(self, asset: Any, file: MeshFile, users: list[tuple[Any, GeomUse]]) -> Mesh | None:
+    def _mesh(self, asset: mujoco.MjsMesh, file: MeshFile, users: list[tuple[mujoco.MjsGeom, GeomUse]]) -> Mesh | None:
         try:
             check_suffix(file.name, SUFFIXES)
             mesh = joined_mesh([part.mesh for part in read_mesh(self.lookup.first(f"mesh {file.name!r}", file.places))])
@@ -242,7 +242,7 @@ class _Meshes:
         return _placed(mesh, np.array(asset.refpos), np.array(asset.refquat), np.array(asset.scale))
 
 
-def _matters(geom: Any, use: GeomUse) -> bool:
+def _matters(geom: mujoco.MjsGeom, use: GeomUse) -> bool:
     """Whether a robot without this geom would hit or weigh something else."""
     weightless = geom.mass == 0.0 or geom.parent.explicitinertial or geom.parent.name == "world"
     return use.collides or geom.type != mujoco.mjtGeom.mjGEOM_MESH or not weightless

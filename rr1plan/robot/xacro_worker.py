@@ -52,7 +52,7 @@ def _expand(request: dict[str, Any]) -> str:
     return str(document.dom.toxml())
 
 
-def _refuse_special_files(event: str, arguments: tuple[Any, ...]) -> None:
+def _refuse_special_files(event: str, arguments: tuple[object, ...]) -> None:
     """Refuse to open a FIFO or device, which a file may include or load: reading it may never end."""
     if event != "open" or not isinstance(arguments[0], str | bytes):
         return

@@ -255,7 +255,7 @@ class Problem(Value, NotebookView):
         return Problem(scene, start, goal, arms=self.arms).with_margin(self.margin)
 
 
-def _moving_arms(scene: Scene, goal: Any, arms: Any) -> tuple[str, ...]:
+def _moving_arms(scene: Scene, goal: object, arms: object) -> tuple[str, ...]:
     """The arms that move, in the order of the scene."""
     if arms is not None:
         if not isinstance(arms, str | Sequence):
@@ -290,7 +290,7 @@ def _start(scene: Scene, arms: tuple[str, ...], start: Any) -> Array:
     )
 
 
-def _goals(scene: Scene, arms: tuple[str, ...], start: Array, goal: Any) -> dict[str, tuple[Goal, ...]]:
+def _goals(scene: Scene, arms: tuple[str, ...], start: Array, goal: object) -> dict[str, tuple[Goal, ...]]:
     """The alternatives of each arm; its start for an arm without a goal."""
     if isinstance(goal, Mapping):
         given = dict(goal)
@@ -312,7 +312,7 @@ def _alternatives(robot: Robot, arm: str, goal: Any) -> tuple[Goal, ...]:
     return alternatives
 
 
-def _is_numbers(value: Sequence[Any]) -> bool:
+def _is_numbers(value: Sequence[object]) -> bool:
     return len(value) > 0 and all(isinstance(v, int | float | np.number) for v in value)
 
 

@@ -91,7 +91,7 @@ class SceneContent(Value, NotebookView):
         return {}
 
     @cached_property
-    def kept_for_any_padding(self) -> dict[Any, Any]:
+    def kept_for_any_padding(self) -> dict[object, object]:
         """Cache of values that do not depend on padding, shared by scenes that differ in padding only."""
         return {}
 

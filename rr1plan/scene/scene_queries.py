@@ -40,7 +40,7 @@ def read_query(entry: Table, scene: Scene) -> Problem:
         return Problem(scene, start, goal, arms=arms)
 
 
-def problem_entries(problem: Problem) -> dict[str, Any]:
+def problem_entries(problem: Problem) -> dict[str, object]:
     """Entries from which `read_query` makes the same problem again."""
     starts = problem.scene.split(problem.start, problem.arms)
     goals = {arm: [_goal_entry(goal) for goal in alternatives] for arm, alternatives in problem.goal.items()}
@@ -75,7 +75,7 @@ def read_goal(entry: Table, key: str, frame: str = "tool") -> Any:
     return _one_goal(entry, key, value, frame)
 
 
-def _one_goal(entry: Table, place: str, value: Any, frame: str) -> Any:
+def _one_goal(entry: Table, place: str, value: object, frame: str) -> Any:
     if isinstance(value, str):
         return value
     if isinstance(value, list):

@@ -50,7 +50,7 @@ def read_pose(table: Table) -> Array:
     return read_only(T)
 
 
-def pose_entries(T: Array) -> dict[str, Any]:
+def pose_entries(T: Array) -> dict[str, object]:
     """Entries from which `read_pose` makes exactly this pose again."""
     entries: dict[str, Any] = {}
     R = T[:3, :3]
@@ -104,7 +104,7 @@ def read_geometries(table: Table, name: str, folder: Path) -> tuple[Geometry, ..
     return tuple(geometries)
 
 
-def geometries_entries(name: str, geometries: tuple[Geometry, ...]) -> dict[str, Any]:
+def geometries_entries(name: str, geometries: tuple[Geometry, ...]) -> dict[str, object]:
     """Entries from which `read_geometries` makes exactly these shapes again."""
     first = geometries[0]
     if len(geometries) == 1 and first.name == name and not pose_entries(first.pose):
@@ -116,7 +116,7 @@ def geometries_entries(name: str, geometries: tuple[Geometry, ...]) -> dict[str,
     }
 
 
-def _color_entry(color: Color | None) -> dict[str, Any]:
+def _color_entry(color: Color | None) -> dict[str, object]:
     return {} if color is None else {"color": list(color)}
 
 
@@ -217,7 +217,7 @@ def _inside(entry: Table, folder: Path) -> Path:
     return path
 
 
-def _shape_entry(shape: Shape) -> dict[str, Any]:
+def _shape_entry(shape: Shape) -> dict[str, object]:
     match shape:
         case Box():
             return {"box": list(shape.size)}

@@ -307,7 +307,7 @@ def _with_rules(scene: Scene, top: Table) -> Scene:
         return replace(scene, padding=padding, pair_padding=distances)
 
 
-def _read_pair(table: Table, key: str, value: Any) -> Pair:
+def _read_pair(table: Table, key: str, value: object) -> Pair:
     if not isinstance(value, list) or len(value) != 2 or not all(isinstance(name, str) for name in value):
         raise table.error(f"expected pairs of names, got {value!r}", key)
     return pair(*value)
@@ -318,7 +318,7 @@ def _both(names: Pair) -> list[str]:
     return sorted(names) * (2 if len(names) == 1 else 1)
 
 
-def _arm_entries(arm: Arm, robot: str) -> dict[str, Any]:
+def _arm_entries(arm: Arm, robot: str) -> dict[str, object]:
     entries: dict[str, Any] = {"robot": robot} | pose_entries(arm.base)
     if _is_file(robot):
         entries |= {"joints": list(arm.robot.joint_names), "tool": arm.robot.tool}
@@ -337,7 +337,7 @@ def _limits_entry(robot: Robot) -> Any:
     return {name: getattr(robot.limits, name).tolist() for name in _LIMITS}
 
 
-def _attachment_entries(name: str, held: Attachment) -> dict[str, Any]:
+def _attachment_entries(name: str, held: Attachment) -> dict[str, object]:
     entries: dict[str, Any] = {"arm": held.arm, "link": held.link} | pose_entries(held.pose)
     if held.touch:
         entries["touch"] = sorted(held.touch)

@@ -286,7 +286,7 @@ class Pause(Value):
 Segment = FreeMotion | StraightLine | MoveGripper | Attach | Detach | Pause
 
 
-def alternatives(goal: Any) -> tuple[Any, ...]:
+def alternatives(goal: object) -> tuple[object, ...]:
     """The alternatives of a goal of one arm, as they were given."""
     if isinstance(goal, str | Goal) or not isinstance(goal, Sequence):
         return (goal,)
@@ -308,14 +308,14 @@ def _check_arm_and_pairs(segment: Any) -> None:
     object.__setattr__(segment, "allow", frozenset(pairs))
 
 
-def _not_negative(name: str, value: Any) -> float:
+def _not_negative(name: str, value: object) -> float:
     number = finite_number(name, value)
     if not 0.0 <= number <= _LONGEST:
         raise InputError(f"{name} is {number:g}, expected a number from 0 to {_LONGEST:g}")
     return number
 
 
-def _place(goal: Any) -> str:
+def _place(goal: object) -> str:
     """A goal in a few words."""
     if isinstance(goal, PoseGoal):
         return f"{goal.frame!r} at {_vector(goal.position)} m"

@@ -38,7 +38,7 @@ class DecompositionTimeout(Exception):
 
 
 def decompose(
-    vertices: Array, faces: NDArray[np.int32], options: Mapping[str, Any], seconds: float, wait: Wait
+    vertices: Array, faces: NDArray[np.int32], options: Mapping[str, object], seconds: float, wait: Wait
 ) -> list[Array]:
     """The corners of CoACD's pieces of a mesh, each (n, 3).
 
@@ -110,7 +110,7 @@ def serve(seconds: float, options: Mapping[str, Any]) -> None:
     answer.close()
 
 
-def _pieces(vertices: Array, faces: NDArray[np.int32], options: Mapping[str, Any]) -> list[Array]:
+def _pieces(vertices: Array, faces: NDArray[np.int32], options: Mapping[str, object]) -> list[Array]:
     import coacd
 
     coacd.set_log_level("error")

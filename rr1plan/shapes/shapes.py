@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -158,7 +158,7 @@ class Mesh(Value):
         return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
 
 
-def _whole_numbers(faces: Any) -> NDArray[np.int32]:
+def _whole_numbers(faces: object) -> NDArray[np.int32]:
     """Face indices as integers; NumPy would truncate 1.5 to 1 and wrap large values."""
     array = number_array("mesh faces", faces)
     if not (np.abs(array) < 2**31).all() or (array != np.round(array)).any():

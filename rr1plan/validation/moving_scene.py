@@ -6,7 +6,6 @@ from bisect import bisect_right
 from collections.abc import Iterator
 from functools import cached_property
 from itertools import accumulate
-from typing import Any
 
 import numpy as np
 
@@ -62,7 +61,7 @@ class MovingScene:
                 _, name, _ = tables.element(arm, i)
                 raise InputError(f"{name!r} moves and has a half-space for a shape; expected a bounded shape")
 
-    def _instances(self, still: list[str]) -> dict[str, Any]:
+    def _instances(self, still: list[str]) -> dict[str, object]:
         """The arms as instances of models."""
         tables, arms = self.tables, self.tables.scene.arms
         models = [*(tables.model_of[i] for i in self.arms), len(tables.models) - 1]
@@ -95,7 +94,7 @@ class MovingScene:
             found.setdefault((tables.model_of[arm], configuration, rules.get(arm, b"")), []).append(place)
         return {first: others for first, *others in found.values()}
 
-    def _rule_rows(self) -> dict[str, Any]:
+    def _rule_rows(self) -> dict[str, object]:
         """The rules by the places of their owners."""
         if not self.tables.rules:
             return {"rule_count": 0}

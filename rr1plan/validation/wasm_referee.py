@@ -7,7 +7,6 @@ those of the planners. `playback/viewer/page/referee.js` runs them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +28,7 @@ def referee_module() -> bytes:
     return LIBRARY.module("referee.wasm")
 
 
-def referee_image(scene: Scene, joint_names: Sequence[str]) -> tuple[bytes, dict[str, Any]]:
+def referee_image(scene: Scene, joint_names: Sequence[str]) -> tuple[bytes, dict[str, object]]:
     """The memory image of a scene for motions of some joints, and the names of its elements.
 
     Roots of the image: `search`, without a motion; `limits` of the columns; of the model of all obstacles

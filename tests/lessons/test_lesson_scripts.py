@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import ast
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from script_runs import run_script
 
 import rr1plan as rp
 
@@ -93,15 +92,13 @@ CLAIMS: dict[str, tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: p.stem)
-def test_a_script_runs_and_prints_what_it_claims(script: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-W", "error", str(script)]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
-    at = 0
+def test_a_script_runs_and_prints_what_it_claims(
+    script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    said, at = run_script(script, tmp_path, monkeypatch, capfd), 0
     for claim in CLAIMS[script.stem]:
-        found = re.search(claim, done.stdout[at:])
-        assert found, f"{claim!r} is not in the rest of:\n{done.stdout}"
+        found = re.search(claim, said[at:])
+        assert found, f"{claim!r} is not in the rest of:\n{said}"
         at += found.end()
     written = [file for file in tmp_path.iterdir() if file.suffix in (".html", ".svg", ".png")]
     assert {file.suffix for file in written} >= {".html"}

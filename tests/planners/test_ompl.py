@@ -86,7 +86,7 @@ def test_a_seed_gives_the_same_bytes_again_after_other_searches(planner):
     first = solve(planner, iterations=2500)[0].waypoints.tobytes()
     solve("RRT", seed=77)
     assert solve(planner, iterations=2500)[0].waypoints.tobytes() == first
-    others = [solve(planner, iterations=2500, seed=s)[0].waypoints for s in (2, 3, 4)]
+    others = (solve(planner, iterations=2500, seed=s)[0].waypoints for s in (2, 3, 4))
     assert any(w is None or w.tobytes() != first for w in others)
 
 
@@ -223,7 +223,7 @@ def test_an_exception_in_a_callback_arrives_unchanged_and_searching_goes_on():
                     assert error.args == ("mine",)
                 else:
                     assert calls < 5, "the exception was lost"
-            assert solve(planner)[0].waypoints is not None
+            assert solve(planner, iterations=2500)[0].waypoints is not None
     """)
     assert_clean(done)
 

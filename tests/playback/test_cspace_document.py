@@ -15,9 +15,9 @@ import rr1plan as rp
 from rr1plan import CSpace
 from rr1plan.errors import InputError
 from rr1plan.planning import SearchTree
-from rr1plan.playback.cspace.cspace_page import _planar, _ranked_components
 from rr1plan.playback.cspace.cspace_verdict import verdict
 from rr1plan.playback.cspace.cspace_viewer import show_page
+from rr1plan.playback.viewer.page_document import unpack_array
 from rr1plan.robot import Joint, Link, Robot
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene.model_library import load_problems
@@ -54,14 +54,14 @@ def test_cells_are_sent_as_bits(lesson: rp.CSpace, tmp_path: Path) -> None:
         assert (bits == lesson.grid.layers[layer["name"]]).all()
 
 
-def test_the_starts_component_comes_first_and_the_goals_next(hopeless: rp.CSpace) -> None:
-    labels, shares = _ranked_components(hopeless)
-    grid = hopeless.grid
+def test_the_starts_component_comes_first_and_the_goals_next(hopeless: rp.CSpace, tmp_path: Path) -> None:
+    data, grid = told(hopeless.save_html(tmp_path / "page.html")), hopeless.grid
+    labels = unpack_array(data["labels"]).view(np.uint8)[: grid.free.size].reshape(grid.free.shape)
     assert hopeless.start is not None
     assert labels[grid.cell(hopeless.start)] == 1
     assert labels[grid.cell(hopeless.goals[0])] == 2
     assert ((labels > 0) == grid.free).all()
-    assert sum(shares) == pytest.approx(grid.free.mean())
+    assert sum(data["shares"]) == pytest.approx(grid.free.mean())
 
 
 def test_the_sentence_is_true(lesson: rp.CSpace, hopeless: rp.CSpace) -> None:
@@ -82,20 +82,23 @@ def test_a_tree_without_edges_is_no_trouble(lesson: rp.CSpace, tmp_path: Path) -
     assert told(picture.save_html(tmp_path / "page.html"))["tree"] is None
 
 
-def test_only_a_planar_arm_of_two_joints_is_two_bars(lesson: rp.CSpace, rr1_table: rp.Scene) -> None:
-    bars = _planar(lesson.grid)
+def test_only_a_planar_arm_of_two_joints_is_two_bars(lesson: rp.CSpace, rr1_table: rp.Scene, tmp_path: Path) -> None:
+    def planar(picture: rp.CSpace) -> dict[str, Any] | None:
+        return told(picture.save_html(tmp_path / "page.html"))["planar"]
+
+    bars = planar(lesson)
     assert bars is not None
     np.testing.assert_allclose(bars["bars"], [[1.0, 0.0], [0.7, 0.0]], atol=1e-12)
     moved = rp.Scene().with_arm(
         "arm", rp.load_robot("planar2r"), rp.transforms.pose([1.0, 2.0, 0.5], rpy=[np.pi, 0, 1])
     )
-    turned = _planar(rp.cspace(moved, resolution=8).grid)
+    turned = planar(rp.cspace(moved, resolution=8))
     assert turned is not None
     assert turned["senses"] == [-1.0, -1.0]
     np.testing.assert_allclose(turned["base"], [1.0, 2.0, 0.5])
     upright = rp.Scene().with_arm("arm", rp.load_robot("planar2r"), rp.transforms.pose([0, 0, 0], rpy=[1.0, 0, 0]))
-    assert _planar(rp.cspace(upright, resolution=8).grid) is None
-    assert _planar(rp.cspace(rr1_table, resolution=8).grid) is None
+    assert planar(rp.cspace(upright, resolution=8)) is None
+    assert planar(rp.cspace(rr1_table, resolution=8)) is None
 
 
 def test_a_motion_of_other_joints_is_refused(lesson: rp.CSpace, tmp_path: Path) -> None:

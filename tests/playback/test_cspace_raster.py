@@ -17,9 +17,14 @@ from rr1plan.transforms import pose
 CELLS = 48
 
 
+def centers_of(cells: int) -> np.ndarray:
+    """The middles of the cells of a full turn [rad]."""
+    return -np.pi + (np.arange(cells) + 0.5) * (2.0 * np.pi / cells)
+
+
 def raster_of(scene: rp.Scene, cells: int = CELLS, columns: tuple[int, int] = (0, 1)) -> CSpaceRaster:
     """A raster of full turns, as `compute_grid` makes them for joints without limits."""
-    centers = -np.pi + (np.arange(cells) + 0.5) * (2.0 * np.pi / cells)
+    centers = centers_of(cells)
     arm = scene.only_arm()
     return CSpaceRaster(CollisionChecker(scene, (arm,)), scene.arms[arm].q, columns, (centers, centers))
 
@@ -32,8 +37,8 @@ def images_by_coal(scene: rp.Scene, raster: CSpaceRaster, columns: tuple[int, in
     found = {name: np.zeros(raster.shape, np.bool_) for name in raster.ranges}
     for pair in checker.static_contacts:
         found[layer_of(scene, pair, arm)][:] = True
-    for i, first in enumerate(raster._axes[0]):
-        for j, second in enumerate(raster._axes[1]):
+    for i, first in enumerate(centers_of(raster.shape[0])):
+        for j, second in enumerate(centers_of(raster.shape[1])):
             q[list(columns)] = first, second
             for k in np.flatnonzero(checker.solid_distances(q) <= checker.solid_padding).tolist():
                 found[owners[k]][i, j] = True
@@ -113,7 +118,7 @@ def test_cells_that_are_whole_are_in_contact_everywhere(seed: int) -> None:
     scene = random_scene(seed)
     raster = raster_of(scene, 180)
     checker, rng, counts = raster.checker, np.random.default_rng(seed), np.zeros(2)
-    step = float(raster._axes[0][1] - raster._axes[0][0])
+    angles, step = centers_of(180), 2.0 * np.pi / 180
     for name in raster.ranges:
         whole, centers = raster.image(name, whole=True), raster.image(name)
         assert not (whole & ~centers).any()
@@ -122,7 +127,7 @@ def test_cells_that_are_whole_are_in_contact_everywhere(seed: int) -> None:
         for i, j in cells[rng.permutation(len(cells))[:60]]:
             corner = rng.integers(0, 2, 2) * 0.999 - 0.4995
             for offset in (corner, rng.uniform(-0.5, 0.5, 2)):
-                q = np.array([raster._axes[0][i], raster._axes[1][j]]) + step * offset
+                q = angles[[i, j]] + step * offset
                 touching = {x for contact in checker.contacts(q) for x in (contact.a, contact.b)}
                 assert name in touching
     # The rim is lost, and thin parts, but not more.

@@ -19,7 +19,7 @@ from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.retiming.path_blends import blend_sizes, clean, curves
 from rr1plan.retiming.path_speed import make_grid, time_polyline, timed
 from rr1plan.retiming.timed_pieces import as_trajectory
-from rr1plan.retiming.toppra_retiming import _rate_rows, _solve, time_curve_with_torque
+from rr1plan.retiming.toppra_retiming import rate_rows, solve_speeds, time_curve_with_torque
 
 
 def fastest_speeds(curve, grid, limits):
@@ -212,7 +212,7 @@ def test_the_compiled_passes_find_the_speeds_of_toppra(seed, nq, max_blend):
             continue
         grid = make_grid(curve, limits, curve.lengths)
         ours = fastest_speeds(curve, grid, limits)
-        toppras = _solve(curve, grid, _rate_rows(curve, grid, limits))
+        toppras = solve_speeds(curve, grid, rate_rows(curve, grid, limits))
         # TOPPRA keeps a little away from the bounds of its sets; what one interval lacks the next may have more of
         np.testing.assert_allclose(ours, toppras, rtol=2e-2, atol=1e-5 * toppras.max())
         assert timed(curve, grid, ours).duration == pytest.approx(timed(curve, grid, toppras).duration, rel=1e-3)
@@ -263,7 +263,7 @@ def test_limits_spread_over_decades_cost_no_time_and_are_held(seed, nq, max_blen
         ours = time_polyline(points[some], sizes[some], limits)
         bent = curve.coefficients[:, 2].any(axis=1)
         grid = make_grid(curve, limits, curve.lengths / np.where(bent, 16, 60))
-        toppras = timed(curve, grid, _solve(curve, grid, _rate_rows(curve, grid, limits))).within(limits)
+        toppras = timed(curve, grid, solve_speeds(curve, grid, rate_rows(curve, grid, limits))).within(limits)
         assert ours.duration <= toppras.duration * 1.005
         motion = as_trajectory(tuple(f"j{i}" for i in range(nq)), ours)
         shares = np.linspace(0.0, 1.0, 11)[:, None]

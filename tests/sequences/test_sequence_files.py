@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -9,7 +10,6 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.export.plan_files import _digest
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,8 @@ def altered(saved: Path, file: Path, change: object) -> Path:
     """A copy with another content and the hash of that."""
     document = json.loads(saved.read_text())
     change(document["content"])
-    document["sha256"] = _digest(document["content"])
+    canonical = json.dumps(document["content"], sort_keys=True, separators=(",", ":"))
+    document["sha256"] = hashlib.sha256(canonical.encode()).hexdigest()
     # In the order in which files are written.
     file.write_text(json.dumps({key: document[key] for key in ("format", "version", "kind", "sha256", "content")}))
     return file

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 import coal
 import numpy as np
@@ -129,7 +129,7 @@ def occupied_cells(cloud: PointCloud) -> Array:
 
 
 @lru_cache(maxsize=256)
-def coal_geometry(shape: Shape) -> Any:
+def coal_geometry(shape: Shape) -> coal.CollisionGeometry:
     """A shape as a `coal.CollisionGeometry`."""
     try:
         return _coal_geometry(shape)
@@ -139,7 +139,7 @@ def coal_geometry(shape: Shape) -> Any:
         raise BackendError(f"Coal cannot take a {type(shape).__name__}: {error}") from error
 
 
-def _coal_geometry(shape: Shape) -> Any:
+def _coal_geometry(shape: Shape) -> coal.CollisionGeometry:
     match shape:
         case Box(size):
             return coal.Box(*size)
@@ -159,7 +159,7 @@ def _coal_geometry(shape: Shape) -> Any:
             return _convex(shape) if shape.convex else surface_of(shape)
 
 
-def _convex(mesh: Mesh) -> Any:
+def _convex(mesh: Mesh) -> coal.CollisionGeometry:
     vertices, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     for vertex in mesh.vertices:
         vertices.append(vertex)
@@ -174,7 +174,7 @@ def _convex(mesh: Mesh) -> Any:
 _A_LITTLE = 1e-12
 
 
-def surface_of(mesh: Mesh) -> Any:
+def surface_of(mesh: Mesh) -> coal.BVHModelOBBRSS:
     """A mesh as Coal's hierarchy of triangles: a body wholly inside does not touch it."""
     corners = mesh.vertices[mesh.faces]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)

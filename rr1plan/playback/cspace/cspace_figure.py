@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -59,10 +60,10 @@ def swatch(color: str, pattern: int, **options: Any) -> Patch:
     return Patch(facecolor=color, edgecolor=ink_on(color), hatch=HATCHES[pattern], **options)
 
 
-def _legend(cspace: CSpaceQuery) -> list[Any]:
+def _legend(cspace: CSpaceQuery) -> list[Artist]:
     named = cspace.grid.name_spots()
     colors, patterns = layer_colors(cspace.grid), layer_patterns(cspace.grid)
-    handles: list[Any] = [
+    handles: list[Artist] = [
         swatch(color, patterns[name], label=name) for name, color in colors.items() if name not in named
     ]
     tree = cspace.drawn_tree

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.patheffects import withStroke
 
@@ -33,7 +34,7 @@ def gradient(
     )
 
 
-def write_name(axes: Any, name: str, at: Any, color: str) -> None:
+def write_name(axes: Axes, name: str, at: Any, color: str) -> None:
     """Write an obstacle's name on it, or on its image, so that nobody has to tell colors apart."""
     ink, rim = (INK, "white") if is_light(color) else ("white", color)
     text = axes.annotate(name, at, ha="center", va="center", color=ink, fontsize=12, zorder=5)

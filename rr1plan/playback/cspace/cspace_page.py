@@ -179,7 +179,7 @@ def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def _other_joints(grid: CSpaceGrid) -> list[dict[str, Any]]:
+def _other_joints(grid: CSpaceGrid) -> list[dict[str, object]]:
     """The joints of the arm that the picture does not show."""
     robot, columns = grid.scene.arms[grid.arm].robot, grid.scene.joint_names()
     bounds = zip(robot.joint_names, robot.limits.lower.tolist(), robot.limits.upper.tolist(), strict=True)
@@ -196,7 +196,7 @@ def _other_joints(grid: CSpaceGrid) -> list[dict[str, Any]]:
     ]
 
 
-def _live(grid: CSpaceGrid, planar: dict[str, Any] | None) -> dict[str, Any] | None:
+def _live(grid: CSpaceGrid, planar: dict[str, object] | None) -> dict[str, object] | None:
     """The tables with which the page computes images of obstacles that have been moved; None if none can be."""
     arm = grid.scene.arms[grid.arm]
     checker = CollisionChecker(grid.scene, (grid.arm,))
@@ -220,13 +220,13 @@ def _outlines(grid: CSpaceGrid, name: str) -> list[Array]:
     return [silhouette(g.shape, thing.pose @ g.pose) - thing.pose[:2, 3] for g in solid]
 
 
-def _bytes(values: NDArray[np.uint8]) -> dict[str, Any]:
+def _bytes(values: NDArray[np.uint8]) -> dict[str, object]:
     """Bytes as the words the page unpacks, zeros at the end."""
     flat = np.ascontiguousarray(values, dtype=np.uint8).ravel()
     return pack_array(np.frombuffer(flat.tobytes() + bytes(-len(flat) % 4), dtype="<u4"), "u4")
 
 
-def _layers(grid: CSpaceGrid, is_slice: bool) -> list[dict[str, Any]]:
+def _layers(grid: CSpaceGrid, is_slice: bool) -> list[dict[str, object]]:
     """The layers, in a slice also that of self-collision where it is empty: other slices of the page have some."""
     kinds, spots, colors, masks = {SELF: "self", LIMITS: "limits"}, grid.name_spots(), layer_colors(grid), grid.layers
     if is_slice and SELF not in masks:
@@ -255,7 +255,7 @@ def _ranked_components(cspace: CSpaceQuery) -> tuple[NDArray[np.uint8], list[flo
     return rank[grid.labels], [float(counts[k] / grid.labels.size) for k in order[: _CRUMB - 1]]
 
 
-def _tree(tree: DrawnTree) -> dict[str, Any]:
+def _tree(tree: DrawnTree) -> dict[str, object]:
     """The edges that are drawn, those nearer to their root first, and the tree each belongs to."""
     return {
         "vertices": pack_array(tree.vertices),
@@ -282,7 +282,7 @@ def _configuration(grid: CSpaceGrid, q: Any) -> Array:
     return full
 
 
-def _planar(grid: CSpaceGrid) -> dict[str, Any] | None:
+def _planar(grid: CSpaceGrid) -> dict[str, object] | None:
     """The arm as two joints in a horizontal plane (see `FlatArm`) and what it reaches, or None when it is not that."""
     arm = grid.scene.arms[grid.arm]
     flat = flat_arm(arm) if arm.robot.joint_names == grid.joint_names else None

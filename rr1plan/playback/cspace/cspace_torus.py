@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.patheffects import withStroke
@@ -65,11 +67,11 @@ def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Arr
     return np.asarray(image.transpose(1, 0, 2))
 
 
-def draw_torus(axes: Any, cspace: CSpaceQuery, note: bool = True) -> None:
+def draw_torus(axes: Axes, cspace: CSpaceQuery, note: bool = True) -> None:
     """Draw it; with a note that dashed edges meet, for which narrow axes have no room."""
     grid = cspace.grid
     axes.set_title("configuration space", loc="left", color=INK)
-    extent = [*_edges(grid.axes[0]), *_edges(grid.axes[1])]
+    extent = (*_edges(grid.axes[0]), *_edges(grid.axes[1]))
     axes.imshow(
         layer_image(grid, end_tints(cspace)),
         origin="lower",
@@ -113,7 +115,7 @@ def wrapped_pieces(points: Array, grid: CSpaceGrid) -> list[Array]:
     return [piece for piece in np.split(inside, cuts) if len(piece) > 1]
 
 
-def _draw_tree(axes: Any, cspace: CSpaceQuery, tree: DrawnTree) -> None:
+def _draw_tree(axes: Axes, cspace: CSpaceQuery, tree: DrawnTree) -> None:
     """The tree of the start and that of the goals, each in its end's color, a dot at each vertex of small ones."""
     dense = len(tree.edges) > 800
     for side, color in enumerate((START, GOAL)):
@@ -126,7 +128,7 @@ def _draw_tree(axes: Any, cspace: CSpaceQuery, tree: DrawnTree) -> None:
             axes.plot(*np.array(dots).T, ".", color=color, markersize=4.5, zorder=2)
 
 
-def _draw_path(axes: Any, path: Array, grid: CSpaceGrid) -> None:
+def _draw_path(axes: Axes, path: Array, grid: CSpaceGrid) -> None:
     length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
     done = 0.0
     for piece in wrapped_pieces(path, grid):
@@ -136,7 +138,7 @@ def _draw_path(axes: Any, path: Array, grid: CSpaceGrid) -> None:
         done += own
 
 
-def _draw_ends(axes: Any, cspace: CSpaceQuery) -> None:
+def _draw_ends(axes: Axes, cspace: CSpaceQuery) -> None:
     grid = cspace.grid
 
     def mark(q: Array, label: str, color: str, **style: Any) -> None:
@@ -157,7 +159,7 @@ def _draw_ends(axes: Any, cspace: CSpaceQuery) -> None:
         mark(cspace.start, "start", START, marker="o", markersize=12)
 
 
-def _draw_seams(axes: Any, grid: CSpaceGrid, note: bool) -> None:
+def _draw_seams(axes: Axes, grid: CSpaceGrid, note: bool) -> None:
     """Say which edges of the picture are the same place."""
     for axis, (closes, sides) in enumerate(zip(grid.periodic, (("left", "right"), ("bottom", "top")), strict=True)):
         for side in sides:
@@ -173,7 +175,7 @@ def _draw_seams(axes: Any, grid: CSpaceGrid, note: bool) -> None:
             axes.annotate(text if axis == 0 else "", xycoords="axes fraction", fontsize=12, color="#59616d", **spot)
 
 
-def _pi_ticks(axis: Any, low: float, high: float) -> None:
+def _pi_ticks(axis: Axis, low: float, high: float) -> None:
     half_turns = np.arange(np.ceil(low / (np.pi / 2) - 1e-9), np.floor(high / (np.pi / 2) + 1e-9) + 1)
     names = {-2: "−π", -1: "−π/2", 0: "0", 1: "π/2", 2: "π"}
     axis.set_ticks(half_turns * np.pi / 2, [names.get(int(k), f"{k / 2:g}π") for k in half_turns])

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.patches import Circle, PathPatch, Polygon
 from matplotlib.path import Path
 
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
 
-def draw_workspace(axes: Any, cspace: CSpaceQuery) -> None:
+def draw_workspace(axes: Axes, cspace: CSpaceQuery) -> None:
     """Draw it."""
     grid = cspace.grid
     scene = grid.scene
@@ -61,7 +62,7 @@ def draw_workspace(axes: Any, cspace: CSpaceQuery) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _draw_reach(axes: Any, cspace: CSpaceQuery) -> tuple[Array, float]:
+def _draw_reach(axes: Axes, cspace: CSpaceQuery) -> tuple[Array, float]:
     """Draw what the tool of a planar arm reaches; returns center and radius of the view."""
     grid = cspace.grid
     arm = grid.scene.arms[grid.arm]
@@ -104,7 +105,7 @@ def _tool(grid: CSpaceGrid, q: Array) -> Array:
     return np.asarray(_link_poses(grid, q)[grid.scene.arms[grid.arm].robot.tool][:2, 3])
 
 
-def _draw_arm(axes: Any, grid: CSpaceGrid, q: Array, color: Any, alpha: float, radius: float) -> None:
+def _draw_arm(axes: Axes, grid: CSpaceGrid, q: Array, color: Any, alpha: float, radius: float) -> None:
     robot = grid.scene.arms[grid.arm].robot
     poses = _link_poses(grid, q)
     for link in robot.links:

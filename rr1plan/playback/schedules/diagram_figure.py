@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import axes as mpl_axes
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
@@ -153,8 +154,8 @@ def _draw_axes(plot: mpl_axes.Axes, diagram: PairSchedule, axes: Axes, look: Loo
     plot.set_title(f"{diagram.names[0]} and {diagram.names[1]}, {diagram.times[-1]:.2f} s", loc="left")
 
 
-def _legend(diagram: PairSchedule, look: Look) -> list[Any]:
-    handles: list[Any] = [
+def _legend(diagram: PairSchedule, look: Look) -> list[Artist]:
+    handles: list[Artist] = [
         Patch(color=look.blocked, label="not proven free"),
         Line2D([], [], color=look.ink, linewidth=2.6, label="the plan"),
     ]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -130,8 +131,8 @@ def _name_conflicts(axes: Axes, line: TimelineRows, look: Look) -> None:
     )  # fmt: skip
 
 
-def _legend(line: TimelineRows, look: Look) -> list[Any]:
-    handles: list[Any] = [Patch(color=look.soft, label="moves")]
+def _legend(line: TimelineRows, look: Look) -> list[Artist]:
+    handles: list[Artist] = [Patch(color=look.soft, label="moves")]
     if line.waits:
         handles.append(Line2D([], [], color=look.soft, alpha=0.6, linewidth=4, label="waits"))
     if any(wait.others for wait in line.waits) and len(line.arms) <= _MOST_NAMED:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -44,7 +43,7 @@ class ArmVariation:
         )
 
 
-def varied_model(model: Any, scene: Scene, effort_limits: Array, variation: ArmVariation) -> Any:
+def varied_model(model: mujoco.MjModel, scene: Scene, effort_limits: Array, variation: ArmVariation) -> mujoco.MjModel:
     """A copy of a MuJoCo model with other arms.
 
     Args:
@@ -68,7 +67,7 @@ def varied_model(model: Any, scene: Scene, effort_limits: Array, variation: ArmV
     return varied
 
 
-def _add_payload(model: Any, body: int, payload: float) -> None:
+def _add_payload(model: mujoco.MjModel, body: int, payload: float) -> None:
     own, com = float(model.body_mass[body]), model.body_ipos[body].copy()
     total = own + payload
     model.body_mass[body] = total

@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
@@ -69,8 +69,8 @@ class MujocoScene:
     """
 
     scene: Scene
-    spec: Any
-    model: Any
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel
     joint_names: tuple[str, ...]
     body_names: tuple[str, ...]
     geom_elements: tuple[str, ...]
@@ -151,7 +151,7 @@ def build_mujoco(
     return MujocoScene(scene, spec, model, joints, bodies, elements, efforts, massless)
 
 
-def _compile(spec: Any) -> Any:
+def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
     try:
         return spec.compile()
     except ValueError as error:
@@ -203,7 +203,7 @@ class _Builder:
             if joint.kind != "fixed":
                 self._add_joint(body, arm, joint)
 
-    def _add_link(self, parent: Any, arm: str, link: Link, pose: Array) -> Any:
+    def _add_link(self, parent: mujoco.MjsBody, arm: str, link: Link, pose: Array) -> mujoco.MjsBody:
         body = self._add_body(parent, f"{arm}/{link.name}", pose)
         if link.inertial is not None and link.inertial.mass > 0.0:
             _set_inertial(body, link.inertial)
@@ -215,7 +215,7 @@ class _Builder:
         self._add_geoms(body, f"{arm}/{link.name}", link.collisions)
         return body
 
-    def _add_object(self, parent: Any, name: str, thing: Obstacle | Attachment) -> Any:
+    def _add_object(self, parent: mujoco.MjsBody, name: str, thing: Obstacle | Attachment) -> mujoco.MjsBody:
         body = self._add_body(parent, _body_name(name), thing.pose)
         if thing.mass is None:
             self._add_geoms(body, name, thing.geometries)
@@ -239,10 +239,10 @@ class _Builder:
             option.iterations, option.tolerance = 20, 1e-5
             option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
 
-    def _add_body(self, parent: Any, name: str, pose: Array) -> Any:
+    def _add_body(self, parent: mujoco.MjsBody, name: str, pose: Array) -> mujoco.MjsBody:
         return parent.add_body(name=name, pos=pose[:3, 3], quat=quaternion_from_rotation(pose[:3, :3]))
 
-    def _add_joint(self, body: Any, arm: str, joint: Joint) -> None:
+    def _add_joint(self, body: mujoco.MjsBody, arm: str, joint: Joint) -> None:
         slides = joint.kind == "prismatic"
         kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
         name = f"{arm}/{joint.name}"
@@ -250,7 +250,7 @@ class _Builder:
         body.add_joint(name=name, type=kind, axis=joint.axis, limited=mujoco.mjtLimited.mjLIMITED_FALSE)
         self.joints.append(_PlacedJoint(name, arm, joint))
 
-    def _add_geoms(self, body: Any, element: str, geometries: tuple[Geometry, ...], **surface: Any) -> None:
+    def _add_geoms(self, body: mujoco.MjsBody, element: str, geometries: tuple[Geometry, ...], **surface: Any) -> None:
         for index, geometry in enumerate(geometries):
             for part, options in enumerate(self._geom_options(geometry.shape)):
                 name = f"{element}#{index}.{part}"
@@ -349,7 +349,7 @@ def _body_name(element: str) -> str:
     return f"{element}#" if element.rstrip("#") == "world" else element
 
 
-def _pair_with_planes(scene: Scene, spec: Any, model: Any, elements: dict[str, str]) -> None:
+def _pair_with_planes(scene: Scene, spec: mujoco.MjSpec, model: mujoco.MjModel, elements: dict[str, str]) -> None:
     """Check shapes that arms move against planes as explicit pairs.
 
     MuJoCo's broad phase pairs a plane with every body, which takes a quarter of the time for contacts of many arms.
@@ -366,7 +366,7 @@ def _pair_with_planes(scene: Scene, spec: Any, model: Any, elements: dict[str, s
             spec.add_pair(geomname1=plane.name, geomname2=name, friction=friction, solref=geom.solref)
 
 
-def _body(model: Any, geom: str) -> int:
+def _body(model: mujoco.MjModel, geom: str) -> int:
     return int(model.geom_bodyid[model.geom(geom).id])
 
 
@@ -375,7 +375,7 @@ def loose_bodies(scene: Scene) -> dict[str, Obstacle]:
     return {name: thing for name, thing in scene.obstacles.items() if thing.mass is not None}
 
 
-def _set_inertial(body: Any, inertial: Inertial) -> None:
+def _set_inertial(body: mujoco.MjsBody, inertial: Inertial) -> None:
     inertia = inertial.inertia
     if np.linalg.eigvalsh(inertia)[0] < _LEAST_MOMENT:  # a point or nearly one
         inertia = inertia + _LEAST_MOMENT * np.eye(3)
@@ -385,7 +385,7 @@ def _set_inertial(body: Any, inertial: Inertial) -> None:
     body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
 
 
-def _offset(xyz: Any) -> Array:
+def _offset(xyz: ArrayLike | None) -> Array:
     T = np.eye(4)
     if xyz is not None:
         T[:3, 3] = xyz
@@ -400,7 +400,7 @@ def _frame_along(normal: Array) -> Array:
     return np.column_stack([x, np.cross(normal, x), normal])
 
 
-def _joint_inertia(model: Any, qpos: Array) -> Array:
+def _joint_inertia(model: mujoco.MjModel, qpos: Array) -> Array:
     """Inertia that each joint carries at qpos, the diagonal of the mass matrix, shape (nv,)."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
@@ -411,7 +411,7 @@ def _joint_inertia(model: Any, qpos: Array) -> Array:
     return np.asarray(data.M[model.M_rowadr + model.M_rownnz - 1])
 
 
-def _add_servo(spec: Any, placed: _PlacedJoint, stiffness: float, inertia: float, limited: bool) -> None:
+def _add_servo(spec: mujoco.MjSpec, placed: _PlacedJoint, stiffness: float, inertia: float, limited: bool) -> None:
     actuator = spec.add_actuator(name=placed.name, target=placed.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     actuator.set_to_pid(
         kp=stiffness**2 * inertia, kv=2.0 * stiffness * inertia, ctrlspec=_POSITION_VELOCITY_FEEDFORWARD

@@ -21,7 +21,6 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -115,10 +114,10 @@ class Tile:
         self.world = world
         self.columns = _as_slice(columns)
         self.joints = count = len(columns)
-        self._model: Any = world.model
+        self._model: mujoco.MjModel = world.model
         if variation is not None:
             self._model = varied_model(world.model, world.scene, world.effort_limits, variation)
-        self.data: Any = mujoco.MjData(self._model)
+        self.data: mujoco.MjData = mujoco.MjData(self._model)
         if threads > 1 and len(world.body_names) >= _A_HEAP:
             mujoco.mju_threadpool(self.data, threads - 1)
         # Views of MuJoCo's arrays, which stay where they are: to make one takes as long as a small sum.
@@ -140,7 +139,7 @@ class Tile:
                 self.proof = ContactProof(world)
 
     @property
-    def model(self) -> Any:
+    def model(self) -> mujoco.MjModel:
         """MuJoCo's model; from now on contacts are searched for in every state, as it may be changed."""
         if self.proof is not None:
             self.proof = None

@@ -100,7 +100,7 @@ class Camera(NamedTuple):
     target: Point
 
 
-def choose_camera(scene: Scene, motion: Trajectory | None = None, ends: Iterable[tuple[str, Any]] = ()) -> Camera:
+def choose_camera(scene: Scene, motion: Trajectory | None = None, ends: Iterable[tuple[str, object]] = ()) -> Camera:
     """A camera that sees most of the motion, or of the arms where there is none.
 
     Args:

@@ -96,7 +96,7 @@ def embed_html(text: str, height: int = 600) -> str:
     return f'<iframe srcdoc="{html.escape(text)}" sandbox="allow-scripts allow-downloads" style="{style}"></iframe>'
 
 
-def json_for_html(value: Any) -> str:
+def json_for_html(value: object) -> str:
     """JSON that can stand inside a script element whatever the strings in it are.
 
     Raises:

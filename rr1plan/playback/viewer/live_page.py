@@ -84,7 +84,7 @@ class LivePage:
 
     # ---- what the program does -----------------------------------------------------------
 
-    def set_document(self, document: dict[str, Any]) -> None:
+    def set_document(self, document: dict[str, object]) -> None:
         """Replace what the page shows."""
         with self._lock:
             self._version += 1

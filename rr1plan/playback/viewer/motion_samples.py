@@ -6,7 +6,7 @@ Positions and their derivatives are not among them: the page has the motion's ow
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ from rr1plan.trajectory import Trajectory
 if TYPE_CHECKING:
     from rr1plan.collision import CollisionChecker
 
-Pack = Callable[..., dict[str, Any]]
+Pack = Callable[..., dict[str, object]]
 
 _TORQUE_SAMPLES = 600
 _MOST_NUMBERS = 60_000  # sent of torques, and of tracking errors
@@ -31,7 +31,7 @@ _FEW_ARMS = 4  # above it clearances are sampled on demand only
 _MOST_PLACES = 40  # contacts of a report whose places are computed
 
 
-def torque_samples(scene: Scene, trajectory: Trajectory, columns: ArrayLike, pack: Pack) -> dict[str, Any]:
+def torque_samples(scene: Scene, trajectory: Trajectory, columns: ArrayLike, pack: Pack) -> dict[str, object]:
     """Torques by inverse dynamics, as the referee computes them.
 
     Args:
@@ -77,7 +77,7 @@ def _torque_times(trajectory: Trajectory) -> Array:
 
 def clearance_samples(
     scene: Scene, trajectory: Trajectory, pack: Pack, *, thorough: bool | None = None
-) -> dict[str, Any] | None:
+) -> dict[str, object] | None:
     """Clearances along a motion and their nearest points, of each arm to what surrounds it and among its own links.
 
     Args:
@@ -143,7 +143,7 @@ def _members(checker: CollisionChecker, arms: tuple[str, ...]) -> list[tuple[NDA
     return found
 
 
-def tracking_errors(replay: Replay, columns: ArrayLike, pack: Pack) -> dict[str, Any] | None:
+def tracking_errors(replay: Replay, columns: ArrayLike, pack: Pack) -> dict[str, object] | None:
     """Positions less set-points of a replay [rad or m], at some of its instants where there are very many.
 
     Args:

@@ -138,7 +138,7 @@ def view_document(
 
 def _planner(
     scene: Scene, problem: Problem | None, motion: Trajectory | None, bodies: BodyMotion | None
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """The planner of the page, for the arms of the problem, or of the motion, or for all."""
     if bodies is not None and bodies.bodies:
         return {"missing": "objects move along the replay, and pages plan among objects that stand still"}
@@ -170,7 +170,7 @@ def first_camera(scene: Scene, motion: Trajectory | None, ghosts: Iterable[Mappi
     return choose_camera(scene, motion, [(ghost["arm"], ghost["q"]) for ghost in ghosts])._asdict()
 
 
-def _finite(value: Any) -> Any:
+def _finite(value: object) -> Any:
     """Plain values without NaN and infinity, which JSON cannot hold: they become None."""
     if isinstance(value, dict):
         return {name: _finite(item) for name, item in value.items()}
@@ -232,7 +232,7 @@ def affine_value(robot: Robot, joint: Joint) -> tuple[int, float, float]:
     return -1, 0.0, offset + factor * robot.locked_joints[joint.name]
 
 
-def _link_parts(robot: Robot, index: Mapping[str, int], shapes: ShapeTable, kind: str) -> list[dict[str, Any]]:
+def _link_parts(robot: Robot, index: Mapping[str, int], shapes: ShapeTable, kind: str) -> list[dict[str, object]]:
     """The shapes of all links; a link without visual shapes is seen by its collision shapes."""
     parts = []
     for link in robot.links:
@@ -241,7 +241,7 @@ def _link_parts(robot: Robot, index: Mapping[str, int], shapes: ShapeTable, kind
     return parts
 
 
-def _spheres(links: Mapping[str, Iterable[Geometry]]) -> dict[str, Any]:
+def _spheres(links: Mapping[str, Iterable[Geometry]]) -> dict[str, object]:
     """Spheres around the shapes of links: of each its link, its level (see `collision.covers`), center and radius."""
     # Only here: what computes them loads Coal.
     from rr1plan.collision.sphere_covers import cover_geometries
@@ -258,7 +258,7 @@ def _spheres(links: Mapping[str, Iterable[Geometry]]) -> dict[str, Any]:
 # ---- objects -----------------------------------------------------------------------------
 
 
-def _part(geometry: Geometry, shapes: ShapeTable) -> dict[str, Any]:
+def _part(geometry: Geometry, shapes: ShapeTable) -> dict[str, object]:
     color = None if geometry.color is None else [_short(float(c)) for c in geometry.color]
     return {"shape": shapes.index(geometry.shape), "pose": _numbers(geometry.pose), "color": color}
 
@@ -267,7 +267,7 @@ def _object(name: str, geometries: Iterable[Geometry], pose: Array, shapes: Shap
     return {"name": name, "pose": _numbers(pose), "parts": [_part(g, shapes) for g in geometries]}
 
 
-def _bodies(motion: BodyMotion, times: Array, shapes: ShapeTable) -> dict[str, Any]:
+def _bodies(motion: BodyMotion, times: Array, shapes: ShapeTable) -> dict[str, object]:
     """Loose bodies, and their positions and quaternions along a replay."""
     return {
         "objects": [_object(name, body.geometries, np.eye(4), shapes) for name, body in motion.bodies.items()],
@@ -296,7 +296,7 @@ def _columns(joint_names: Iterable[str], scene: Scene) -> list[int]:
     return [place[known_name("joint of the scene", name, known)] for name in joint_names]
 
 
-def _track(trajectory: Trajectory, scene: Scene) -> dict[str, Any]:
+def _track(trajectory: Trajectory, scene: Scene) -> dict[str, object]:
     """A motion as polynomials; one with very many pieces as straight lines between samples."""
     columns = _columns(trajectory.joint_names, scene)
     exact = trajectory.coefficients.size <= _LARGEST_TRACK
@@ -309,7 +309,9 @@ def _track(trajectory: Trajectory, scene: Scene) -> dict[str, Any]:
     }
 
 
-def _shown_track(motion: Trajectory, scene: Scene, trajectory: Trajectory | None, path: Path | None) -> dict[str, Any]:
+def _shown_track(
+    motion: Trajectory, scene: Scene, trajectory: Trajectory | None, path: Path | None
+) -> dict[str, object]:
     """The motion of the page; the pieces of a replay or of a path say nothing of velocities."""
     track = _track(motion, scene)
     exact = track["exact"] and trajectory is not None
@@ -345,7 +347,7 @@ def _replayed(replay: Replay) -> Trajectory:
     return Trajectory(replay.joint_names, times, np.stack([positions[:-1], slopes], axis=1))
 
 
-def _summary(replay: Replay) -> dict[str, Any]:
+def _summary(replay: Replay) -> dict[str, object]:
     return {
         "mode": replay.mode,
         "worst_error": replay.worst_error,
@@ -354,11 +356,11 @@ def _summary(replay: Replay) -> dict[str, Any]:
     }
 
 
-def _compared(name: str, other: Trajectory, scene: Scene, options: ViewOptions) -> dict[str, Any]:
+def _compared(name: str, other: Trajectory, scene: Scene, options: ViewOptions) -> dict[str, object]:
     return {"name": name, **_track(other, scene), "samples": _samples(scene, other, options)}
 
 
-def _samples(scene: Scene, trajectory: Trajectory | None, options: ViewOptions) -> dict[str, Any]:
+def _samples(scene: Scene, trajectory: Trajectory | None, options: ViewOptions) -> dict[str, object]:
     """What the page plots of a motion beside its polynomials."""
     if trajectory is None or not trajectory.duration:
         return {"torque": None, "clearance": None}
@@ -371,7 +373,7 @@ def _samples(scene: Scene, trajectory: Trajectory | None, options: ViewOptions) 
 
 def _findings(
     scene: Scene, trajectory: Trajectory | None, report: Report | None, replay: Replay | None
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Tracking errors of a replay, and where the violations of a report are."""
     places = []
     if report is not None and trajectory is not None and trajectory.arms:
@@ -382,7 +384,7 @@ def _findings(
     }
 
 
-def _tree(tree: SearchTree, scene: Scene, problem: Problem | None, path: Path | None) -> dict[str, Any]:
+def _tree(tree: SearchTree, scene: Scene, problem: Problem | None, path: Path | None) -> dict[str, object]:
     """The edges of a search tree that are drawn, and whose they are: 0 the start's, 1 a goal's."""
     names = scene.joint_names(problem.arms if problem is not None else None)
     if tree.vertices.shape[1] != len(names):
@@ -414,7 +416,7 @@ def _ghosts(problem: Problem) -> list[dict[str, Any]]:
     return ghosts
 
 
-def _targets(problem: Problem) -> list[dict[str, Any]]:
+def _targets(problem: Problem) -> list[dict[str, object]]:
     """Every goal that is a place in the world."""
     targets: list[dict[str, Any]] = []
     for arm, goals in problem.goal.items():

@@ -107,7 +107,7 @@ def _why_missing(scene: Scene, arms: tuple[str, ...]) -> str:
     return ""
 
 
-def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[str, Any]:
+def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[str, object]:
     space, known, began = joint_space(scene, arms), scene.joint_names(), perf_counter()
     cut_meshes(scene, lambda _: perf_counter() - began < _MOST_SECONDS)
     with checker_from_pool(scene, arms, margin) as checker:
@@ -176,7 +176,7 @@ def _searches(checker: CollisionChecker) -> list[tuple[str, IkSearch]]:
     return searches
 
 
-def _frame(scene: Scene, name: str, search: IkSearch, checker: CollisionChecker) -> dict[str, Any]:
+def _frame(scene: Scene, name: str, search: IkSearch, checker: CollisionChecker) -> dict[str, object]:
     """A frame for inverse kinematics, and what the search depends on by the kind of its target."""
     arm = name.removeprefix("tool of ")
     robot, goal = scene.arms[arm].robot, PoseGoal("tool", np.eye(4))

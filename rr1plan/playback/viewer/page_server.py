@@ -16,7 +16,6 @@ import socket
 import threading
 from collections.abc import Callable
 from itertools import count
-from typing import Any
 
 from tornado.httpserver import HTTPServer
 from tornado.web import Application, HTTPError, RequestHandler
@@ -67,7 +66,7 @@ class PageServer:
             number = next(i for i in count(1) if i not in self._pages)
             url = f"http://{_ADDRESS}:{self.port}/" + ("" if number == 1 else f"{number}/")
 
-            def run(act: Callable[[], Any]) -> None:
+            def run(act: Callable[[], object]) -> None:
                 if not self.has(page):
                     raise InputError("the viewer is closed; call show again")
                 self._loop.call_soon_threadsafe(act)

@@ -8,7 +8,7 @@ from typing import Any, assert_never
 
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
-Pack = Callable[..., dict[str, Any]]
+Pack = Callable[..., dict[str, object]]
 
 
 class ShapeTable:
@@ -31,7 +31,7 @@ class ShapeTable:
             self.rows.append(self._row(shape))
         return self._known[key]
 
-    def _row(self, shape: Shape) -> dict[str, Any]:
+    def _row(self, shape: Shape) -> dict[str, object]:
         match shape:
             case Box():
                 return {"kind": "box", "size": list(shape.size)}
