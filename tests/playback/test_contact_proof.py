@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.playback.simulation import tiles
 from rr1plan.playback.simulation.contact_proof import ContactProof
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
 from rr1plan.robot import Geometry, Inertial, Joint, Link, Robot
@@ -75,6 +76,81 @@ def test_runs_with_and_without_proofs_are_equal_to_the_byte(seed: int, push: flo
     assert fast.contacts  # some states have contacts,
     assert fast.proof is not None
     assert 200 < fast.proof.proven < 1000  # and many are proven to have none
+
+
+def held_and_tilted() -> rp.Scene:
+    """The ring with one arm that holds a rod, one that holds a weight, and one that hangs a little askew."""
+    scene = ring(4, 0.58)
+    arm = scene.arms["a2"]
+    scene = scene.with_arm("a2", arm.robot, arm.base @ pose(rpy=[0.1, -0.2, 0.0]))
+    for name, owner, mass in (("rod", "a0", None), ("weight", "a1", 0.4)):
+        above = scene.arms[owner].base[:3, 3] + [0.0, 0.0, 1.3]
+        scene = scene.with_obstacle(name, rp.Capsule(0.01, 0.2), above, mass=mass).attach(name, owner)
+    return scene
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_arms_in_blocks_on_threads_move_as_in_one_model(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
+    monkeypatch.setattr(tiles, "_ARMS_IN_A_BLOCK", 1)
+    scene = held_and_tilted()
+    shared = rp.Simulation(scene, threads=threads)
+    whole = rp.Simulation(scene)
+    _ = whole.model  # every step by one model, with a search for contacts
+    (tile,) = shared.tiles
+    assert len(tile.blocks) == threads
+    taken = 0
+    runs: list[tuple[rp.Simulation, list[bytes]]] = [(shared, []), (whole, [])]
+    for sim, states in runs:
+        follow = rp.JointTrajectoryController(scene.joint_names(), goal_tolerance=np.inf)
+        sim.activate(follow)
+        for repeat in range(2):
+            follow.send(wander(scene, scene.joint_names(), 1, 0.4))
+            for _ in range(280):
+                taken += sim is shared and tile.proven
+                sim.step()
+                states.append(sim.positions.tobytes() + sim.velocities.tobytes() + sim.efforts.tobytes())
+            if repeat == 0:
+                sim.reset()
+    assert runs[0][1] == runs[1][1]
+    assert shared.contacts == whole.contacts != ()
+    assert 40 < taken < 500
+    # Whoever looks finds everything as if one model had taken all steps.
+    for name in ("time", "qpos", "qvel", "qacc", "ctrl", "actuator_force", "qfrc_bias", "xpos", "geom_xpos", "ncon"):
+        np.testing.assert_array_equal(getattr(shared.data, name), getattr(whole.data, name))
+    assert not tile.blocks
+
+
+def test_varied_arms_are_not_divided(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Friction makes constraints, whose solver ends when those of all arms of a model are met.
+    monkeypatch.setattr(tiles, "_ARMS_IN_A_BLOCK", 1)
+    assert not rp.Simulation(ring(4, 1.5), threads=2, variation=rp.ArmVariation(friction=0.01)).tiles[0].blocks
+
+
+def test_data_may_be_changed_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tiles, "_ARMS_IN_A_BLOCK", 2)
+    runs = []
+    for threads in (1, 2):
+        sim = rp.Simulation(ring(4, 1.5), threads=threads)
+        assert len(sim.tiles[0].blocks) == (2 if threads == 2 else 0)
+        sim.step(30)
+        sim.data.qfrc_applied[1] = 20.0
+        sim.step(30)
+        runs.append((sim.positions.tobytes(), sim.data.time, sim.data.xpos.tobytes()))
+        assert sim.tiles[0].proof is not None
+        assert sim.tiles[0].proof.proven == 61
+    assert runs[0] == runs[1]
+
+
+def test_an_unstable_block_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tiles, "_ARMS_IN_A_BLOCK", 2)
+    sim = rp.Simulation(ring(4, 1.5), dt=0.1, stiffness=3000.0, threads=2)
+    assert sim.tiles[0].blocks
+    names = sim.scene.joint_names()
+    drive = rp.ForwardVelocityController(names)
+    sim.activate(drive)
+    drive.command(np.full(len(names), 0.5))
+    with pytest.raises(rp.BackendError, match="unstable"):
+        sim.run(duration=200.0)
 
 
 def test_no_state_that_is_proven_has_a_contact() -> None:

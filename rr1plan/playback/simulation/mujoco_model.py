@@ -111,7 +111,12 @@ Solver = Literal["newton", "cg"]
 
 
 def build_mujoco(
-    scene: Scene, *, timestep: float = 0.002, stiffness: float = 160.0, solver: Solver = "newton"
+    scene: Scene,
+    *,
+    timestep: float = 0.002,
+    stiffness: float = 160.0,
+    solver: Solver = "newton",
+    shapes: bool = True,
 ) -> MujocoScene:
     """Build and compile a scene's MuJoCo model.
 
@@ -121,6 +126,7 @@ def build_mujoco(
         stiffness: Natural frequency of the joint servos [rad/s]; gains follow from the inertia each
             joint carries in the scene's configuration (kp = stiffness² M_jj), critically damped.
         solver: What computes contact forces of loose bodies, see `Simulation`.
+        shapes: Whether bodies have shapes; without them nothing touches, and arms move as they do without contacts.
 
     Returns:
         The model with one `pid` actuator (position, velocity, feed-forward) for each movable joint.
@@ -129,7 +135,7 @@ def build_mujoco(
         BackendError: MuJoCo does not take the scene.
         InputError: a point cloud of too many cells.
     """
-    builder = _Builder(scene, timestep, solver)
+    builder = _Builder(scene, timestep, solver, shapes)
     spec = builder.spec
     model = _compile(spec)
     configuration = model.qpos0.copy()
@@ -170,8 +176,9 @@ class _PlacedJoint:
 class _Builder:
     """Fills an MjSpec from a scene."""
 
-    def __init__(self, scene: Scene, timestep: float, solver: Solver) -> None:
+    def __init__(self, scene: Scene, timestep: float, solver: Solver, shapes: bool) -> None:
         self.scene = scene
+        self.shapes = shapes
         self.spec = mujoco.MjSpec()
         self.spec.modelname = scene.name
         self.spec.option.timestep = timestep
@@ -193,7 +200,7 @@ class _Builder:
             body = self._add_object(self.spec.worldbody, name, obstacle)
             if obstacle.mass is not None:
                 body.add_freejoint(name=_body_name(name))
-        for a, b in _excluded_pairs(scene):
+        for a, b in _excluded_pairs(scene) if shapes else ():
             self.spec.add_exclude(bodyname1=_body_name(a), bodyname2=_body_name(b))
 
     def _add_arm(self, arm: str, robot: Robot, base: Array) -> None:
@@ -251,7 +258,7 @@ class _Builder:
         self.joints.append(_PlacedJoint(name, arm, joint))
 
     def _add_geoms(self, body: mujoco.MjsBody, element: str, geometries: tuple[Geometry, ...], **surface: Any) -> None:
-        for index, geometry in enumerate(geometries):
+        for index, geometry in enumerate(geometries if self.shapes else ()):
             for part, options in enumerate(self._geom_options(geometry.shape)):
                 name = f"{element}#{index}.{part}"
                 T = geometry.pose @ _offset(options.pop("offset", None))

@@ -9,12 +9,12 @@
 
 In each step the controllers see the state at its beginning; their set-points go to servos with a feed-forward torque
 from inverse dynamics at that state (computed torque control). Arms that can never meet are in separate MuJoCo models,
-which are stepped side by side on threads; the numbers do not depend on the number of threads.
+which are stepped side by side on threads, as are parts of one model while its arms touch nothing; the numbers do not
+depend on the number of threads.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
 import threading
 import time
@@ -39,28 +39,20 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import BackendError, ControllerError, InputError, UnknownNameError
 from rr1plan.path import check_joint_names
-from rr1plan.playback.simulation.arm_variation import ArmVariation, varied_model
+from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.contact_log import ContactLog
-from rr1plan.playback.simulation.contact_proof import ContactProof
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.playback.simulation.mujoco_model import MujocoScene, Solver, build_mujoco
 from rr1plan.playback.simulation.replay import ReplayContact
-from rr1plan.playback.simulation.tiles import check_memory, tile_scenes
+from rr1plan.playback.simulation.stepped_models import SteppedModel, Tile, as_slice
+from rr1plan.playback.simulation.tiles import block_scenes, check_memory, tile_scenes
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
 
-_UNSTABLE = np.array(
-    [getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}") for kind in ("QPOS", "QVEL", "QACC", "CTRL")], int
-)
 _MOST_STIFFNESS = 1e6  # [rad/s]
 _LONGEST_STEP = 1.0  # [s]
-# Fewer loose bodies are slower on several threads, and of fewer arms contacts are found sooner than excluded.
-_A_HEAP, _MANY_ARMS = 50, 4
-# What is left out where no contact is possible; arms have no springs and dampers, for which MuJoCo looks in each step.
-_DISABLED = mujoco.mjtDisableBit
-_NO_CONTACTS = int(_DISABLED.mjDSBL_CONTACT | _DISABLED.mjDSBL_SPRING | _DISABLED.mjDSBL_DAMPER)
 # Steps of one call; more take hours, and a replay of them more memory than there is.
 _MOST_STEPS = 5_000_000
 # Real time is waited for when the simulation is ahead of it by more than this [s].
@@ -84,153 +76,6 @@ def step_count(seconds: float, dt: float) -> int:
     return max(1, math.ceil(seconds / dt - 1e-9))
 
 
-def _as_slice(indices: NDArray[np.int64]) -> NDArray[np.int64] | slice:
-    """Indices in a row as a slice, by which arrays are read and written several times faster; others as they are."""
-    first = int(indices[0]) if len(indices) else 0
-    end = first + len(indices)
-    return slice(first, end) if np.array_equal(indices, np.arange(first, end)) else indices
-
-
-class Tile:
-    """One MuJoCo model of a simulation: some of its arms with the obstacles.
-
-    Args:
-        world: The compiled model.
-        columns: Index of each of its joints among those of the simulation.
-        threads: Threads for contacts of many loose bodies.
-        variation: How the arms differ from their description, unknown to the feed-forward torque.
-
-    Attributes:
-        data: MuJoCo's data.
-        proof: What decides whether contacts need to be searched for; None: they are searched for in every state.
-        joints: Number of its joints.
-        state: Views of their positions, velocities and efforts, shape (joints,) each.
-        bodies: Index of each of its loose bodies among them.
-    """
-
-    def __init__(
-        self, world: MujocoScene, columns: NDArray[np.int64], threads: int, variation: ArmVariation | None = None
-    ) -> None:
-        self.world = world
-        self.columns = _as_slice(columns)
-        self.joints = count = len(columns)
-        self._model: mujoco.MjModel = world.model
-        if variation is not None:
-            self._model = varied_model(world.model, world.scene, world.effort_limits, variation)
-        self.data: mujoco.MjData = mujoco.MjData(self._model)
-        if threads > 1 and len(world.body_names) >= _A_HEAP:
-            mujoco.mju_threadpool(self.data, threads - 1)
-        # Views of MuJoCo's arrays, which stay where they are: to make one takes as long as a small sum.
-        data = self.data
-        self.state = data.qpos[:count], data.qvel[:count], data.actuator_force
-        self._control = data.ctrl.reshape(count, 3)
-        # The arms as described, where they are others: of them the servos know.
-        self._described = data if variation is None else mujoco.MjData(world.model)
-        self._bias = self._described.qfrc_bias[:count]
-        self.bodies = {name: i for i, name in enumerate(world.body_names)}
-        self._torque, self._accelerations = np.zeros((2, self._model.nv))
-        self._alarms = data.warning.number
-        self._state_size = mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_INTEGRATION)
-        self.proof: ContactProof | None = None
-        self._searching = True
-        if len(world.scene.arms) >= _MANY_ARMS and not world.body_names:
-            # Scenes that cannot be checked can still be simulated.
-            with contextlib.suppress(InputError):
-                self.proof = ContactProof(world)
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """MuJoCo's model; from now on contacts are searched for in every state, as it may be changed."""
-        if self.proof is not None:
-            self.proof = None
-            self._search(True)
-        return self._model
-
-    def _search(self, contacts: bool) -> None:
-        """Let MuJoCo search for contacts, or not."""
-        if contacts == self._searching:
-            return
-        self._searching = contacts
-        flags = self._model.opt.disableflags
-        self._model.opt.disableflags = flags & ~_NO_CONTACTS if contacts else flags | _NO_CONTACTS
-
-    def refresh(self) -> None:
-        """Compute all that follows from the state: poses, contacts, bias torques."""
-        if self.proof is not None:
-            self._search(not self.proof.covers(self.state[0], self.state[1], self._accelerations[: self.joints]))
-        mujoco.mj_step1(self._model, self.data)
-
-    def place(self, positions: Array, velocities: Array) -> None:
-        """Put its joints where all joints of the simulation are to be, without `refresh`."""
-        self.state[0][:] = positions[self.columns]
-        self.state[1][:] = velocities[self.columns]
-
-    def begin(self, positions: Array, velocities: Array) -> None:
-        """Begin anew with these positions and velocities of all joints of the simulation."""
-        mujoco.mj_resetData(self._model, self.data)
-        self.place(positions, velocities)
-        self.refresh()
-
-    def _command(self, positions: Array, velocities: Array, accelerations: Array, efforts: Array) -> None:
-        """Set-points of all joints of the simulation for the next step, with the feed-forward torque."""
-        control, joints = self._control, self.joints
-        self._accelerations[:joints] = accelerations[self.columns]
-        if self._described is not self.data:
-            self._describe()
-        mujoco.mj_mulM(self.world.model, self._described, self._torque, self._accelerations)
-        control[:, 0] = positions[self.columns]
-        control[:, 1] = velocities[self.columns]
-        control[:, 2] = self._torque[:joints] + self._bias + efforts[self.columns]
-
-    def _describe(self) -> None:
-        """Compute inertia and bias torques of the arms as described, at the present state."""
-        data, model = self._described, self.world.model
-        data.qpos[:], data.qvel[:] = self.data.qpos, self.data.qvel
-        for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_makeM, mujoco.mj_comVel):
-            stage(model, data)
-        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
-
-    def advance(self, desired: Array, state: Array) -> None:
-        """Take a step from the present state, and refresh what follows from the new one.
-
-        Args:
-            desired: Set-points of all joints of the simulation: positions, velocities, accelerations and efforts to
-                add, shape (4, n).
-            state: Gets positions, velocities and efforts of the joints of this model, shape (3, n).
-        """
-        self._command(*desired)
-        mujoco.mj_step2(self._model, self.data)
-        self.refresh()
-        self.observe(state)
-
-    def observe(self, state: Array) -> None:
-        """Write positions, velocities and efforts of its joints to those of all joints, shape (3, n)."""
-        for row, values in zip(state, self.state, strict=True):
-            row[self.columns] = values
-
-    def is_unstable(self) -> bool:
-        """Whether MuJoCo has warned of values that are not finite or too large."""
-        return bool(self._alarms.any() and self._alarms[_UNSTABLE].any())
-
-    def body_state(self, name: str) -> tuple[Array, Array]:
-        """Position and quaternion (7,) of a loose body, and its linear and its own angular velocity (6,), as views."""
-        joints, i = self.joints, self.bodies[name]
-        qpos, qvel = self.data.qpos[joints + 7 * i :], self.data.qvel[joints + 6 * i :]
-        return qpos[:7], qvel[:6]
-
-    def save(self) -> Array:
-        """The state from which a run can be repeated exactly."""
-        state = np.zeros(self._state_size)
-        mujoco.mj_getState(self._model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
-        return state
-
-    def restore(self, state: Array) -> None:
-        """Go back to a saved state."""
-        mujoco.mj_resetData(self._model, self.data)
-        mujoco.mj_setState(self._model, self.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
-        self.refresh()
-
-
 class Simulation:
     """A scene in MuJoCo, to be stepped; nothing moves that no controller commands.
 
@@ -242,7 +87,7 @@ class Simulation:
         scene: The scene; arms start in their configurations.
         dt: Time of a step [s].
         stiffness: Natural frequency of the joint servos [rad/s].
-        threads: Threads for arms that can never meet, and for heaps of loose bodies.
+        threads: Threads for arms that can never meet or are proven to touch nothing, and for heaps of loose bodies.
         solver: What computes the forces of contacts where there are loose bodies: "newton" to convergence, which holds
             grasped bodies; or conjugate gradients ("cg") in at most twenty iterations, with fewer points of contact,
             which take a fraction of the time for heaps of hundreds of bodies; these sink deeper into each other when
@@ -288,7 +133,7 @@ class Simulation:
         self.joint_names = self._map.names
         self._warnings: list[str] = []
         self.tiles = self._build(scene)
-        self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 and len(self.tiles) > 1 else None
+        self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
         self._active: dict[Controller, NDArray[np.int64] | slice] = {}
         # Whether joints that others mimic have been commanded.
         self._leading = False
@@ -297,7 +142,8 @@ class Simulation:
         self._contacts = ContactLog(1.5 * self.dt)
         self._deepest = 0.0
         self._wall = 0.0
-        self._begin(self._map.expand(scene.configuration()), np.zeros(len(self.joint_names)))
+        start = self._map.expand(scene.configuration())
+        self._begin(np.array([start, np.zeros(len(start))]))
 
     def __repr__(self) -> str:
         models = f", {len(self.tiles)} models" if len(self.tiles) > 1 else ""
@@ -368,6 +214,8 @@ class Simulation:
     @property
     def data(self) -> mujoco.MjData:
         """MuJoCo's data; change it between steps only.
+
+        From then on one thread steps all arms of this model, as they may no longer be independent.
 
         Raises:
             InputError: arms that cannot meet have separate models; see `tiles`.
@@ -486,7 +334,7 @@ class Simulation:
         old, new = self.scene.obstacles, scene.obstacles
         stay = {name for name in self.body_names if name in new and np.array_equal(old[name].pose, new[name].pose)}
         for tile in tiles:
-            tile.place(self._now.positions, self._now.velocities)
+            tile.place(self._measured)
             for name in stay & tile.bodies.keys():
                 for to, of in zip(tile.body_state(name), self._body(name).body_state(name), strict=True):
                     to[:] = of
@@ -534,7 +382,7 @@ class Simulation:
             controller.joint_names, joints.lower[indices], joints.upper[indices], joints.velocity[indices], self.dt
         )
         controller.activate(info, self._state(indices))
-        self._active[controller] = _as_slice(indices)
+        self._active[controller] = as_slice(indices)
         self._leading = self._leading or self._map.leads(indices)
 
     def deactivate(self, controller: Controller) -> None:
@@ -637,29 +485,38 @@ class Simulation:
         every[indices] = finite_array("positions", positions, (len(names),))
         rates = np.zeros(len(every))
         rates[indices] = 0.0 if velocities is None else finite_array("velocities", velocities, (len(names),))
-        self._begin(self._map.follow(every), self._map.follow(rates, rates=True))
+        self._begin(np.array([self._map.follow(every), self._map.follow(rates, rates=True)]))
 
     # ---- inside ----------------------------------------------------------------------------------
 
     def _build(self, scene: Scene) -> list[Tile]:
-        tiles = []
+        tiles: list[Tile] = []
         with mujoco_warnings() as warnings:
             parts = tile_scenes(scene)
             check_memory(parts)
             for part in parts:
-                world = build_mujoco(part, timestep=self.dt, stiffness=self._stiffness, solver=self._solver)
-                tiles.append(Tile(world, self._indices(world.joint_names), self._threads, self._variation))
+                world = self._model_of(part)
+                columns, worker = self._indices(world.joint_names), len(tiles) % self._threads
+                tile = Tile(world, columns, self._variation, threads=self._threads, worker=worker)
+                tiles.append(tile)
+                # Friction of varied arms makes constraints, which are solved for all of a model together.
+                if tile.proof is not None and self._variation is None and len(parts) < self._threads:
+                    worlds = (self._model_of(arms, shapes=False) for arms in block_scenes(part, self._threads))
+                    tile.blocks = tuple(SteppedModel(block, self._indices(block.joint_names)) for block in worlds)
         self._warnings += warnings
         return tiles
+
+    def _model_of(self, scene: Scene, *, shapes: bool = True) -> MujocoScene:
+        return build_mujoco(scene, timestep=self.dt, stiffness=self._stiffness, solver=self._solver, shapes=shapes)
 
     def _body(self, name: str) -> Tile:
         """The model with a loose body."""
         known_name("loose body", name, self.body_names)
         return next(tile for tile in self.tiles if name in tile.bodies)
 
-    def _begin(self, positions: Array, velocities: Array) -> None:
+    def _begin(self, state: Array) -> None:
         for tile in self.tiles:
-            tile.begin(positions, velocities)
+            tile.begin(state)
         self._origin = self.scene, self.tiles
         self._initial = [tile.save() for tile in self.tiles]
         self._set_off()
@@ -673,6 +530,7 @@ class Simulation:
         state = np.empty((3, len(self.joint_names)))
         for tile in self.tiles:
             tile.observe(state)
+        self._measured = state
         self._now = JointState(self.time, *state)
         self._desired = np.zeros((4, len(self.joint_names)))
         self._desired[0] = self._now.positions
@@ -712,18 +570,35 @@ class Simulation:
             self._take(controller, indices)
         if self._leading:
             self._map.follow_all(self._desired)
-        state = np.empty((3, len(self.joint_names)))
+        # Tiles keep these, so that they can repeat the step.
+        before, desired, state = self._measured, self._desired.copy(), np.empty_like(self._measured)
+        tiles = self.tiles
 
-        def advance(first: int) -> None:
-            for tile in self.tiles[first :: self._threads] if self._pool else self.tiles:
-                tile.advance(self._desired, state)
+        def advance(worker: int) -> None:
+            for tile in tiles:
+                tile.advance(worker, before, desired, state)
 
-        others = [self._pool.submit(advance, first) for first in range(1, self._threads)] if self._pool else []
-        advance(0)
-        for other in others:
-            other.result()
+        def settle(worker: int) -> None:
+            for tile in tiles:
+                if tile.worker == worker:
+                    tile.settle(before, desired, state)
+
+        self._distribute(advance, len(tiles) > 1 or len(tiles[0].blocks) > 1)
+        self._distribute(settle, len(tiles) > 1)
         self.steps += 1
+        self._measured = state
         self._now = JointState(self.time, *state)
+
+    def _distribute(self, work: Callable[[int], None], shared: bool) -> None:
+        """Do the work of every thread, on threads if it is shared."""
+        if self._pool is None or not shared:
+            for worker in range(self._threads):
+                work(worker)
+            return
+        futures = [self._pool.submit(work, worker) for worker in range(1, self._threads)]
+        work(0)
+        for future in futures:
+            future.result()
 
     def _take(self, controller: Controller, indices: NDArray[np.int64] | slice) -> None:
         """Get the set-points of a controller."""
@@ -755,10 +630,7 @@ class Simulation:
 
     def _note_contacts(self) -> None:
         for tile in self.tiles:
-            depth = -float(tile.data.contact.dist.min()) if tile.data.ncon else -math.inf
-            if depth >= 0.0:
-                self._contacts.add(tile.world, tile.data, self.time)
-                self._deepest = max(self._deepest, depth)
+            self._deepest = max(self._deepest, tile.log_contacts(self._contacts, self.time))
 
     def _state(self, indices: NDArray[np.int64] | slice) -> JointState:
         """The state of some joints, a copy that controllers may change."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
+from itertools import pairwise
 
 from rr1plan.checks import counted
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
@@ -22,7 +23,9 @@ from rr1plan.scene.subscene import subscene
 # beside eight others.
 _BYTES_PER_DOF, _BYTES_PER_PAIR, _BYTES_PER_ARM = 1.0e5, 40.0, 3.0e6
 # Smallest number of arms in a tile, and largest number of tiles.
-_ARMS_IN_A_TILE, _MOST_TILES = 60, 8
+_ARMS_IN_A_TILE, _MOST_TILES = 60, 4
+# Smallest number of arms in a block; fewer are stepped faster than handed to a thread.
+_ARMS_IN_A_BLOCK = 20
 
 
 def tile_scenes(scene: Scene) -> list[Scene]:
@@ -46,6 +49,16 @@ def tile_scenes(scene: Scene) -> list[Scene]:
             tiles.append([])
         tiles[-1] += group
     return [subscene(scene, dict.fromkeys(names)) for names in tiles]
+
+
+def block_scenes(scene: Scene, threads: int) -> list[Scene]:
+    """The arms of a scene with what they hold and without obstacles, in parts for threads; none where one suffices."""
+    names, count = list(scene.arms), min(threads, len(scene.arms) // _ARMS_IN_A_BLOCK)
+    if count < 2:
+        return []
+    ends = [len(names) * i // count for i in range(count + 1)]
+    parts = (names[start:end] for start, end in pairwise(ends))
+    return [subscene(scene, dict.fromkeys(part), obstacles=False) for part in parts]
 
 
 def check_memory(tiles: Sequence[Scene]) -> None:
