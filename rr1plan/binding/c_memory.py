@@ -51,7 +51,8 @@ class CStruct:
         self.value = self.sources.classes[name]()
         self.address = ctypes.addressof(self.value)
         self._targets: dict[str, object] = {}
-        self._rooms: list[tuple[dict[str, _Part], NDArray[Any]]] = []
+        # Of each set of fields.
+        self._rooms: dict[tuple[str, ...], tuple[dict[str, _Part], NDArray[Any]]] = {}
         self.set(**fields)
 
     def set(self, **fields: Any) -> None:
@@ -84,10 +85,7 @@ class CStruct:
         first, value = -begin % _LINE, self.value
         for key, part in layout.items():
             setattr(value, key, begin + first + part.offset)
-        self._rooms = [other for other in self._rooms if other[0] is not layout]
-        self._rooms.append((layout, room[first:]))
-        for key in layout.keys() & self._targets.keys():
-            del self._targets[key]
+        self._rooms[tuple(counts)] = layout, room[first:]
 
     def room_size(self, **counts: int) -> int:
         """Bytes that `give_room` needs."""
@@ -99,21 +97,20 @@ class CStruct:
         other.name = self.name
         other.value = type(self.value).from_buffer_copy(self.value)
         other.address = ctypes.addressof(other.value)
-        other._targets, other._rooms = dict(self._targets), list(self._rooms)
+        other._targets, other._rooms = dict(self._targets), dict(self._rooms)
         other.set(**fields)
         return other
 
     def part(self, field: str) -> Any:
         """The target of a pointer: an array, or another struct."""
-        if field not in self._targets:
-            layout, room = next((layout, room) for layout, room in self._rooms if field in layout)
-            self._targets[field] = layout[field].of(room)
-        return self._targets[field]
+        if field in self._targets:
+            return self._targets[field]
+        return next(layout[field].of(room) for layout, room in self._rooms.values() if field in layout)
 
     @property
     def targets(self) -> dict[str, Any]:
         """The targets of its pointers, by field."""
-        keys = [*self._targets, *(key for layout, _ in self._rooms for key in layout)]
+        keys = [*self._targets, *(field for fields in self._rooms for field in fields)]
         return {key: self.part(key) for key in dict.fromkeys(keys)}
 
     @property

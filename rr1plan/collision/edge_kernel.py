@@ -26,7 +26,7 @@ from rr1plan.collision.tables.exact_tables import ExactTables, exact_scratch, ex
 from rr1plan.kernels.planner_kernels import CStruct, address_of, constants, load_library
 from rr1plan.kernels.wasm_core import memory_image
 
-# Memory of each thread that calls write before they read it; page faults of new memory cost as much as an edge check.
+# Memory for lists, a block for each thread: page faults of new memory cost as much as an edge check.
 _threads = threading.local()
 Answer = tuple[int, float, int]
 
@@ -128,7 +128,7 @@ class EdgeKernel:
         return self._context
 
     def _take_lists(self) -> None:
-        """Use the memory of the calling thread, which all kernels share, for what calls write before they read it."""
+        """Point lists to the memory of the calling thread; no call reads what an earlier one wrote there."""
         scratch, exact = self._scratch, self._exact.scratch
         size = scratch.room_size(**self._lists)
         both = size + exact.room_size(queue=self._queue)
