@@ -43,8 +43,9 @@ _SHORTCUTS = 120
 # How often a path of moves in turn is made faster, at most, as long as it gets faster by this share.
 _HASTENINGS, _WORTH_HASTENING = 6, 0.03
 _HOPELESS = 1.4  # times as long as the plan at hand, and not made faster any more
-# Random changes of the path of an agent of many arms in one move: together they take about as long as a new path.
-_CHANGES = 120
+# Random changes of the path of an agent of many arms in one move. A new path gets them too, unless it takes so many
+# times as long as the plan at hand that they would not make up for it.
+_CHANGES, _WORTH_REFINING = 120, 1.15
 # How often the agent that arrives last is the one to work on, and how often a neighborhood gets a new path.
 _LAST_FIRST, _NEW_PATH = 0.7, 0.5
 # Moves between two times at which diagrams are forgotten.
@@ -361,6 +362,8 @@ class PlanImprover:
         except RetimingError:
             return False
         path = min(pool.paths, key=lambda known: known.fastest)
+        if path.fastest > _WORTH_REFINING * self.schedules[whole].arrival:
+            return False
         return self._schedule(whole, [self._refined(path)])
 
     def _refine_path(self) -> bool:
