@@ -216,3 +216,29 @@ def test_changed_polylines_keep_their_ends_and_the_limits(rr1: rp.Robot) -> None
         assert (changed <= limits.upper + 1e-12).all()
         lengths.add(len(changed))
     assert {3, 4} <= lengths
+
+
+def test_a_waypoint_moves_in_the_columns_of_one_arm(rr1: rp.Robot) -> None:
+    rng, limits, arm = np.random.default_rng(1), rr1.limits, slice(2, 4)
+    waypoints = rng.uniform(limits.lower, limits.upper, (4, 6))
+    others = [0, 1, 4, 5]
+    moved = set()
+    for _ in range(200):
+        changed = changed_waypoints(waypoints, limits, rng, arm)
+        if len(changed) == len(waypoints) and np.array_equal(changed[:, others], waypoints[:, others]):
+            moved.add(int((changed != waypoints).any(axis=1).sum()))
+    assert moved == {1}
+
+
+def test_random_changes_make_the_path_of_many_arms_faster(planar2r: rp.Robot) -> None:
+    problem = _cycle(planar2r, 5)
+    improver = _improver(problem, rng=2)
+    (agent,) = improver.schedules
+    before = improver.schedules[agent]
+    assert improver._refine_path()
+    after = improver.schedules[agent]
+    assert after.arrival < 0.99 * before.arrival
+    motion = merged_trajectory(problem, [after])
+    assert rp.validate(motion, problem.scene, problem).certified
+    checker = CollisionChecker(problem.scene, problem.arms)
+    assert all(checker.is_free_slowly(q) for q in motion(np.linspace(0.0, motion.end_time, 100)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,10 @@ from rr1plan import (
     shared_bin,
     shelf_rows,
 )
+from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
+from rr1plan.multi.scenarios import problems
 from rr1plan.multi.scenarios.endpoint_sampling import floor_under, front_of, one_turn
 
 _KINDS: dict[str, Callable[[rp.Robot, int], rp.Problem]] = {
@@ -121,6 +124,8 @@ def test_problems_that_cannot_be_made_are_refused(rr1: rp.Robot) -> None:
         dual_arm_shelf(rr1, 4.0, 0)
     with pytest.raises(InputError, match="empty sequence"):
         random_grid([], 3, 0.8)
+    with pytest.raises(InputError, match="touch each other, and neither moves"):
+        random_grid(rr1, 2, 0.02, 0)
     with pytest.raises(InputError, match="count is 3, expected 2 or 4"):
         shared_bin(rr1, 3)
     with pytest.raises(InputError, match="an even number"):
@@ -179,3 +184,21 @@ def test_rails_without_ends_are_refused_by_name() -> None:
     )
     with pytest.raises(InputError, match=f"{rail.joint_names[0]!r} has no position limits"):
         random_grid(endless, 2, 3.0)
+
+
+@pytest.mark.parametrize("missing", [0, 1])
+def test_the_refusal_of_a_ring_or_shelf_gives_the_reason_of_either_end(
+    missing: int, rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = count()
+
+    def reaching(scene: rp.Scene, *_: object) -> tuple[dict[str, Array], str]:
+        if next(calls) % 2 == missing:
+            return {}, "arm01 reaches it only through arm02"
+        return {arm: placed.q for arm, placed in scene.arms.items()}, ""
+
+    monkeypatch.setattr(problems, "_reaching", reaching)
+    with pytest.raises(InputError, match=r"radius 0\.3 m: arm01 reaches it only through arm02"):
+        ring_swap(rr1, 2, 0.1 + 0.2, rng=0)
+    with pytest.raises(InputError, match="arm01 reaches it only through arm02"):
+        dual_arm_shelf(rr1, 0.6, 0)

@@ -15,13 +15,16 @@ from rr1plan.robot.joint_limits import Limits
 _DISPLACEMENT = 0.1
 
 
-def changed_waypoints(waypoints: Array, limits: Limits, rng: np.random.Generator) -> Array:
+def changed_waypoints(
+    waypoints: Array, limits: Limits, rng: np.random.Generator, columns: slice = slice(None)
+) -> Array:
     """A polyline with the same ends and one random change, within position limits; not certified.
 
     Args:
         waypoints: The polyline, without repeated waypoints, shape (n, nq), n >= 2.
         limits: Position limits.
         rng: Where random numbers come from.
+        columns: Joints that a waypoint moves in, such as those of one arm of several; shortcuts are of all joints.
 
     Returns:
         Waypoints, shape (m, nq).
@@ -30,8 +33,8 @@ def changed_waypoints(waypoints: Array, limits: Limits, rng: np.random.Generator
     if kind == 0:
         return _shortcut(waypoints, rng)
     if kind == 1:
-        return _straightened(waypoints, rng)
-    length = float(np.linalg.norm(np.diff(waypoints, axis=0), axis=1).sum())
+        return _straightened(waypoints, rng, columns)
+    length = float(np.linalg.norm(np.diff(waypoints[:, columns], axis=0), axis=1).sum())
     size = _DISPLACEMENT * length * rng.random()
     if kind == 2:
         row = 1 + int(rng.integers(len(waypoints) - 2))
@@ -39,8 +42,8 @@ def changed_waypoints(waypoints: Array, limits: Limits, rng: np.random.Generator
     else:
         row, point = _random_point(waypoints, rng)
         changed = np.insert(waypoints, row, point, axis=0)
-    moved = changed[row] + size * rng.standard_normal(waypoints.shape[1])
-    changed[row] = np.clip(moved, limits.lower, limits.upper)
+    moved = changed[row, columns] + size * rng.standard_normal(changed[row, columns].shape)
+    changed[row, columns] = np.clip(moved, limits.lower[columns], limits.upper[columns])
     return changed
 
 
@@ -50,14 +53,14 @@ def _shortcut(waypoints: Array, rng: np.random.Generator) -> Array:
     return np.vstack([waypoints[:a], one, two, waypoints[b:]])
 
 
-def _straightened(waypoints: Array, rng: np.random.Generator) -> Array:
-    """A waypoint closer to the line between its neighbors, often on it."""
+def _straightened(waypoints: Array, rng: np.random.Generator, columns: slice) -> Array:
+    """A waypoint closer to the line between its neighbors, often on it, in some columns."""
     row = 1 + int(rng.integers(len(waypoints) - 2))
-    before, corner, after = waypoints[row - 1 : row + 2]
+    before, corner, after = waypoints[row - 1 : row + 2, columns]
     line = after - before
     share = float(np.clip((corner - before) @ line / max(float(line @ line), 1e-300), 0.0, 1.0))
     changed = waypoints.copy()
-    changed[row] += min(1.0, 1.5 * rng.random()) * (before + share * line - corner)
+    changed[row, columns] += min(1.0, 1.5 * rng.random()) * (before + share * line - corner)
     return changed
 
 

@@ -88,6 +88,8 @@ def sample_configurations(
             placed[arm], configurations[arm] = placed_configuration(agents[arm].bodies, q), q
             continue
         failures += 1
+        if failures == 1:
+            _check_fixed_links(scene, advice)
         if failures > rounds or (not others and draws):
             raise InputError(f"no free configuration found for {arm!r} among the others; {advice}")
         # Its neighbors may stand where its base is: they are drawn again.
@@ -96,6 +98,17 @@ def sample_configurations(
             del placed[other]
         waiting = [arm, *again, *waiting]
     return {arm: configurations[arm] for arm in agents}
+
+
+def _check_fixed_links(scene: Scene, advice: str) -> None:
+    """Refuse a scene in which parts that never move touch each other, such as bases of neighbors.
+
+    Raises:
+        InputError: some do; names two of them.
+    """
+    touching = CollisionChecker(scene, tuple(scene.arms)).static_contacts
+    if touching:
+        raise InputError(f"{touching[0][0]} and {touching[0][1]} touch each other, and neither moves; {advice}")
 
 
 def tool_in_box(scene: Scene, arm: str, box: ToolBox) -> Draw:

@@ -141,11 +141,12 @@ def ring_swap(
         far = radius * generator.uniform(0.3, 0.6, count)
         height = radius * generator.uniform(0.2, 1.0, count)
         points = np.column_stack([far * np.cos(angles), far * np.sin(angles), height])
-        starts, reason = _reaching(scene, dict(zip(scene.arms, points, strict=True)), generator)
-        goals, reason = _reaching(scene, dict(zip(scene.arms, np.roll(points, -step, axis=0), strict=True)), generator)
+        starts, no_start = _reaching(scene, dict(zip(scene.arms, points, strict=True)), generator)
+        goals, no_goal = _reaching(scene, dict(zip(scene.arms, np.roll(points, -step, axis=0), strict=True)), generator)
         if starts and goals:
             return Problem(scene, starts, goals)
-    raise InputError(f"no swap found in a ring of {count} arms of radius {radius} m: {reason}; try another radius")
+        reason = no_start or no_goal
+    raise InputError(f"no swap found in a ring of {count} arms of radius {radius:g} m: {reason}; try another radius")
 
 
 def _swap_across(scene: Scene, radius: float, step: int, rng: np.random.Generator) -> Problem:
@@ -167,7 +168,9 @@ def _swap_across(scene: Scene, radius: float, step: int, rng: np.random.Generato
             return Problem(scene, starts, sample_configurations(scene, rng, draws))
         except InputError as error:
             reason = str(error).partition(";")[0]
-    raise InputError(f"no swap found in a ring of {len(arms)} arms of radius {radius} m: {reason}; try another radius")
+    raise InputError(
+        f"no swap found in a ring of {len(arms)} arms of radius {radius:g} m: {reason}; try another radius"
+    )
 
 
 def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Array | None = None) -> Problem:
@@ -199,8 +202,9 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
         for _ in range(2):
             low, high = (-0.7, 0.5, 0.3), (0.7, 0.6, 0.9)
             points = spacing * generator.uniform(low, high, (2, 3))
-            found, reason = _reaching(scene, dict(zip(scene.arms, points, strict=True)), generator)
+            found, no_end = _reaching(scene, dict(zip(scene.arms, points, strict=True)), generator)
             ends.append(found)
+            reason = no_end or reason
         if ends[0] and ends[1]:
             return Problem(scene, ends[0], ends[1])
     raise InputError(f"no query found at the shelf: {reason}; try another spacing")

@@ -43,6 +43,9 @@ _SHORTCUTS = 120
 # How often a path of moves in turn is made faster, at most, as long as it gets faster by this share.
 _HASTENINGS, _WORTH_HASTENING = 6, 0.03
 _HOPELESS = 1.4  # times as long as the plan at hand, and not made faster any more
+# Random changes of the path of an agent of many arms in one move. A new path gets them too, unless it takes so many
+# times as long as the plan at hand that they would not make up for it.
+_CHANGES, _WORTH_REFINING = 120, 1.15
 # How often the agent that arrives last is the one to work on, and how often a neighborhood gets a new path.
 _LAST_FIRST, _NEW_PATH = 0.7, 0.5
 # Moves between two times at which diagrams are forgotten.
@@ -109,7 +112,7 @@ class PlanImprover:
         self._until = self._watch.seconds + seconds
         cheap = [self._replan_neighborhood, self._change_path, self._change_path]
         if any(len(agent.arms) > _MOST_TOGETHER for agent in self.schedules):
-            cheap.append(self._move_in_turn)
+            cheap += [self._move_in_turn, self._refine_path]
         moves = (*cheap, *cheap, self._move_as_one, *cheap, *cheap, self._move_apart)
         last = len(self.schedules) if iterations is None else self.iterations + iterations
         while (iterations is None or self.iterations < last) and self._goes_on() and not self._is_best():
@@ -300,16 +303,21 @@ class PlanImprover:
     def _change_path(self) -> bool:
         """Change the path of an agent at random and reschedule it, then the agents that may arrive earlier."""
         agent, makespan = self._chosen_agent(), self._cost()[0]
-        current = self.schedules[agent].path
-        if current.segments == 0:
-            return False
-        waypoints = changed_waypoints(clean(current.path.waypoints), agent.limits, self._rng)
-        made = self._certified(agent, waypoints, 0)
+        made = self._changed(self.schedules[agent].path)
         if made is None or made.fastest > makespan:
             return False
         if not self._schedule(agent, [made]) or self.schedules[agent].arrival > makespan:
             return False
         return self._schedule_in_turn(self._in_the_way(agent), makespan)
+
+    def _changed(self, path: AgentPath) -> AgentPath | None:
+        """A path with one random change, of one arm where it is not a shortcut; None if it is not free."""
+        if path.segments == 0:
+            return None
+        waypoints, columns = clean(path.path.waypoints), list(path.agent.columns.values())
+        arm = columns[int(self._rng.integers(len(columns)))]
+        changed = changed_waypoints(waypoints, path.agent.limits, self._rng, arm)
+        return None if np.array_equal(changed, waypoints) else self._certified(path.agent, changed, 0)
 
     def _move_as_one(self) -> bool:
         """Replace the motions of a few agents in each other's way by one path of all their arms, and shorten it."""
@@ -347,12 +355,34 @@ class PlanImprover:
             path = pool.add_shortened([Path(whole.joint_names, points)])
             for _ in range(_HASTENINGS):
                 before, path = path, pool.add_faster(path)
-                hopeless = path.fastest > _HOPELESS * self.schedules[whole].arrival
-                if hopeless or path.fastest > before.fastest * (1.0 - _WORTH_HASTENING):
+                if path.fastest > _HOPELESS * self.schedules[whole].arrival:
+                    return False
+                if path.fastest > before.fastest * (1.0 - _WORTH_HASTENING):
                     break
         except RetimingError:
             return False
-        return self._schedule(whole, pool.paths)
+        path = min(pool.paths, key=lambda known: known.fastest)
+        if path.fastest > _WORTH_REFINING * self.schedules[whole].arrival:
+            return False
+        return self._schedule(whole, [self._refined(path)])
+
+    def _refine_path(self) -> bool:
+        """Change the path of an agent of many arms at random, many times."""
+        large = [agent for agent in self.schedules if len(agent.arms) > _MOST_TOGETHER]
+        if not large:
+            return self._change_path()
+        whole = large[int(self._rng.integers(len(large)))]
+        return self._schedule(whole, [self._refined(self.schedules[whole].path)])
+
+    def _refined(self, path: AgentPath) -> AgentPath:
+        """A path after random changes, of which those are kept that save time."""
+        for _ in range(_CHANGES):
+            if not self._goes_on():
+                break
+            made = self._changed(path)
+            if made is not None and made.fastest < path.fastest:
+                path = made
+        return path
 
     def _move_apart(self) -> bool:
         """Schedule the arms of an agent one by one on their parts of its path, which may be shorter then."""
