@@ -208,6 +208,14 @@ def test_a_slider_of_a_joint_without_limits_stays_in_its_turn(tab: Any, planar2r
     assert tab.complaints == []
 
 
+def test_values_of_sliding_joints_stay_on_their_line(tab: Any, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("RP", (1.0, 0.8)), q=[0.3, 0.788])
+    tab.open(save_html(tmp_path / "slides.html", scene))
+    assert tab.page.locator(".joint output").all_inner_texts() == ["17.2°", "788.0 mm"]
+    turning, sliding = (out.bounding_box() for out in tab.page.locator(".joint output").all())
+    assert sliding["height"] == turning["height"]
+
+
 @pytest.mark.parametrize("layer", ["robots", "obstacles", "start", "goal", "toolpath", "collisions", "replay"])
 def test_every_toggle_shows_and_hides_its_layer(calm: Any, layer: str) -> None:
     visible = f"RR1.world.layers['{layer}'].visible"

@@ -103,6 +103,16 @@ def test_a_dragged_obstacle_takes_its_image_with_it(fresh: Any, rr1_table: rp.Sc
     assert np.array_equal(check_cells(fresh, rr1_table).layers["crate"], before.layers["crate"])
 
 
+def test_in_a_small_window_the_slice_stays_while_the_arm_is_moved(fresh: Any) -> None:
+    size = fresh.page.viewport_size
+    for small in ({"width": 800, "height": 600}, {"width": 390, "height": 844}):
+        fresh.page.set_viewport_size(small)
+        fresh.ask("RR1.editing.open()")
+        assert fresh.page.is_visible("#panel-cspace canvas")
+        fresh.ask("RR1.editing.open(false)")
+    fresh.page.set_viewport_size(size)
+
+
 def test_without_webassembly_the_slice_stays_and_says_so(tab: Any, page_file: FilePath) -> None:
     tab.page.add_init_script("WebAssembly.validate = () => false")
     tab.open(page_file, READY)

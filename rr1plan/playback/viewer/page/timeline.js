@@ -4,7 +4,7 @@ const canvas = root.querySelector("canvas"), pen = canvas.getContext("2d");
 const chart = root.querySelector(".chart"), now = root.querySelector(".now"), said = root.querySelector(".said");
 const AXIS = 20, CONFLICT = "#d1003f";
 const FEW_ROWS = 5;
-const STILL = 1e-9; // [rad or m] by which an arm at rest may move in a piece of its motion, by rounding
+const STILL = 1e-9; // [rad or m] the least displacement in a piece that counts as motion
 let line = data; // what is drawn: the data of the panel, or the rows of a motion that was planned in the page
 document.body.classList.toggle("few-rows", data.arms.length <= FEW_ROWS && document.querySelectorAll("#panels > .panel").length === 1);
 let left = 0, right = 0, rowHeight = 0, below = 0;
