@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rr1plan.checks import Array
+from rr1plan.errors import RetimingError
 from rr1plan.planning_constants import TIMING
 from rr1plan.retiming.polynomial_extrema import peaks
 from rr1plan.robot.joint_limits import Limits
@@ -15,6 +16,8 @@ from rr1plan.trajectory import Trajectory
 
 SHORTEST = TIMING.shortest_piece
 """Shorter pieces [s] are dropped: their durations are below the rounding error of the breaks."""
+_STILL = 1e-9
+"""How far the joints may move in all dropped pieces together [rad or m]."""
 
 
 class Pieces(NamedTuple):
@@ -63,8 +66,23 @@ def concatenate(parts: list[Pieces]) -> Pieces:
 
 
 def as_trajectory(joint_names: tuple[str, ...], pieces: Pieces) -> Trajectory:
-    """The pieces as a trajectory that starts at time zero."""
-    kept = np.flatnonzero(pieces.durations > SHORTEST)
+    """The pieces as a trajectory that starts at time zero.
+
+    Raises:
+        RetimingError: joints move in pieces that are too short for the breaks to resolve.
+    """
+    lasting = pieces.durations > SHORTEST
+    kept = np.flatnonzero(lasting)
+    if len(kept) < len(lasting):
+        short = Pieces(pieces.durations[~lasting], pieces.coefficients[~lasting])
+        powers = short.durations[:, None] ** np.arange(1, short.coefficients.shape[1])
+        moved = np.abs(np.einsum("mk,mkn->mn", powers, short.coefficients[:, 1:])).sum(axis=0)
+        if not (moved <= _STILL).all():
+            name, count = joint_names[int(np.argmax(moved))], len(short.durations)
+            raise RetimingError(
+                f"joint {name!r} moves in {count} of {len(lasting)} pieces of less than {SHORTEST:g} s, which times "
+                "cannot resolve; try lower limits"
+            )
     if len(kept) == 0:
         return Trajectory.rest(joint_names, pieces.coefficients[0, 0])
     breaks, coefficients = np.zeros(len(kept) + 1), pieces.coefficients.take(kept, axis=0)

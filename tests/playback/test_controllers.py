@@ -305,6 +305,24 @@ def test_trajectories_that_do_not_fit_are_refused_by_name(scene: rp.Scene) -> No
         rp.JointTrajectoryController(ARM, goal_time=math.nan)
 
 
+def test_a_controller_commands_one_simulation_at_a_time(scene: rp.Scene) -> None:
+    first, second = rp.Simulation(scene), rp.Simulation(scene)
+    hold = rp.ForwardPositionController(ARM)
+    first.activate(hold)
+    with pytest.raises(rp.InputError, match="ForwardPositionController of 'rr1/shoulder_joint' is active in another"):
+        second.activate(hold)
+    assert second.controllers == ()
+    first.reset()
+    first.deactivate(hold)
+    second.activate(hold)
+    # One that was replaced is free, and one of a simulation that is gone.
+    second.activate(rp.ForwardPositionController(ARM), replace=True)
+    first.activate(hold)
+    del first
+    second.activate(hold, replace=True)
+    second.step()
+
+
 # ---- other controllers --------------------------------------------------------------------------------
 
 

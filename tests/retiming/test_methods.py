@@ -89,6 +89,16 @@ def test_a_joint_at_rest_needs_no_limits(tools, method):
     tools.check_motion(trajectory, points, limits, jerk=method not in JERKY)
 
 
+@pytest.mark.parametrize("largest", [1e24, 1e100, 1e300])
+def test_limits_beyond_what_times_resolve_are_refused(tools, largest):
+    limits = tools.limits_of(2, [largest, largest], [largest, largest])
+    for name in JERKY:
+        with pytest.raises(rp.RetimingError, match=r"'a/j[01]' moves in .* which times cannot resolve"):
+            tools.retime_points([[0.0, 0.0], [1.0, 0.5], [0.0, 1.0]], limits, name)
+    # Where nothing moves there is nothing to resolve.
+    assert tools.retime_points([[0.5, 0.5], [0.5, 0.5]], limits, "blend").duration == 0.0
+
+
 @pytest.mark.parametrize("kind", ["velocity", "acceleration", "jerk"])
 def test_a_moving_joint_without_a_limit_is_named(tools, method, kind):
     limits = replace(tools.limits_of(3), **{kind: np.array([1.0, np.inf, 1.0])})

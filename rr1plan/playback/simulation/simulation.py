@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -57,6 +58,9 @@ _LONGEST_STEP = 1.0  # [s]
 _MOST_STEPS = 5_000_000
 # Real time is waited for when the simulation is ahead of it by more than this [s].
 _AHEAD = 0.002
+
+# The simulation in which each active controller is.
+_commanded_by: weakref.WeakKeyDictionary[Controller, weakref.ref[Simulation]] = weakref.WeakKeyDictionary()
 
 StepCallback = Callable[["Simulation"], bool | None]
 
@@ -356,10 +360,17 @@ class Simulation:
             replace: Deactivate those that command some of its joints.
 
         Raises:
-            InputError: another controller commands one of its joints, or a joint mimics another one.
+            InputError: another controller commands one of its joints, a joint mimics another one, or the controller is
+                active in another simulation.
             UnknownNameError: an unknown joint.
         """
         of_kind("controller", controller, Controller)
+        other_simulation = _commanded_by.get(controller, lambda: None)()
+        if other_simulation is not None and other_simulation is not self:
+            raise InputError(
+                f"the {type(controller).__name__} of {controller.joint_names[0]!r} is active in another simulation; "
+                "deactivate it there first, or make another controller"
+            )
         indices = self._indices(controller.joint_names)
         for name in controller.joint_names:
             if name in self._map.followers:
@@ -374,7 +385,7 @@ class Simulation:
                     f"joint {first!r} is commanded by an active {type(other).__name__}; deactivate it first, or "
                     "activate with replace=True"
                 )
-            del self._active[other]
+            del self._active[other], _commanded_by[other]
             other.deactivate()
         self._active.pop(controller, None)
         joints = self._map
@@ -383,6 +394,7 @@ class Simulation:
         )
         controller.activate(info, self._state(indices))
         self._active[controller] = as_slice(indices)
+        _commanded_by[controller] = weakref.ref(self)
         self._leading = self._leading or self._map.leads(indices)
 
     def deactivate(self, controller: Controller) -> None:
@@ -395,6 +407,7 @@ class Simulation:
         if controller not in self._active:
             raise InputError("the controller is not active in this simulation")
         indices = self._active.pop(controller)
+        del _commanded_by[controller]
         controller.deactivate()
         for rates in self._desired[1:]:
             rates[indices] = 0.0
