@@ -64,8 +64,8 @@ def number_array(name: str, value: object) -> Array:
         InputError: not numbers.
     """
     try:
-        if np.asarray(value).dtype.kind in "USmM" or isinstance(value, np.ma.MaskedArray):
-            raise TypeError("text, a time or a masked value is not a number, although NumPy converts it")
+        if np.asarray(value).dtype.kind in "bUSmM" or isinstance(value, np.ma.MaskedArray):
+            raise TypeError("a truth value, text, a time or a masked value is no number, although NumPy converts it")
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError, Warning) as error:
         raise InputError(f"{name} is not an array of numbers: {shown(value)}") from error

@@ -109,6 +109,9 @@ def plan_motion(
             margin = 0.0
             result = plan(problem.with_margin(0.0), planner=chosen, budget=budget, rng=seed, progress=progress)
     if result.path is None:
+        if margin > 0.0 and result.status is PlanStatus.TIMEOUT:
+            kept = f"the search kept {1000.0 * margin:.3g} mm beyond the padding (argument margin)"
+            result = replace(result, reason=f"{result.reason}; {kept}")
         return MotionPlan(problem, result, seconds, margin)
     path, trajectory, report = result.path, None, None
     jerk_limits = retiming.startswith("ruckig")

@@ -51,11 +51,12 @@ def unit_quaternion(wxyz: ArrayLike) -> Array:
     """A quaternion wxyz normalized to 1, shape (4,); unchanged if its norm is 1 up to rounding.
 
     Raises:
-        InputError: not four finite numbers, or a norm too close to zero.
+        InputError: not four finite numbers, or a norm too close to zero or infinite.
     """
     q = finite_array("quaternion wxyz", wxyz, (4,))
-    norm = float(np.linalg.norm(q))
-    if norm < 1e-6:
+    with np.errstate(over="ignore"):
+        norm = float(np.linalg.norm(q))
+    if not 1e-6 <= norm < np.inf:
         raise InputError(f"quaternion wxyz {q.tolist()} has norm {norm:.3g}, expected about 1")
     return read_only(q if abs(norm - 1.0) < 1e-15 else q / norm)
 

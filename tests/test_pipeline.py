@@ -124,6 +124,14 @@ def test_a_margin_counts_what_the_arm_can_never_reach() -> None:
     assert rp.plan_motion(problem, margin=1.5 * clearance, rng=0).valid
 
 
+def test_a_search_that_ran_out_of_budget_says_which_margin_it_kept() -> None:
+    closed = next(iter(rp.load_problems("planar2r_no_path").values()))
+    for margin, kept in ((None, "kept 2 mm beyond the padding"), (0.001, "kept 1 mm"), (0.0, None)):
+        motion = rp.plan_motion(closed, rng=0, margin=margin, budget=rp.Budget(iterations=300))
+        assert motion.status is rp.PlanStatus.TIMEOUT
+        assert kept in motion.result.reason if kept else "beyond the padding" not in motion.result.reason
+
+
 def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:
     scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
     tip = scene.link_poses({"arm": np.zeros(2)})["arm/tool"][:3, 3]

@@ -87,6 +87,8 @@ def test_a_pose_does_not_change_with_what_it_was_made_from() -> None:
         (lambda: pose(rpy=(0, 0, 0), quaternion=(1, 0, 0, 0)), "both rpy and quaternion"),
         (lambda: pose(quaternion=(0, 0, 0, 0)), "norm 0"),
         (lambda: pose(quaternion=(0, 0, 0)), "shape"),
+        (lambda: pose(quaternion=(1e300, 1e300, 0, 0)), "norm inf"),
+        (lambda: pose((True, False, True)), "not an array of numbers"),
         (lambda: as_pose(np.diag([1.0, 1, -1, 1])), "not a rigid transform"),
         (lambda: as_pose(2 * np.eye(4)), "not a rigid transform"),
         (lambda: as_pose(np.eye(3)), "shape"),
