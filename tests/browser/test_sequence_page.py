@@ -18,7 +18,8 @@ def plan(rr1: rp.Robot) -> rp.SequencePlan:
     scene = rp.Scene(name="carried").with_arm("arm", rr1)
     at = scene.link_poses()["arm/tool"] @ rp.transforms.pose([0.0, 0.0, 0.085])
     scene = scene.with_obstacle("block", rp.Box((0.06, 0.06, 0.06)), at, color=(1.0, 0.0, 1.0, 1.0))
-    segments = [rp.Pause(0.2), rp.Attach("block"), rp.FreeMotion("raised"), rp.Detach("block"), rp.FreeMotion("zero")]
+    segments = [rp.Pause(0.2), rp.Attach("block"), rp.FreeMotion("raised"), rp.Detach("block")]
+    segments += [rp.FreeMotion("zero", stop=False), rp.FreeMotion("home")]
     plan = rp.plan_sequence(rp.Sequence(scene, segments), rng=0)
     assert plan, plan
     return plan
@@ -67,6 +68,15 @@ def test_a_click_on_a_stage_goes_to_its_beginning(opened: Any, plan: rp.Sequence
         *[False] * (len(plan.stages) - 1),
         True,
     ]
+
+
+def test_segments_that_are_passed_without_a_stop_say_so(opened: Any, plan: rp.SequencePlan) -> None:
+    rows = opened.ask(
+        "[...document.querySelectorAll('#panel-stages li')].map((row) => Boolean(row.querySelector('.passed')))"
+    )
+    speeds = [float(np.abs(plan.trajectory(stage.end, 1)).max()) for stage in plan.stages]
+    assert rows == [speed > 1e-4 for speed in speeds]
+    assert rows.count(True) == 1
 
 
 def test_the_buttons_stay_in_their_bar_beside_the_list(opened: Any) -> None:

@@ -1,13 +1,16 @@
 // The stages of a sequence, the present one marked. Statements of a panel: viewer, root, data.
 
-const list = root.querySelector("ol");
-const buttons = data.map(({ label, begin }) => {
+const STILL = 1e-4; // [rad/s or m/s] the least speed of a joint that counts as motion
+const list = root.querySelector("ol"), { track } = viewer.player;
+/** The arm does not come to rest at the end of a stage. */
+const passes = (end) => end < track.end && track.columns.some((_, slot) => Math.abs(track.rate(end, slot, 1)) > STILL);
+const buttons = data.map(({ label, begin, end }) => {
   const row = document.createElement("li"), button = document.createElement("button");
-  for (const [name, text] of [["label", label], ["time", `${begin.toFixed(2)} s`]]) {
+  for (const [name, text] of [["label", label], ["passed", passes(end) ? "no stop" : ""], ["time", `${begin.toFixed(2)} s`]]) {
     const part = document.createElement("span");
     part.className = name;
     part.textContent = text;
-    button.append(part);
+    if (text) button.append(part);
   }
   button.addEventListener("click", () => { viewer.pause(); viewer.seek(begin); });
   row.append(button);
