@@ -13,6 +13,11 @@ from rr1plan.robot.joint_limits import Limits
 
 # Standard deviation of the displacement of a waypoint, as a share of the path length.
 _DISPLACEMENT = 0.1
+# Kinds of changes: a shortcut, a waypoint that comes in, one that moves, a new one.
+_SHORTCUT, _STRAIGHTEN, _MOVE, _INSERT = range(4)
+_KINDS = (_SHORTCUT, _STRAIGHTEN, _MOVE, _INSERT)
+# In a path of several arms, 4 of 1,000 shortcuts and new waypoints save time, but 100 of 900 of the others.
+_KINDS_OF_ONE_ARM = (_SHORTCUT, *(4 * (_STRAIGHTEN, _MOVE)), _INSERT)
 
 
 def changed_waypoints(
@@ -29,14 +34,15 @@ def changed_waypoints(
     Returns:
         Waypoints, shape (m, nq).
     """
-    kind = int(rng.integers(4)) if len(waypoints) > 2 else 3
-    if kind == 0:
+    kinds = _KINDS if waypoints[0, columns].size == waypoints.shape[1] else _KINDS_OF_ONE_ARM
+    kind = kinds[int(rng.integers(len(kinds)))] if len(waypoints) > 2 else _INSERT
+    if kind == _SHORTCUT:
         return _shortcut(waypoints, rng)
-    if kind == 1:
+    if kind == _STRAIGHTEN:
         return _straightened(waypoints, rng, columns)
     length = float(np.linalg.norm(np.diff(waypoints[:, columns], axis=0), axis=1).sum())
     size = _DISPLACEMENT * length * rng.random()
-    if kind == 2:
+    if kind == _MOVE:
         row = 1 + int(rng.integers(len(waypoints) - 2))
         changed = waypoints.copy()
     else:
