@@ -24,8 +24,8 @@ from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 _WITH_TORSION = 4
 # Iterations of the solver that keeps what friction holds from creeping, as MuJoCo's soft contacts do by themselves.
 _NO_SLIP = 5
-# Least inertia of a finger that slides, with that of its drive [kg]: servos are as stiff as what they carry is heavy, and
-# fingers of some grams would press with less than a newton.
+# Least inertia of a finger that slides, with that of its drive [kg]. The gains of servos follow from the inertia, and
+# those of fingers of some grams would press with less than a newton.
 _FINGER_INERTIA = 0.25
 # Steps between two reports of progress.
 _REPORT_EVERY = 50
@@ -43,7 +43,8 @@ def simulate_sequence(
     """Replay a planned sequence in MuJoCo, where fingers hold objects by contact and friction alone.
 
     Objects that are attached or detached are loose bodies all the time. One without a mass gets that of its shapes at
-    1000 kg/m³, as a remark says. Their contacts have friction around the normals, too.
+    1000 kg/m³, as a remark says. Their contacts have friction around the normals, too. Fingers that slide have at
+    least the inertia of a drive, 0.25 kg.
 
     Args:
         plan: The sequence, found.
