@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 
 from rr1plan.checks import Array, check_callback, number_from_zero, of_kind, positive_number, read_only
@@ -23,6 +24,9 @@ from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 _WITH_TORSION = 4
 # Iterations of the solver that keeps what friction holds from creeping, as MuJoCo's soft contacts do by themselves.
 _NO_SLIP = 5
+# Least inertia of a finger that slides, with that of its drive [kg]. The gains of servos follow from the inertia, and
+# those of fingers of some grams would press with less than a newton.
+_FINGER_INERTIA = 0.25
 # Steps between two reports of progress.
 _REPORT_EVERY = 50
 
@@ -39,7 +43,8 @@ def simulate_sequence(
     """Replay a planned sequence in MuJoCo, where fingers hold objects by contact and friction alone.
 
     Objects that are attached or detached are loose bodies all the time. One without a mass gets that of its shapes at
-    1000 kg/m³, as a remark says. Their contacts have friction around the normals, too.
+    1000 kg/m³, as a remark says. Their contacts have friction around the normals, too. Fingers that slide have at
+    least the inertia of a drive, 0.25 kg.
 
     Args:
         plan: The sequence, found.
@@ -64,6 +69,7 @@ def simulate_sequence(
     scene, names, remarks = _physical(plan)
     sim = Simulation(scene, dt, stiffness=stiffness)
     _hold_by_friction(sim, names)
+    _drive_fingers(sim, plan)
     report = fraction_callback("simulate", progress)
 
     def show_progress(sim: Simulation) -> None:
@@ -119,6 +125,24 @@ def _hold_by_friction(sim: Simulation, names: tuple[str, ...]) -> None:
         tile.model.geom_condim[held] = _WITH_TORSION
         # The solver needs matrices that are made with the contacts; without them MuJoCo crashes.
         tile.refresh()
+
+
+def _drive_fingers(sim: Simulation, plan: SequencePlan) -> None:
+    """Add the inertia of their drives to fingers that slide, and make their servos stiffer by as much."""
+    for tile in sim.tiles:
+        model, light = tile.model, False
+        for column, name in enumerate(tile.world.joint_names):
+            arm, joint = name.split("/", 1)
+            mimic = plan.scene.arms[arm].robot.joint(joint).mimic
+            moved = {joint, *(() if mimic is None else (mimic.joint,))} & set(plan.gripper_joints.get(arm, ()))
+            carried = float(model.dof_M0[column])
+            if moved and model.jnt_type[column] == mujoco.mjtJoint.mjJNT_SLIDE and carried < _FINGER_INERTIA:
+                model.dof_armature[column] += _FINGER_INERTIA - carried
+                model.actuator_biasprm[column] *= _FINGER_INERTIA / carried
+                light = True
+        if light:
+            mujoco.mj_setConst(model, mujoco.MjData(model))
+            tile.refresh()
 
 
 def _is_arm_joint(plan: SequencePlan, name: str) -> bool:

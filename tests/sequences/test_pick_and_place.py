@@ -87,12 +87,14 @@ def test_bad_arguments(table: rp.Scene, arguments: dict, message: str) -> None:
 
 @pytest.mark.usefixtures("foreign_robots")
 def test_a_hand_whose_fingers_travel_along_y_grasps_as_well() -> None:
-    """The Panda's fingers slide along the y axis of its tool frame."""
+    """The Panda's fingers slide along the y axis of its tool frame, and weigh 15 g."""
     scene = rp.Scene().with_arm("arm", rp.load_robot("panda"))
     scene = scene.with_obstacle("table", rp.Box((0.6, 1.0, 0.04)), [0.6, 0.0, -0.02])
-    scene = scene.with_obstacle("block", rp.Box((0.04, 0.1, 0.06)), [0.5, 0.0, 0.03], mass=0.1)
+    scene = scene.with_obstacle("block", rp.Box((0.04, 0.1, 0.06)), [0.5, 0.0, 0.03], mass=0.4)
     goals = rp.top_grasps(scene, "block")
     np.testing.assert_allclose([abs(goal.rotation[0, 1]) for goal in goals], 1.0, atol=1e-9)
     plan = rp.plan_sequence(rp.Sequence(scene, rp.pick_and_place(scene, "block", [0.5, 0.2, 0.03])), rng=0)
     assert plan, plan
-    assert rp.simulate_sequence(plan, hold=0.0).carried
+    replay = rp.simulate_sequence(plan, hold=0.0)
+    assert replay.carried
+    assert replay.objects["block"].final_offset < 5e-3

@@ -24,7 +24,8 @@ from rr1plan.playback.simulation.mujoco_model import MujocoScene
 _UNSTABLE = np.array(
     [getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}") for kind in ("QPOS", "QVEL", "QACC", "CTRL")], int
 )
-# Fewer loose bodies are slower on several threads, and of fewer arms contacts are found sooner than excluded.
+# Below this number of loose bodies several threads are slower; below this number of arms the search for contacts is
+# faster than a proof that there are none.
 _A_HEAP, _MANY_ARMS = 50, 4
 # What is left out where no contact is possible; arms have no springs and dampers, for which MuJoCo looks in each step.
 _DISABLED = mujoco.mjtDisableBit
@@ -32,7 +33,7 @@ _NO_CONTACTS = int(_DISABLED.mjDSBL_CONTACT | _DISABLED.mjDSBL_SPRING | _DISABLE
 
 
 def as_slice(indices: NDArray[np.int64]) -> NDArray[np.int64] | slice:
-    """Indices in a row as a slice, by which arrays are read and written several times faster; others as they are."""
+    """Consecutive indices as a slice, with which NumPy reads and writes several times faster; others unchanged."""
     first = int(indices[0]) if len(indices) else 0
     end = first + len(indices)
     return slice(first, end) if np.array_equal(indices, np.arange(first, end)) else indices
