@@ -43,8 +43,8 @@ _SHORTCUTS = 120
 # How often a path of moves in turn is made faster, at most, as long as it gets faster by this share.
 _HASTENINGS, _WORTH_HASTENING = 6, 0.03
 _HOPELESS = 1.4  # times as long as the plan at hand, and not made faster any more
-# Random changes of the path of an agent of many arms in one move. A new path gets them too, unless it takes so many
-# times as long as the plan at hand that they would not make up for it.
+# Random changes of the path of an agent of many arms in one move. New paths slower than the plan by more than this
+# ratio are dropped without them, because the changes save less.
 _CHANGES, _WORTH_REFINING = 120, 1.15
 # How often the agent that arrives last is the one to work on, and how often a neighborhood gets a new path.
 _LAST_FIRST, _NEW_PATH = 0.7, 0.5
