@@ -126,7 +126,7 @@ def test_a_configuration_space_is_filmed_along_its_path(tmp_path: FilePath) -> N
 def test_a_step_of_a_lesson_is_filmed_and_photographed(tmp_path: FilePath) -> None:
     """Without a motion: the step runs through the intervals of an edge."""
     lesson = rp.lesson("continuous_checking")
-    frames, _ = pictures(save_video(tmp_path / "step.webp", lesson, size=(700, 480), fps=1, step=4))
+    frames, _ = pictures(save_video(tmp_path / "step.webp", lesson, size=(480, 320), fps=1, step=4))
     assert len(frames) >= 3
     assert size_of(screenshot(tmp_path / "step.png", lesson, size=SIZE, step=2)) == SIZE
     with pytest.raises(rp.InputError, match="step is 40, but the page has 7 steps"):
