@@ -51,7 +51,7 @@ class CStruct:
         self.value = self.sources.classes[name]()
         self.address = ctypes.addressof(self.value)
         self._targets: dict[str, object] = {}
-        # Of each set of fields.
+        # The memory of each set of fields that `give_room` was called for.
         self._rooms: dict[tuple[str, ...], tuple[dict[str, _Part], NDArray[Any]]] = {}
         self.set(**fields)
 

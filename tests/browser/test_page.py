@@ -457,7 +457,7 @@ def test_a_panda_behind_a_wall_is_seen(
     tab: Any, panda_and_wall: tuple[rp.Scene, rp.Trajectory, tuple[float, float, float]], tmp_path: FilePath
 ) -> None:
     scene, motion, before = panda_and_wall
-    tab.page.set_viewport_size({"width": 300, "height": 210})
+    tab.page.set_viewport_size({"width": 600, "height": 420})
 
     def magenta() -> int:
         red, green, blue = np.moveaxis(tab.picture(), 2, 0)
@@ -473,7 +473,7 @@ def test_a_panda_behind_a_wall_is_seen(
             seen = magenta()
             tab.ask("RR1.setShown('obstacles', false)")
             whole = magenta()
-            assert whole > 200
+            assert whole > 800
             shares.append(seen / whole)
         return shares
 
