@@ -42,8 +42,9 @@ def run_arm() -> None:
         sim.run(duration=plan.duration + 0.1, speed=1.0)
 
 
-stream = rp.read_states(f"udp://{address[0]}:{address[1]}", silence=0.5)
-with rp.Mirror(scene, plan, corridor=corridor, start=0.0, record="32_run.jsonl", on_event=print) as mirror:
+source = f"udp://{address[0]}:{address[1]}"
+mirror = rp.Mirror(scene, plan, corridor=corridor, start=0.0, record="32_run.jsonl", on_event=print)
+with mirror, rp.read_states(source, silence=0.5) as stream:
     # mirror.show() opens a page that follows the arm
     arm = threading.Thread(target=run_arm)
     arm.start()

@@ -107,6 +107,7 @@ if TYPE_CHECKING:
     from rr1plan.mirror.corridor import CorridorPosition as CorridorPosition
     from rr1plan.mirror.corridor import certified_corridor as certified_corridor
     from rr1plan.mirror.joint_states import StateMessage as StateMessage
+    from rr1plan.mirror.joint_states import StateStream as StateStream
     from rr1plan.mirror.joint_states import StreamError as StreamError
     from rr1plan.mirror.joint_states import read_states as read_states
     from rr1plan.mirror.mirror import Mirror as Mirror
@@ -354,7 +355,7 @@ _EXPORTS = {
     "rr1plan.lessons.search.tree_growth": ("grow_rrt", "grow_rrt_connect", "grow_rrt_star"),
     "rr1plan.lessons.seven_phases": ("SevenPhases", "seven_phases"),
     "rr1plan.mirror.corridor": ("Corridor", "CorridorPosition", "certified_corridor"),
-    "rr1plan.mirror.joint_states": ("StateMessage", "StreamError", "read_states"),
+    "rr1plan.mirror.joint_states": ("StateMessage", "StateStream", "StreamError", "read_states"),
     "rr1plan.mirror.mirror": ("Mirror",),
     "rr1plan.mirror.mirror_report": ("MirrorEvent", "MirrorReport", "MirrorState"),
     "rr1plan.model": ("IkResult", "Kinematics", "copies_within_limits", "solve_ik"),

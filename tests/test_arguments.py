@@ -179,7 +179,8 @@ def mirror_calls(scene: rp.Scene, trajectory: rp.Trajectory, folder: Path) -> di
             shown.show(**options)
 
     def listened(**options: Any) -> None:
-        next(iter(rp.read_states(**options)))
+        with rp.read_states(**options) as stream:
+            next(stream)
 
     return {
         "ManualController": (rp.ManualController, {"joint_names": names, "speed": 0.5, "step": 0.1}),
@@ -907,6 +908,7 @@ _NOT_CALLED = {
         "CollisionChecker.run_edge_kernel",
         "CollisionChecker.run_exact_kernel",
         "CoordinationDiagram",
+        "StateStream",
         "Timeline",
         "Wait",
         "ManyArmsResult",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Iterable
 
 import rr1plan as rp
 from rr1plan.cli.console import Console
@@ -27,7 +26,7 @@ def mirror(options: Namespace, console: Console) -> int:
             record=options.record,
             on_event=lambda event: console.say(str(event)),
         )
-    with follower:
+    with stream, follower:
         if not options.no_page:
             announce(follower.show(options=live_options(options)), options, console, "press Ctrl-C to end")
         report = follower.run(stream, duration=options.duration)
@@ -45,7 +44,7 @@ def mirror(options: Namespace, console: Console) -> int:
     return 0 if report else 4
 
 
-def _stream(options: Namespace) -> Iterable[rp.StateMessage | rp.StreamError]:
+def _stream(options: Namespace) -> rp.StateStream:
     """The joint states of the source."""
     if not options.source.startswith(_SERIAL):
         return rp.read_states(options.source, silence=options.silence, topic=options.topic)

@@ -8,7 +8,7 @@ limits of the motion between points, see `trajectory_samples`.
 from __future__ import annotations
 
 import pathlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from typing import Any
 
 import msgspec
@@ -263,7 +263,9 @@ def _from_bag(file: pathlib.Path, topic: str | None) -> JointTrajectoryMessage:
     return _converted(data, file)
 
 
-def read_joint_states(file: _File, *, topic: str | None = None) -> Iterator[tuple[float, tuple[str, ...], Array]]:
+def read_joint_states(
+    file: _File, *, topic: str | None = None
+) -> Generator[tuple[float, tuple[str, ...], Array], None, None]:
     """The `sensor_msgs/JointState` messages of a bag: time [s], names and positions.
 
     Args:

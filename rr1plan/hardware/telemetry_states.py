@@ -11,15 +11,13 @@ from rr1plan.errors import InputError, SerialLineError
 from rr1plan.hardware.command_sender import SerialPort
 from rr1plan.hardware.control_box import ControlBox
 from rr1plan.hardware.control_box_frames import CHANNELS, TELEMETRY_BYTES, Telemetry, TelemetryStream
-from rr1plan.mirror.joint_states import StateMessage, StreamError
+from rr1plan.mirror.joint_states import StateMessage, StateStream, StreamError
 
 # Messages of frames that arrive at once get times at this interval [s].
 _SPACING = 1e-6
 
 
-def read_telemetry(
-    port: SerialPort, calibration: Calibration, box: ControlBox, *, silence: float = 1.0
-) -> Iterator[StateMessage | StreamError]:
+def read_telemetry(port: SerialPort, calibration: Calibration, box: ControlBox, *, silence: float = 1.0) -> StateStream:
     """The joint states that a control box reports, by step counters or encoders.
 
     Frames have no time; a message has that of its arrival. Nothing is written to the port.
@@ -30,8 +28,9 @@ def read_telemetry(
         box: Which channel drives which joint.
         silence: Without a frame for this long there is a `StreamError` [s], and again after as long.
 
-    Yields:
-        Messages of the calibrated joints, and an error in place of garbage and of silence; for ever.
+    Returns:
+        Messages of the calibrated joints, and an error in place of garbage and of silence, until it is closed; the port
+        stays open.
 
     Raises:
         InputError: something other than a port, a calibration in radians or of none of the joints of the box.
@@ -52,7 +51,7 @@ def read_telemetry(
         positions = calibration.positions([counts[column] for column in columns], names)
         return StateMessage(now, names, positions, now)
 
-    return _states(port, message, silence)
+    return StateStream(_states(port, message, silence), lambda: None)
 
 
 def _states(

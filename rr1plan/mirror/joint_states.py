@@ -9,9 +9,9 @@ from __future__ import annotations
 import json
 import pathlib
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Self
 
 from numpy.typing import ArrayLike
 
@@ -80,9 +80,33 @@ class StreamError:
     message: str
 
 
-def read_states(
-    source: str | pathlib.Path, *, silence: float = 1.0, topic: str | None = None
-) -> Iterator[StateMessage | StreamError]:
+class StateStream(Iterator[StateMessage | StreamError]):
+    """Joint states of a file or a socket, in order; use it in a `with` statement, or `close` it.
+
+    Args:
+        items: The messages and errors.
+        close: Closes what they are read from.
+    """
+
+    def __init__(self, items: Iterator[StateMessage | StreamError], close: Callable[[], object]) -> None:
+        self._items, self._close = items, close
+
+    def __next__(self) -> StateMessage | StreamError:
+        return next(self._items)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the stream, and close the file or the socket."""
+        self._items = iter(())
+        self._close()
+
+
+def read_states(source: str | pathlib.Path, *, silence: float = 1.0, topic: str | None = None) -> StateStream:
     """The joint states of a file or a socket.
 
     Args:
@@ -91,8 +115,8 @@ def read_states(
         silence: A socket that is silent for this long gives a `StreamError` [s], and again after as long.
         topic: The topic of a bag (default: the only one that holds such messages).
 
-    Yields:
-        Messages, and an error in place of each one that cannot be read. A socket is listened to for ever.
+    Returns:
+        Messages, and an error in place of each one that cannot be read. A socket is listened to until it is closed.
 
     Raises:
         InputError: another kind of source, an address that cannot be listened to, a file that cannot be read.
@@ -103,9 +127,10 @@ def read_states(
         return _from_socket(*_address(source), silence)
     path = file_path(source)
     if path.suffix in BAG_SUFFIXES or path.is_dir():
-        return (StateMessage(*fields) for fields in read_joint_states(path, topic=topic))
+        messages = read_joint_states(path, topic=topic)
+        return StateStream((StateMessage(*fields) for fields in messages), messages.close)
     lines = [line for line in read_text(path).splitlines() if line.strip()]
-    return (parse_state(line) for line in lines)
+    return StateStream(map(parse_state, lines), lambda: None)
 
 
 def parse_state(text: str | bytes) -> StateMessage | StreamError:
@@ -128,7 +153,7 @@ def _address(source: str) -> tuple[str, int]:
     return host, int(port)
 
 
-def _from_socket(host: str, port: int, silence: float) -> Iterator[StateMessage | StreamError]:
+def _from_socket(host: str, port: int, silence: float) -> StateStream:
     receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         receiver.bind((host, port))
@@ -136,13 +161,12 @@ def _from_socket(host: str, port: int, silence: float) -> Iterator[StateMessage 
         receiver.close()
         raise InputError(f"cannot listen to udp://{host}:{port}: {error.strerror}") from error
     receiver.settimeout(silence)
-    return _datagrams(receiver, silence)
+    return StateStream(_datagrams(receiver, silence), receiver.close)
 
 
 def _datagrams(receiver: socket.socket, silence: float) -> Iterator[StateMessage | StreamError]:
-    with receiver:
-        while True:
-            try:
-                yield parse_state(receiver.recv(_LARGEST_DATAGRAM))
-            except TimeoutError:
-                yield StreamError("silence", f"no message for {silence:g} s")
+    while True:
+        try:
+            yield parse_state(receiver.recv(_LARGEST_DATAGRAM))
+        except TimeoutError:
+            yield StreamError("silence", f"no message for {silence:g} s")

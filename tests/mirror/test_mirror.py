@@ -243,7 +243,7 @@ def test_a_broadcaster_is_mirrored_over_a_socket(scene: rp.Scene, plan: rp.Traje
             sender.sendto(b'{"time": 1.0, "name"', ("127.0.0.1", port))
 
     thread = threading.Thread(target=send)
-    with rp.Mirror(scene, plan, start=0.0) as mirror:
+    with stream, rp.Mirror(scene, plan, start=0.0) as mirror:
         thread.start()
         for item in stream:
             mirror.receive(item)
@@ -256,6 +256,18 @@ def test_a_broadcaster_is_mirrored_over_a_socket(scene: rp.Scene, plan: rp.Traje
     assert set(report.faults) == {"format", "silence"}
     assert max(report.max_deviation.values()) < 1e-3
     assert not report.outside
+
+
+def test_a_stream_that_is_left_early_is_closed() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    for _ in range(2):  # the port is free again
+        with rp.read_states(f"udp://127.0.0.1:{port}", silence=0.01) as stream:
+            assert isinstance(next(stream), rp.StreamError)
+        assert list(stream) == []
+    with rp.read_states(f"udp://127.0.0.1:{port}"):
+        pass
 
 
 def test_a_bag_is_a_stream(plan: rp.Trajectory, tmp_path: Path) -> None:
