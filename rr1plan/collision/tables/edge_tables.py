@@ -106,7 +106,7 @@ def _link_cores(instances: ArmInstances) -> tuple[CoreTables, _INTS]:
     """Cores of the arms' bodies and of links that no joint moves, and the `core` of each solid of these; cached."""
 
     def make() -> tuple[CoreTables, _INTS]:
-        links = FixedSolids(fixed_links(instances))
+        links = fixed_links(instances)
         cores = links.place_cores(instance_spheres(instances).cores)
         return cores, links.solids[:, 3].copy()
 
