@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import read_only
-from rr1plan.collision.arm_geometry import ArmGeometry, Solid, arm_geometry
-from rr1plan.collision.arm_instances import ArmInstances, arm_instances
+from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances, Solid, arm_geometry, arm_instances
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_geometry, stationary_arm_geometry
 from rr1plan.collision.reach_broad_phase import Near, find_near
 from rr1plan.errors import InputError

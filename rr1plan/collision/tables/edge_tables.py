@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.arm_geometry import ArmInstances
 from rr1plan.collision.clearance_maps import instance_maps
 from rr1plan.collision.collision_geometry import CollisionGeometry
 from rr1plan.collision.convex.convex_cores import CoreTables

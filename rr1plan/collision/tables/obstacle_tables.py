@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.collision.arm_geometry import ArmGeometry
-from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances
 from rr1plan.collision.convex.convex_bodies import is_concave
 from rr1plan.collision.convex.convex_cores import CoreTables, joined_cores, shape_core
 from rr1plan.collision.convex.mesh_trees import NO_MESHES, MeshTree, joined_trees, mesh_tree
