@@ -87,8 +87,8 @@ def test_of_arms_and_obstacles_that_meet_the_tables_are_the_same(allowed, specia
     arms = tuple((name, robot.base, robot.solid_links, robot.disabled_collisions) for name, robot in robots)
     held = tuple((name, thing.arm, thing.link, thing.touch) for name, thing in scene.attachments.items())
     # Names that are no elements, and pairs of what is not there, do no harm.
-    meeting_pairs = frozenset({*meeting, frozenset({"l", "gone"})})
-    content = RuleContent(arms, tuple(scene.obstacles), held, scene.allowed, meeting_pairs)
+    near = frozenset({*meeting, frozenset({"l", "gone"})})
+    content = RuleContent(arms, tuple(scene.obstacles), held, scene.allowed, near)
     expected = [
         (a, b)
         for i, a in enumerate(names)
