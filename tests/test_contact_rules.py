@@ -83,11 +83,12 @@ def test_of_arms_and_obstacles_that_meet_the_tables_are_the_same(allowed, specia
     for (a, b), distance in special:
         scene = scene.with_padding(distance, a, b)
     names = scene.element_names
-    arms = tuple((name, arm.robot.base, frozenset(arm.robot.disabled_collisions)) for name, arm in scene.arms.items())
+    robots = ((name, arm.robot) for name, arm in scene.arms.items())
+    arms = tuple((name, robot.base, robot.solid_links, robot.disabled_collisions) for name, robot in robots)
     held = tuple((name, thing.arm, thing.link, thing.touch) for name, thing in scene.attachments.items())
-    owners = tuple(scene.owner(name) for name in names)
     # Names that are no elements, and pairs of what is not there, do no harm.
-    content = RuleContent(names, owners, arms, held, scene.allowed, frozenset({*meeting, frozenset({"l", "gone"})}))
+    near = frozenset({*meeting, frozenset({"l", "gone"})})
+    content = RuleContent(arms, tuple(scene.obstacles), held, scene.allowed, near)
     expected = [
         (a, b)
         for i, a in enumerate(names)

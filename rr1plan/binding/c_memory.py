@@ -25,7 +25,9 @@ _DTYPES: dict[str, np.dtype[Any]] = {
     "int8_t": np.dtype(np.int8),
     "uint8_t": np.dtype(np.uint8),
 }
-_start_of: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
+# Where a numpy array holds the address of its data: first behind the header that all Python objects have.
+_DATA = object.__basicsize__
+_pointer_at: Callable[[int], ctypes.c_size_t] = ctypes.c_size_t.from_address
 
 
 class CStruct:
@@ -81,7 +83,7 @@ class CStruct:
         layout, size = _layout(self.sources, self.name, tuple(counts.items()))
         if room is None:
             room = np.empty(size, np.uint8) if unset else np.zeros(size, np.uint8)
-        begin = ctypes.addressof(_start_of(room))
+        begin = _pointer_at(id(room) + _DATA).value
         first, value = -begin % _LINE, self.value
         for key, part in layout.items():
             setattr(value, key, begin + first + part.offset)
@@ -131,7 +133,9 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
         TypeError: `given` is of another type.
     """
     if isinstance(given, np.ndarray):
-        flags, expected = given.flags, _DTYPES.get(kind)
+        if not given.flags.c_contiguous:
+            raise TypeError(f"an array for {kind} is not C-contiguous")
+        expected = _DTYPES.get(kind)
         if expected is None:
             row = given.itemsize * (given.shape[1] if given.ndim == 2 else 1)
             size = sources.item_sizes[kind]
@@ -139,12 +143,7 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
                 raise TypeError(f"rows of {row} bytes are no {kind}, which takes {size}")
         elif given.dtype is not expected and given.dtype != expected:
             raise TypeError(f"an array of {given.dtype} is not an array of {kind}")
-        if flags.carray and given.size:  # contiguous and writable
-            return ctypes.addressof(_start_of(given))  # a quarter of the time of the general case below
-        if not flags.c_contiguous:
-            raise TypeError(f"an array for {kind} is not C-contiguous")
-        address: int = given.__array_interface__["data"][0]
-        return address
+        return _pointer_at(id(given) + _DATA).value  # a tenth of the time of `__array_interface__`
     if not isinstance(given, CStruct):
         raise TypeError(f"a {type(given).__name__} is not an array of {kind}")
     if given.name != kind:
@@ -153,7 +152,7 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
 
 
 def bound(sources: KernelSources, function: Any, prototype: Prototype) -> Callable[..., Any]:
-    """An exported function that takes numbers, and for each pointer an array, a `CStruct` or an address.
+    """An exported function that takes numbers, and for each pointer an array, a `CStruct`, bytes or an address.
 
     Arguments are converted before `ctypes` sees them: it turns any exception meanwhile, also that of Ctrl-C, into an
     ArgumentError. Its attribute `native` is the function that takes numbers and addresses only, in less time.
@@ -171,7 +170,7 @@ def bound(sources: KernelSources, function: Any, prototype: Prototype) -> Callab
         converted = list(arguments)
         for i, kind in pointers:
             given = converted[i]
-            if type(given) is not int:
+            if type(given) not in (int, bytes):
                 converted[i] = address_of(sources, given, kind)
         return function(*converted)
 

@@ -1,7 +1,7 @@
 """Exact answers about configurations (Coal), certified answers about motions."""
 
 from rr1plan.collision.checker import CollisionChecker, FirstContact
-from rr1plan.collision.results import Contact, Nearest
+from rr1plan.collision.coal_pairs import Contact, Nearest
 from rr1plan.collision.sphere_covers import ElementCover, cover_with_spheres
 from rr1plan.collision.timed_checker import TimedChecker, TimedContact
 

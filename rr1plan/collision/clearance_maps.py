@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.collision.arm_geometry import ArmGeometry
-from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances
 from rr1plan.collision.convex.mesh_trees import NO_MESHES
 from rr1plan.collision.tables.arm_tables import ArmTables, arm_tables, chain_reach, joint_motion
 from rr1plan.collision.tables.exact_tables import ExactTables, exact_scratch, exact_struct

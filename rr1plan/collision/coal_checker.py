@@ -16,11 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, finite_array, finite_number, items_of, of_kind, read_only, whole_number
 from rr1plan.collision.arm_geometry import Solid
-from rr1plan.collision.coal_pairs import CoalPairs, StaticPairs, measure_static
+from rr1plan.collision.coal_pairs import CoalPairs, Contact, Nearest, StaticPairs, measure_static
 from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry, geometry_distance
 from rr1plan.collision.edge_kernel import ExactKernel
-from rr1plan.collision.obstacle_geometry import ObstacleGeometry
-from rr1plan.collision.results import Contact, Nearest
 from rr1plan.collision.stationary_contacts import ROUNDING, stationary_contacts
 from rr1plan.collision.tables.exact_tables import ExactTables, arm_exact_struct, build_static_tables, build_tables
 from rr1plan.collision.tables.obstacle_tables import FixedSolids, fixed_links
@@ -286,8 +284,8 @@ class CoalChecker:
     @ExclusiveCache
     def fixed(self) -> FixedSolids:
         """The links and obstacles that do not move, as compiled code puts them in place."""
-        links, bodies = fixed_links(self.geometry.instances), len(self.geometry.instances.groups)
-        return FixedSolids(ObstacleGeometry.joined([links, self.geometry.obstacles]), bodies, len(links.counts))
+        instances = self.geometry.instances
+        return FixedSolids(self.geometry.obstacles, len(instances.groups), fixed_links(instances))
 
     @ExclusiveCache
     def tables(self) -> ExactTables:

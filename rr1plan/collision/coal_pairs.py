@@ -12,10 +12,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, read_only
+from rr1plan.checks import Array, Value, read_only
 from rr1plan.collision.arm_geometry import Solid
 from rr1plan.collision.convex.convex_bodies import coal_geometry, holds_point, is_concave, occupied_cells
-from rr1plan.collision.results import Nearest
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.shapes import HalfSpace, Mesh, PointCloud, Shape
 
@@ -24,6 +23,38 @@ _GJK_TOLERANCE = 1e-10
 # Where a core lies exactly in another surface, Coal may end with -1.8e308; a nanometer beside it, it does not.
 _NO_DISTANCE = -1e300
 _NUDGE = np.array([0.7e-9, -0.5e-9, 0.6e-9])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Contact(Value):
+    """Two elements that touch, or come nearer than their padding.
+
+    Args:
+        a, b: The elements.
+        depth: Padding less distance [m], >= 0.
+        point: Halfway between the two deepest points, in the world [m], shape (3,).
+    """
+
+    a: str
+    b: str
+    depth: float
+    point: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Nearest(Value):
+    """The two elements that are nearest to each other.
+
+    Args:
+        distance: Their distance [m], negative where they overlap; inf when no pair is checked.
+        pair: The elements; empty when no pair is checked.
+        point_a, point_b: The nearest points in the world [m], shape (3,).
+    """
+
+    distance: float
+    pair: tuple[str, ...]
+    point_a: Array
+    point_b: Array
 
 
 class CoalPairs:

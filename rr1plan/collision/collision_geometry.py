@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import read_only
-from rr1plan.collision.arm_geometry import ArmGeometry, Solid, arm_geometry
-from rr1plan.collision.arm_instances import ArmInstances, arm_instances
+from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances, Solid, arm_geometry, arm_instances
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_geometry, stationary_arm_geometry
 from rr1plan.collision.reach_broad_phase import Near, find_near
 from rr1plan.errors import InputError
@@ -103,20 +102,18 @@ def held_by_arm(scene: Scene) -> dict[str, dict[str, Attachment]]:
 
 def _rules(scene: Scene, near: Near, moving: Sequence[str]) -> ContactRules:
     """The rules about the moving arms and what is near them; others need no check."""
-    arms = [name for name in scene.arms if name in {*moving, *near.arms}]
     if near.near_pairs is None:
         return scene.contact_rules
-    held = [(name, thing) for name, thing in scene.attachments.items() if thing.arm in set(arms)]
-    links = [(f"{a}/{link}", a) for a in arms for link in scene.arms[a].robot.solid_links]
-    owners = [*links, *((name, None) for name in near.obstacles), *((name, thing.arm) for name, thing in held)]
-    names = {name for name, _ in owners} | set(arms)
+    robots = {name: arm.robot for name, arm in scene.arms.items() if name in {*moving, *near.arms}}
+    held = [(name, thing) for name, thing in scene.attachments.items() if thing.arm in robots]
+    links = [f"{a}/{link}" for a, robot in robots.items() for link in robot.solid_links]
+    names = {*robots, *links, *near.obstacles, *(name for name, _ in held)}
     # Links of one arm are no near pair unless it moves.
-    robots = [(name, scene.arms[name].robot) for name in arms]
+    disabled = {name: robot.disabled_collisions if name in moving else frozenset() for name, robot in robots.items()}
     return rules_of(
         RuleContent(
-            tuple(name for name, _ in owners),
-            tuple(owner for _, owner in owners),
-            tuple((a, robot.base, robot.disabled_collisions if a in moving else frozenset()) for a, robot in robots),
+            tuple((name, robot.base, robot.solid_links, disabled[name]) for name, robot in robots.items()),
+            near.obstacles,
             tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
             frozenset(both for both in scene.allowed if both <= names),
             near.near_pairs,

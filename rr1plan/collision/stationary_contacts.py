@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry
-from rr1plan.collision.coal_pairs import CoalPairs
+from rr1plan.collision.coal_pairs import CoalPairs, Contact
 from rr1plan.collision.collision_geometry import geometries_of
 from rr1plan.collision.edge_kernel import ExactKernel
 from rr1plan.collision.obstacle_geometry import (
@@ -28,7 +28,6 @@ from rr1plan.collision.reach_broad_phase import (
     placed_balls,
     stationary_balls,
 )
-from rr1plan.collision.results import Contact
 from rr1plan.collision.tables.exact_tables import build_fixed_tables
 from rr1plan.collision.tables.obstacle_tables import balls_of
 from rr1plan.object_cache import kept_in

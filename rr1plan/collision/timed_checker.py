@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import FARTHEST, Array, Value, finite_number, known_name, of_kind, read_only
-from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.arm_geometry import ArmInstances
 from rr1plan.collision.checker import CollisionChecker, shifted_polynomial
 from rr1plan.collision.collision_geometry import geometries_of
 from rr1plan.collision.edge_kernel import FREE

@@ -42,7 +42,7 @@ typedef struct {
 } SolidShape;
 
 typedef struct {
-    int64_t count;
+    int64_t count, object_count;
     FixedSolid *solids;
     const SolidShape *shapes;
     const Transform *frames;  // of solids in those of their objects

@@ -57,23 +57,31 @@ static void describe(const ShapeSize *given, FixedSolid *solid, SolidShape *shap
     shape->offset = offset;
 }
 
-// Describes solids object after object, of which the first `link_count` are links: those have no bodies and no places for
-// cores. Returns how many are left to be described by the caller.
+// Describes solids object after object, behind those of `links`, which have no bodies and no places for cores. Returns how
+// many are left to be described by the caller.
 //
-// counts: solids of each object; first_body: of the first solid that has one.
+// sizes, frames: of each solid; counts, poses: of each object; first_body: of the first solid.
 EXPORT int64_t rr1_describe_solids(
-    const ShapeSize *sizes, const int64_t *counts, int64_t object_count, int64_t link_count, int64_t first_body,
-    FixedSolid *solids, SolidShape *shapes
+    FixedSolids *fixed, const FixedSolids *links, const ShapeSize *sizes, const Transform *frames, const int64_t *counts,
+    const Transform *poses, int64_t first_body
 ) {
-    int64_t left = 0, i = 0;
-    for (int64_t object = 0; object < object_count; object++) {
-        int is_link = object < link_count;
-        for (int64_t end = i + counts[object]; i < end; i++) {
-            solids[i] = (FixedSolid){.object = object, .place = i};
-            solids[i].body = is_link ? -1 : first_body++;
-            solids[i].first_point = is_link ? -1 : 0;
-            describe(&sizes[i], &solids[i], &shapes[i]);
-            left += solids[i].core == CORE_LEFT_OUT;
+    SolidShape *shapes = (SolidShape *)fixed->shapes;
+    Transform *in_objects = (Transform *)fixed->frames;
+    int64_t left = 0, i = 0, object = 0;
+    for (; i < links->count; i++) {
+        fixed->solids[i] = links->solids[i];
+        fixed->solids[i].body = fixed->solids[i].first_point = -1;
+        shapes[i] = links->shapes[i];
+        in_objects[i] = links->frames[i];
+    }
+    for (; object < links->object_count; object++) fixed->objects[object] = links->objects[object];
+    for (; object < fixed->object_count; object++) {
+        fixed->objects[object] = *poses++;
+        for (int64_t end = i + *counts++; i < end; i++, sizes++, frames++) {
+            fixed->solids[i] = (FixedSolid){.object = object, .body = first_body++, .place = -1};
+            describe(sizes, &fixed->solids[i], &shapes[i]);
+            in_objects[i] = *frames;
+            left += fixed->solids[i].core == CORE_LEFT_OUT;
         }
     }
     return left;

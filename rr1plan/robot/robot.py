@@ -30,6 +30,7 @@ from rr1plan.errors import InputError
 from rr1plan.notebook_view import NotebookView
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.robot_parts import Joint, Link
+from rr1plan.shapes import Mesh
 from rr1plan.shapes.content_digest import feed_digest
 
 
@@ -108,6 +109,12 @@ class Robot(Value, NotebookView):
     def solid_links(self) -> tuple[str, ...]:
         """Names of the links with a collision shape."""
         return tuple(link.name for link in self.links if link.collisions)
+
+    @cached_property
+    def concave_meshes(self) -> tuple[tuple[str, Mesh], ...]:
+        """The collision meshes that are not convex, each after the name of its link."""
+        shapes = ((link.name, geometry.shape) for link in self.links for geometry in link.collisions)
+        return tuple((link, shape) for link, shape in shapes if isinstance(shape, Mesh) and not shape.convex)
 
     @cached_property
     def bodies(self) -> tuple[tuple[Link, ...], ...]:

@@ -25,17 +25,15 @@ class RuleContent:
     """Cache key of contact rules: all data that determines which pairs need a check.
 
     Args:
-        names: All elements.
-        owners: The arm of each element, None for an obstacle.
-        arms: Name, base link and unchecked pairs of links of each arm.
+        arms: Name, base link, links with a shape and unchecked pairs of links of each arm.
+        obstacles: Names of the obstacles.
         held: Name, arm, link and allowed links of each attached object.
         allowed: Pairs of elements or arms that may touch.
         near_pairs: Pairs of arms, or of an arm and an obstacle, that need a check (default: all pairs).
     """
 
-    names: tuple[str, ...]
-    owners: tuple[str | None, ...]
-    arms: tuple[tuple[str, str, frozenset[_Names]], ...]
+    arms: tuple[tuple[str, str, tuple[str, ...], frozenset[_Names]], ...]
+    obstacles: tuple[str, ...]
     held: tuple[tuple[str, str, str, _Names], ...]
     allowed: frozenset[_Names]
     near_pairs: frozenset[_Names] | None = None
@@ -54,21 +52,26 @@ class ContactRules:
         content: Content of the rules.
 
     Attributes:
-        names: All elements.
+        names: All elements: links of the arms, obstacles, attached objects.
         obstacles: Indices of the obstacles in `names`.
     """
 
     def __init__(self, content: RuleContent) -> None:
         self._content = content
-        self.names = content.names
-        self._count = len(content.names)
-        self._index = {name: i for i, name in enumerate(content.names)}
+        links = [(f"{arm}/{link}", arm) for arm, _, links, _ in content.arms for link in links]
+        named = [
+            *links,
+            *((name, None) for name in content.obstacles),
+            *((name, arm) for name, arm, *_ in content.held),
+        ]
+        self.names = tuple(name for name, _ in named)
+        self._owners = tuple(name if arm is None else arm for name, arm in named)
+        self._count = len(named)
+        self._index = {name: i for i, name in enumerate(self.names)}
         self._of_arm: dict[str, list[int]] = {}
-        self.obstacles: list[int] = []
-        for i, arm in enumerate(content.owners):
-            if arm is None:
-                self.obstacles.append(i)
-            else:
+        self.obstacles = list(range(len(links), len(links) + len(content.obstacles)))
+        for i, (_, arm) in enumerate(named):
+            if arm is not None:
                 self._of_arm.setdefault(arm, []).append(i)
 
     @cached_property
@@ -80,7 +83,7 @@ class ContactRules:
         pairs = [(index[a], index[b]) for a, b in self._unchecked() if a in index and b in index]
         rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         checked[rows, columns] = checked[columns, rows] = False
-        still = [f"{arm}/{base}" for arm, base, _ in self._content.arms]
+        still = [f"{arm}/{base}" for arm, base, *_ in self._content.arms]
         fixed = self.obstacles + [index[name] for name in still if name in index]
         checked[np.ix_(fixed, self.obstacles)] = checked[np.ix_(self.obstacles, fixed)] = False
         for both in self._content.allowed:
@@ -107,20 +110,18 @@ class ContactRules:
 
     def _are_near(self, pairs: frozenset[_Names]) -> NDArray[np.bool_]:
         """Mask of the pairs of elements of `pairs` of arms or obstacles, shape (n, n)."""
-        named = zip(self._content.names, self._content.owners, strict=True)
-        owners = [name if arm is None else arm for name, arm in named]
-        number = {owner: i for i, owner in enumerate(dict.fromkeys(owners))}
+        number = {owner: i for i, owner in enumerate(dict.fromkeys(self._owners))}
         table = np.zeros((len(number), len(number)), dtype=np.bool_)
         for both in pairs:
             one, two = (tuple(both) * 2)[:2]
             if one in number and two in number:
                 table[number[one], number[two]] = table[number[two], number[one]] = True
-        index = [number[owner] for owner in owners]
+        index = [number[owner] for owner in self._owners]
         return table[np.ix_(index, index)]
 
     def _unchecked(self) -> Iterator[tuple[str, str]]:
         """Pairs of one arm's links and held objects that need no check."""
-        for arm, _, never in self._content.arms:
+        for arm, _, _, never in self._content.arms:
             for one, *two in map(tuple, never):
                 yield f"{arm}/{one}", f"{arm}/{two[0] if two else one}"
         for name, arm, link, touch in self._content.held:

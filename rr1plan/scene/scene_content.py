@@ -245,13 +245,13 @@ class SceneContent(Value, NotebookView):
     @cached_property
     def contact_rules(self) -> ContactRules:
         """The pairs of elements that must not touch, shared by scenes with equal rules."""
-        names, held = self.element_names, self.attachments.items()
-        links = [name for name, arm in self.arms.items() for _ in arm.robot.solid_links]
+        robots = ((name, arm.robot) for name, arm in self.arms.items())
         content = RuleContent(
-            names,
-            (*links, *[None] * len(self.obstacles), *(thing.arm for thing in self.attachments.values())),
-            tuple((name, arm.robot.base, frozenset(arm.robot.disabled_collisions)) for name, arm in self.arms.items()),
-            tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
+            tuple(
+                (name, robot.base, robot.solid_links, frozenset(robot.disabled_collisions)) for name, robot in robots
+            ),
+            tuple(self.obstacles),
+            tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in self.attachments.items()),
             self.allowed,
         )
         return rules_of(content)

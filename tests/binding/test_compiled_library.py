@@ -78,6 +78,13 @@ def test_addresses_of_arrays_are_those_of_numpy(array: np.ndarray) -> None:
     assert address_of(sources, array, "double") == array.ctypes.data
 
 
+def test_bytes_are_taken_as_the_array_they_hold() -> None:
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    length = PLANNERS.fastest.rr1_polyline_length
+    assert length(points.tobytes(), 5, 3) == length(points, 5, 3)
+    assert length(points, 5, 3) == pytest.approx(np.linalg.norm(np.diff(points, axis=0), axis=1).sum(), rel=1e-14)
+
+
 def test_headers_are_read_as_c_reads_them() -> None:
     text = """
     // A comment; with a semicolon.

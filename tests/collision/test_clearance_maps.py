@@ -7,7 +7,7 @@ import logging
 import numpy as np
 import pytest
 
-from rr1plan.collision import CollisionChecker, arm_geometry, arm_instances, clearance_maps
+from rr1plan.collision import CollisionChecker, arm_geometry, clearance_maps
 from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.robot import Geometry, Joint, Link, Robot
 from rr1plan.robot.joint_limits import Limits
@@ -20,7 +20,7 @@ def forget():
     """A new process has none of what this one keeps."""
     clearance_maps._gaps.cache_clear()
     arm_geometry._arm_geometry.cache_clear()
-    arm_instances._arm_instances.cache_clear()
+    arm_geometry._arm_instances.cache_clear()
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ import pytest
 from rr1plan.collision import (
     CollisionChecker,
     arm_geometry,
-    arm_instances,
     collision_geometry,
 )
 from rr1plan.collision.edge_kernel import ExactKernel
@@ -32,7 +31,7 @@ HULL = Mesh(np.vstack([np.zeros(3), 0.1 * np.eye(3)]), [[0, 2, 1], [0, 1, 3], [0
 
 def forget() -> None:
     # All else is kept by these.
-    arms = _arm_model, arm_geometry._arm_geometry, arm_instances._arm_instances
+    arms = _arm_model, arm_geometry._arm_geometry, arm_geometry._arm_instances
     for kept in (*arms, body_tables.body_core, collision_geometry._solid_pairs, rules_of):
         kept.cache_clear()
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rr1plan import place_grid
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.clearance_maps import instance_maps
+from rr1plan.collision.obstacle_geometry import ObstacleGeometry
 from rr1plan.collision.tables import arm_tables, link_spheres
 from rr1plan.collision.tables.edge_tables import build_edge_tables
+from rr1plan.collision.tables.obstacle_tables import FixedSolids, fixed_links_of
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Sphere
+from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.transforms import pose
 
 
@@ -22,6 +27,30 @@ def geometries(scene, arms=None):
 
 def edge_tables(checker):
     return build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
+
+
+def test_fixed_links_are_described_once_as_if_they_were_obstacles(six, odd):
+    mesh = convex_hull(np.random.default_rng(2).normal(0.0, 0.05, (20, 3)))
+    base, *links = odd.links
+    meshed = replace(odd, links=(replace(base, collisions=(*base.collisions, Geometry("mesh", mesh))), *links))
+    scene = (
+        Scene().with_arm("a", six, [0.0, 0.3, 0.1]).with_arm("b", meshed, pose([1.2, 0.0, 0.0], rpy=[0.0, 0.0, 0.4]))
+    )
+    scene = scene.with_obstacle("ball", Sphere(0.1), [0.5, 0.5, 0.5]).with_obstacle("mesh", mesh, [0.6, -0.5, 0.5])
+    geometry = CollisionChecker(scene).geometry
+    fixed = CollisionChecker(scene).fixed
+    arms = zip(geometry.instances.geometries, geometry.instances.bases, strict=True)
+    parts = [fixed_links_of(arm).at(base) for arm, base in arms]
+    links = sum(len(part.shapes) for part in parts)
+    whole = FixedSolids(ObstacleGeometry.joined([*parts, geometry.obstacles]))
+    for part in ("shapes", "frames", "objects"):
+        assert fixed.struct.part(part).tobytes() == whole.struct.part(part).tobytes()
+    # Object, kind, and whether its own shape decides; links have no bodies and no places for cores.
+    assert (fixed.solids[:, [0, 6, 7]] == whole.solids[:, [0, 6, 7]]).all()
+    assert links
+    assert (fixed.solids[:links, [1, 4]] == -1).all()
+    first = len(geometry.instances.groups)
+    assert fixed.solids[links:, 1].tolist() == list(range(first, first + fixed.count - links))
 
 
 # ---- sharing -----------------------------------------------------------------------------------------

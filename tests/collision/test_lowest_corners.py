@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.convex.support_cells import DIRECTION_CELLS, WORD, corners_per_bit, support_cells
+from rr1plan.collision.convex.convex_cores import DIRECTION_CELLS, WORD, corners_per_bit, support_cells
 from rr1plan.collision.tables.edge_tables import build_edge_tables, scene_struct
 from rr1plan.kernels.planner_kernels import constants, load_library
 from rr1plan.scene import Scene

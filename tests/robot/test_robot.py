@@ -7,12 +7,14 @@ from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
+from concave_meshes import open_bowl
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rr1plan as rp
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.robot import Joint, Mimic
+from rr1plan.robot import Geometry, Joint, Mimic
+from rr1plan.shapes.convex_hulls import convex_hull
 
 
 def test_arrays_are_read_only_and_stay_so_after_pickling(rr1: rp.Robot) -> None:
@@ -24,6 +26,15 @@ def test_arrays_are_read_only_and_stay_so_after_pickling(rr1: rp.Robot) -> None:
             robot.configurations["new"] = robot.home
         with pytest.raises(FrozenInstanceError):
             robot.name = "other"
+
+
+def test_concave_meshes_are_named_by_their_links(planar2r: rp.Robot) -> None:
+    bowl, hull = open_bowl(), convex_hull(open_bowl().vertices)
+    one, two, *rest = planar2r.links
+    shapes = [Geometry("bowl", bowl), Geometry("hull", hull), Geometry("box", rp.Box((0.1, 0.1, 0.1)))]
+    robot = replace(planar2r, links=(one, replace(two, collisions=(*two.collisions, *shapes)), *rest))
+    assert planar2r.concave_meshes == ()
+    assert robot.concave_meshes == ((two.name, bowl),)
 
 
 def test_a_robot_is_shown_in_a_line(planar2r: rp.Robot) -> None:

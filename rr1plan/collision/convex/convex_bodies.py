@@ -5,7 +5,6 @@ All are solid except concave meshes of obstacles, which are surfaces to Coal; `c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TypeGuard
@@ -17,7 +16,6 @@ from rr1plan.checks import Array
 from rr1plan.collision.convex.mesh_trees import orientations_of
 from rr1plan.errors import BackendError, InputError
 from rr1plan.progress import ProgressCallback
-from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.shapes.convex_decomposition import convex_pieces
@@ -82,20 +80,19 @@ def cut_meshes(scene: Scene, progress: ProgressCallback) -> None:
     # Arms of one robot have the same meshes.
     robots = {id(arm.robot): (name, arm.robot) for name, arm in scene.arms.items()}
     for name, robot in robots.values():
-        for link in robot.links:
-            _cut(f"{name}/{link.name}", link.collisions, progress)
+        for link, mesh in robot.concave_meshes:
+            _cut(f"{name}/{link}", mesh, progress)
     for name, held in scene.attachments.items():
-        _cut(name, held.geometries, progress)
+        for geometry in held.geometries:
+            if is_concave(geometry.shape):
+                _cut(name, geometry.shape, progress)
 
 
-def _cut(element: str, geometries: Sequence[Geometry], progress: ProgressCallback) -> None:
-    for geometry in geometries:
-        mesh = geometry.shape
-        if is_concave(mesh):
-            try:
-                _mesh_pieces(_Whole(mesh, progress))
-            except InputError as error:
-                raise InputError(f"shape of {element!r}: {error}") from error
+def _cut(element: str, mesh: Mesh, progress: ProgressCallback) -> None:
+    try:
+        _mesh_pieces(_Whole(mesh, progress))
+    except InputError as error:
+        raise InputError(f"shape of {element!r}: {error}") from error
 
 
 def _check_reach(cloud: PointCloud) -> None:

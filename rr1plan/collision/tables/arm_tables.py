@@ -9,8 +9,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.arm_geometry import ArmGeometry
-from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances
 from rr1plan.collision.tables.body_tables import FAR, BodyTables, body_tables, flat
 from rr1plan.model.arm_model import ArmModel, joint_twist
 from rr1plan.object_cache import kept_in

@@ -130,27 +130,37 @@ def shape_size(shape: Shape) -> bytes:
             return _SIZE.pack(_KIND["BODY_CORNERS" if shape.convex else "BODY_MESH"], 0.0, 0.0, 0.0, 0.0)
 
 
-def describe_solids(sizes: bytearray, counts: Sequence[int], links: int, first_body: int) -> tuple[CStruct, int]:
+def describe_solids(
+    sizes: bytes,
+    frames: bytes,
+    counts: Sequence[int],
+    poses: bytes,
+    first_body: int = 0,
+    links: CStruct | None = None,
+) -> tuple[CStruct, int]:
     """Solids of objects as the kernels describe them.
 
     Args:
-        sizes: A `ShapeSize` of each, object after object.
-        counts: How many there are of each object.
-        links: How many objects, the first ones, are links of arms that move.
-        first_body: Row of the exact kernel's tables of the first solid of the others.
+        sizes: A `ShapeSize` of each solid.
+        frames: T_object_solid of each, (4, 4) after (4, 4).
+        counts: How many solids each object has.
+        poses: T_world_object of each object, (4, 4) after (4, 4).
+        first_body: Row of the exact kernel's tables of the first solid.
+        links: The `FixedSolids` of links of arms that move, which come first (default: none).
 
     Returns:
-        Their `FixedSolids`, without frames and objects; and how many are meshes or point clouds, whose `SolidShape` is
-        zero.
+        Their `FixedSolids`; and how many are meshes or point clouds, whose `SolidShape` is zero.
     """
-    count = sum(counts)
-    fixed = CStruct("FixedSolids", count=count)
-    fixed.give_room(unset=True, solids=count, shapes=count)
-    found = load_library().rr1_describe_solids(
-        *(np.frombuffer(sizes).reshape(-1, 5), np.array(counts, np.int64), len(counts), links, first_body),
-        *(fixed.value.solids, fixed.value.shapes),
-    )
-    return fixed, found
+    links = links or _NO_SOLIDS
+    count, objects = links.value.count + sum(counts), links.value.object_count + len(counts)
+    fixed = CStruct("FixedSolids", count=count, object_count=objects)
+    fixed.give_room(unset=True, solids=count, shapes=count, frames=count, objects=objects)
+    given = sizes, frames, np.array(counts, np.int64), poses
+    return fixed, load_library().rr1_describe_solids(fixed, links, *given, first_body)
+
+
+_NO_SOLIDS = CStruct("FixedSolids")
+_AT_ORIGIN = np.eye(4).tobytes()
 
 
 @lru_cache(maxsize=1024)
@@ -160,8 +170,8 @@ def body_core(shape: Shape) -> BodyCore:
         return _cells(shape)
     if isinstance(shape, Mesh):
         return _corners(shape) if shape.convex else _surface(shape)
-    size = bytearray(shape_size(shape))
-    values = describe_solids(size, [1], 0, 0)[0].part("shapes").view(np.float64)[0].tolist()
+    size = shape_size(shape)
+    values = describe_solids(size, _AT_ORIGIN, [1], _AT_ORIGIN)[0].part("shapes").view(np.float64)[0].tolist()
     return BodyCore(_SIZE.unpack(size)[0], (0.0, 0.0, 0.0), tuple(values[3:15]), _NONE)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.arm_geometry import ArmInstances
 from rr1plan.collision.clearance_maps import instance_maps
 from rr1plan.collision.collision_geometry import CollisionGeometry
 from rr1plan.collision.convex.convex_cores import CoreTables
@@ -106,7 +106,7 @@ def _link_cores(instances: ArmInstances) -> tuple[CoreTables, _INTS]:
     """Cores of the arms' bodies and of links that no joint moves, and the `core` of each solid of these; cached."""
 
     def make() -> tuple[CoreTables, _INTS]:
-        links = FixedSolids(fixed_links(instances))
+        links = fixed_links(instances)
         cores = links.place_cores(instance_spheres(instances).cores)
         return cores, links.solids[:, 3].copy()
 

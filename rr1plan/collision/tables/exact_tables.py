@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.arm_instances import ArmInstances, arm_instances
+from rr1plan.collision.arm_geometry import ArmInstances, arm_instances
 from rr1plan.collision.collision_geometry import CollisionGeometry, SolidPairs
 from rr1plan.collision.convex.mesh_trees import NO_MESHES, MeshTree
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
-from rr1plan.collision.arm_geometry import ArmGeometry
-from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances
 from rr1plan.collision.convex.bounding_spheres import SphereCover, cover
 from rr1plan.collision.convex.convex_cores import NO_CORES, Cores, CoreTables, core_radius, extremes
 from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.collision.arm_geometry import ArmGeometry
-from rr1plan.collision.arm_instances import ArmInstances
+from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances
 from rr1plan.collision.convex.convex_bodies import is_concave
 from rr1plan.collision.convex.convex_cores import CoreTables, joined_cores, shape_core
 from rr1plan.collision.convex.mesh_trees import NO_MESHES, MeshTree, joined_trees, mesh_tree
@@ -32,22 +31,21 @@ class FixedSolids:
 
     Args:
         things: The objects.
-        first_body: Row of the exact kernel's tables of the first solid that has one.
-        links: How many objects, the first ones, are links of arms that move: their rows and cores are with the arms'.
+        first_body: Row of the exact kernel's tables of the first solid.
+        links: Those of links of arms that move, which come first: their rows and cores are with the arms'.
 
     Attributes:
         count: How many solids there are.
         struct: All as C reads it.
     """
 
-    def __init__(self, things: ObstacleGeometry, first_body: int = 0, links: int = 0) -> None:
-        self.count, self._links = len(things.shapes), sum(things.counts[:links])
-        self._exact_kinds = np.frombuffer(things.sizes, np.int64)[5 * self._links :: 5]
-        self.struct, special = describe_solids(bytearray(things.sizes), things.counts, links, first_body)
-        self.struct.set(
-            frames=np.frombuffer(bytearray(things.frames)).reshape(-1, 16),
-            objects=np.frombuffer(bytearray(things.poses)).reshape(-1, 16),
-        )
+    def __init__(self, things: ObstacleGeometry, first_body: int = 0, links: FixedSolids | None = None) -> None:
+        self._links: int = 0 if links is None else links.count
+        self.count: int = self._links + len(things.shapes)
+        self._exact_kinds = np.frombuffer(things.sizes, np.int64)[::5]
+        self.struct: CStruct
+        given = things.sizes, things.frames, things.counts, things.poses
+        self.struct, special = describe_solids(*given, first_body, None if links is None else links.struct)
         # Meshes and point clouds by their number among all solids, except those of links; and those with cores.
         self._special: list[tuple[int, Shape]] = []
         self._cores: list[tuple[int, CoreTables]] = []
@@ -62,18 +60,16 @@ class FixedSolids:
     def _describe_special(self, shapes: Sequence[Shape]) -> None:
         """Describe meshes and point clouds: write their rows of `SolidShape`, their kinds of cores, and the cores."""
         solids, rows = self.solids, self.struct.part("shapes").view(np.float64)
-        for i in np.flatnonzero(solids[:, 3] == _CORE_LEFT_OUT).tolist():
-            shape = shapes[i]
+        for number in np.flatnonzero(solids[self._links :, 3] == _CORE_LEFT_OUT).tolist():
+            shape, i = shapes[number], self._links + number
             exact = body_core(shape)
             rows[i, :15] = *exact.ball, *exact.values
+            self._special.append((i, shape))
             if is_concave(shape):
                 solids[i, 3] = _CORE_MESH
             elif isinstance(shape, Mesh) and len(shape.vertices) <= _MOST_POINTS:
                 solids[i, 3], rows[i, 19:] = 0, shape_core(shape).values[0, [0, 1, 2, 4]]
-            if i >= self._links:
-                self._special.append((i, shape))
-                if solids[i, 3] == 0:
-                    self._cores.append((i, shape_core(shape)))
+                self._cores.append((i, shape_core(shape)))
         if not self._cores:
             return
         numbers, parts = [i for i, _ in self._cores], [core for _, core in self._cores]
@@ -172,12 +168,12 @@ def balls_of(things: ObstacleGeometry) -> Array:
     return np.column_stack([centers, values[:, 15]])
 
 
-def fixed_links(instances: ArmInstances) -> ObstacleGeometry:
+def fixed_links(instances: ArmInstances) -> FixedSolids:
     """The solids of the arms that no joint moves, an object for each arm; cached."""
 
-    def make() -> ObstacleGeometry:
+    def make() -> FixedSolids:
         arms = zip(instances.geometries, instances.bases, strict=True)
-        return ObstacleGeometry.joined([fixed_links_of(geometry).at(base) for geometry, base in arms])
+        return FixedSolids(ObstacleGeometry.joined([fixed_links_of(geometry).at(base) for geometry, base in arms]))
 
     return kept_in(instances.kept, "fixed links", make)
 
