@@ -10,9 +10,13 @@ const OFF = 5e-4, TURNED = 2e-3; // of an arm's reach or [m], [rad] from its tar
 const CLOSE_EDITS = 800; // [ms] between steps of one jog, which are undone together
 
 const ROUNDED = 1e-5; // [rad or m] what a motion may be off at its ends, by rounding
+const MOST_GHOSTS = 12; // arms that all have ghosts at a start or goal set by hand
 const SAMPLES = 120; // of a motion, of which the least clearance is shown
 
 const inWords = (clearance) => (Number.isFinite(clearance) ? `clearance ${length(clearance)}` : "nothing to touch");
+
+/** How many arms move one after the other. */
+const inTurn = (legs) => (legs.length > 1 ? `, ${legs.length} arms one after the other` : "");
 
 class Editing {
   constructor(viewer) {
@@ -174,7 +178,9 @@ class Editing {
 
   showGhosts(kind) {
     const { viewer } = this, { world, kinematics } = viewer, own = this.ghosts[kind];
-    const moved = kinematics.arms.filter((a) => !this.planner || this.planner.columns.includes(a.firstColumn));
+    // Of many arms those that do not move from start to goal have no ghosts.
+    const other = kind === "start" ? this.goal : this.start, many = kinematics.arms.length > MOST_GHOSTS && own && other;
+    const moved = kinematics.arms.filter((a, k) => (!this.planner || this.planner.columns.includes(a.firstColumn)) && (!many || this.differ(k, own, other)));
     const rows = own && moved.map((a) => ({ arm: a.name, q: own.slice(a.firstColumn, a.firstColumn + a.robot.names.length) }));
     world.setGhosts(kind, rows || viewer.document.ghosts.filter((ghost) => ghost.kind === kind));
     if (kind === "goal" && viewer.targets) viewer.targets.visible = !own;
@@ -268,7 +274,8 @@ class Editing {
       const names = namesOf(touching.map((pair) => pair.join(" and ")), 2, ", ");
       return { tone: "bad", title: "Touching", text: names, sentence: `it touches: ${names}`, touching, clearance: null };
     }
-    const clearance = planner.clearance(own);
+    // Of many arms that of the arm in hand.
+    const clearance = planner.clearance(own, Infinity, [this.arm]);
     return { tone: "good", title: "Free", text: inWords(clearance), sentence: "", touching, clearance };
   }
 
@@ -329,7 +336,7 @@ class Editing {
     viewer.setMotion(this.motion.changes);
     this.refreshHeadline();
     viewer.play();
-    const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(track.end - track.start)}, planned in ${ms}`;
+    const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(track.end - track.start)}${inTurn(answer.legs || [])}, planned in ${ms}`;
     card.say(`${said}.`, answer.certified ? "good" : "open");
     // Its first picture does not wait for the clearance, which takes longer than the proof.
     this.unmeasured = { motion: this.motion, track, said, frame: viewer.frames };
@@ -349,15 +356,25 @@ class Editing {
 
   /** The least clearance [m] at some instants of a motion, and when that is. */
   leastClearance(track) {
-    const q = this.viewer.kinematics.rest(), { planner } = this, least = { value: Infinity, time: track.start };
+    const { kinematics } = this.viewer, { planner } = this, least = { value: Infinity, time: track.start };
+    const moving = kinematics.arms.map((arm) => planner.columns.includes(arm.firstColumn));
+    let q = kinematics.rest(), before = null;
     for (let i = 0; i <= SAMPLES; i++) {
       const time = track.start + (i / SAMPLES) * (track.end - track.start);
-      track.at(time, q);
-      // Farther than the least so far is of no interest, and costs less to find.
-      const value = planner.clearance(planner.columns.map((c) => q[c]), least.value);
+      q = track.at(time, q.slice());
+      // Farther than the least so far is of no interest, and costs less to find. Of many arms only some have moved.
+      const last = before, moved = kinematics.arms.map((_, k) => k).filter((k) => moving[k] && (!last || this.differ(k, last, q, 0)));
+      before = q;
+      const value = planner.clearance(planner.columns.map((c) => q[c]), least.value, moved);
       if (value < least.value) Object.assign(least, { value, time });
     }
     return least;
+  }
+
+  /** Whether joints of an arm, by its index, differ by more than a little in two configurations. */
+  differ(index, one, two, little = ROUNDED) {
+    const { firstColumn, robot } = this.viewer.kinematics.arms[index];
+    return robot.names.some((_, j) => Math.abs(one[firstColumn + j] - two[firstColumn + j]) > little);
   }
 
   /** A motion says nothing about obstacles that have moved since it was certified. */

@@ -88,7 +88,7 @@ class Viewer {
     if (!doc.planner) return;
     let planner = null, reason = "";
     try {
-      planner = await PagePlanner.load({ ...doc.planner, modules: settings.modules });
+      planner = await loadPlanner({ ...doc.planner, modules: settings.modules });
     } catch (error) {
       reason = error.message;
     }
