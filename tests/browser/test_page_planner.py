@@ -26,6 +26,8 @@ from rr1plan.playback.viewer.html_page import page_html, planner_script
 from rr1plan.playback.viewer.page_capture import wait_until
 from rr1plan.playback.viewer.page_document import view_document
 from rr1plan.playback.viewer.page_planner import page_modules, page_planner
+from rr1plan.sequences.sequence_page import page_parts
+from rr1plan.sequences.stage_planners import planning_scenes
 from rr1plan.transforms import pose
 
 ANSWERS = Path(__file__).with_name("page_planner_answers.js").read_text(encoding="utf-8")
@@ -412,6 +414,50 @@ def test_without_simd_a_page_plays_as_ever(browser: Any, tmp_path: Path) -> None
     assert tab.ask("[RR1.planner, RR1.noPlanner]") == [None, "this browser has no WebAssembly SIMD"]
     assert tab.ask("RR1.playing && RR1.duration > 0")
     assert not tab.complaints
+
+
+# ---- sequences -----------------------------------------------------------------------------------
+
+
+def test_pages_of_sequences_plan_with_what_is_held(picked: rp.SequencePlan) -> None:
+    document, _ = page_parts(picked._motion, None, None)
+    stages, planners = document["planner"]["stages"], document["planner"]["planners"]
+    scenes = planning_scenes(picked._motion)
+    assert len(stages) == len(scenes) == len(picked.stages)
+    arm_joints = [name for name in picked.scene.joint_names() if not name.endswith("finger_joint")]
+    seen: dict[int, rp.Scene] = {}
+    for stage, row, scene in zip(picked.stages, stages, scenes, strict=True):
+        data = planners[row["planner"]]
+        if stage.label.startswith("gripper"):
+            assert data == {"missing": "the gripper moves at this time"}
+            assert scene is None
+            continue
+        assert scene is not None
+        assert data["joints"] == [document["columns"][c] for c in data["columns"]] == arm_joints
+        assert ("block" in data["obstacles"]) == (row["held"] == []) == ("block" in scene.obstacles)
+        seen[row["planner"]] = scene
+    holding = [number for number, scene in seen.items() if scene.attachments]
+    assert len(seen) > len(holding) >= 1
+    rng, found, expected = np.random.default_rng(6), [], []
+    for number in (holding[0], next(iter(seen.keys() - holding))):
+        scene, ends = seen[number], configurations(seen[number], 48, rng).reshape(24, 2, -1)
+        problems = [rp.Problem(scene, start, scene.split(goal, ("rr1",))) for start, goal in ends]
+        expected.append([expected_motion(problem, seed) for seed, problem in enumerate(problems)])
+        questions = {"moves": [], "questions": ends.tolist()}
+        found += in_node(planners[number], "motions", [questions], SEARCH)
+    check(found, expected)
+
+
+@pytest.fixture(scope="module")
+def picked() -> rp.SequencePlan:
+    """A block that a gripper picks up behind a wall and puts down."""
+    scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
+    scene = scene.with_obstacle("table", rp.Box((0.9, 0.9, 0.04)), [-0.2, 0.0, -0.02]).allow("rr1/base_link", "table")
+    scene = scene.with_obstacle("wall", rp.Box((0.16, 0.02, 0.22)), [-0.32, 0.02, 0.11])
+    scene = scene.with_obstacle("block", rp.Box((0.04, 0.04, 0.06)), [-0.28, 0.15, 0.03], mass=0.15)
+    plan = rp.plan_sequence(rp.Sequence(scene, rp.pick_and_place(scene, "block", [-0.28, -0.15, 0.03])), rng=0)
+    assert plan.valid
+    return plan
 
 
 # ---- what pages carry ------------------------------------------------------------------------------

@@ -85,7 +85,7 @@ class Viewer {
   async loadPlanner(doc) {
     this.planner = null;
     this.noPlanner = "";
-    if (!doc.planner) return;
+    if (!doc.planner || doc.planner.stages) return; // of stages: see scene_stages.js
     let planner = null, reason = "";
     try {
       planner = await loadPlanner({ ...doc.planner, modules: settings.modules });
