@@ -15,8 +15,8 @@ const SAMPLES = 120; // of a motion, of which the least clearance is shown
 
 const inWords = (clearance) => (Number.isFinite(clearance) ? `clearance ${length(clearance)}` : "nothing to touch");
 
-/** How many arms move one after the other. */
-const inTurn = (legs) => (legs.length > 1 ? `, ${legs.length} arms one after the other` : "");
+/** Who moves, of many arms. */
+const inTurn = (legs) => (legs.length > 1 ? `, ${legs.length} arms one after the other` : ", the other arms stand still");
 
 class Editing {
   constructor(viewer) {
@@ -347,7 +347,7 @@ class Editing {
     viewer.setMotion(this.motion.changes);
     this.refreshHeadline();
     viewer.play();
-    const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(track.end - track.start)}${inTurn(answer.legs || [])}, planned in ${ms}`;
+    const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(track.end - track.start)}${answer.legs ? inTurn(answer.legs) : ""}, planned in ${ms}`;
     card.say(`${said}.`, answer.certified ? "good" : "open");
     // Its first picture does not wait for the clearance, which takes longer than the proof.
     this.unmeasured = { motion: this.motion, track, said, frame: viewer.frames };
