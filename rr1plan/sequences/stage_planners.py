@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,7 +14,7 @@ from rr1plan.scene import Attachment, Scene
 from rr1plan.scene.unlocked_joints import locked_scene
 from rr1plan.sequences.stages import StagedMotion, stage_scenes
 
-_MOST_BYTES = 4_000_000  # of all planners, deflated
+_MOST_BYTES = 4_000_000  # of all planners in the page
 _STILL = 1e-9  # [rad or m]
 
 
@@ -68,7 +69,7 @@ def _planner(
     data = page_planner(scene, motion.trajectory.arms)
     if "missing" in data:
         return data
-    if sum(len(planner.get("image", "")) for planner in (*others, data)) > _MOST_BYTES:
+    if len(json.dumps([*others, data])) > _MOST_BYTES:
         return {"missing": f"the tables of the stages have more than {_MOST_BYTES / 1e6:g} MB"}
     return data | {"columns": [columns.index(name) for name in data["joints"]]}
 

@@ -47,7 +47,7 @@ class ArmTemplate:
 
     Args:
         scene: The arm, called `ARM`, its base at the origin; the obstacles; then the parts of all neighbors, far away.
-        parts: The parts of an arm of this kind, by which its neighbors know it.
+        parts: The parts of an arm of this kind: what its neighbors must not touch.
         neighbors: How many neighbors of each kind there are in the scene, by the kind's index, in that order.
     """
 

@@ -72,6 +72,8 @@ def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float 
         UnknownNameError: no such arm.
     """
     names = scene.arm_names(arms) if scene.arms and (arms is None or len(arms)) else ()
+    if len(names) > _MOST_TOGETHER:
+        names = scene.arm_names()
     margin = margin or TREES.margin
     key = "page planner", names, margin
     if key not in scene.kept:
@@ -129,7 +131,7 @@ def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[st
             data = _tables(checker, margin)
         images = [data["image"]]
     known = scene.joint_names()
-    columns = list(scene.joint_names(arms)) if len(arms) <= _MOST_TOGETHER else list(known)
+    columns = scene.joint_names(arms)
     referee, names = referee_image(scene, columns)
     data |= {"columns": [known.index(name) for name in columns], "referee": {"image": _packed(referee), **names}}
     size = sum(map(len, (*images, data["referee"]["image"])))

@@ -6,7 +6,7 @@
 //   planner.clearance(q, most, arms)                    least distance of some arms (indices; default: all) from everything [m]
 //   planner.obstaclePose(name)  .moveObstacle(name, pose)
 //   planner.plan(start, goal, {seed, iterations, seconds})    the arms that differ in start and goal move
-//       as `PagePlanner.plan`, without trees; `legs`: for each arm that moves, in order, {arm, from, answer}, where `answer`
+//       as `PagePlanner.plan`, without trees and seconds; `legs`: for each arm that moves, in order, {arm, from, answer}, where `answer`
 //       is that of the planner of its template (`arm_templates.py`), in the frame of its base
 //
 // A leg is the motion of `plan_motion(Problem(scene, start, goal, arms=[arm]), planner="rrt_connect", rng=seed)` in the

@@ -20,7 +20,7 @@ class SceneStages {
     this.stand(this.viewer.time);
   }
 
-  /** The configuration of what the planner does not move, such as grippers. */
+  /** The configuration of the scene, in which columns that the planner does not move, such as grippers', stay. */
   get rest() {
     return this.row ? Float64Array.from(this.row.rest) : this.viewer.kinematics.rest();
   }
