@@ -28,7 +28,7 @@ from rr1plan.checks import (
     read_only,
 )
 from rr1plan.collision.coal_checker import CoalChecker, checked_margin, is_plain
-from rr1plan.collision.collision_geometry import geometry_distance
+from rr1plan.collision.collision_geometry import collision_geometry, geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
 from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
 from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs
@@ -154,13 +154,21 @@ class CollisionChecker(CoalChecker):
         self._without.clear()
         self._forget_places()
 
+    def complete(self) -> CollisionChecker:
+        """A checker of the same scene and arms that leaves nothing out, so that pages can move all obstacles."""
+        other = CollisionChecker(self.scene, self.arms, margin=self.margin, tolerance=self.tolerance)
+        other._use(collision_geometry(other.scene, other.arms, np.inf), other.margin)
+        return other
+
     @ExclusiveCache
     def object_numbers(self) -> Mapping[str, int]:
-        """The object index of each obstacle for `rr1_move_object`, which pages call; empty above 64 obstacles.
+        """The object index of each obstacle for `rr1_move_objects`, which pages call.
 
-        The kernel updates pairs that involve a moving arm; it does not check contacts with arms that stand still.
+        Above 64 obstacles, of which some may be left out, there are none, unless the checker is `complete`. The kernel
+        updates pairs that involve a moving arm; it does not check contacts with arms that stand still.
         """
-        names = self._scene.obstacles if len(self._scene.obstacles) <= FEW_OBSTACLES else ()
+        complete = len(self._scene.obstacles) <= FEW_OBSTACLES or self.distance == np.inf
+        names = self._scene.obstacles if complete else ()
         first = len(self.arms) + len(self.geometry.obstacles.counts) - len(names)
         return {name: first + i for i, name in enumerate(names)}
 

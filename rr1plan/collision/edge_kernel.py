@@ -167,7 +167,7 @@ class EdgeKernel:
             number: The object [index].
             pose: T_world_object, shape (4, 4).
         """
-        self._library.rr1_move_object(*self.context, number, pose)
+        self._library.rr1_move_objects(*self.context, number, 1, pose)
 
     def certify_edge(self, q0: Array, q1: Array) -> Answer:
         """Certify the straight line between two configurations; shapes and numbers have been checked.

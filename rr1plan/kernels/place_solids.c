@@ -242,16 +242,19 @@ EXPORT double rr1_place_obstacles(
     return obstacle_rounding(shapes, count);
 }
 
-// Move an object: the tables and the scratch memory are as if they had been made with it at the pose, shape (4, 4).
-EXPORT void rr1_move_object(SceneTables *scene, Scratch *scratch, int64_t object, const double *pose) {
+// Move consecutive objects: the tables and the scratch memory are as if they had been made with them at these poses,
+// shape (count, 4, 4).
+EXPORT void rr1_move_objects(SceneTables *scene, Scratch *scratch, int64_t first, int64_t count, const double *poses) {
     const FixedSolids *fixed = scene->fixed;
     const ObstacleTables *obstacles = scene->obstacles;
     const ArmGeometry *arm = scene->arm;
     ExactScratch *exact = scratch->exact;
-    for (int k = 0; k < 16; k++) fixed->objects[object].values[k] = pose[k];
+    for (int64_t object = 0; object < count; object++) {
+        for (int k = 0; k < 16; k++) fixed->objects[first + object].values[k] = poses[16 * object + k];
+    }
     for (int64_t i = 0; i < fixed->count; i++) {
         const FixedSolid *solid = &fixed->solids[i];
-        if (solid->object != object) continue;
+        if (solid->object < first || solid->object >= first + count) continue;
         Pose at = pose_of(fixed, i);
         if (solid->body >= 0) {
             int64_t b = solid->body;

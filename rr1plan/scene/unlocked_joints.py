@@ -1,9 +1,9 @@
-"""Locked joints, such as those of a gripper, as planning joints of another value of a robot or scene."""
+"""Joints such as those of a gripper, locked or planning joints of other values of a robot or scene."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import lru_cache
 
 import numpy as np
@@ -44,3 +44,36 @@ def unlocked_scene(scene: Scene, joints: Mapping[str, tuple[str, ...]]) -> Scene
             q = np.append(arm.q, [arm.robot.locked_joints[joint] for joint in own])
             unlocked[name] = Arm(unlocked_robot(arm.robot, own), arm.base, q)
     return replace(scene, arms={**scene.arms, **unlocked}) if unlocked else scene
+
+
+@lru_cache(maxsize=256)
+def locked_robot(robot: Robot, joints: tuple[str, ...], values: tuple[float, ...]) -> Robot:
+    """The same robot with some planning joints locked at values: the reverse of `unlocked_robot`."""
+    kept = [j for j, name in enumerate(robot.joint_names) if name not in joints]
+    limits = (getattr(robot.limits, row.name)[kept] for row in fields(Limits))
+    return replace(
+        robot,
+        joint_names=tuple(robot.joint_names[j] for j in kept),
+        limits=Limits(*limits),
+        configurations={name: q[kept] for name, q in robot.configurations.items()},
+        locked_joints={**robot.locked_joints, **dict(zip(joints, values, strict=True))},
+        presets={},
+        locked_joint_states={},
+    )
+
+
+def locked_scene(scene: Scene, joints: Mapping[str, tuple[str, ...]]) -> Scene:
+    """A scene in which some planning joints are locked at their present values.
+
+    Args:
+        scene: The scene.
+        joints: These joints by arm.
+    """
+    locked = {}
+    for name, own in joints.items():
+        if own:
+            arm = scene.arms[name]
+            present = dict(zip(arm.robot.joint_names, arm.q.tolist(), strict=True))
+            robot = locked_robot(arm.robot, tuple(own), tuple(present[joint] for joint in own))
+            locked[name] = Arm(robot, arm.base, [present[joint] for joint in robot.joint_names])
+    return replace(scene, arms={**scene.arms, **locked}) if locked else scene

@@ -16,6 +16,7 @@ from rr1plan.playback.viewer.page_asset import page_asset
 from rr1plan.playback.viewer.page_document import Document, with_moving_objects
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options, with_panel
 from rr1plan.sequences.sequence_replay import SequenceReplay
+from rr1plan.sequences.stage_planners import stage_planners
 from rr1plan.sequences.stages import StagedMotion, carried_names
 from rr1plan.transforms import quaternion_from_rotation
 
@@ -60,13 +61,15 @@ def page_parts(
         trajectory=trajectory,
         report=motion.report,
         replay=None if replay is None else replay.replay,
-        # What is held changes from stage to stage, and with it what may be touched.
+        # What is held changes from stage to stage, and with it what may be touched: each stage has its planner.
         options=replace(options, clearances=False, planner=False),
     )
     if replay is None and names:
         times = trajectory.sample_times(_FRAME)
         poses = {name: np.array([_coordinates(T) for T in motion.object_poses(name, times)]) for name in names}
         document = with_moving_objects(document, times, poses)
+    if replay is None and options.planner:
+        document["planner"] = stage_planners(motion)
     return document, with_panel(options, _stage_panel(motion))
 
 

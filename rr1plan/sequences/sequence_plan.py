@@ -90,7 +90,7 @@ class SequencePlan(Value, NotebookView):
 
     @property
     def _motion(self) -> StagedMotion:
-        return StagedMotion(self.scene, self.trajectory, self.stages, self.report)
+        return StagedMotion(self.scene, self.trajectory, self.stages, self.report, self.gripper_joints)
 
     @property
     def events(self) -> tuple[SequenceStage, ...]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -71,12 +71,14 @@ class StagedMotion:
         trajectory: The motion.
         stages: The stages.
         report: The referee's report.
+        gripper_joints: The planning joints of the scene that belong to grippers, by arm.
     """
 
     scene: Scene
     trajectory: Trajectory
     stages: tuple[SequenceStage, ...]
     report: Report
+    gripper_joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def object_poses(self, name: str, times: Array) -> Array:
         """Where an object is while it is held, and where it was put down; see `SequencePlan.object_poses`."""

@@ -90,4 +90,23 @@ function errors(planner) {
   }));
 }
 
-const answers = { motions, configurations, edges, solutions, faults, errors };
+/** Motions of arms one after the other: who moves, the parts of each leg, and the whole. */
+function inTurn(planner, moves, questions) {
+  for (const [name, pose] of moves) planner.moveObstacle(name, pose);
+  return questions.map(({ start, goal, seed, iterations }) => {
+    const { status, reason, certified, legs, track } = planner.plan(start, goal, { seed, iterations, seconds: 1e3 });
+    const parts = legs.map(({ arm, answer: { path, shortened, track: own } }) => (
+      [arm, [path.waypoints, shortened.waypoints, own.breaks, own.coefficients].map(packed)]));
+    const motion = track && [track.breaks, track.coefficients].map(({ values, shape }) => ({ values: [...values], shape }));
+    return { status, reason, certified, parts, motion };
+  });
+}
+
+const names = (planner) => [...new Set(planner.joints.map((joint) => joint.split("/")[0]))];
+
+/** What touches in configurations of many arms, and the clearance of each arm. */
+function amongOthers(planner, rows) {
+  return rows.map((q) => [planner.contacts(q), names(planner).map((_, arm) => planner.clearance(q, Infinity, [arm]))]);
+}
+
+const answers = { motions, configurations, edges, solutions, faults, errors, inTurn, amongOthers };

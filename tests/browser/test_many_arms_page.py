@@ -218,3 +218,29 @@ def test_a_mesh_of_many_triangles_is_drawn_coarsely_from_afar(calm: Any) -> None
     corners = [[tuple(np.round(point, 6)) for point in triangle] for triangle in triangles]
     edges = {(a, b) for t in corners for a, b in zip(t, [*t[1:], t[0]], strict=True)}
     assert all((b, a) in edges for a, b in edges)
+
+
+def test_of_many_arms_the_one_that_was_moved_is_planned_for(tab: Any, rr1: rp.Robot, tmp_path: FilePath) -> None:
+    scene = rp.place_grid(rr1, 4, 4, spacing=0.8)
+    tab.open(save_html(tmp_path / "page.html", scene))
+    wait_until(tab.page, "Boolean(RR1.planner)")
+    tab.ask("RR1.editing.open(), RR1.editing.select({ kind: 'tool', arm: 6 })")
+    assert tab.ask("RR1.editing.judge(RR1.q).title") == "Free"
+    column = 6 * rr1.nq
+    tab.ask(f"RR1.editing.turn({column}, RR1.q[{column}] + 0.7), RR1.editing.setEnd('goal')")
+    answer = tab.ask("(() => { const a = RR1.editing.plan(); return [a.certified, a.legs.map((leg) => leg.arm)]; })()")
+    assert answer == [True, [6]]
+    wait_until(tab.page, "document.getElementById('answer').textContent.includes('clearance')")
+    assert "the other arms stand still" in tab.page.inner_text("#answer")
+    drawn = "RR1.world.still.filter((row) => row.kind === 'goal').map((row) => row.poses.length / 16)"
+    assert tab.ask(drawn) == [len(rr1.link_names)]
+    track = tab.ask(
+        "(({ breaks, coefficients: c }) => [[...breaks.values], [...c.values], c.shape])(RR1.document.track)"
+    )
+    motion = rp.Trajectory(scene.joint_names(), track[0], np.reshape(track[1], track[2]))
+    assert rp.validate(motion, scene).certified
+    moved = motion(motion.end_time) - scene.configuration()
+    assert np.flatnonzero(np.abs(moved) > 1e-6).tolist() == [column]
+    tab.ask("RR1.editing.reset()")
+    assert not tab.ask("RR1.editing.changed")
+    assert tab.complaints == []

@@ -496,3 +496,15 @@ def test_without_webgl_the_page_says_so_and_the_rest_works(tab: Any, page_file: 
     tab.page.click("#play")
     wait_until(tab.page, "RR1.time > 1.3")
     assert [c for c in tab.complaints if "WebGL" not in c] == []
+
+
+def test_a_motion_without_a_report_is_called_not_checked(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r)
+    motion = rp.Trajectory(scene.joint_names(), [0.0, 1.0], [[[0.0, 0.0], [0.5, 0.2]]])
+    tab.open(rp.save_html(tmp_path / "motion.html", scene, trajectory=motion, options=rp.ViewOptions(planner=False)))
+    assert tab.page.inner_text("#badge") == "Not checked"
+    tab.page.click("#badge")
+    assert tab.page.inner_text("#report") == "Not checked: the motion (it came without a report)."
+    tab.open(rp.save_html(tmp_path / "scene.html", scene, options=rp.ViewOptions(planner=False)))
+    assert tab.page.locator("#badge").is_hidden()
+    assert tab.complaints == []

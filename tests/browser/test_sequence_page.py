@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.playback.viewer.page_capture import wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.drawn]
 
@@ -89,3 +90,58 @@ def test_the_buttons_stay_in_their_bar_beside_the_list(opened: Any) -> None:
         assert len(parts) > 4
         assert all(left <= begin and end <= right for begin, end in parts)
     opened.page.set_viewport_size(size)
+
+
+def test_the_arm_is_planned_for_with_the_block_in_its_hand(opened: Any, plan: rp.SequencePlan) -> None:
+    taken, left = (event.begin for event in plan.events)
+    time = 0.5 * (taken + left)
+    opened.ask(f"RR1.pause(), RR1.seek({time}), RR1.editing.open()")
+    wait_until(opened.page, "Boolean(RR1.planner)")
+    start = plan.trajectory(time)
+    opened.ask("RR1.editing.turn(0, RR1.q[0] - 0.9)")
+    in_hand(opened)
+    assert opened.ask("RR1.editing.plan().certified")
+    assert opened.page.inner_text("#badge") == "Planned here, certified free"
+    track = opened.ask(
+        "(({ breaks, coefficients: c }) => [[...breaks.values], [...c.values], c.shape])(RR1.document.track)"
+    )
+    trajectory = rp.Trajectory(plan.trajectory.joint_names, track[0], np.reshape(track[1], track[2]))
+    np.testing.assert_allclose(trajectory(0.0), start, atol=1e-5)
+    np.testing.assert_allclose(trajectory(trajectory.end_time) - start, [-0.9, 0, 0, 0, 0, 0], atol=1e-5)
+    held = next(scene for scene in plan.scenes() if "block" in scene.attachments)
+    assert rp.validate(trajectory, held).certified
+    for share in (0.2, 0.9):
+        opened.ask(f"RR1.pause(), RR1.seek({share} * RR1.duration)")
+        in_hand(opened)
+        np.testing.assert_allclose(opened.ask("[...RR1.q]"), trajectory(share * trajectory.duration), atol=1e-9)
+    # Undone, the arm is again where it was posed; then everything is as it came, at the same time.
+    opened.ask("RR1.editing.undo()")
+    in_hand(opened)
+    assert opened.ask("[RR1.manual, RR1.duration]") == [True, plan.trajectory.duration]
+    opened.ask("RR1.editing.reset()")
+    assert opened.ask("[RR1.manual, RR1.time, RR1.editing.changed]") == [False, time, False]
+    assert opened.complaints == []
+
+
+def in_hand(tab: Any) -> None:
+    """The block is drawn where the hand holds it."""
+    tool, drawn = (
+        np.array(tab.ask(ask)).reshape(4, 4).T for ask in ("RR1.linkPose('arm/tool')", "[...RR1.world.bodyPoses]")
+    )
+    np.testing.assert_allclose(np.linalg.inv(tool) @ drawn, rp.transforms.pose([0, 0, 0.085]), atol=1e-6)
+
+
+def test_a_click_on_a_stage_leads_back_to_the_sequence(opened: Any, plan: rp.SequencePlan) -> None:
+    last = plan.stages[-1]
+    opened.ask(f"RR1.pause(), RR1.seek({0.5 * (last.begin + last.end)}), RR1.editing.open()")
+    wait_until(opened.page, "Boolean(RR1.planner)")
+    opened.ask("RR1.editing.turn(0, RR1.q[0] + 0.3)")
+    # The block has been put down: it stays.
+    before = opened.ask("[...RR1.world.bodyPoses]")
+    assert opened.ask("RR1.editing.plan().certified")
+    opened.ask("RR1.pause(), RR1.seek(RR1.duration)")
+    assert opened.ask("[...RR1.world.bodyPoses]") == before
+    assert "now" in opened.page.locator("#panel-stages li button").last.get_attribute("class")
+    opened.page.locator("#panel-stages li button").nth(2).click()
+    assert opened.ask("[RR1.time, RR1.duration]") == [plan.stages[2].begin, plan.trajectory.duration]
+    assert opened.complaints == []

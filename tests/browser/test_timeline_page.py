@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -90,6 +91,20 @@ def test_a_motion_planned_in_the_page_has_rows_of_its_own(opened: Any) -> None:
     opened.ask("RR1.editing.reset()")
     assert opened.ask(said) == before
     assert opened.complaints == []
+
+
+def test_many_arms_that_were_planned_here_move_one_after_the_other(
+    tab: Any, planar2r: rp.Robot, tmp_path: FilePath
+) -> None:
+    scene = rp.place_grid(planar2r, 13, 1, spacing=6.0)
+    goal = {name: [0.4, 0.3] for name in scene.arms}
+    motion = rp.plan_motion(rp.Problem(scene, None, goal), rng=0)
+    tab.open(motion.save_html(tmp_path / "page.html", options=rp.ViewOptions(play=False)))
+    wait_until(tab.page, "Boolean(RR1.planner)")
+    assert tab.ask("RR1.editing.plan().legs.length") == 13
+    said = tab.page.inner_text("#panel-timeline .said")
+    assert said == f"13 arms, {tab.ask('RR1.duration'):.2f} s, planned here one after the other"
+    assert tab.complaints == []
 
 
 def test_a_small_window_leaves_the_arms_room_while_they_are_moved(opened: Any) -> None:

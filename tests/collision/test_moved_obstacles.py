@@ -170,3 +170,22 @@ def test_what_cannot_be_moved(six):
         with pytest.raises(InputError):
             checker.move_obstacle("box", wrong)
     assert checker.scene.obstacles["box"].pose[0, 3] == 3.0
+
+
+def test_a_complete_checker_leaves_nothing_out_however_many_there_are(rr1):
+    rng = np.random.default_rng(12)
+    scene = Scene().with_arm("arm", rr1)
+    for i in range(70):
+        scene = scene.with_obstacle(f"ball{i}", Sphere(0.03), [0.5 * (i % 10), 0.5 + 0.5 * (i // 10), 0.3])
+    checker = CollisionChecker(scene, margin=0.002)
+    complete = checker.complete()
+    assert checker.object_numbers == {}
+    assert list(complete.object_numbers) == list(scene.obstacles)
+    assert {pair[1] for pair in complete.pairs} >= set(scene.obstacles)
+    assert len(checker.pairs) < len(complete.pairs)
+    assert (complete.arms, complete.margin) == (checker.arms, checker.margin)
+    assert np.isinf(complete.omitted_clearance)
+    starts, ends = rng.uniform(-1.5, 1.5, (2, 40, checker.nq))
+    answers = [complete.edge_is_free(a, b) for a, b in zip(starts, ends, strict=True)]
+    assert answers == [checker.edge_is_free(a, b) for a, b in zip(starts, ends, strict=True)]
+    assert 0 < sum(answers) < 40

@@ -24,7 +24,7 @@ export function sines(core, name, angles) {
 /** The cells of ranges of pairs, one after the other, once objects have been moved. */
 export function raster(core, image, tables, ranges, half, moves) {
   const { scene, scratch } = core.place(image), { raster } = core.place(tables), [n, m] = Array.from(raster.counts, Number);
-  for (const [object, pose] of moves) core.call("rr1_move_object", scene, scratch, object, pose);
+  for (const [object, pose] of moves) core.call("rr1_move_objects", scene, scratch, object, 1, pose);
   return ranges.map(([first, last]) => {
     const cells = core.array("uint8_t", n * m);
     core.call("rr1_raster_pairs", scene.exact, scratch.exact, raster, first, last, 0, n, half, cells);
@@ -35,7 +35,7 @@ export function raster(core, image, tables, ranges, half, moves) {
 /** Status, fraction and pair of each edge, begin and end one after the other, once objects have been moved. */
 export function edges(core, image, ends, moves = []) {
   const { scene, scratch } = core.place(image);
-  for (const [object, pose] of moves) core.call("rr1_move_object", scene, scratch, object, pose);
+  for (const [object, pose] of moves) core.call("rr1_move_objects", scene, scratch, object, 1, pose);
   const nq = scene.column_count, count = ends.length / nq / 2;
   const answers = new Float64Array(3 * count);
   for (let i = 0; i < count; i++) {

@@ -9,6 +9,7 @@ import pytest
 from packed_arrays import unpacked
 
 import rr1plan as rp
+from rr1plan.sequences import stage_planners
 from rr1plan.sequences.sequence_page import page_parts
 from rr1plan.sequences.stages import StagedMotion
 
@@ -65,3 +66,13 @@ def test_a_live_page_is_served(moved: rp.SequencePlan) -> None:
         assert viewer.url.startswith("http://")
     with pytest.raises(rp.InputError, match="replay"):
         moved.show(replay="none", options=rp.ViewOptions(quiet=True))
+
+
+def test_planners_that_take_much_room_are_left_out(moved: rp.SequencePlan, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stage_planners, "_MOST_BYTES", 100_000)
+    planners = page_parts(staged(moved), None, None)[0]["planner"]["planners"]
+    reasons = [planner.get("missing", "") for planner in planners]
+    assert reasons[0] == ""
+    assert "the tables of the stages have more than 0.1 MB" in reasons
+    without = page_parts(staged(moved), None, rp.ViewOptions(planner=False))[0]
+    assert without["planner"] is None

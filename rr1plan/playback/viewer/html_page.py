@@ -28,11 +28,12 @@ from rr1plan.playback.viewer.page_document import Document
 from rr1plan.playback.viewer.page_planner import page_modules
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 
+_PLANNER_SCRIPTS = ("math.js", "referee.js", "planner.js", "many_arms_planner.js")
 _SCRIPTS = (
-    "math.js", "referee.js", "planner.js", "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js",
-    "stage.js", "pace.js", "player.js", "conflicts.js", "keys.js", "controls.js", "overlays.js", "side_by_side.js",
-    "plot_curves.js", "plots.js", "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js", "jogging.js",
-    "editing.js", "live.js", "main.js",
+    *_PLANNER_SCRIPTS, "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js",
+    "player.js", "conflicts.js", "keys.js", "controls.js", "overlays.js", "side_by_side.js", "plot_curves.js",
+    "plots.js", "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js", "jogging.js",
+    "scene_stages.js", "editing.js", "live.js", "main.js",
 )  # fmt: skip
 _STYLES = ("page.css", "plots.css", "editing.css")
 
@@ -81,8 +82,8 @@ def plans_by_itself(document: Document) -> bool:
 
 
 def planner_script() -> str:
-    """The page's planner as a separate script, which defines `PagePlanner`."""
-    return "\n".join([_core_script(), page_asset("referee.js"), page_asset("planner.js")])
+    """The page's planner as a separate script, which defines `loadPlanner`."""
+    return "\n".join([_core_script(), *map(page_asset, _PLANNER_SCRIPTS)])
 
 
 def _core_script() -> str:

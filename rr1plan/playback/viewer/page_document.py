@@ -29,11 +29,12 @@ from rr1plan.playback.viewer.motion_samples import (
     tracking_errors,
     violation_places,
 )
+from rr1plan.playback.viewer.page_kinematics import scene_kinematics
 from rr1plan.playback.viewer.page_planner import page_planner
 from rr1plan.playback.viewer.page_shapes import ShapeTable
 from rr1plan.playback.viewer.view_options import ViewOptions, checked_options
 from rr1plan.report import Report
-from rr1plan.robot import Geometry, Joint, Robot
+from rr1plan.robot import Geometry, Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import JointGoal, PoseGoal, Problem, RegionGoal, frame_link
 from rr1plan.trajectory import Trajectory
@@ -97,9 +98,7 @@ def view_document(
     options = checked_options(options)
     spheres = options.spheres
     shapes = ShapeTable(pack_array)
-    robots: dict[int, int] = {}
-    rows = [_arm_row(name, scene, robots) for name in scene.arms]
-    unique = {index: scene.arms[row["name"]].robot for row in rows for index in [row["robot"]]}
+    robots, kinematics, arms = scene_kinematics(scene, _numbers)
     motion = trajectory if trajectory is not None or path is None else _steady(path)
     if motion is None and replay is not None:
         motion = _replayed(replay)
@@ -109,8 +108,8 @@ def view_document(
     return {
         "title": scene.name if options.title is None else options.title,
         "description": scene.description,
-        "robots": [_robot(unique[i], shapes, spheres) for i in sorted(unique)],
-        "arms": rows,
+        "robots": [row | _robot(robot, shapes, spheres) for robot, row in zip(robots, kinematics, strict=True)],
+        "arms": arms,
         "columns": list(scene.joint_names()) if scene.arms else [],
         "obstacles": [_object(name, o.geometries, o.pose, shapes) for name, o in fixed.items()],
         "bodies": None if replay is None or bodies is None else _bodies(bodies, replay.record.times, shapes),
@@ -182,21 +181,11 @@ def _finite(value: object) -> Any:
 # ---- robots ------------------------------------------------------------------------------
 
 
-def _arm_row(name: str, scene: Scene, robots: dict[int, int]) -> dict[str, Any]:
-    arm = scene.arms[name]
-    index = robots.setdefault(id(arm.robot), len(robots))
-    return {"name": name, "robot": index, "base": _numbers(arm.base), "q": arm.q.tolist()}
-
-
 def _robot(robot: Robot, shapes: ShapeTable, spheres: bool) -> dict[str, Any]:
     index = {name: i for i, name in enumerate(robot.link_names)}
     bounds = zip(robot.limits.lower.tolist(), robot.limits.upper.tolist(), strict=True)
     return {
         "name": robot.name,
-        "links": list(robot.link_names),
-        "tool": index[robot.tool],
-        "joints": [_joint(robot, joint, index) for joint in robot.joints],
-        "names": list(robot.joint_names),
         "kinds": [robot.joint(name).kind for name in robot.joint_names],
         "limits": [[low if np.isfinite(low) else None, up if np.isfinite(up) else None] for low, up in bounds],
         "rates": {name: _finite(getattr(robot.limits, name).tolist()) for name in _RATES},
@@ -204,32 +193,6 @@ def _robot(robot: Robot, shapes: ShapeTable, spheres: bool) -> dict[str, Any]:
         "collisions": _link_parts(robot, index, shapes, "collisions"),
         "spheres": _spheres({link.name: link.collisions for link in robot.links}) if spheres else None,
     }
-
-
-def _joint(robot: Robot, joint: Joint, index: Mapping[str, int]) -> dict[str, Any]:
-    column, factor, offset = (-1, 0.0, 0.0) if joint.kind == "fixed" else affine_value(robot, joint)
-    return {
-        "kind": {"fixed": 0, "prismatic": 1}.get(joint.kind, 2),
-        "parent": index[joint.parent],
-        "child": index[joint.child],
-        "origin": _numbers(joint.origin),
-        "axis": joint.axis.tolist(),
-        "column": column,
-        "factor": factor,
-        "offset": offset,
-    }
-
-
-def affine_value(robot: Robot, joint: Joint) -> tuple[int, float, float]:
-    """A movable joint's value as factor * q[column] + offset; column -1 means the offset alone."""
-    factor, offset = 1.0, 0.0
-    while joint.name not in robot.joint_names and joint.name not in robot.locked_joints and joint.mimic is not None:
-        offset += factor * joint.mimic.offset
-        factor *= joint.mimic.multiplier
-        joint = robot.joint(joint.mimic.joint)
-    if joint.name in robot.joint_names:
-        return robot.joint_names.index(joint.name), factor, offset
-    return -1, 0.0, offset + factor * robot.locked_joints[joint.name]
 
 
 def _link_parts(robot: Robot, index: Mapping[str, int], shapes: ShapeTable, kind: str) -> list[dict[str, object]]:

@@ -1,11 +1,12 @@
 """What a page needs to plan by itself: the modules of the kernels, and the tables of its scene.
 
 `page/planner.js` runs the same kernels as `plan_motion` in the same order, with the same constants, and has the motion
-proven by the referee (`page/referee.js`). A page whose planner
-is left out contains the reason instead:
+proven by the referee (`page/referee.js`). Up to twelve arms are planned for in their joint space. Where more of them
+move, a page plans for one arm after the other while all others stand still (`arm_templates.py`,
+`page/many_arms_planner.js`), and any arm of the scene can move. A page whose planner is left out contains the reason
+instead:
 
-- More than twelve arms move. Pages plan in the joint space of all of them, which RRT-Connect searches less often with
-  success the more there are; `plan_many_arms`, which plans each arm and schedules them, is not among the kernels.
+- More than twelve arms move, and a rule of contact concerns two particular arms.
 - A joint that moves has no limit of position, velocity or acceleration.
 - The scene cannot be checked for collisions, or things that do not move are in contact.
 - The convex decomposition of its moving meshes takes longer than a second (it is kept once a motion was planned), or
@@ -25,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from rr1plan.binding.memory_image import Root
+from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.collision.convex.convex_bodies import cut_meshes
@@ -37,17 +39,26 @@ from rr1plan.model.ik_search import DISTINCT, DISTINCT_REDUNDANT, NEAR, SHARE, W
 from rr1plan.model.joint_space import Space, joint_space
 from rr1plan.model.kinematic_chain import chain_of
 from rr1plan.planning_constants import BLENDS, SHORTCUTS, TIMING, TREES
+from rr1plan.playback.viewer.arm_templates import (
+    ARM,
+    arm_kinds,
+    arm_templates,
+    has_rules_between_arms,
+    neighbors_of,
+)
+from rr1plan.playback.viewer.page_kinematics import scene_kinematics
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import PoseGoal
 from rr1plan.validation.wasm_referee import referee_image, referee_module
 
-_MOST_ARMS = 12
+_MOST_TOGETHER = 12  # arms that are planned for in their joint space
+_NEAR = 0.1  # what stays farther than this from an arm beyond the padding has no place in its template [m]
 _MOST_SECONDS = 1.0  # of convex decomposition
 _MOST_BYTES = 4_000_000  # of the tables, deflated
 
 
 def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float = 0.0) -> dict[str, Any]:
-    """The data of `PagePlanner.load` in `page/planner.js` without the modules; kept with the scene.
+    """The data of `loadPlanner` in `page/planner.js` without the modules; kept with the scene.
 
     Args:
         scene: The scene.
@@ -61,6 +72,8 @@ def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float 
         UnknownNameError: no such arm.
     """
     names = scene.arm_names(arms) if scene.arms and (arms is None or len(arms)) else ()
+    if len(names) > _MOST_TOGETHER:
+        names = scene.arm_names()
     margin = margin or TREES.margin
     key = "page planner", names, margin
     if key not in scene.kept:
@@ -94,8 +107,8 @@ def _why_missing(scene: Scene, arms: tuple[str, ...]) -> str:
     """Why a page cannot plan for these arms; empty if it can."""
     if not arms:
         return "no arm moves"
-    if len(arms) > _MOST_ARMS:
-        return f"{len(arms)} arms move, and pages plan for {_MOST_ARMS} at most"
+    if len(arms) > _MOST_TOGETHER and has_rules_between_arms(scene):
+        return f"more than {_MOST_TOGETHER} arms move, and a rule of contact concerns two of them"
     limits, space = scene.limits(arms), joint_space(scene, arms)
     for kind, limited in (
         ("position", np.isfinite(space.extent) | space.wraps),
@@ -107,39 +120,88 @@ def _why_missing(scene: Scene, arms: tuple[str, ...]) -> str:
     return ""
 
 
-def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[str, object]:
-    space, known, began = joint_space(scene, arms), scene.joint_names(), perf_counter()
+def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[str, Any]:
+    began = perf_counter()
     cut_meshes(scene, lambda _: perf_counter() - began < _MOST_SECONDS)
-    with checker_from_pool(scene, arms, margin) as checker:
-        searches = _searches(checker)
-        image = checker.memory_image(**_rows(checker, space), **{name: search.struct for name, search in searches})
-        referee, names = referee_image(scene, checker.joint_names)
-        images = [_packed(image), _packed(referee)]
-        if sum(map(len, images)) > _MOST_BYTES:
-            return {"missing": f"the tables of the scene have {sum(map(len, images)) / 1e6:.1f} MB"}
-        rules = checker.geometry.rules
-        reach = checker.omitted_clearance + checker.margin
-        return {
-            "image": images[0],
-            "referee": {"image": images[1], **names},
-            "columns": [known.index(name) for name in checker.joint_names],
-            "joints": list(checker.joint_names),
-            "elements": list(rules.names),
-            "pairs": rules.checked.tolist(),
-            "obstacles": {
-                name: {"object": number, "pose": scene.obstacles[name].pose.ravel().tolist()}
-                for name, number in checker.object_numbers.items()
-            },
-            "frames": [_frame(scene, name, search, checker) for name, search in searches],
-            "margin": margin,
-            "reach": reach if np.isfinite(reach) else None,
-            "tree_step": TREES.step * space.diagonal,
-            "tree_domain": TREES.domain * space.diagonal,
-            "margin_halvings": TREES.margin_halvings,
-            "shortcuts": SHORTCUTS._asdict(),
-            "blends": BLENDS._asdict(),
-            "timing": TIMING._asdict(),
-        }
+    if len(arms) > _MOST_TOGETHER:
+        data = _many_arms(scene, margin)
+        images = [template["image"] for template in data["templates"]]
+    else:
+        with checker_from_pool(scene, arms, margin) as checker:
+            data = _tables(checker, margin)
+        images = [data["image"]]
+    known = scene.joint_names()
+    columns = scene.joint_names(arms)
+    referee, names = referee_image(scene, columns)
+    data |= {"columns": [known.index(name) for name in columns], "referee": {"image": _packed(referee), **names}}
+    size = sum(map(len, (*images, data["referee"]["image"])))
+    return data if size <= _MOST_BYTES else {"missing": f"the tables of the scene have {size / 1e6:.1f} MB"}
+
+
+def _tables(checker: CollisionChecker, margin: float) -> dict[str, Any]:
+    """What a page plans with in the joint space of a checker's arms."""
+    scene, space = checker.scene, joint_space(checker.scene, checker.arms)
+    searches = _searches(checker)
+    image = checker.memory_image(**_rows(checker, space), **{name: search.struct for name, search in searches})
+    rules = checker.geometry.rules
+    reach = checker.omitted_clearance + checker.margin
+    return {
+        "image": _packed(image),
+        "joints": list(checker.joint_names),
+        "elements": list(rules.names),
+        "pairs": rules.checked.tolist(),
+        "obstacles": {
+            name: {"object": number, "pose": scene.obstacles[name].pose.ravel().tolist()}
+            for name, number in checker.object_numbers.items()
+        },
+        "frames": [_frame(scene, name, search, checker) for name, search in searches],
+        "margin": margin,
+        "reach": reach if np.isfinite(reach) else None,
+        "tree_step": TREES.step * space.diagonal,
+        "tree_domain": TREES.domain * space.diagonal,
+        "margin_halvings": TREES.margin_halvings,
+        "shortcuts": SHORTCUTS._asdict(),
+        "blends": BLENDS._asdict(),
+        "timing": TIMING._asdict(),
+    }
+
+
+def _many_arms(scene: Scene, margin: float) -> dict[str, Any]:
+    """What a page plans with for one arm after the other."""
+
+    def numbers(T: Array) -> list[float]:
+        values: list[float] = T.T.ravel().tolist()
+        return values
+
+    kinds, near = arm_kinds(scene), neighbors_of(scene, margin + _NEAR)
+    _, robots, arms = scene_kinematics(scene, numbers)
+    place = {name: i for i, name in enumerate(scene.arms)}
+    templates = []
+    for template in arm_templates(scene, margin + _NEAR):
+        checker = CollisionChecker(template.scene, margin=margin).complete()
+        link_of = {name: i for i, name in enumerate(template.scene.arms[ARM].robot.link_names)}
+        data = _tables(checker, margin)
+        del data["obstacles"], data["elements"], data["pairs"]
+        templates.append(
+            data
+            | {
+                "columns": list(range(checker.nq)),
+                "first_object": min(checker.object_numbers.values(), default=0),
+                "parts": [{"link": link_of[part.link], "pose": numbers(part.pose)} for part in template.parts],
+                "neighbors": [[kind, count] for kind, count in template.neighbors.items()],
+            }
+        )
+    return {
+        "robots": robots,
+        "arms": [
+            row | {"template": kinds[row["name"]], "near": [place[other] for other in near[row["name"]]]}
+            for row in arms
+        ],
+        "templates": templates,
+        "obstacles": {name: numbers(obstacle.pose) for name, obstacle in scene.obstacles.items()},
+        "joints": list(scene.joint_names()),
+        "reach": _NEAR if any(len(others) + 1 < len(arms) for others in near.values()) else None,
+    }
 
 
 def _rows(checker: CollisionChecker, space: Space) -> dict[str, Root]:

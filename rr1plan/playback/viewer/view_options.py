@@ -64,8 +64,8 @@ class ViewOptions(Value):
         spheres: Show the spheres that contain each link and held object, with chips for each of their levels.
         panels: Panels beside the 3-D view, of different names.
         play: The motion runs from the start.
-        planner: The page carries the planners' kernels and can plan by itself, where at most twelve arms move; it is
-            0.3 MB larger, of twelve arms about 1 MB.
+        planner: The page carries the planners' kernels and can plan by itself; it is 0.3 MB larger, of twelve arms
+            about 1 MB.
         compare: Another motion of the same arms by its name, e.g. {"anytime": other.trajectory}: drawn as a ghost
             beside the motion of the page, its curves dashed beside those of that motion, both on one clock.
         side_by_side: Show the motion to compare, and the simulated one of a replay, each in its own picture beside that

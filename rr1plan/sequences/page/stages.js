@@ -12,7 +12,11 @@ const buttons = data.map(({ label, begin, end }) => {
     part.textContent = text;
     if (text) button.append(part);
   }
-  button.addEventListener("click", () => { viewer.pause(); viewer.seek(begin); });
+  button.addEventListener("click", () => {
+    if (viewer.editing.changed) viewer.editing.reset();
+    viewer.pause();
+    viewer.seek(begin);
+  });
   row.append(button);
   list.append(row);
   return button;
@@ -27,5 +31,6 @@ function mark(time) {
   marked = now;
 }
 
-viewer.on("change", (q, time) => mark(time));
+// While the arm is moved by hand, or along a motion that was planned here, the stage is that in which this began.
+viewer.on("change", (q, time) => mark(viewer.editing.stages.rows ? viewer.editing.stages.time : time));
 mark(viewer.time);

@@ -39,6 +39,11 @@ function fillPart(slider) {
 /** Length of a motion, or a moment in it. */
 const seconds = (t) => `${t.toFixed(2)} s`;
 
+// What is said of a motion that came without a report.
+const UNCHECKED = {
+  certified: false, valid: true, violations: [], margins: {}, checked: [], title: "Not checked",
+  not_checked: { "the motion": "it came without a report" },
+};
 const WIDEST_REPORT = 400, LEAST_BESIDE = 270; // [px]
 
 class Controls {
@@ -159,8 +164,9 @@ class Controls {
     facts.replaceChildren(...rows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
   }
 
-  fillReport(report) {
-    const badge = find("badge"), box = find("report");
+  fillReport(given) {
+    const { player, document: { track } } = this.viewer, moves = track && track.exact && player.end > player.start;
+    const report = given || (moves ? UNCHECKED : null), badge = find("badge"), box = find("report");
     badge.hidden = !report;
     box.hidden = true;
     badge.setAttribute("aria-expanded", "false");
@@ -183,7 +189,7 @@ class Controls {
       rows.push(button);
     }
     for (const [name, margin] of Object.entries(report.margins)) rows.push(this.margin(name, margin));
-    rows.push(element("p", `Checked: ${report.checked.join(", ")}.`));
+    if (report.checked.length) rows.push(element("p", `Checked: ${report.checked.join(", ")}.`));
     for (const [name, why] of Object.entries(report.not_checked)) rows.push(element("p", `Not checked: ${name} (${why}).`));
     box.replaceChildren(...rows);
   }

@@ -10,9 +10,13 @@ const OFF = 5e-4, TURNED = 2e-3; // of an arm's reach or [m], [rad] from its tar
 const CLOSE_EDITS = 800; // [ms] between steps of one jog, which are undone together
 
 const ROUNDED = 1e-5; // [rad or m] what a motion may be off at its ends, by rounding
+const MOST_GHOSTS = 12; // arms that all have ghosts at a start or goal set by hand
 const SAMPLES = 120; // of a motion, of which the least clearance is shown
 
 const inWords = (clearance) => (Number.isFinite(clearance) ? `clearance ${length(clearance)}` : "nothing to touch");
+
+/** Who moves, of many arms. */
+const inTurn = (legs) => (legs.length > 1 ? `, ${legs.length} arms one after the other` : ", the other arms stand still");
 
 class Editing {
   constructor(viewer) {
@@ -25,7 +29,11 @@ class Editing {
     this.hands = new Dragging(viewer, this);
     this.card = new PlanCard(viewer, this);
     this.keys = new Jogging(viewer, this);
-    viewer.on("change", () => { this.stale = true; });
+    this.stages = new SceneStages(viewer, this);
+    viewer.on("change", (q, time, manual) => {
+      this.stale = true;
+      this.stages.follow(time, manual);
+    });
     viewer.on("planner", (planner, reason) => this.takePlanner(planner, reason));
   }
 
@@ -52,14 +60,15 @@ class Editing {
     this.hands.load();
     this.card.load(doc);
     this.takePlanner(null, doc.planner ? "the planner is being loaded" : "this page was made without a planner");
+    this.stages.load(doc);
   }
 
   /** Takes the planner of the document when it is ready; `reason` tells why there is none. */
   takePlanner(planner, reason) {
-    const { bodies } = this.viewer.document;
-    this.planner = bodies ? null : planner;
-    this.reason = bodies ? "objects move along this motion" : reason;
-    if (this.planner) for (const name of planner.obstacles) planner.moveObstacle(name, this.poses.get(name));
+    const loose = this.viewer.document.bodies && !this.stages.rows;
+    this.planner = loose ? null : planner;
+    this.reason = loose ? "objects move along this motion" : reason;
+    if (this.planner) for (const [name, pose] of this.poses) if (planner.obstacles.includes(name)) planner.moveObstacle(name, pose);
     this.stale = true;
     this.card.refreshPlanner();
   }
@@ -174,7 +183,9 @@ class Editing {
 
   showGhosts(kind) {
     const { viewer } = this, { world, kinematics } = viewer, own = this.ghosts[kind];
-    const moved = kinematics.arms.filter((a) => !this.planner || this.planner.columns.includes(a.firstColumn));
+    // Of many arms those that do not move from start to goal have no ghosts.
+    const other = kind === "start" ? this.goal : this.start, many = kinematics.arms.length > MOST_GHOSTS && own && other;
+    const moved = kinematics.arms.filter((a, k) => (!this.planner || this.planner.columns.includes(a.firstColumn)) && (!many || this.differ(k, own, other)));
     const rows = own && moved.map((a) => ({ arm: a.name, q: own.slice(a.firstColumn, a.firstColumn + a.robot.names.length) }));
     world.setGhosts(kind, rows || viewer.document.ghosts.filter((ghost) => ghost.kind === kind));
     if (kind === "goal" && viewer.targets) viewer.targets.visible = !own;
@@ -188,7 +199,7 @@ class Editing {
 
   snapshot() {
     const { poses, start, goal, ghosts, motion } = this;
-    return { q: this.viewer.q.slice(), manual: this.viewer.manual, time: this.viewer.time, poses, start, goal, ghosts, motion };
+    return { q: this.viewer.q.slice(), manual: this.viewer.manual, time: this.viewer.time, sceneTime: this.stages.time, poses, start, goal, ghosts, motion };
   }
 
   /** Keeps what is there now for undo; steps of the same jog shortly one after the other count as one. */
@@ -218,16 +229,17 @@ class Editing {
     this.restore(this.asPlanned);
   }
 
-  restore(then) {
-    const { viewer } = this;
+  restore(kept) {
+    const { viewer } = this, then = { ...kept }; // the clock changes how everything came
     this.reach = null;
     for (const [name, pose] of then.poses) if (this.poses.get(name) !== pose) this.moveObstacle(name, pose);
     this.poses = then.poses;
-    Object.assign(this, { start: then.start, goal: then.goal });
     if (this.motion !== then.motion) {
       this.motion = then.motion;
       viewer.setMotion(then.motion.changes);
     }
+    if (this.stages.rows) this.stages.stand(then.sceneTime);
+    Object.assign(this, { start: then.start, goal: then.goal });
     const ghosts = this.ghosts;
     this.ghosts = then.ghosts;
     for (const kind of ["start", "goal"]) if (ghosts[kind] !== then.ghosts[kind]) this.showGhosts(kind);
@@ -268,14 +280,17 @@ class Editing {
       const names = namesOf(touching.map((pair) => pair.join(" and ")), 2, ", ");
       return { tone: "bad", title: "Touching", text: names, sentence: `it touches: ${names}`, touching, clearance: null };
     }
-    const clearance = planner.clearance(own);
+    // Of many arms that of the arm in hand.
+    const clearance = planner.clearance(own, Infinity, [this.arm]);
     return { tone: "good", title: "Free", text: inWords(clearance), sentence: "", touching, clearance };
   }
 
   /** Why collisions of a configuration are not known: an arm that the planner does not move is elsewhere. */
   unchecked(q) {
-    const rest = this.viewer.kinematics.rest(), moved = q.findIndex((value, c) => value !== rest[c] && !this.planner.columns.includes(c));
-    return moved < 0 ? "" : `${this.viewer.joints[moved].split("/")[0]} is not where the planner has it`;
+    const { stages } = this, { rest } = stages, little = stages.rows ? ROUNDED : 0;
+    const moved = q.findIndex((value, c) => Math.abs(value - rest[c]) > little && !this.planner.columns.includes(c));
+    const [arm, joint] = moved < 0 ? [] : this.viewer.joints[moved].split("/");
+    return arm ? `${stages.rows ? joint : arm} is not where the planner has it` : "";
   }
 
   /** The verdict on what is shown: what it touches first, then whether the tool is where it was dragged to. */
@@ -299,8 +314,10 @@ class Editing {
 
   /** Plans from the start to the goal, and plays what was found. Returns the planner's answer, or null. */
   plan() {
-    const { viewer, planner, card, start, goal } = this;
+    const { viewer, planner, card, start } = this;
     this.open();
+    if (this.stages.rows && !this.goal && viewer.manual) this.setEnd("goal");
+    const { goal } = this;
     const missing = !planner ? `Cannot plan here: ${this.reason}.` : !goal ? "No goal yet: pose the arm, then set the goal (B)."
       : this.unchecked(start) || this.unchecked(goal);
     if (missing) { card.say(missing, "open"); return null; }
@@ -314,7 +331,8 @@ class Editing {
     }
     if (!answer.track) { card.say(`A path, but no motion: ${answer.reason}.`, "bad"); return answer; }
     this.remember(null);
-    const track = new Track(answer.track), ms = `${took.toFixed(1)} ms`;
+    this.reach = null;
+    const shown = this.withRest(answer.track), track = new Track(shown), ms = `${took.toFixed(1)} ms`;
     const report = {
       certified: answer.certified, valid: true, violations: [], margins: {},
       title: answer.certified ? "Planned here, certified free" : "Planned here, not proven free",
@@ -323,17 +341,31 @@ class Editing {
     };
     const samples = { torque: null, clearance: null, error: null, places: [] };
     this.motion = {
-      changes: { track: answer.track, path: answer.shortened, report, replay: null, compare: [], samples, tree: null, planned: `${ms}, seed ${seed}` },
+      changes: { track: shown, path: answer.shortened, report, replay: null, compare: [], samples, tree: null, planned: `${ms}, seed ${seed}` },
       poses: this.poses,
     };
     viewer.setMotion(this.motion.changes);
     this.refreshHeadline();
     viewer.play();
-    const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(track.end - track.start)}, planned in ${ms}`;
+    const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(track.end - track.start)}${answer.legs ? inTurn(answer.legs) : ""}, planned in ${ms}`;
     card.say(`${said}.`, answer.certified ? "good" : "open");
     // Its first picture does not wait for the clearance, which takes longer than the proof.
     this.unmeasured = { motion: this.motion, track, said, frame: viewer.frames };
     return answer;
+  }
+
+  /** A track with the columns that the planner does not move, where they stand otherwise than in the document. */
+  withRest(track) {
+    const { rest } = this.stages, usual = this.viewer.kinematics.rest();
+    const still = [...rest.keys()].filter((c) => rest[c] !== usual[c] && !track.columns.includes(c));
+    if (!still.length) return track;
+    const columns = [...track.columns, ...still], [pieces, terms, width] = track.coefficients.shape, wide = columns.length;
+    const values = new Float64Array(pieces * terms * wide);
+    for (let row = 0; row < pieces * terms; row++) {
+      values.set(track.coefficients.values.subarray(row * width, (row + 1) * width), row * wide);
+      if (row % terms === 0) values.set(still.map((c) => rest[c]), row * wide + width);
+    }
+    return { ...track, columns, coefficients: { values, shape: [pieces, terms, wide] } };
   }
 
   /** Adds the least clearance to what is said of a motion that was planned here. */
@@ -349,15 +381,25 @@ class Editing {
 
   /** The least clearance [m] at some instants of a motion, and when that is. */
   leastClearance(track) {
-    const q = this.viewer.kinematics.rest(), { planner } = this, least = { value: Infinity, time: track.start };
+    const { kinematics } = this.viewer, { planner } = this, least = { value: Infinity, time: track.start };
+    const moving = kinematics.arms.map((arm) => planner.columns.includes(arm.firstColumn));
+    let q = kinematics.rest(), before = null;
     for (let i = 0; i <= SAMPLES; i++) {
       const time = track.start + (i / SAMPLES) * (track.end - track.start);
-      track.at(time, q);
-      // Farther than the least so far is of no interest, and costs less to find.
-      const value = planner.clearance(planner.columns.map((c) => q[c]), least.value);
+      q = track.at(time, q.slice());
+      // Farther than the least so far is of no interest, and costs less to find. Of many arms only some have moved.
+      const last = before, moved = kinematics.arms.map((_, k) => k).filter((k) => moving[k] && (!last || this.differ(k, last, q, 0)));
+      before = q;
+      const value = planner.clearance(planner.columns.map((c) => q[c]), least.value, moved);
       if (value < least.value) Object.assign(least, { value, time });
     }
     return least;
+  }
+
+  /** Whether joints of an arm, by its index, differ by more than a little in two configurations. */
+  differ(index, one, two, little = ROUNDED) {
+    const { firstColumn, robot } = this.viewer.kinematics.arms[index];
+    return robot.names.some((_, j) => Math.abs(one[firstColumn + j] - two[firstColumn + j]) > little);
   }
 
   /** A motion says nothing about obstacles that have moved since it was certified. */

@@ -85,10 +85,10 @@ class Viewer {
   async loadPlanner(doc) {
     this.planner = null;
     this.noPlanner = "";
-    if (!doc.planner) return;
+    if (!doc.planner || doc.planner.stages) return; // of stages: see scene_stages.js
     let planner = null, reason = "";
     try {
-      planner = await PagePlanner.load({ ...doc.planner, modules: settings.modules });
+      planner = await loadPlanner({ ...doc.planner, modules: settings.modules });
     } catch (error) {
       reason = error.message;
     }

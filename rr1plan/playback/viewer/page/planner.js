@@ -1,7 +1,8 @@
 // A planner in the page: the kernels of `core.wasm` in the order of `plan_motion`, with the same constants.
 //
-//   const planner = await PagePlanner.load(data)    data: what Python's `page_planner` made, with the modules; rejects
-//                                                   with the reason where the browser cannot run it
+//   const planner = await loadPlanner(data)         data: what Python's `page_planner` made, with the modules; rejects
+//                                                   with the reason where the browser cannot run it; of many arms it is
+//                                                   a `ManyArmsPlanner`
 //   planner.columns  .joints                        columns of viewer.q that it moves, and their names; every q below
 //                                                   has these columns only
 //   planner.obstacles  .frames                      names of obstacles that can be moved, and of frames for inverse kinematics
@@ -38,6 +39,29 @@ async function inflate(text) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
+/** The planner of a page: of all arms together, or of many arms. */
+async function loadPlanner(data) {
+  checkBrowser(data);
+  return data.templates ? ManyArmsPlanner.load(data) : PagePlanner.load(data);
+}
+
+/** Throws the reason why this browser, or this page, cannot plan. */
+function checkBrowser(data) {
+  if (data.missing) throw new Error(data.missing);
+  if (!data.modules) throw new Error("this page was opened without the planner's kernels");
+  if (typeof WebAssembly !== "object") throw new Error("this browser has no WebAssembly");
+  if (!WebAssembly.validate(SIMD_PROBE)) throw new Error("this browser has no WebAssembly SIMD");
+  if (typeof DecompressionStream !== "function") throw new Error("this browser cannot decompress the planner");
+}
+
+/** A pose as numbers, if it is one. */
+function checkedPose(name, pose) {
+  if (pose.length !== 16) throw new TypeError(`a pose has 16 numbers, got ${pose.length}`);
+  const plain = Float64Array.from(pose);
+  if (!plain.every(Number.isFinite)) throw new TypeError(`the pose of ${name} is not finite`);
+  return plain;
+}
+
 /** 16 numbers column after column from row after row, and back. */
 function transposed(pose) {
   return Float64Array.from({ length: 16 }, (_, i) => pose[4 * (i % 4) + (i >> 2)]);
@@ -46,16 +70,13 @@ function transposed(pose) {
 class PagePlanner {
   /** See above. */
   static async load(data) {
-    if (data.missing) throw new Error(data.missing);
-    if (!data.modules) throw new Error("this page was opened without the planner's kernels");
-    if (typeof WebAssembly !== "object") throw new Error("this browser has no WebAssembly");
-    if (!WebAssembly.validate(SIMD_PROBE)) throw new Error("this browser has no WebAssembly SIMD");
-    if (typeof DecompressionStream !== "function") throw new Error("this browser cannot decompress the planner");
-    const { core, referee } = data.modules;
-    const packed = [core, data.image, referee, data.referee.image];
-    const [module, image, refereeModule, refereeImage] = await Promise.all(packed.map(inflate));
-    const cores = await Promise.all([module, refereeModule].map(loadCore));
-    return new PagePlanner(data, cores[0], image, new PageReferee(data.referee, cores[1], refereeImage));
+    return PagePlanner.loadWith(data, await PageReferee.load(data.referee, data.modules));
+  }
+
+  /** A planner whose motions another referee proves. */
+  static async loadWith(data, referee) {
+    const [module, image] = await Promise.all([data.modules.core, data.image].map(inflate));
+    return new PagePlanner(data, await loadCore(module), image, referee);
   }
 
   #core;
@@ -134,12 +155,21 @@ class PagePlanner {
 
   moveObstacle(name, pose) {
     this.#obstacle(name);
-    if (pose.length !== 16) throw new TypeError(`a pose has 16 numbers, got ${pose.length}`);
-    const rows = transposed(pose);
-    if (!rows.every(Number.isFinite)) throw new TypeError(`the pose of ${name} is not finite`);
-    this.#core.call("rr1_move_object", this.scene, this.scratch, this.#data.obstacles[name].object, rows);
+    const rows = transposed(checkedPose(name, pose));
+    this.placeObjects(this.#data.obstacles[name].object, [rows]);
     this.#referee.moveObstacle(name, rows);
     this.#poses.set(name, rows);
+  }
+
+  /** Puts consecutive objects of the tables to poses, each 16 numbers row after row. */
+  placeObjects(first, poses) {
+    if (!poses.length) return;
+    const core = this.#core;
+    core.scoped(() => {
+      const rows = core.array("double", 16 * poses.length), { values } = rows;
+      poses.forEach((pose, i) => values.set(pose, 16 * i));
+      core.call("rr1_move_objects", this.scene, this.scratch, first, poses.length, rows);
+    });
   }
 
   #obstacle(name) {

@@ -1,6 +1,7 @@
 // The referee in the page: `validate` for a motion, by the kernels of `referee.wasm`, which share no code with the planners'.
 //
-//   const referee = new PageReferee(data, core, image)      data and image: made by Python's `referee_image`
+//   const referee = await PageReferee.load(data, modules)    data: made by Python's `referee_image`, with the image
+//   referee.contacts(q)                                      [[element, element], ...] that touch, or come too near to tell
 //   referee.moveObstacle(name, rows)                         T_world_object, 16 numbers, row after row
 //   referee.findFault(motion, start, goal)                   why a motion is not proven; empty if it is
 //       motion: {breaks, coefficients, terms}; start and goal: configurations it has to begin and end with
@@ -14,6 +15,11 @@ const SAME = 1e-9;
 const INTERVALS = 512;
 
 class PageReferee {
+  static async load(data, modules) {
+    const [module, image] = await Promise.all([modules.referee, data.image].map(inflate));
+    return new PageReferee(data, await loadCore(module), image);
+  }
+
   #core;
   #memory;
   #data;
@@ -43,20 +49,29 @@ class PageReferee {
   }
 
   findFault(motion, start, goal) {
-    const { breaks, coefficients, terms } = motion, core = this.#core, nq = start.length;
-    const pieces = coefficients.length / terms / nq, search = this.#memory.search;
+    return this.#search(motion, (search, times, numbers) => (
+      this.#judge(search, times, numbers, start, goal) || this.#describe(this.#marked(search).next().value)
+    )) ?? "the numbers make no motion";
+  }
+
+  contacts(q) {
+    const found = this.#search({ breaks: Float64Array.of(0), coefficients: q, terms: 1 }, (search) => [...this.#marked(search)]);
+    return found.map(({ pair }) => pair);
+  }
+
+  /** What a function finds out with the search for a motion; null if the numbers make none. */
+  #search({ breaks, coefficients, terms }, find) {
+    const core = this.#core, search = this.#memory.search, nq = Number(search.column_count);
+    const pieces = coefficients.length / terms / nq;
     this.#bytes(search, "RefereeSearch").set(this.#pristine);
-    const shape = { break_count: breaks.length, piece_count: pieces, terms, column_count: nq };
-    Object.assign(search, shape);
+    Object.assign(search, { break_count: breaks.length, piece_count: pieces, terms });
     const size = core.call("rr1_size_search", search) / 8;
     if (!this.#block || this.#block.length < size) this.#block = core.array("double", 2 * size);
     return core.scoped(() => {
       const times = core.array("double", breaks), numbers = core.array("double", coefficients);
-      if (!core.call("rr1_makes_motion", times, breaks.length, numbers, pieces, terms, nq, this.#data.farthest)) {
-        return "the numbers make no motion";
-      }
+      if (!core.call("rr1_makes_motion", times, breaks.length, numbers, pieces, terms, nq, this.#data.farthest)) return null;
       Object.assign(search, { breaks: times, coefficients: numbers });
-      return this.#judge(search, times, numbers, start, goal) || this.#findContact(search);
+      return find(search, times, numbers);
     });
   }
 
@@ -92,17 +107,21 @@ class PageReferee {
     return faults.find(([wrong]) => wrong)?.[1] ?? "";
   }
 
-  /** The first contact found in continuous time, or what cannot be told from one. */
-  #findContact(search) {
-    const core = this.#core;
+  /** The pairs that touch in continuous time, or that cannot be told from such, as they are found: {pair, touches}. */
+  *#marked(search) {
+    const core = this.#core, { size } = core.declarations.structs.ElementPair;
     core.call("rr1_begin_search", search, this.#block);
     while (search.stage !== core.constants.SEARCH_DONE) {
       core.call("rr1_prove_motion", search, INTERVALS);
-      if (!search.marked_count) continue;
-      const { a, b, mark } = core.at("ElementPair", search.marked);
-      const [one, two] = [a, b].map((element) => this.#data.elements[element]);
-      return `${one} and ${two} ${mark === core.constants.PAIR_TOUCHES ? "touch" : "come too near to tell from contact"}`;
+      for (let k = 0; k < search.marked_count; k++) {
+        const { a, b, mark } = core.at("ElementPair", search.marked + k * size);
+        yield { pair: [a, b].map((element) => this.#data.elements[element]), touches: mark === core.constants.PAIR_TOUCHES };
+      }
+      search.marked_count = 0;
     }
-    return "";
+  }
+
+  #describe(found) {
+    return found ? `${found.pair.join(" and ")} ${found.touches ? "touch" : "come too near to tell from contact"}` : "";
   }
 }

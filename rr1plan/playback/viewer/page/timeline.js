@@ -123,7 +123,7 @@ function drawConflict({ time, rows }) {
   }
 }
 
-/** The rows of a motion that the page has planned in the joint space of its arms: nobody waits there. */
+/** The rows of a motion that the page has planned: nobody waits there. */
 function rowsPlannedHere(track) {
   const { arms } = viewer.kinematics;
   const rows = data.arms.map((row) => {
@@ -137,7 +137,8 @@ function rowsPlannedHere(track) {
     return { ...row, moves, waits: [], undelayed: null };
   });
   const makespan = track.end - track.start;
-  return { arms: rows, conflicts: [], start: track.start, makespan, summary: `${rows.length} arms, ${makespan.toFixed(2)} s, planned here in their joint space` };
+  const how = viewer.planner instanceof ManyArmsPlanner ? "one after the other" : "in their joint space";
+  return { arms: rows, conflicts: [], start: track.start, makespan, summary: `${rows.length} arms, ${makespan.toFixed(2)} s, planned here ${how}` };
 }
 
 /** Puts the clock's line where the motion is. */

@@ -178,6 +178,12 @@ class World {
     this.bodies.update(this.bodyPoses);
   }
 
+  /** Puts loose bodies where the links are that hold them: {body, link, pose: T_link_body}. */
+  carry(held) {
+    for (const { body, link, pose } of held) multiply(this.bodyPoses, 16 * body, this.poses, 16 * link, pose, 0);
+    this.bodies.update(this.bodyPoses);
+  }
+
   /** Thin dark edges: boxes in front of boxes stay readable. */
   addEdges() {
     const known = new Map();

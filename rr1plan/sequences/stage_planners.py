@@ -1,0 +1,97 @@
+"""What a page of a sequence plans with: the scene of each stage, with the gripper locked and in it what is held."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.playback.viewer.page_planner import page_planner
+from rr1plan.scene import Attachment, Scene
+from rr1plan.scene.unlocked_joints import locked_scene
+from rr1plan.sequences.stages import StagedMotion, stage_scenes
+
+_MOST_BYTES = 4_000_000  # of all planners in the page
+_STILL = 1e-9  # [rad or m]
+
+
+def planning_scenes(motion: StagedMotion) -> list[Scene | None]:
+    """The scene of each stage as a page plans in it, the gripper joints locked; None where they move."""
+    scenes: list[Scene | None] = []
+    names = list(motion.trajectory.joint_names)
+    own = [names.index(f"{arm}/{joint}") for arm, joints in motion.gripper_joints.items() for joint in joints]
+    for stage, scene in zip(motion.stages, stage_scenes(motion.scene, motion.trajectory, motion.stages), strict=True):
+        times = np.linspace(stage.begin, stage.end, 9)
+        moves = bool(own) and bool(np.ptp(motion.trajectory(times)[:, own], axis=0).max() > _STILL)
+        scenes.append(None if moves else locked_scene(scene, motion.gripper_joints))
+    return scenes
+
+
+def stage_planners(motion: StagedMotion) -> dict[str, Any]:
+    """The planners of the page of a sequence, as `page/scene_stages.js` takes them.
+
+    Args:
+        motion: The motion and its stages.
+
+    Returns:
+        Plain values that JSON can hold: `stages`, of each when it begins, its planner, what is held, and the
+        configuration at its beginning; and the `planners`, equal ones once.
+    """
+    columns = motion.scene.joint_names()
+    planners: list[dict[str, Any]] = []
+    known: dict[object, int] = {}
+    rows = []
+    for stage, scene in zip(motion.stages, planning_scenes(motion), strict=True):
+        key = None if scene is None else _content(scene)
+        if key not in known:
+            known[key] = len(planners)
+            planners.append(_planner(scene, motion, columns, planners))
+        held = {} if scene is None else scene.attachments
+        rows.append(
+            {
+                "begin": stage.begin,
+                "planner": known[key],
+                "held": [_held_row(name, thing) for name, thing in held.items()],
+                "rest": _whole_configuration(motion, stage.begin, columns),
+            }
+        )
+    return {"stages": rows, "planners": planners}
+
+
+def _planner(
+    scene: Scene | None, motion: StagedMotion, columns: tuple[str, ...], others: list[dict[str, Any]]
+) -> dict[str, Any]:
+    if scene is None:
+        return {"missing": "the gripper moves at this time"}
+    data = page_planner(scene, motion.trajectory.arms)
+    if "missing" in data:
+        return data
+    if len(json.dumps([*others, data])) > _MOST_BYTES:
+        return {"missing": f"the tables of the stages have more than {_MOST_BYTES / 1e6:g} MB"}
+    return data | {"columns": [columns.index(name) for name in data["joints"]]}
+
+
+def _content(scene: Scene) -> object:
+    """All that distinguishes the scenes of stages, the configuration left out."""
+    return (
+        tuple((name, o.pose.tobytes()) for name, o in scene.obstacles.items()),
+        tuple((name, h.arm, h.link, h.pose.tobytes(), h.touch) for name, h in scene.attachments.items()),
+        scene.allowed,
+        tuple(tuple(arm.robot.locked_joints.items()) for arm in scene.arms.values()),
+    )
+
+
+def _held_row(name: str, thing: Attachment) -> dict[str, Any]:
+    return {"object": name, "arm": thing.arm, "link": thing.link, "pose": thing.pose.T.ravel().tolist()}
+
+
+def _whole_configuration(motion: StagedMotion, time: float, columns: tuple[str, ...]) -> list[float]:
+    """The configuration of the whole scene at a time."""
+    q: Array = motion.trajectory(time)
+    values: Mapping[str, float] = dict(zip(columns, motion.scene.configuration().tolist(), strict=True)) | dict(
+        zip(motion.trajectory.joint_names, q.tolist(), strict=True)
+    )
+    return [values[name] for name in columns]
