@@ -15,8 +15,8 @@ from rr1plan.errors import InputError
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.trajectory import Trajectory
 
-# Number of updates whose set-points are evaluated at once.
-_BLOCK = 64
+# Number of updates whose set-points are evaluated at once; those of many arms stay in the cache.
+_BLOCK = 32
 # Of sums of time steps [s].
 _ROUNDING = 1e-9
 
