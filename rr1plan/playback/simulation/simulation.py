@@ -9,8 +9,8 @@
 
 In each step the controllers see the state at its beginning; their set-points go to servos with a feed-forward torque
 from inverse dynamics at that state (computed torque control). Arms that can never meet are in separate MuJoCo models,
-which are stepped side by side on threads, as are parts of one model while its arms touch nothing; the numbers do not
-depend on the number of threads.
+which are stepped side by side on threads, as are parts of one model while its arms touch nothing. These take several
+steps together where controllers know their set-points ahead and there are no callbacks. The numbers depend on neither.
 """
 
 from __future__ import annotations
@@ -474,7 +474,10 @@ class Simulation:
         return self._run(math.ceil((end - self.time) / self.dt - 1e-9), float(speed))
 
     def pause(self) -> None:
-        """End the present `run` or `step` after its step; from a callback or another thread."""
+        """End the present `run` or `step` after the step at hand; from a callback or another thread.
+
+        Steps that are taken together end together.
+        """
         self._pause.set()
 
     def reset(self) -> None:
