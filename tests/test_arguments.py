@@ -923,13 +923,14 @@ _NOT_CALLED = {
         "PlanResult",
     ),
     *("Controller", "Controller.activate", "Controller.update", "Controller.check_positions", "Execution"),
+    *("Controller.preview", "Controller.passed"),
     *("JointInfo", "JointState", "SetPoint"),
     *("CalibrationFit", "ZeroShift", "Corridor", "CorridorPosition", "StreamError"),
     *("MirrorEvent", "MirrorReport", "MirrorState"),
     *(
         f"{kind}Controller.{name}"
         for kind in ("ForwardPosition", "ForwardVelocity", "Gripper", "JointTrajectory", "Manual")
-        for name in ("activate", "update", "check_positions")
+        for name in ("activate", "update", "preview", "passed", "check_positions")
     ),
     *("HasPage", "HasPage.page_content"),
     *("CommandPlan", "SerialPort", "SerialPort.read", "SerialPort.write", "Telemetry", "open_serial_port"),

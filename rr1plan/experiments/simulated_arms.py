@@ -21,7 +21,7 @@ from rr1plan.shapes import HalfSpace
 from rr1plan.trajectory import Trajectory
 from rr1plan.transforms import identity, pose
 
-_BLOCK = 25  # steps that are timed together
+_BLOCK = 50  # steps that are timed together
 _ROW = 20  # boats beside each other
 _BOAT_CELL = (0.7, 0.4)  # [m]
 SEVEN_MOVES = MOVE_TIME * len(SEVEN_POSES)  # [s]

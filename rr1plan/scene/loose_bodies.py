@@ -6,7 +6,6 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
-import coal
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -23,9 +22,8 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry
-from rr1plan.robot.link_contacts import coal_shape
 from rr1plan.scene.scene_elements import Obstacle
-from rr1plan.shapes import HalfSpace, Mesh, PointCloud
+from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity, convex_shapes, enclosed_volume, is_closed
 from rr1plan.shapes.mesh_files import load_mesh
 from rr1plan.transforms import as_pose, identity
@@ -154,13 +152,25 @@ def bounding_box(geometries: tuple[Geometry, ...], pose: Array) -> Array:
     Raises:
         InputError: a half-space or a point cloud.
     """
-    corners = []
-    for geometry in geometries:
-        if isinstance(geometry.shape, HalfSpace | PointCloud):
-            raise InputError(f"shape {geometry.name!r} is a {type(geometry.shape).__name__}, expected a solid shape")
-        T = pose @ geometry.pose
-        placed = coal.CollisionObject(coal_shape(geometry.shape), T[:3, :3], T[:3, 3])
-        box = placed.getAABB()
-        corners.append((np.array(box.min_).ravel(), np.array(box.max_).ravel()))
-    lower, upper = zip(*corners, strict=True)
-    return np.array([np.min(lower, axis=0), np.max(upper, axis=0)])
+    corners = [box for geometry in geometries for box in _corners(geometry, pose @ geometry.pose)]
+    return np.array([np.min(corners, axis=0), np.max(corners, axis=0)])
+
+
+def _corners(geometry: Geometry, T: Array) -> Array:
+    """Lower and upper corner of a shape at a pose, shape (2, 3)."""
+    R, shape = T[:3, :3], geometry.shape
+    match shape:
+        case Box():
+            half = np.abs(R) @ shape.size / 2.0
+        case Sphere():
+            half = np.full(3, shape.radius)
+        case Cylinder():  # the shadow of a disk is narrower by the cosine of its tilt
+            half = np.abs(R[:, 2]) * shape.length / 2.0 + shape.radius * np.hypot(R[:, 0], R[:, 1])
+        case Capsule():
+            half = np.abs(R[:, 2]) * shape.length / 2.0 + shape.radius
+        case Mesh():
+            points = shape.vertices @ R.T + T[:3, 3]
+            return np.array([points.min(axis=0), points.max(axis=0)])
+        case HalfSpace() | PointCloud():
+            raise InputError(f"shape {geometry.name!r} is a {type(shape).__name__}, expected a solid shape")
+    return np.array([T[:3, 3] - half, T[:3, 3] + half])

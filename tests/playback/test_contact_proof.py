@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.checks import Array
 from rr1plan.playback.simulation import tiles
 from rr1plan.playback.simulation.contact_proof import ContactProof
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
+from rr1plan.playback.simulation.stepped_models import SteppedModel
 from rr1plan.robot import Geometry, Inertial, Joint, Link, Robot
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.transforms import pose
@@ -120,6 +122,179 @@ def test_arms_in_blocks_on_threads_move_as_in_one_model(monkeypatch: pytest.Monk
     assert not tile.blocks
 
 
+class Steps:
+    """How many steps the blocks of simulations take in one go."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.counts: list[int] = []
+        take_steps = SteppedModel.take_steps
+
+        def counted(block: SteppedModel, desired: Array, states: Array) -> None:
+            self.counts.append(len(desired))
+            take_steps(block, desired, states)
+
+        monkeypatch.setattr(SteppedModel, "take_steps", counted)
+
+
+def end_of(sim: rp.Simulation, executions: list[rp.Execution]) -> list[object]:
+    """All that a run leaves to be seen."""
+    outcomes = [(e.status, e.message, e.ended, e.max_error.tobytes()) for e in executions]
+    rows = (sim.positions, sim.velocities, sim.efforts, sim.set_points)
+    return [sim.steps, sim.contacts, sim.max_penetration, *(row.tobytes() for row in rows), *outcomes]
+
+
+def arm_follows(sim: rp.Simulation, arm: str, seed: int, seconds: float, path: float = np.inf) -> rp.Execution:
+    """Send an arm and its gripper through random configurations, by a controller for this arm."""
+    names = (f"{arm}/finger_joint", *sim.scene.joint_names([arm]))
+    follow = rp.JointTrajectoryController(names, goal_tolerance=1e-4, goal_time=0.05, path_tolerance=path)
+    sim.activate(follow)
+    return follow.send(wander(sim.scene, names[::-1], seed, seconds))
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("radius", [0.58, 1.2])
+def test_several_steps_at_once_end_like_single_steps(
+    monkeypatch: pytest.MonkeyPatch, radius: float, threads: int
+) -> None:
+    monkeypatch.setattr(tiles, "_ARMS_IN_A_BLOCK", 1)
+    monkeypatch.setattr(tiles, "_MOST_IN_A_BLOCK", 2)
+    steps = Steps(monkeypatch)
+    fast = rp.Simulation(ring(4, radius), threads=threads)
+    slow = rp.Simulation(fast.scene)
+    _ = slow.model  # one model, with a search for contacts in each step
+    slow.on_step(lambda _: None)  # single steps
+    assert len(fast.tiles[0].blocks) == 2
+    ends = []
+    for sim in (fast, slow):
+        executions = [arm_follows(sim, f"a{i}", 10 + i, 0.2 + 0.1 * i) for i in range(4)]
+        seen = []
+        for count in (1, 150, 7, 250, 300):
+            sim.step(count)
+            seen.append(end_of(sim, executions))
+        touched = bool(sim.contacts)
+        executions.append(arm_follows_on(sim))
+        sim.step(200)
+        sim.reset()
+        sim.step(40)
+        ends.append([*seen, end_of(sim, executions)])
+    assert ends[0] == ends[1]
+    assert max(steps.counts) == 32
+    assert np.mean(steps.counts) > 4
+    assert touched  # on the way
+    np.testing.assert_array_equal(fast.data.qpos, slow.data.qpos)
+    assert fast.data.time == slow.data.time
+
+
+def arm_follows_on(sim: rp.Simulation) -> rp.Execution:
+    """Send the first arm home, whose last motion has ended."""
+    follow = sim.controllers[0]
+    assert isinstance(follow, rp.JointTrajectoryController)
+    ends = np.array([sim.set_points[[sim.joint_names.index(name) for name in follow.joint_names]], np.zeros(7)])
+    rest = np.zeros_like(ends)
+    return follow.send(rp.Trajectory.from_samples(follow.joint_names, np.array([0.0, 0.5]), ends, rest, rest))
+
+
+def test_what_needs_the_state_takes_single_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Late(rp.JointTrajectoryController):
+        """Says that it follows a trajectory, and holds where it is after a while."""
+
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            return super().update(state) if state.time < 0.1 else rp.SetPoint(state.positions)
+
+    steps = Steps(monkeypatch)
+    scene = ring(4, 1.2)
+    names = scene.joint_names(["a0"])
+    for follow, alone in (
+        (Late(names), True),
+        (rp.JointTrajectoryController(names, path_tolerance=0.1), True),
+        (rp.JointTrajectoryController(names), False),
+    ):
+        sim = rp.Simulation(scene)
+        sim.activate(follow)
+        execution = follow.send(wander(scene, names, 5, 0.4))
+        steps.counts.clear()
+        sim.step(100)
+        assert (max(steps.counts) == 1) is alone
+        assert execution.max_error.max() > 0.0
+        if isinstance(follow, Late):
+            assert follow.preview(np.zeros(3)) is None
+            assert np.abs(sim.set_points - sim.positions)[:6].max() < 0.05
+            assert np.abs(follow._path(0.2) - sim.positions[:6]).max() > 0.05
+        # A callback sees each step, and real time is kept in each.
+        times: list[float] = []
+        stop = sim.on_step(lambda sim: times.append(sim.time))  # noqa: B023
+        sim.step(5)
+        stop()
+        assert np.allclose(np.diff(times), sim.dt)
+
+
+class Foreseen(rp.Controller):
+    """Previews a sway, or something else in place of it."""
+
+    def __init__(self, names: tuple[str, ...], wrong: object = None) -> None:
+        super().__init__(names)
+        self.wrong, self.seen = wrong, 0
+
+    def update(self, state: rp.JointState) -> rp.SetPoint:
+        self.seen += 1
+        return self.at(np.array(state.time))
+
+    def at(self, times: Array) -> rp.SetPoint:
+        sway = np.multiply.outer(np.sin(3.0 * times), np.full(len(self.joint_names), 0.1))
+        return rp.SetPoint(sway, efforts=np.full_like(sway, 0.01))
+
+    def preview(self, times: Array) -> rp.SetPoint | None:
+        if isinstance(self.wrong, Exception):
+            raise self.wrong
+        if self.wrong is not None:
+            return self.wrong  # type: ignore[return-value]
+        return self.at(times[:9])
+
+    def passed(self, times: Array, positions: Array) -> None:
+        assert positions.shape == (len(times), len(self.joint_names))
+        self.seen += len(times)
+
+
+def test_own_controllers_may_preview(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps = Steps(monkeypatch)
+    scene = ring(4, 1.2)
+    names = (*scene.joint_names(), "a1/finger_joint")
+    ends = []
+    for single in (False, True):
+        sim, sway = rp.Simulation(scene), Foreseen(names)
+        sim.activate(sway)
+        if single:
+            sim.on_step(lambda _: None)
+        sim.step(100)
+        assert sway.seen == 100
+        ends.append(end_of(sim, []))
+    assert ends[0] == ends[1]
+    assert max(steps.counts) == 9
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (ValueError("no"), "Foreseen raised ValueError at 0.000 s: no"),
+        (3, "Foreseen returned a int at 0.000 s, expected a SetPoint"),
+        (rp.SetPoint(np.zeros((2, 5))), "positions of shape"),
+        (rp.SetPoint(np.zeros(6)), "positions of shape"),
+        (rp.SetPoint(np.zeros((0, 6))), "previewed no set-points"),
+        (rp.SetPoint(np.full((2, 6), np.nan)), "positions that are not finite"),
+        (rp.SetPoint(np.zeros((2, 6)), np.zeros((1, 6))), "velocities of shape"),
+    ],
+)
+def test_wrong_previews_are_named(wrong: object, message: str) -> None:
+    scene = ring(4, 1.2)
+    sim = rp.Simulation(scene)
+    sim.activate(Foreseen(scene.joint_names(["a0"]), wrong))
+    before = sim.positions
+    with pytest.raises(rp.ControllerError, match=message):
+        sim.step(10)
+    np.testing.assert_array_equal(sim.positions, before)
+    assert sim.steps == 0
+
+
 def test_varied_arms_are_not_divided(monkeypatch: pytest.MonkeyPatch) -> None:
     # Friction makes constraints, whose solver ends when those of all arms of a model are met.
     monkeypatch.setattr(tiles, "_ARMS_IN_A_BLOCK", 1)
@@ -131,7 +306,7 @@ def test_data_may_be_changed_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyPa
     runs = []
     for threads in (1, 2):
         sim = rp.Simulation(ring(4, 1.5), threads=threads)
-        assert len(sim.tiles[0].blocks) == (2 if threads == 2 else 0)
+        assert len(sim.tiles[0].blocks) == threads
         sim.step(30)
         sim.data.qfrc_applied[1] = 20.0
         sim.step(30)

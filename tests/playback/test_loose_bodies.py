@@ -12,6 +12,7 @@ import trimesh
 
 import rr1plan as rp
 from rr1plan.playback.viewer import view_document
+from rr1plan.scene.loose_bodies import bounding_box
 from rr1plan.transforms import pose
 
 G = 9.81
@@ -301,6 +302,35 @@ def test_a_mesh_that_is_open_or_flat_is_named(tmp_path: Path) -> None:
 def test_what_cannot_be_a_body_is_refused(geometry: rp.Shape, options: dict[str, float], said: str) -> None:
     with pytest.raises(rp.InputError, match=said):
         FLOOR.with_obstacle("it", geometry, **options)
+
+
+WEDGE = trimesh.Trimesh(
+    [[0, 0, 0], [0.3, 0, 0], [0, 0.2, 0], [0, 0, 0.1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+)
+
+
+@pytest.mark.parametrize(
+    ("shape", "fine"),
+    [
+        (rp.Box((0.1, 0.2, 0.3)), trimesh.creation.box((0.1, 0.2, 0.3))),
+        (rp.Sphere(0.1), trimesh.creation.uv_sphere(0.1, count=(128, 128))),
+        (rp.Cylinder(0.1, 0.2), trimesh.creation.cylinder(0.1, 0.2, sections=512)),
+        (rp.Capsule(0.1, 0.2), trimesh.creation.capsule(0.2, 0.1, count=(128, 128))),
+        (rp.Mesh(WEDGE.vertices, WEDGE.faces), WEDGE),
+    ],
+    ids=["box", "sphere", "cylinder", "capsule", "mesh"],
+)
+def test_bounding_boxes_are_those_of_fine_meshes(shape: rp.Shape, fine: trimesh.Trimesh) -> None:
+    rng = np.random.default_rng(2)
+    points = np.asarray(fine.vertices)
+    if isinstance(shape, rp.Capsule):  # wherever trimesh puts it
+        points = points - 0.5 * (points.min(axis=0) + points.max(axis=0))
+    for _ in range(10):
+        own, placed = (pose(rng.normal(size=3), rpy=rng.uniform(-3.0, 3.0, 3)) for _ in range(2))
+        T = placed @ own
+        seen = points @ T[:3, :3].T + T[:3, 3]
+        box = bounding_box((rp.Geometry("it", shape, own),), placed)
+        np.testing.assert_allclose(box, [seen.min(axis=0), seen.max(axis=0)], atol=1e-4)
 
 
 def test_bodies_are_stacked_without_overlap() -> None:

@@ -33,6 +33,26 @@ def test_a_cylinder_is_grasped_at_any_angle(table: rp.Scene) -> None:
     assert len(angles) == 6
 
 
+def test_a_cylinder_is_as_wide_in_all_directions(table: rp.Scene) -> None:
+    # Low and wide: fingers that are placed for a wider object touch the table when they close.
+    scene = standing(table, rp.Cylinder(0.0215, 0.032), 0.032, yaw=0.7)
+    goals = rp.top_grasps(scene, "block", yaws=5)
+    heights = np.array([goal.position[2] for goal in goals]).reshape(5, -1)
+    np.testing.assert_allclose(heights, heights[:1].repeat(5, axis=0), atol=1e-9)
+    np.testing.assert_allclose(np.diff(heights[0]), 0.032 * np.diff([0.5, 0.65, 0.8, 0.9]), atol=1e-9)
+    robot = scene.arms["arm"].robot
+    opened = rp.pick_and_place(scene, "block", [-0.3, -0.1, 0.016])[0]
+    assert isinstance(opened, rp.MoveGripper)
+    assert opened.width == pytest.approx(2 * 0.0215 + 0.03)
+    tool = robot.link_poses(robot.home)[robot.tool]
+    for goal in goals[::2]:
+        in_hand = tool @ np.linalg.inv(rp.transforms.pose(goal.position, quaternion=goal.quaternion))
+        thing = scene.obstacles["block"]
+        held = scene.with_obstacle_at("block", in_hand @ thing.pose).obstacles["block"]
+        closed = closing_value(rp.Arm(robot), held, 0.0)
+        assert closed == pytest.approx(opening_value(robot, 2 * 0.0215), abs=0.01)
+
+
 def test_at_a_grasp_the_sides_touch_first(table: rp.Scene) -> None:
     """Fingers that close from a grasp stop at the width of the object, as they do at a plate of that width."""
     for shape, height in ((rp.Box((0.04, 0.04, 0.08)), 0.08), (rp.Cylinder(0.02, 0.065), 0.065)):

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
@@ -56,8 +57,7 @@ class ContactProof:
         self._levers = _levers(world.model, travel)
         arms = [name.split("/", 1)[0] for name in joints.names]
         self._first_joints = np.array([i for i, arm in enumerate(arms) if i == 0 or arm != arms[i - 1]], dtype=np.int64)
-        self._times = float(world.model.opt.timestep) * np.arange(_STEPS)
-        self._powers = np.vander(self._times, 3, increasing=True)
+        self._times = float(world.model.opt.timestep) * np.arange(_STEPS)[:, None]
         self._points = np.zeros((0, len(joints.names)))
         self._next = self._pause = 0
         self.proven = 0
@@ -79,15 +79,36 @@ class ContactProof:
         self.proven += found
         return found
 
+    @property
+    def left(self) -> int:
+        """How many states the certified curve may still prove."""
+        return len(self._points) - self._next
+
+    def count_near(self, positions: Array) -> int:
+        """How many of the next states the certified curve proves, from the first of them on.
+
+        Args:
+            positions: Positions of all joints in these states, not more than `left`, shape (k, n).
+        """
+        off = np.abs(positions - self._points[self._next : self._next + len(positions)])
+        moved = np.add.reduceat(self._levers * off, self._first_joints, axis=1)
+        near: NDArray[np.bool_] = moved.max(axis=1, initial=0.0) <= _OFF
+        if len(self._slides):
+            near &= (np.abs(positions[:, self._slides]) <= self._travel).all(axis=1)
+        return len(near) if near.all() else int(near.argmin())
+
+    def pass_over(self, count: int) -> None:
+        """Go on after some states that `count_near` has proven."""
+        self._next += count
+        self.proven += count
+
     def _is_near(self, positions: Array) -> bool:
         """Whether positions are as near to the next point of the certified curve as the margin allows."""
-        if self._next == len(self._points):
+        if not self.left:
             return False
-        off = np.abs(positions - self._points[self._next])
+        found = self.count_near(positions[None]) == 1
         self._next += 1
-        moved = np.add.reduceat(self._levers * off, self._first_joints)
-        within = not len(self._slides) or bool((np.abs(positions[self._slides]) <= self._travel).all())
-        return within and bool(moved.max() <= _OFF)
+        return found
 
     def _certify(self, curve: Array) -> bool:
         """Certify a curve, coefficients (3, n), and go on from its beginning."""
@@ -96,9 +117,11 @@ class ContactProof:
         planned = curve[:, self._planned]
         if not np.abs(planned).max(initial=0.0) <= _FARTHEST:
             return False  # also where a number is not finite
-        if not self._checker.polynomial_is_free(planned, float(self._times[-1])):
+        if not self._checker.polynomial_is_free(planned, float(self._times[-1, 0])):
             return False
-        self._points = self._joints.follow(self._powers @ curve)
+        # Mimicking joints follow on the whole curve if its coefficients do.
+        place, rates = self._joints.follow(curve[0]), self._joints.follow(curve[1:], rates=True)
+        self._points = (rates[1] * self._times + rates[0]) * self._times + place
         return True
 
 

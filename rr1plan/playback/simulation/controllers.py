@@ -92,6 +92,12 @@ class Controller(ABC):
 
     joints: JointInfo
 
+    def __init_subclass__(cls, **options: object) -> None:
+        super().__init_subclass__(**options)
+        # What an inherited preview says is not what another `update` does.
+        if "update" in cls.__dict__ and "preview" not in cls.__dict__:
+            cls.preview = Controller.preview  # type: ignore[method-assign]
+
     def __init__(self, joint_names: Sequence[str]) -> None:
         self.joint_names = check_joint_names(joint_names, empty=False)
 
@@ -114,6 +120,27 @@ class Controller(ABC):
 
         Args:
             state: The state of the joints, in the order of `joint_names`.
+        """
+
+    def preview(self, times: Array) -> SetPoint | None:
+        """Set-points of the next updates, where these do not depend on the state.
+
+        A simulation may command them without an `update` for each, which is faster. Controllers need not have this.
+
+        Args:
+            times: Simulated times of the next updates [s], shape (k,).
+
+        Returns:
+            Arrays of shape (m, n), set-points of the first m updates, at most k; None: the next one needs the state.
+        """
+        return None
+
+    def passed(self, times: Array, positions: Array) -> None:  # noqa: B027  (most controllers have nothing to note)
+        """Note that set-points of the last `preview` were commanded, in place of as many updates.
+
+        Args:
+            times: Simulated times of these updates [s], shape (m,); there may be fewer than in the preview.
+            positions: Positions of the joints at these times, in the order of `joint_names`, shape (m, n).
         """
 
     def check_active(self) -> None:

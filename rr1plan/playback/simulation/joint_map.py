@@ -64,10 +64,14 @@ class JointMap:
         return not set(self._followed.tolist()).isdisjoint(indices.tolist())
 
     def follow_all(self, rows: Array) -> None:
-        """Update those of mimicking joints among positions, velocities, accelerations and efforts, shape (4, n)."""
-        for k, row in enumerate(rows[:3]):
-            values = row[self._followed] * self._followed_factor
-            row[self._following] = values + self._followed_offset if k == 0 else values
+        """Update those of mimicking joints.
+
+        Args:
+            rows: Positions, velocities, accelerations and efforts of all joints, shape (..., 4, n).
+        """
+        for k in range(3):
+            values = rows[..., k, self._followed] * self._followed_factor
+            rows[..., k, self._following] = values + self._followed_offset if k == 0 else values
 
     def expand(self, q: Array) -> Array:
         """Positions of all joints while the planning joints of all arms are at q (nq,); locked ones stay locked."""

@@ -39,8 +39,8 @@ _NOTHING_CARRIED = 1e-7
 _POSITION_VELOCITY_FEEDFORWARD = 7
 # Torsional and rolling friction of loose bodies [m], MuJoCo's defaults.
 _OTHER_FRICTION = (0.005, 0.0001)
-# Time constant of contacts of loose bodies [s]; with less than four steps large heaps become unstable.
-_CONTACT_TIME = 0.008
+# Time constant of contacts of loose bodies [s], and the least one in steps; MuJoCo needs two.
+_CONTACT_TIME, _CONTACT_STEPS = 0.008, 3.0
 # Collision bits of planes, which find loose bodies only, and of loose bodies, which also find all else (bit 1).
 _PLANE_BITS, _LOOSE_BITS = 2, 3
 # Half the thickness of a plate in place of a triangle [m].
@@ -187,7 +187,7 @@ class _Builder:
         self.spec.compiler.balanceinertia = True
         if loose_bodies(scene):
             self._set_solver(solver)
-        solref = [max(_CONTACT_TIME, 4.0 * timestep), 1.0]
+        solref = [max(_CONTACT_TIME, _CONTACT_STEPS * timestep), 1.0]
         self._surface = {"priority": 1, "solref": solref, "contype": _LOOSE_BITS, "conaffinity": _LOOSE_BITS}
         self.joints: list[_PlacedJoint] = []
         self.elements: dict[str, str] = {}

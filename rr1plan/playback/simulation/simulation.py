@@ -9,8 +9,8 @@
 
 In each step the controllers see the state at its beginning; their set-points go to servos with a feed-forward torque
 from inverse dynamics at that state (computed torque control). Arms that can never meet are in separate MuJoCo models,
-which are stepped side by side on threads, as are parts of one model while its arms touch nothing; the numbers do not
-depend on the number of threads.
+which are stepped side by side on threads, as are parts of one model while its arms touch nothing. These take several
+steps together where controllers know their set-points ahead and there are no callbacks. The numbers depend on neither.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import TypeVar
 
 import mujoco
 import numpy as np
@@ -61,6 +62,9 @@ _AHEAD = 0.002
 
 # The simulation in which each active controller is.
 _commanded_by: weakref.WeakKeyDictionary[Controller, weakref.ref[Simulation]] = weakref.WeakKeyDictionary()
+
+_Argument = TypeVar("_Argument")
+_Point = TypeVar("_Point", SetPoint, SetPoint | None)
 
 StepCallback = Callable[["Simulation"], bool | None]
 
@@ -470,7 +474,10 @@ class Simulation:
         return self._run(math.ceil((end - self.time) / self.dt - 1e-9), float(speed))
 
     def pause(self) -> None:
-        """End the present `run` or `step` after its step; from a callback or another thread."""
+        """End the present `run` or `step` after the step at hand; from a callback or another thread.
+
+        Steps that are taken together end together.
+        """
         self._pause.set()
 
     def reset(self) -> None:
@@ -513,7 +520,7 @@ class Simulation:
                 tile = Tile(world, columns, self._variation, threads=self._threads, worker=worker)
                 tiles.append(tile)
                 # Friction of varied arms makes constraints, which are solved for all of a model together.
-                if tile.proof is not None and self._variation is None and len(parts) < self._threads:
+                if tile.proof is not None and self._variation is None:
                     worlds = (self._model_of(arms, shapes=False) for arms in block_scenes(part, self._threads))
                     tile.blocks = tuple(SteppedModel(block, self._indices(block.joint_names)) for block in worlds)
         self._warnings += warnings
@@ -557,8 +564,11 @@ class Simulation:
         began = time.perf_counter()
         with mujoco_warnings() as warnings:
             try:
-                for k in range(count):
-                    self._step()
+                done = 0
+                while done < count:
+                    # Callbacks see each step, and real time is waited for after each.
+                    alone = bool(self._callbacks) or speed < math.inf
+                    done += self._take_steps(1 if alone else count - done)
                     if any(tile.is_unstable() for tile in self.tiles):
                         raise BackendError(
                             f"MuJoCo's simulation became unstable at {self.time:.3f} s"
@@ -568,7 +578,7 @@ class Simulation:
                     for callback in list(self._callbacks):
                         if callback(self) is False:
                             self._pause.set()
-                    ahead = (k + 1) * self.dt / speed - (time.perf_counter() - began)
+                    ahead = done * self.dt / speed - (time.perf_counter() - began)
                     if speed < math.inf and ahead > _AHEAD:
                         time.sleep(ahead)
                     if self._pause.is_set():
@@ -578,29 +588,69 @@ class Simulation:
                 self._wall += time.perf_counter() - began
         return not self._pause.is_set()
 
-    def _step(self) -> None:
-        for controller, indices in list(self._active.items()):
-            self._take(controller, indices)
-        if self._leading:
-            self._map.follow_all(self._desired)
-        # Tiles keep these, so that they can repeat the step.
-        before, desired, state = self._measured, self._desired.copy(), np.empty_like(self._measured)
+    def _take_steps(self, most: int) -> int:
+        """Take a step, or several where controllers know their set-points ahead; returns how many."""
+        most = min(most, *(tile.most_steps for tile in self.tiles))
+        previewed = self._preview(most) if most > 1 else None
+        desired = self._update() if previewed is None else previewed
+        states = np.empty((len(desired) + 1, *self._measured.shape))
+        states[0] = self._measured
         tiles = self.tiles
 
         def advance(worker: int) -> None:
             for tile in tiles:
-                tile.advance(worker, before, desired, state)
+                tile.advance(worker, desired, states)
+
+        self._distribute(advance, len(tiles) > 1 or len(tiles[0].blocks) > 1)
+        taken = min(tile.count_valid(states) for tile in tiles)
+        valid, valid_states = desired[:taken], states[: taken + 1]
 
         def settle(worker: int) -> None:
             for tile in tiles:
                 if tile.worker == worker:
-                    tile.settle(before, desired, state)
+                    tile.settle(valid, valid_states)
 
-        self._distribute(advance, len(tiles) > 1 or len(tiles[0].blocks) > 1)
         self._distribute(settle, len(tiles) > 1)
-        self.steps += 1
-        self._measured = state
-        self._now = JointState(self.time, *state)
+        if previewed is not None:
+            times = self._times(taken)
+            for controller, indices in self._active.items():
+                controller.passed(times, states[:taken, 0, indices])
+            self._desired = valid[-1].copy()
+        self.steps += taken
+        self._measured = valid_states[-1]
+        self._now = JointState(self.time, *self._measured)
+        return taken
+
+    def _times(self, count: int) -> Array:
+        """Simulated times of some steps, the next one first [s]."""
+        return np.asarray(self.dt * np.arange(self.steps, self.steps + count), dtype=np.float64)
+
+    def _update(self) -> Array:
+        """Set-points of the next step, shape (1, 4, n), a copy, with which tiles can repeat the step."""
+        for controller, indices in list(self._active.items()):
+            point = self._call(controller, controller.update, self._state(indices))
+            rows = self._rows(controller, point, (len(controller.joint_names),))
+            for desired, values in zip(self._desired, rows, strict=True):
+                desired[indices] = values
+        if self._leading:
+            self._map.follow_all(self._desired)
+        return self._desired[None].copy()
+
+    def _preview(self, most: int) -> Array | None:
+        """Set-points of the next steps, shape (up to `most`, 4, n); None if a controller needs the state for them."""
+        times, desired = self._times(most), np.repeat(self._desired[None], most, axis=0)
+        for controller, indices in self._active.items():
+            point = self._call(controller, controller.preview, times[:most])
+            if point is None:
+                return None
+            most = min(most, len(point.positions))
+            if not most:
+                raise ControllerError(f"{type(controller).__name__} previewed no set-points at {self.time:.3f} s")
+            for row, values in enumerate(self._rows(controller, point, (most, len(controller.joint_names)))):
+                desired[:most, row, indices] = values
+        if self._leading:
+            self._map.follow_all(desired)
+        return desired[:most]
 
     def _distribute(self, work: Callable[[int], None], shared: bool) -> None:
         """Do the work of every thread, on threads if it is shared."""
@@ -613,19 +663,24 @@ class Simulation:
         for future in futures:
             future.result()
 
-    def _take(self, controller: Controller, indices: NDArray[np.int64] | slice) -> None:
-        """Get the set-points of a controller."""
-        name, shape = type(controller).__name__, (len(controller.joint_names),)
+    def _call(self, controller: Controller, method: Callable[[_Argument], _Point], argument: _Argument) -> _Point:
+        """The set-points that a method of a controller returns."""
+        name = type(controller).__name__
         try:
-            point = controller.update(self._state(indices))
+            point = method(argument)
         except Exception as error:
             raise ControllerError(f"{name} raised {type(error).__name__} at {self.time:.3f} s: {error}") from error
-        if not isinstance(point, SetPoint):
+        if not isinstance(point, SetPoint) and not (point is None and method == controller.preview):
             raise ControllerError(f"{name} returned a {type(point).__name__} at {self.time:.3f} s, expected a SetPoint")
-        wanted: list[Array | float] = []
+        return point
+
+    def _rows(self, controller: Controller, point: SetPoint, shape: tuple[int, ...]) -> list[Array | float]:
+        """The arrays of set-points, checked; 0 where there are none."""
+        name = type(controller).__name__
+        rows: list[Array | float] = []
         for field, values in zip(SetPoint._fields, point, strict=True):
             if values is None:
-                wanted.append(0.0)
+                rows.append(0.0)
                 continue
             try:
                 row = np.asarray(values, dtype=np.float64)
@@ -637,9 +692,8 @@ class Simulation:
                 )
             if not np.isfinite(row).all():
                 raise ControllerError(f"{name} returned {field} that are not finite at {self.time:.3f} s")
-            wanted.append(row)
-        for desired, row_or_zero in zip(self._desired, wanted, strict=True):
-            desired[indices] = row_or_zero
+            rows.append(row)
+        return rows
 
     def _note_contacts(self) -> None:
         for tile in self.tiles:

@@ -1,8 +1,9 @@
 """MuJoCo models that are stepped: some arms of a simulation with the obstacles, or for a while without shapes.
 
 Where arms are proven to touch nothing, no shape matters and no arm affects another one. They are then stepped in
-blocks, one on each thread: models of the same bodies, joints and servos without shapes, which give the same results to
-the byte.
+blocks, on threads: models of the same bodies, joints and servos without shapes, which give the same results to the
+byte. While set-points are known ahead, each block takes several steps before the next one does, with its data in the
+cache.
 """
 
 from __future__ import annotations
@@ -107,6 +108,20 @@ class SteppedModel:
         control[:, 2] = self._torque[:joints] + self._bias + desired[3, columns]
         mujoco.mj_step2(self.model, self.data)
 
+    def take_steps(self, desired: Array, states: Array) -> None:
+        """Take some steps.
+
+        Args:
+            desired: Set-points for each step, shape (k, 4, n), see `advance`.
+            states: Positions, velocities and efforts of all joints of the simulation before the first step, and those
+                of this model's joints after each, which are written, shape (k + 1, 3, n).
+        """
+        self.place(states[0])
+        for points, state in zip(desired, states[1:], strict=True):
+            self.refresh()
+            self.advance(points)
+            self.observe(state)
+
     def _describe(self) -> None:
         """Compute inertia and bias torques of the arms as described, at the present state."""
         data, model = self._described, self._described_model
@@ -138,7 +153,7 @@ class Tile:
         world: The compiled model.
         columns: Index of each of its joints among those of the simulation.
         variation: How the arms differ from their description, unknown to the feed-forward torque.
-        threads: Threads for contacts of many loose bodies.
+        threads: Threads of the simulation.
         worker: Which thread steps it.
 
     Attributes:
@@ -147,8 +162,8 @@ class Tile:
         bodies: Index of each of its loose bodies among them.
         proof: What decides whether contacts need to be searched for; None: they are searched for in every state.
         proven: Whether the present state is proven to be free of contact.
-        blocks: The arms without shapes, one part for each thread, for steps from such states; none: the whole model
-            takes all steps.
+        blocks: The arms without shapes, in parts for threads, for steps from such states; none: the whole model takes
+            all steps.
     """
 
     def __init__(
@@ -160,7 +175,7 @@ class Tile:
         threads: int = 1,
         worker: int = 0,
     ) -> None:
-        self.world, self.worker = world, worker
+        self.world, self.worker, self._threads = world, worker, threads
         self._whole = SteppedModel(world, columns, variation)
         if threads > 1 and len(world.body_names) >= _A_HEAP:
             mujoco.mju_threadpool(self._whole.data, threads - 1)
@@ -196,38 +211,63 @@ class Tile:
 
     # ---- steps -----------------------------------------------------------------------------------
 
-    def advance(self, worker: int, before: Array, desired: Array, state: Array) -> None:
-        """Do a thread's share of a step; when all have, `settle`.
+    @property
+    def most_steps(self) -> int:
+        """How many steps `advance` may take from the present state."""
+        if not (self.proven and self.blocks):
+            return 1
+        assert self.proof is not None
+        return 1 + self.proof.left
+
+    def advance(self, worker: int, desired: Array, states: Array) -> None:
+        """Do a thread's share of some steps; when all have, `settle`.
 
         Args:
             worker: Index of the thread.
-            before: Positions, velocities and efforts of all joints of the simulation, shape (3, n).
-            desired: Their set-points: positions, velocities, accelerations and efforts to add, shape (4, n).
-            state: Gets what `before` is after the step.
+            desired: Set-points of all joints of the simulation for each step: positions, velocities, accelerations and
+                efforts to add, shape (k, 4, n) with k up to `most_steps`.
+            states: Their positions, velocities and efforts before the first step, and those after each, which are
+                written, shape (k + 1, 3, n).
         """
         if self.proven and self.blocks:
-            for block in self.blocks[worker : worker + 1]:
-                block.place(before)
-                block.refresh()
-                block.advance(desired)
-                block.observe(state)
+            for block in self.blocks[worker :: self._threads]:
+                block.take_steps(desired, states)
         elif worker == self.worker:
-            self._whole.advance(desired)
-            self._whole.observe(state)
+            self._whole.advance(desired[0])
+            self._whole.observe(states[1])
 
-    def settle(self, before: Array, desired: Array, state: Array) -> None:
-        """Compute what follows from the state after a step; arguments as of `advance`."""
-        columns, whole = self._whole.columns, self._whole
+    def count_valid(self, states: Array) -> int:
+        """How many of the steps were right: from the first on, those that began in a state without contact.
+
+        Args:
+            states: As `advance` has written them.
+        """
+        if len(states) == 2:
+            return 1
+        # An unstable block is the concern of single steps.
+        if self.proof is None or self._is_block_unstable():
+            return 1
+        return 1 + self.proof.count_near(states[1:-1, 0, self._whole.columns])
+
+    def settle(self, desired: Array, states: Array) -> None:
+        """Compute what follows from the state after the last step; arguments as of `advance`, valid steps only."""
+        columns, whole, state = self._whole.columns, self._whole, states[-1]
         blocks = self.blocks if self.proven else ()
-        unstable = any(block.is_unstable() for block in blocks)
-        self._prove(state[0, columns], state[1, columns], desired[2, columns], not unstable)
+        if self.proof is not None:
+            self.proof.pass_over(len(desired) - 1)
+        unstable = bool(blocks) and self._is_block_unstable()
+        self._prove(state[0, columns], state[1, columns], desired[-1, 2, columns], not unstable)
         if blocks:
-            whole.data.time += whole.model.opt.timestep
-            self._missed = before, desired
+            for _ in range(len(desired)):  # the sum that as many single steps make
+                whole.data.time += whole.model.opt.timestep
+            self._missed = states[-2], desired[-1]
             if self.proven:
                 return
             self._catch_up()
         self._compute()
+
+    def _is_block_unstable(self) -> bool:
+        return any(block.is_unstable() for block in self.blocks)
 
     def _prove(self, positions: Array, velocities: Array, accelerations: Array, stable: bool = True) -> None:
         """Decide whether a state of its joints is proven to be free of contact."""

@@ -24,8 +24,9 @@ from rr1plan.scene.subscene import subscene
 _BYTES_PER_DOF, _BYTES_PER_PAIR, _BYTES_PER_ARM = 1.0e5, 40.0, 3.0e6
 # Smallest number of arms in a tile, and largest number of tiles.
 _ARMS_IN_A_TILE, _MOST_TILES = 60, 4
-# Smallest number of arms in a block; fewer are stepped faster than handed to a thread.
-_ARMS_IN_A_BLOCK = 20
+# Smallest number of arms in a block; fewer are stepped faster than handed to a thread. Largest number; the data of more
+# do not stay in the cache from one step to the next.
+_ARMS_IN_A_BLOCK, _MOST_IN_A_BLOCK = 20, 100
 
 
 def tile_scenes(scene: Scene) -> list[Scene]:
@@ -52,10 +53,10 @@ def tile_scenes(scene: Scene) -> list[Scene]:
 
 
 def block_scenes(scene: Scene, threads: int) -> list[Scene]:
-    """The arms of a scene with what they hold and without obstacles, in parts for threads; none where one suffices."""
-    names, count = list(scene.arms), min(threads, len(scene.arms) // _ARMS_IN_A_BLOCK)
-    if count < 2:
-        return []
+    """The arms of a scene with what they hold and without obstacles, in parts for threads."""
+    names = list(scene.arms)
+    shares = max(1, min(threads, len(names) // _ARMS_IN_A_BLOCK))
+    count = shares * math.ceil(len(names) / (shares * _MOST_IN_A_BLOCK))
     ends = [len(names) * i // count for i in range(count + 1)]
     parts = (names[start:end] for start, end in pairwise(ends))
     return [subscene(scene, dict.fromkeys(part), obstacles=False) for part in parts]

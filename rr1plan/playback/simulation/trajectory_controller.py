@@ -15,8 +15,10 @@ from rr1plan.errors import InputError
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.trajectory import Trajectory
 
-# Number of updates whose set-points are evaluated at once.
-_BLOCK = 64
+# Number of updates whose set-points are evaluated at once; those of many arms stay in the cache.
+_BLOCK = 32
+# Of sums of time steps [s].
+_ROUNDING = 1e-9
 
 
 class ExecutionStatus(enum.Enum):
@@ -193,19 +195,46 @@ class JointTrajectoryController(Controller):
         if execution.status.terminal:
             return self._stop(state)
         since = state.time - execution.start
-        point = self._set_point(since)
+        point = SetPoint(*self._points(since, 1)[:, 0])
         error = np.abs(state.positions - point.positions)
-        np.maximum(execution.max_error, error if self._back is None else error[self._back], out=execution.max_error)
+        self._note_error(execution, error)
         if error.max() > self.path_tolerance:
             message = self._worst(error, self.path_tolerance)
             _end(execution, ExecutionStatus.PATH_TOLERANCE_VIOLATED, state.time, message)
             return self._stop(state)
-        if since >= execution.trajectory.duration - 1e-9:
+        if since >= execution.trajectory.duration - _ROUNDING:
             self._check_goal(execution, point.positions, error, since)
         if self._active is None:
             return self._hold
         self._last = point
         return point
+
+    def preview(self, times: Array) -> SetPoint | None:
+        """Set-points up to the end of a trajectory without a path tolerance, or the position to hold."""
+        execution = self._active
+        if self._queued is not None:
+            return None
+        if execution is None:
+            return SetPoint(np.broadcast_to(self._hold.positions, (len(times), len(self.joint_names))))
+        since = times - execution.start
+        count = int((since < execution.trajectory.duration - _ROUNDING).sum())
+        if execution.status.terminal or self.path_tolerance < math.inf or not count:
+            return None
+        return SetPoint(*self._points(float(since[0]), count))
+
+    def passed(self, times: Array, positions: Array) -> None:
+        """Note the tracking errors at points of the trajectory."""
+        self._now = float(times[-1])
+        execution = self._active
+        if execution is None:
+            return
+        points = self._points(float(times[0]) - execution.start, len(times))
+        self._note_error(execution, np.abs(positions - points[0]).max(axis=0))
+        self._last = SetPoint(*points[:, -1])
+
+    def _note_error(self, execution: Execution, error: Array) -> None:
+        ordered = error if self._back is None else error[self._back]
+        np.maximum(execution.max_error, ordered, out=execution.max_error)
 
     def _begin(self, execution: Execution) -> None:
         """Replace the active trajectory."""
@@ -236,7 +265,7 @@ class JointTrajectoryController(Controller):
         over = since - execution.trajectory.duration
         if (error <= self.goal_tolerance).all():
             _end(execution, ExecutionStatus.SUCCEEDED, self._now, "")
-        elif over > self.goal_time + 1e-9:
+        elif over > self.goal_time + _ROUNDING:
             message = f"{over:.3g} s after the end {self._worst(error, self.goal_tolerance)}"
             _end(execution, ExecutionStatus.GOAL_TOLERANCE_VIOLATED, self._now, message)
         if execution.status.terminal:
@@ -249,14 +278,17 @@ class JointTrajectoryController(Controller):
         self._last = self._hold = SetPoint(state.positions.copy())
         return self._hold
 
-    def _set_point(self, since: float) -> SetPoint:
-        """Position, velocity and acceleration, from a block of updates that is evaluated at once."""
+    def _points(self, since: float, most: int) -> Array:
+        """Positions, velocities and accelerations of some updates from a time on, shape (3, up to `most`, n).
+
+        They are evaluated in blocks, at whose ends they end.
+        """
         k = round((since - self._block_start) / self.joints.dt) if math.isfinite(self._block_start) else _BLOCK
         if k >= _BLOCK:
             times = self._path.start_time + since + self.joints.dt * np.arange(_BLOCK)
             self._block = np.array([self._path(times, derivative) for derivative in range(3)])
             self._block_start, k = since, 0
-        return SetPoint(*self._block[:, k])
+        return self._block[:, k : k + most]
 
     def _worst(self, error: Array, tolerance: float) -> str:
         i = int(np.argmax(error))
