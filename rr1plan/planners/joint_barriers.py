@@ -45,13 +45,16 @@ class JointBarrier:
         return f"joint {self.joint!r} cannot pass {self.value:.3g}: {pairs} touch there, wherever the others are"
 
 
-def find_joint_barrier(checker: CollisionChecker, start: Array, goal: Array) -> JointBarrier | None:
+def find_joint_barrier(
+    checker: CollisionChecker, start: Array, goal: Array, *, own_links: bool = False
+) -> JointBarrier | None:
     """Search for a value that a joint has to pass on every path from a start to a goal, and cannot.
 
     Args:
         checker: Of the arms that move.
         start: Configuration within the limits, shape (nq,).
         goal: Configuration, of joints without limits modulo whole turns, shape (nq,).
+        own_links: Whether two links of one arm count, which may only touch because their shapes are too large.
 
     Returns:
         The barrier; None if none is found, which proves nothing.
@@ -59,8 +62,7 @@ def find_joint_barrier(checker: CollisionChecker, start: Array, goal: Array) -> 
     groups: dict[frozenset[int], list[int]] = {}
     for pair, columns in enumerate(columns_between(checker)):
         a, b = (checker.scene.owner(element) for element in checker.pairs[checker.solid_owner[pair]])
-        # Two links of one arm may only touch because their shapes are too large, which `timeout_hints` suggests.
-        if 1 <= len(columns) <= 2 and a != b:
+        if 1 <= len(columns) <= 2 and (own_links or a != b):
             groups.setdefault(columns, []).append(pair)
     limits = checker.limits
     for columns, pairs in groups.items():

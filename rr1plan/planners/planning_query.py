@@ -160,7 +160,8 @@ class Query:
         if self._joint_goals is None:
             return False
         reasons: dict[str, None] = {}
-        # Without the margin, which may be what leaves no room.
+        # Without the margin, which may be what leaves no room, and without pairs of links of one arm, for which
+        # `timeout_hints` has advice.
         with checker_from_pool(self._scene, self.problem.arms) as checker:
             for goal in self.goals:
                 barrier = find_joint_barrier(checker, self.problem.start, goal)
