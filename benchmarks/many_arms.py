@@ -6,7 +6,8 @@
 
 `ring`: the tool of each arm has to get where that of its neighbor was, around a plank; `opposite`: where that of the
 arm across was; `crowd`: from one random point in a ring around a box to another, with goals given as joint values;
-`grid`: random queries over the full range of the joints at several spacings; `shelf`: two arms before a shelf. Each
+`grid`: random queries over the full range of the joints at several spacings; `shelf`: two arms before a shelf;
+`conveyor`: arms on both sides of a belt, along which each tool moves to where the next arms reach, too. Each
 problem is a process that has planned for two arms before.
 
 `many_arms` is `plan_many_arms`; `prioritized` schedules one arm after the other on its own path, the slowest first,
@@ -37,7 +38,7 @@ from plain import write_robot
 from shared import heading, make_parser, number, pin_to_core, save, table, track
 
 import rr1plan as rp
-from rr1plan import dual_arm_shelf, plan_many_arms, random_grid, ring_swap
+from rr1plan import conveyor_line, dual_arm_shelf, plan_many_arms, random_grid, ring_swap
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.portfolio import merged_trajectory
@@ -57,7 +58,7 @@ _RADIUS = 0.59  # of other rings
 _SHELF = 0.7
 _CROWD, _CROWDED = 0.76, 0.8  # radius of a crowded ring over the reach, and of its points over that radius
 _RINGS = (2, 3, 4, 6, 8, 10)
-_SETS = ("ring", "opposite", "crowd", "grid", "shelf")
+_SETS = ("ring", "opposite", "crowd", "grid", "shelf", "conveyor")
 _OWN = ("many_arms", "prioritized", "srmp")
 _LATE = 0.95  # quantile of times
 _LATTICE = 0.05  # how far from a goal SRMP's motion may end [rad]
@@ -104,6 +105,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--sets", nargs="+", choices=_SETS, default=("ring", "grid", "shelf"), help="which problems")
     parser.add_argument("--arms", type=int, nargs="+", default=(2, 4, 8, 16, 32, 64, 100), help="arms on the grid")
     parser.add_argument("--rings", type=int, nargs="+", default=_RINGS, help="arms in the ring")
+    parser.add_argument("--conveyors", type=int, nargs="+", default=(4, 8, 16), help="arms along the conveyor")
     parser.add_argument("--spacings", type=float, nargs="+", default=_SPACINGS, help="of the grid, over the reach")
     parser.add_argument("--radii", type=float, nargs="+", help="of rings, over the reach (default: by their arms)")
     parser.add_argument("--seeds", type=int, default=5, help="problems of each kind")
@@ -134,6 +136,8 @@ def _tasks(args: argparse.Namespace) -> list[dict[str, Any]]:
         kinds += [{"set": "grid", "arms": n, "share": share} for share in args.spacings for n in args.arms]
     if "shelf" in args.sets:
         kinds.append({"set": "shelf", "arms": 2, "share": _SHELF})
+    if "conveyor" in args.sets:
+        kinds += [{"set": "conveyor", "arms": n, "share": 0.0} for n in args.conveyors]
     common = {
         "limit": args.limit,
         "improvement": args.improvement,
@@ -168,6 +172,8 @@ def _problem(task: Mapping[str, Any], robot: rp.Robot) -> rp.Problem:
         return random_grid(robot, task["arms"], task["size"], task["seed"])
     if task["set"] == "shelf":
         return dual_arm_shelf(robot, task["size"], task["seed"], front=front)
+    if task["set"] == "conveyor":
+        return conveyor_line(robot, task["arms"], task["seed"])
     if task["set"] == "crowd":
         return _crowd(robot, task["arms"], task["size"], task["seed"], front)
     step = 1 if task["set"] == "ring" else task["arms"] // 2
@@ -199,7 +205,7 @@ def _measure(task: Mapping[str, Any]) -> dict[str, Any]:
     if task["planner"] == "srmp":
         return _measure_srmp(task, problem)
     plan = _PLANNERS.get(task["planner"], _plan_as_one)
-    warm = random_grid(robot, 2, 2.0 * task["size"], 0)
+    warm = random_grid(robot, 2, 2.0 * (task["size"] or _REACH), 0)
     found = plan(warm, task | {"limit": 5.0, "improvement": 0.0})["trajectory"]
     if found is not None:
         rp.validate(found, warm.scene)
@@ -429,7 +435,7 @@ def _failures(results: Sequence[Mapping[str, Any]]) -> str:
 
 def _draw_success(file: Path, cells: Sequence[Mapping[str, Any]], reach: float) -> None:
     """Share of problems solved over spacing or radius, one curve a planner and number of arms."""
-    curves = dict.fromkeys((c["planner"], c["set"], c["arms"]) for c in cells if c["set"] != "shelf")
+    curves = dict.fromkeys((c["planner"], c["set"], c["arms"]) for c in cells if c["set"] not in ("shelf", "conveyor"))
     figure, axes = _axes()
     for planner, name, arms in curves:
         own = [c for c in cells if (c["planner"], c["set"], c["arms"]) == (planner, name, arms)]

@@ -13,21 +13,22 @@ from rr1plan.model import Kinematics
 from rr1plan.robot import Robot
 
 
-def point_jacobian(kinematics: Kinematics, frame: int, q: Array, point: Array) -> tuple[Array, Array]:
-    """Position of a point of a frame, and its Jacobian.
+def point_jacobians(kinematics: Kinematics, frame: int, configurations: Array, points: Array) -> tuple[Array, Array]:
+    """Positions of points of a frame, and their Jacobians.
 
     Args:
         kinematics: Of one arm.
         frame: Pinocchio's index of the frame.
-        q: Configuration [rad or m], shape (nq,).
-        point: The point in the frame [m], shape (3,).
+        configurations: Configurations [rad or m], shape (m, nq).
+        points: The point in the frame at each [m], shape (m, 3).
 
     Returns:
-        The position [m], shape (3,), and its derivatives by q, shape (3, nq).
+        The positions [m], shape (m, 3), and their derivatives by the configurations, shape (m, 3, nq).
     """
-    origin, rotation, jacobian = kinematics.pose_and_jacobian(q, frame)
-    arm = rotation @ point
-    return origin + arm, jacobian[:3] + np.cross(jacobian[3:].T, arm).T
+    parts = [kinematics.pose_and_jacobian(q, frame) for q in configurations]
+    origins, rotations, jacobians = (np.array(part) for part in zip(*parts, strict=True))
+    arms = (rotations @ points[:, :, None])[:, :, 0]
+    return origins + arms, jacobians[:, :3] - _cross_matrices(arms) @ jacobians[:, 3:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,11 +116,7 @@ class MeasuredPoints:
         nq = len(parameters.signs)
         zeros, factors = parameters.values[:nq], parameters.values[nq : 2 * nq]
         configurations = zeros + parameters.signs * factors * self.turns
-        pairs = [
-            point_jacobian(self._kinematics, self._frame, q, point)
-            for q, point in zip(configurations, self.points, strict=True)
-        ]
-        return np.array([position for position, _ in pairs]), np.array([jacobian for _, jacobian in pairs])
+        return point_jacobians(self._kinematics, self._frame, configurations, self.points)
 
 
 def _cross_matrices(vectors: Array) -> Array:

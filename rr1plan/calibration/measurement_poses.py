@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rr1plan.calibration.measured_points import point_jacobian
+from rr1plan.calibration.measured_points import point_jacobians
 from rr1plan.checks import Array, Seed, as_generator, finite_array, of_kind, whole_number
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
@@ -61,11 +61,8 @@ def propose_calibration_poses(
     frame = kinematics.scene_model.frame_id(kinematics.frame("tool"))
     lower, upper = sampling_bounds(scene.arms[arm].robot)
     turns = (candidates - 0.5 * (lower + upper)) / np.maximum(upper - lower, 1e-9)
-    rows = []
-    for q, turn in zip(candidates, turns, strict=True):
-        jacobian = point_jacobian(kinematics, frame, q, offset)[1]
-        rows.append(np.hstack([jacobian, jacobian * turn]))
-    chosen = _d_optimal(np.array(rows), count)
+    jacobians = point_jacobians(kinematics, frame, candidates, np.broadcast_to(offset, (len(candidates), 3)))[1]
+    chosen = _d_optimal(np.concatenate([jacobians, jacobians * turns[:, None, :]], axis=2), count)
     return _in_short_order(candidates[chosen], scene.arms[arm].q)
 
 

@@ -310,6 +310,15 @@ def _search(a: _Body, b: _Body, most: Array) -> tuple[Mask, Mask]:
     return certain, may
 
 
+def columns_between(checker: CoalChecker) -> list[frozenset[int]]:
+    """Of each of the checker's `solid_pairs` the columns of q that change the relative pose of the two."""
+    chains, columns = _chains(checker), checker.model.columns
+    return [
+        frozenset(int(columns[joint - 1]) for joint in set(chains[a]) ^ set(chains[b]))
+        for a, b in checker.solid_pairs.tolist()
+    ]
+
+
 def _chains(checker: CoalChecker) -> list[tuple[int, ...]]:
     """The driven joints above each solid, root first; none above an obstacle."""
     instances = checker.geometry.instances

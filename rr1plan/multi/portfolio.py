@@ -178,8 +178,9 @@ def plan_many_arms(
         progress: Called about ten times a second; False cancels.
 
     Returns:
-        The motion, or why there is none: INVALID_START or INVALID_GOAL with the links that touch and how deep, or
-        TIMEOUT with the arms that have no schedule, and those among which they have none.
+        The motion, or why there is none: INVALID_START or INVALID_GOAL with the links that touch and how deep,
+        INFEASIBLE with the joint of an arm that cannot get past what stands still, or TIMEOUT with the arms that have
+        no schedule, and those among which they have none.
 
     Raises:
         UnknownNameError: an unknown method or retiming.
@@ -215,6 +216,9 @@ def plan_many_arms(
         }
         search = _GroupSearch(problem.arms, pools, near, diagrams, seeds, watch)
         groups = search.run()
+        if search.impossible:
+            reason = groups[-1].reason
+            return ManyArmsResult(PlanStatus.INFEASIBLE, reason, groups=tuple(groups), seconds=watch.seconds)
         schedules = [schedule for planner in search.planners for schedule in planner.schedules.values()]
         alone = {arm: bound for planner in search.planners for arm, bound in planner.fastest_alone().items()}
     unsolved = [group for group in groups if not group.found]
@@ -273,6 +277,7 @@ class _GroupSearch:
 
     Attributes:
         planners: One for each group.
+        impossible: The first path of the last arm that was tried is proven not to exist.
     """
 
     def __init__(
@@ -287,6 +292,7 @@ class _GroupSearch:
         self._arms, self._pools, self._near, self._diagrams = tuple(arms), pools, near, diagrams
         self._seeds, self._watch = seeds, watch
         self.planners: list[PrioritizedPlanner] = []
+        self.impossible = False
 
     def run(self) -> list[GroupResult]:
         """Plan all groups; what came of each."""
@@ -309,6 +315,7 @@ class _GroupSearch:
             path, reason = pool.add({}, patient=True)
             if path is None:
                 without.append(GroupResult((arm,), "", self._watch.seconds - began, f"{arm}: {reason}"))
+                self.impossible = pool.impossible
                 break
         return without
 

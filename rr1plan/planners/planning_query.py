@@ -8,11 +8,12 @@ import numpy as np
 
 from rr1plan.checks import Array, Seed, as_seed, counted
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.checker_pool import acquire_checker, release_checker
+from rr1plan.collision.checker_pool import acquire_checker, checker_from_pool, release_checker
 from rr1plan.kernels.planner_kernels import constants, load_library
 from rr1plan.model.joint_space import Space, joint_space
 from rr1plan.path import Path
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
+from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
@@ -70,6 +71,7 @@ class Query:
         edges: Edges checked so far.
         history: (seconds, path length) whenever the best path improved.
         cancelled: Whether the progress callback cancelled the search.
+        separated: Why no goal can be reached, once that is proven; else empty.
 
     Raises:
         InputError: invalid arguments, or a scene that cannot be checked (in the `with` statement).
@@ -99,7 +101,7 @@ class Query:
         self._visible: int | None = None
         self._goal_search: GoalSearch | None = None
         self.history: list[tuple[float, float]] = []
-        self.cancelled = False
+        self.cancelled, self.separated = False, ""
 
     def __enter__(self) -> Query:
         self._joint_goals = joint_goals(self.problem)
@@ -151,6 +153,23 @@ class Query:
         goals = np.concatenate([self.goals, new])
         self.goals = goals[np.argsort(np.linalg.norm(goals - self.problem.start, axis=1), kind="stable")]
         return new
+
+    def prove_separated(self) -> bool:
+        """Whether no goal can be reached, proven by values that joints cannot pass; False proves nothing."""
+        # Poses may be reached in configurations that are not known.
+        if self._joint_goals is None:
+            return False
+        reasons: dict[str, None] = {}
+        # Without the margin, which may be what leaves no room, and without pairs of links of one arm, for which
+        # `timeout_hints` has advice.
+        with checker_from_pool(self._scene, self.problem.arms) as checker:
+            for goal in self.goals:
+                barrier = find_joint_barrier(checker, self.problem.start, goal)
+                if barrier is None:
+                    return False
+                reasons[str(barrier)] = None
+        self.separated = f"no path exists: {'; '.join(reasons)}"
+        return True
 
     @property
     def space(self) -> Space:
@@ -207,9 +226,11 @@ class Query:
         self.cancelled = progress(Progress(self.planner, seconds, used, cost)) is False
 
     def unsolved(self, found: str, tree: SearchTree | None = None) -> PlanResult:
-        """The result without a path: cancelled, or out of budget; `found` describes the state of the search."""
+        """The result without a path: cancelled, proven, or out of budget; `found` describes the state of the search."""
         if self.cancelled:
             return self.result(PlanStatus.CANCELLED, reason="the progress callback returned False", tree=tree)
+        if self.separated:
+            return self.result(PlanStatus.INFEASIBLE, reason=self.separated, tree=tree)
         used = f"{self.seconds:.3g} s and {counted(self.iterations, 'iteration')}"
         reason = f"no path found: budget used up after {used}; {found}"
         return self.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)

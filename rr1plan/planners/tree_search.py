@@ -20,6 +20,7 @@ from rr1plan.planning_constants import TREES
 _SHORTEST = 1e-4  # smallest allowed step, as a share of the diagonal
 _CAPACITY = 256  # initial capacity of each tree in vertices
 _SLICE = 500  # samples before the first search for further goals; the number doubles for each later one
+_PROOF = 8000  # samples before a proof is tried that there is no path, which takes a tenth of a second
 
 
 class TreeSearch:
@@ -59,7 +60,7 @@ class TreeSearch:
         trees.restart(query.space.lower, query.space.extent, self._step, self._domain, bound)
         begin = query.iterations
         last = begin + min(samples, query.most - begin)
-        connected = False
+        connected = proof_tried = False
         while not connected and query.iterations < last and query.in_time():
             stop = min(query.iterations + self._pace.next(), last)
             if bound == math.inf:
@@ -67,6 +68,10 @@ class TreeSearch:
                     # All known goals may be unreachable from the start.
                     self._slice = 2 * query.iterations
                     trees.add_goals(query.more_goals())
+                    if query.iterations >= _PROOF and not proof_tried:
+                        proof_tried = True
+                        if query.prove_separated():
+                            break
                 stop = min(stop, self._slice)
             connected = trees.grow(self.state, stop - begin, query.motion)
             query.iterations = begin + trees.samples

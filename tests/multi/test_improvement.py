@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,12 +13,16 @@ import rr1plan as rp
 from rr1plan import dual_arm_shelf, plan_many_arms, random_grid, ring_swap
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_groups import arms_in_reach
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
+from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_changes import changed_waypoints
+from rr1plan.multi.paths.path_refinement import PathRefiner
 from rr1plan.multi.portfolio import merged_trajectory
 from rr1plan.multi.search.improvement import PlanImprover
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.planning import Budget, PlanStatus
+from rr1plan.retiming.path_blends import clean
 from rr1plan.testing.collision_checkers import ElementChecker
 
 _BUDGET = Budget(seconds=120.0)
@@ -242,3 +247,25 @@ def test_random_changes_make_the_path_of_many_arms_faster(planar2r: rp.Robot) ->
     assert rp.validate(motion, problem.scene, problem).certified
     checker = CollisionChecker(problem.scene, problem.arms)
     assert all(checker.is_free_slowly(q) for q in motion(np.linspace(0.0, motion.end_time, 100)))
+
+
+def test_refined_paths_are_those_that_certify_every_change_whole() -> None:
+    improver = _improver(_problem("ring-4"))
+    path = max((schedule.path for schedule in improver.schedules.values()), key=lambda path: len(path.agent.arms))
+    agent = path.agent
+    assert len(agent.arms) == 4
+    with checker_from_pool(agent.question({}, 0.0).scene, agent.arms) as checker:
+        refined = PathRefiner(checker, np.random.default_rng(5)).refine(path, 150, lambda: True)
+        # Without estimates of durations, and without memory of what is certified.
+        rng, slow = np.random.default_rng(5), path
+        arms = list(agent.columns.values())
+        for _ in range(150):
+            before = clean(slow.path.waypoints)
+            points = changed_waypoints(before, agent.limits, rng, arms[int(rng.integers(len(arms)))])
+            if not all(checker.edge_is_free(a, b) for a, b in pairwise(points)):
+                continue
+            new = AgentPath(agent, rp.Path(agent.joint_names, points), checker)
+            slow = new if new.fastest < slow.fastest else slow
+        assert all(checker.edge_is_free_slowly(a, b) for a, b in pairwise(refined.path.waypoints))
+    assert refined.fastest < path.fastest
+    np.testing.assert_array_equal(refined.path.waypoints, slow.path.waypoints)

@@ -24,7 +24,7 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.multi.scenarios import problems
-from rr1plan.multi.scenarios.endpoint_sampling import floor_under, front_of, one_turn
+from rr1plan.multi.scenarios.endpoint_sampling import floor_under, front_of, one_turn, problem_between
 
 _KINDS: dict[str, Callable[[rp.Robot, int], rp.Problem]] = {
     "grid": lambda robot, seed: random_grid(robot, 6, 0.55, seed),
@@ -176,6 +176,31 @@ def test_joints_of_many_turns_are_drawn_within_one_around_home(planar2r: rp.Robo
             assert (np.abs(q.reshape(4, 2) - turning.home) <= np.pi).all()
 
 
+_SHOULDER = """<robot name="shoulder">
+  <link name="base"/>
+  <link name="beam"><collision><origin xyz="0 0 0.35"/><geometry><box size="0.06 0.06 0.6"/></geometry>
+  </collision></link>
+  <joint name="swing" type="revolute"><parent link="base"/><child link="beam"/><origin xyz="0 0 0.3"/>
+    <axis xyz="1 0 0"/><limit lower="-6" upper="6" velocity="1" effort="1"/></joint>
+</robot>"""
+
+
+def test_goals_are_on_the_turn_that_leads_to_them(tmp_path: Path) -> None:
+    file = tmp_path / "shoulder.urdf"
+    file.write_text(_SHOULDER)
+    # Upright where the joint is at half a turn, so that a turn around home is cut there.
+    robot = rp.load_robot(file)
+    scene = rp.Scene().with_arm("arm", robot, rp.transforms.pose((0, 0, 0.6), rpy=(np.pi, 0, 0)))
+    scene = scene.with_obstacle("floor", rp.HalfSpace((0.0, 0.0, 1.0), 0.0))
+    start, goal = {"arm": np.array([2.5])}, {"arm": np.array([-2.5])}
+    assert rp.plan(rp.Problem(scene, start, goal), budget=rp.Budget(60.0, 20_000), rng=0).status.value == "infeasible"
+    problem = problem_between(scene, start, goal)
+    np.testing.assert_allclose(goal_of(problem), [2.0 * np.pi - 2.5])
+    assert rp.plan(problem, budget=rp.Budget(60.0, 20_000), rng=0).found
+    # What is reached on the given turn stays.
+    np.testing.assert_array_equal(goal_of(problem_between(scene, start, {"arm": np.array([2.0])})), [2.0])
+
+
 def test_rails_without_ends_are_refused_by_name() -> None:
     rail = rp.planar_arm("PR")
     limits = rail.limits
@@ -198,7 +223,7 @@ def test_the_refusal_of_a_ring_or_shelf_gives_the_reason_of_either_end(
         return {arm: placed.q for arm, placed in scene.arms.items()}, ""
 
     monkeypatch.setattr(problems, "_reaching", reaching)
-    with pytest.raises(InputError, match=r"radius 0\.3 m: arm01 reaches it only through arm02"):
+    with pytest.raises(InputError, match=r"radius 0\.3 m in \d+ attempts: arm01 reaches it only through arm02"):
         ring_swap(rr1, 2, 0.1 + 0.2, rng=0)
     with pytest.raises(InputError, match="arm01 reaches it only through arm02"):
         dual_arm_shelf(rr1, 0.6, 0)

@@ -47,7 +47,8 @@ class AgentPath:
     Args:
         agent: Its agent.
         path: The path; of its arms.
-        checker: What certifies rounded corners against all that stands still.
+        checker: What certifies rounded corners against all that stands still; None for an estimate of the duration,
+            with corners as round as their edges allow.
 
     Attributes:
         curve: The rounded polyline, smooth but at `halts`.
@@ -59,7 +60,7 @@ class AgentPath:
         RetimingError: a moving joint without a limit, or gravity torque above an effort limit that has to be kept.
     """
 
-    def __init__(self, agent: Agent, path: Path, checker: CurveChecker) -> None:
+    def __init__(self, agent: Agent, path: Path, checker: CurveChecker | None) -> None:
         self.agent, self.path = agent, path
         self._limits_jerk = agent.timing.method == "ruckig"
         self._stretches: dict[tuple[int, int], float] = {}
@@ -128,11 +129,9 @@ class AgentPath:
 
     def _segment_counts(self) -> NDArray[np.int64]:
         """Number of segments of each piece of the curve."""
-        speed = [
-            float((np.abs(c[1] + c[2] * length) * self.agent.bodies.reach).sum())
-            for length, c in zip(self.curve.lengths, self.curve.coefficients, strict=True)
-        ]
-        borders = np.concatenate([[0.0], np.cumsum(self.curve.lengths * speed)])
+        c, lengths = self.curve.coefficients, self.curve.lengths
+        speed = (np.abs(c[:, 1] + c[:, 2] * lengths[:, None]) * self.agent.bodies.reach).sum(axis=1)
+        borders = np.concatenate([[0.0], np.cumsum(lengths * speed)])
         wanted = np.diff(segments_up_to(borders))
         return np.asarray(np.maximum(np.ceil(wanted), _FEWEST), np.int64)
 

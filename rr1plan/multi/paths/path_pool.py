@@ -21,7 +21,7 @@ from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
 from rr1plan.planners import RrtConnect, plan
 from rr1plan.planners.shortcut import shorten
-from rr1plan.planning import Budget, PlanResult
+from rr1plan.planning import Budget, PlanResult, PlanStatus
 from rr1plan.scene.problem import JointGoal, Problem
 
 _SHORTCUTS = 48
@@ -43,12 +43,14 @@ class PathPool:
 
     Attributes:
         paths: Those found so far.
+        impossible: The last search has proven that there is no path among what stands still.
     """
 
     def __init__(self, agent: Agent, margin: float, rng: np.random.Generator, watch: Stopwatch | None = None) -> None:
         self.agent, self.margin, self._rng = agent, margin, rng
         self._watch = watch or Stopwatch(np.inf)
         self.paths: list[AgentPath] = []
+        self.impossible = False
 
     def add(
         self, others: Mapping[str, Array | None], *, detour: bool = False, effort: int = 0, patient: bool = False
@@ -72,6 +74,7 @@ class PathPool:
         parts: list[Path] = []
         for leg in [question] if via is None else _split(question, via):
             result = self._plan(leg, effort, patient=patient)
+            self.impossible = result.status is PlanStatus.INFEASIBLE
             if result.path is None:
                 return None, result.reason
             parts.append(result.path)

@@ -19,6 +19,7 @@ from rr1plan.model import Kinematics, solve_ik
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.timing.coordination import are_apart
+from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.loose_bodies import bounding_box
@@ -166,6 +167,38 @@ def _turned_back(robot: Robot, q: Array) -> Array:
     low, high = one_turn(robot)
     turned = q - 2.0 * np.pi * np.round((q - robot.home) / (2.0 * np.pi))
     return np.asarray(np.where((q < low) | (q > high), np.where((turned >= low) & (turned <= high), turned, q), q))
+
+
+def problem_between(scene: Scene, starts: Mapping[str, Array], goals: Mapping[str, Array]) -> Problem:
+    """The problem of all arms, with goals a turn away where a joint provably cannot get past what is between.
+
+    A robot that stands on a floor gets its upper arm from one side to the other over the top only, and may have a turn
+    on which that leads to the goal.
+
+    Args:
+        scene: The arms and obstacles.
+        starts: Where each arm begins, shape (nq,).
+        goals: Where each arm ends, shape (nq,).
+    """
+    given, turned = Problem(scene, starts, goals), dict(goals)
+    for arm in given.arms:
+        robot = scene.arms[arm].robot
+        low, high = one_turn(robot)
+        span = robot.limits.upper - robot.limits.lower
+        if not (np.isfinite(span) & (high - low < span)).any():
+            continue
+        question = Agent(given, [arm]).question({}, 0.0)
+        with checker_from_pool(question.scene, question.arms) as checker:
+            barrier = find_joint_barrier(checker, starts[arm], goals[arm], own_links=True)
+            if barrier is None:
+                continue
+            column = checker.joint_names.index(barrier.joint)
+            other = goals[arm].copy()
+            other[column] -= math.copysign(2.0 * np.pi, other[column] - starts[arm][column])
+            barred = find_joint_barrier(checker, starts[arm], other, own_links=True) is not None
+            if checker.within_limits(other) and not barred:
+                turned[arm] = other
+    return Problem(scene, starts, turned)
 
 
 def _free_among(

@@ -23,6 +23,7 @@ from rr1plan.multi.scenarios.endpoint_sampling import (
     floor_under,
     front_of,
     horizontal_reach,
+    problem_between,
     sample_configurations,
     tool_in_box,
 )
@@ -34,6 +35,9 @@ from rr1plan.shapes.shapes import Box
 from rr1plan.transforms import pose
 
 _ATTEMPTS = 100  # at a ring or a shelf
+# Attempts at a ring after which it is given up if all arms reached neither their starts nor their goals in any: where
+# they do in one of ten or fewer, they hardly ever reach both.
+_HOPELESS = 25
 # Attempts at a ring whose swaps lead across it, and the box of each arm's tool then, as shares of the radius: along the
 # line from the middle to the arm, across it, and up.
 _CROSSINGS, _ACROSS = 10, ((-0.1, -0.25, 0.2), (0.1, 0.25, 1.3))
@@ -54,7 +58,7 @@ def random_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng:
     scene = _grid(robot, count, positive_number("spacing", spacing))
     generator = as_generator(rng)
     start = sample_configurations(scene, generator)
-    return Problem(scene, start, sample_configurations(scene, generator))
+    return problem_between(scene, start, sample_configurations(scene, generator))
 
 
 def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: Seed = None) -> Problem:
@@ -87,7 +91,7 @@ def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: 
             scene, name, ToolBox(arm.base @ turn, (0.25 * far, -0.4 * far, 0.05), (0.8 * far, 0.4 * far, 0.5 * far))
         )
     start = sample_configurations(scene, generator, draws)
-    return Problem(scene, start, sample_configurations(scene, generator, draws))
+    return problem_between(scene, start, sample_configurations(scene, generator, draws))
 
 
 def _grid(robot: Robot | Sequence[Robot], count: int, spacing: float) -> Scene:
@@ -135,8 +139,8 @@ def ring_swap(
     scene = place_ring(robot, count, radius, front=front_of(robot, front), scene=empty)
     if step % count not in (1, count - 1):
         return _swap_across(scene, radius, step, generator)
-    reason = ""
-    for _ in range(_ATTEMPTS):
+    reason, reached = "", False
+    for attempt in range(1, _ATTEMPTS + 1):
         angles = 2.0 * np.pi * np.arange(count) / count
         far = radius * generator.uniform(0.3, 0.6, count)
         height = radius * generator.uniform(0.2, 1.0, count)
@@ -144,9 +148,14 @@ def ring_swap(
         starts, no_start = _reaching(scene, dict(zip(scene.arms, points, strict=True)), generator)
         goals, no_goal = _reaching(scene, dict(zip(scene.arms, np.roll(points, -step, axis=0), strict=True)), generator)
         if starts and goals:
-            return Problem(scene, starts, goals)
-        reason = no_start or no_goal
-    raise InputError(f"no swap found in a ring of {count} arms of radius {radius:g} m: {reason}; try another radius")
+            return problem_between(scene, starts, goals)
+        reason, reached = no_start or no_goal, reached or bool(starts or goals)
+        if attempt == _HOPELESS and not reached:
+            break
+    raise InputError(
+        f"no swap found in a ring of {count} arms of radius {radius:g} m in {attempt} attempts: {reason}; "
+        "try another radius"
+    )
 
 
 def _swap_across(scene: Scene, radius: float, step: int, rng: np.random.Generator) -> Problem:
@@ -165,7 +174,7 @@ def _swap_across(scene: Scene, radius: float, step: int, rng: np.random.Generato
                 other = arms[(k + step) % len(arms)]
                 place = poses[f"{other}/{scene.arms[other].robot.tool}"]
                 draws[arm] = tool_in_box(scene, arm, ToolBox(place, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
-            return Problem(scene, starts, sample_configurations(scene, rng, draws))
+            return problem_between(scene, starts, sample_configurations(scene, rng, draws))
         except InputError as error:
             reason = str(error).partition(";")[0]
     raise InputError(
@@ -206,7 +215,7 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
             ends.append(found)
             reason = no_end or reason
         if ends[0] and ends[1]:
-            return Problem(scene, ends[0], ends[1])
+            return problem_between(scene, ends[0], ends[1])
     raise InputError(f"no query found at the shelf: {reason}; try another spacing")
 
 

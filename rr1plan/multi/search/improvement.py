@@ -9,7 +9,8 @@ stop after any move.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
@@ -20,8 +21,8 @@ from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.composite_waypoints import composite_waypoints, waypoints_of_arm
-from rr1plan.multi.paths.path_changes import changed_waypoints
 from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.paths.path_refinement import PathRefiner
 from rr1plan.multi.plan_quality import PlanQuality, plan_quality
 from rr1plan.multi.preflight import affordable_margin
 from rr1plan.multi.search.retreats import RetreatSearch
@@ -211,6 +212,14 @@ class PlanImprover:
             except RetimingError:
                 return None
 
+    @contextmanager
+    def _refiner(self, agent: Agent) -> Iterator[PathRefiner]:
+        """Changes paths of an agent."""
+        margin = self._margin(agent)
+        question = agent.question({}, margin)
+        with checker_from_pool(question.scene, question.arms, margin) as checker:
+            yield PathRefiner(checker, self._rng)
+
     # ---- who is near -------------------------------------------------------------------------
 
     def _neighbors(self, agent: Agent) -> list[Agent]:
@@ -303,21 +312,11 @@ class PlanImprover:
     def _change_path(self) -> bool:
         """Change the path of an agent at random and reschedule it, then the agents that may arrive earlier."""
         agent, makespan = self._chosen_agent(), self._cost()[0]
-        made = self._changed(self.schedules[agent].path)
-        if made is None or made.fastest > makespan:
-            return False
-        if not self._schedule(agent, [made]) or self.schedules[agent].arrival > makespan:
+        with self._refiner(agent) as refiner:
+            made = refiner.change(self.schedules[agent].path, makespan)
+        if made is None or not self._schedule(agent, [made]) or self.schedules[agent].arrival > makespan:
             return False
         return self._schedule_in_turn(self._in_the_way(agent), makespan)
-
-    def _changed(self, path: AgentPath) -> AgentPath | None:
-        """A path with one random change, of one arm where it is not a shortcut; None if it is not free."""
-        if path.segments == 0:
-            return None
-        waypoints, columns = clean(path.path.waypoints), list(path.agent.columns.values())
-        arm = columns[int(self._rng.integers(len(columns)))]
-        changed = changed_waypoints(waypoints, path.agent.limits, self._rng, arm)
-        return None if np.array_equal(changed, waypoints) else self._certified(path.agent, changed, 0)
 
     def _move_as_one(self) -> bool:
         """Replace the motions of a few agents in each other's way by one path of all their arms, and shorten it."""
@@ -364,7 +363,7 @@ class PlanImprover:
         path = min(pool.paths, key=lambda known: known.fastest)
         if path.fastest > _WORTH_REFINING * self.schedules[whole].arrival:
             return False
-        return self._schedule(whole, [self._refined(path)])
+        return self._schedule_refined(whole, path)
 
     def _refine_path(self) -> bool:
         """Change the path of an agent of many arms at random, many times."""
@@ -372,17 +371,12 @@ class PlanImprover:
         if not large:
             return self._change_path()
         whole = large[int(self._rng.integers(len(large)))]
-        return self._schedule(whole, [self._refined(self.schedules[whole].path)])
+        return self._schedule_refined(whole, self.schedules[whole].path)
 
-    def _refined(self, path: AgentPath) -> AgentPath:
-        """A path after random changes, of which those are kept that save time."""
-        for _ in range(_CHANGES):
-            if not self._goes_on():
-                break
-            made = self._changed(path)
-            if made is not None and made.fastest < path.fastest:
-                path = made
-        return path
+    def _schedule_refined(self, agent: Agent, path: AgentPath) -> bool:
+        """Schedule an agent on a path after random changes; whether there is a schedule."""
+        with self._refiner(agent) as refiner:
+            return self._schedule(agent, [refiner.refine(path, _CHANGES, self._goes_on)])
 
     def _move_apart(self) -> bool:
         """Schedule the arms of an agent one by one on their parts of its path, which may be shorter then."""

@@ -1,0 +1,144 @@
+"""Proof that no path exists: a value of one joint at which two bodies touch wherever the other joints are.
+
+A path from a start to a goal on the other side of that value would have to pass it. Whether two bodies touch depends on
+the joints between them, or on those that carry a body past an obstacle. Where these are two at most, the range of the
+other one is cut into intervals until contact is certified on each (`rr1plan.collision.contact_cells`). The upper arm of
+a robot on a floor is such a body: it cannot swing through below its shoulder, wherever that is turned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.collision import CollisionChecker
+from rr1plan.collision.contact_cells import ContactCells, columns_between
+
+# Values of a joint between those of start and goal, and values of the other one at which each of them is tried first.
+_VALUES, _SAMPLES = 24, 8
+# Intervals of the other joint at first, and how often those without a certificate are halved.
+_INTERVALS, _HALVINGS = 16, 5
+# A barrier is certified this far on both sides of its value [rad or m].
+_HALF_WIDTH = 1e-9
+
+
+@dataclass(frozen=True)
+class JointBarrier:
+    """A value that a joint cannot pass.
+
+    Args:
+        joint: The joint, as "arm/joint".
+        value: The value [rad or m].
+        elements: Pairs of elements of which one touches there, wherever the other joints are.
+    """
+
+    joint: str
+    value: float
+    elements: tuple[tuple[str, str], ...]
+
+    def __str__(self) -> str:
+        pairs = " or ".join(f"{a!r} and {b!r}" for a, b in self.elements)
+        return f"joint {self.joint!r} cannot pass {self.value:.3g}: {pairs} touch there, wherever the others are"
+
+
+def find_joint_barrier(
+    checker: CollisionChecker, start: Array, goal: Array, *, own_links: bool = False
+) -> JointBarrier | None:
+    """Search for a value that a joint has to pass on every path from a start to a goal, and cannot.
+
+    Args:
+        checker: Of the arms that move.
+        start: Configuration within the limits, shape (nq,).
+        goal: Configuration, of joints without limits modulo whole turns, shape (nq,).
+        own_links: Whether two links of one arm count, which may only touch because their shapes are too large.
+
+    Returns:
+        The barrier; None if none is found, which proves nothing.
+    """
+    groups: dict[frozenset[int], list[int]] = {}
+    for pair, columns in enumerate(columns_between(checker)):
+        a, b = (checker.scene.owner(element) for element in checker.pairs[checker.solid_owner[pair]])
+        if 1 <= len(columns) <= 2 and (own_links or a != b):
+            groups.setdefault(columns, []).append(pair)
+    limits = checker.limits
+    for columns, pairs in groups.items():
+        for column in sorted(columns):
+            # Joints without limits have another way round.
+            if start[column] == goal[column] or not np.isfinite(limits.upper[column] - limits.lower[column]):
+                continue
+            other = next(iter(columns - {column}), None)
+            values = np.linspace(start[column], goal[column], _VALUES + 2)[1:-1]
+            found = _Barriers(checker, start, column, other, pairs).find(values)
+            if found is not None:
+                return found
+    return None
+
+
+class _Barriers:
+    """The search for barriers of one joint, by pairs of solids that only this joint and another one move.
+
+    Args:
+        checker: Of the arms that move.
+        q: A configuration.
+        column: The joint.
+        other: The other one; None where there is none.
+        pairs: The pairs, of the checker's `solid_pairs`.
+    """
+
+    def __init__(self, checker: CollisionChecker, q: Array, column: int, other: int | None, pairs: list[int]) -> None:
+        self._checker, self._column, self._pairs = checker, column, pairs
+        # With one joint alone, it takes both places, and cells are as thin in both.
+        self._alone = other is None
+        other = column if other is None else other
+        self._contacts = ContactCells(checker, q, (column, other))
+        low, high = float(checker.limits.lower[other]), float(checker.limits.upper[other])
+        bounded = np.isfinite(high - low)
+        self._low, self._high = (low, high) if bounded else (-np.pi, np.pi)
+
+    def find(self, values: Array) -> JointBarrier | None:
+        """A barrier at one of some values; None if none is certified."""
+        samples = np.linspace(self._low, self._high, _SAMPLES)
+        cells = np.column_stack([values.repeat(_SAMPLES), np.tile(samples, len(values))])
+        blocked = self._classify(cells, 0.0).reshape(len(values), _SAMPLES).all(axis=1)
+        for value in values[blocked].tolist():
+            if self._is_certified(value):
+                return JointBarrier(self._checker.joint_names[self._column], value, self._elements(value, samples))
+        return None
+
+    def _is_certified(self, value: float) -> bool:
+        """Whether contact is certified at a value of the joint, on all of the range of the other one."""
+        half = 0.5 * (self._high - self._low) / _INTERVALS
+        middles = self._low + half * (1.0 + 2.0 * np.arange(_INTERVALS))
+        for _ in range(_HALVINGS + 1):
+            blocked = self._classify(np.column_stack([np.full(len(middles), value), middles]), half)
+            middles = middles[~blocked]
+            if len(middles) == 0:
+                return True
+            half *= 0.5
+            middles = np.concatenate([middles - half, middles + half])
+        return False
+
+    def _classify(self, cells: Array, half: float, pairs: Iterable[int] = ()) -> NDArray[np.bool_]:
+        """Cells in which contact is certified, of both values within their half widths."""
+        if self._alone:
+            cells, half = cells[:, [0, 0]], 0.0
+        near = np.zeros((len(cells), self._contacts.pairs), dtype=np.bool_)
+        near[:, list(pairs) or self._pairs] = True
+        return self._contacts.classify(cells, np.array([_HALF_WIDTH, half]), near)[0]
+
+    def _elements(self, value: float, samples: Array) -> tuple[tuple[str, str], ...]:
+        """The pairs of elements that touch at the samples, as few as explain them all: the first that does at each."""
+        cells = np.column_stack([np.full(len(samples), value), samples])
+        named: dict[tuple[str, str], None] = {}
+        for pair in self._pairs:
+            touching = self._classify(cells, 0.0, [pair])
+            if touching.any():
+                named[self._checker.pairs[self._checker.solid_owner[pair]]] = None
+                cells = cells[~touching]
+            if len(cells) == 0:
+                break
+        return tuple(named)
