@@ -283,7 +283,7 @@ def test_planning_in_a_page_is_measured(script, tmp_path):
     if find_browser() is None:
         pytest.skip("no Chromium on this machine")
     pytest.importorskip("playwright", reason="playwright is not installed")
-    arguments = ["--drags", "6", "--drops", "3", "--warm-up", "1", "--scene", "planar2r_path", "--out", str(tmp_path)]
+    arguments = ["--drags", "6", "--drops", "2", "--warm-up", "1", "--scene", "planar2r_path", "--out", str(tmp_path)]
     assert script("page_planning").main(arguments) == 0
     found = json.loads((tmp_path / "page_planning.json").read_text())
     results = found["results"]
