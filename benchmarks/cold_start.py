@@ -51,6 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = make_parser(__doc__.splitlines()[0], "cold_start")
     parser.add_argument("--scene", default="rr1_table", help="a scene; its first query is planned")
     parser.add_argument("--count", type=int, default=9, help="processes for each figure")
+    parser.add_argument("--warm-up", type=int, default=1, help="processes before the first that counts")
     args = parser.parse_args(arguments)
     pin_to_core(args.core)
     results = _measure(args)
@@ -70,7 +71,7 @@ def _measure(args: argparse.Namespace) -> dict[str, Any]:
         "rr1plan robots": [sys.executable, "-m", "rr1plan", "robots"],
     }
     stages = [*python, _PLAN.format(scene=args.scene)]
-    for command in (*commands.values(), stages):
+    for command in args.warm_up * [*commands.values(), stages]:
         _run(command)
     rounds = [
         {**{name: _run(command) for name, command in commands.items()}, "stages": _run(stages)}

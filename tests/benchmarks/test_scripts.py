@@ -203,7 +203,7 @@ def test_the_same_seed_draws_the_same_feasible_queries(script):
 
 
 def test_fresh_processes_are_timed(script, tmp_path):
-    assert script("cold_start").main(["--count", "1", "--out", str(tmp_path)]) == 0
+    assert script("cold_start").main(["--count", "1", "--warm-up", "0", "--out", str(tmp_path)]) == 0
     results = json.loads((tmp_path / "cold_start.json").read_text())
     assert all(run["cpu"] > 0.0 for runs in results["processes"].values() for run in runs)
     assert set(results["stages"][0]) >= {"import rr1plan", "first plan"}
@@ -283,7 +283,7 @@ def test_planning_in_a_page_is_measured(script, tmp_path):
     if find_browser() is None:
         pytest.skip("no Chromium on this machine")
     pytest.importorskip("playwright", reason="playwright is not installed")
-    arguments = ["--drags", "6", "--drops", "3", "--warm-up", "1", "--scene", "planar2r_path", "--out", str(tmp_path)]
+    arguments = ["--drags", "6", "--drops", "2", "--warm-up", "1", "--scene", "planar2r_path", "--out", str(tmp_path)]
     assert script("page_planning").main(arguments) == 0
     found = json.loads((tmp_path / "page_planning.json").read_text())
     results = found["results"]

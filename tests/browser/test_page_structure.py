@@ -41,7 +41,7 @@ def test_pages_are_built_as_stored_at_three_sizes(page: Any) -> None:
 def test_what_is_moved_hidden_or_recolored_is_noticed(page: Any) -> None:
     """The comparison can fail: each of these faults is named."""
     name, tab = page
-    size = structure.SIZES[0]
+    size = structure.SIZES[-1]
     structure.resize(tab, size)
     stored = structure.stored(name, size)
     faults = {

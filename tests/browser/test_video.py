@@ -9,15 +9,19 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path as FilePath
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from browser.conftest import NO_DRAWING
 from PIL import Image, ImageSequence
 
 import rr1plan as rp
 from rr1plan import save_html, save_video, screenshot
-from rr1plan.playback.viewer import page_capture
+from rr1plan.playback.viewer import page_capture, page_video
 from rr1plan.playback.viewer.video_files import video_bytes
 
 pytestmark = pytest.mark.browser
@@ -51,6 +55,48 @@ def stills(page: FilePath, needs_browser: None) -> list[np.ndarray]:
     return taken
 
 
+class Film(NamedTuple):
+    """A GIF of the motion, the pictures that were taken for it, and the progress that was reported."""
+
+    file: FilePath
+    pictures: list[np.ndarray]
+    progress: list[float]
+
+
+@pytest.fixture(scope="module")
+def film(page: FilePath, needs_browser: None, tmp_path_factory: pytest.TempPathFactory) -> Film:
+    taken: list[np.ndarray] = []
+    seen: list[float] = []
+
+    def encode(suffix: str, pictures: Any, fps: float) -> bytes:
+        taken.extend(pictures[i] for i in range(len(pictures)))
+        return video_bytes(suffix, taken, fps)
+
+    file = tmp_path_factory.mktemp("film") / "motion.gif"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page_video, "video_bytes", encode)
+        assert save_film(file, page, progress=lambda p: seen.append(p.fraction)) == file
+    return Film(file, taken, seen)
+
+
+def save_film(file: FilePath, page: FilePath, **options: Any) -> FilePath:
+    return save_video(file, page, size=SIZE, fps=10, speed=0.5, bare=True, **options)
+
+
+@pytest.fixture
+def undrawn(needs_browser: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Browsers whose pages draw nothing, which takes most of their time, for tests that look at no pixels."""
+    usual = page_capture.open_browser
+
+    @contextmanager
+    def quick(*size: tuple[int, int]) -> Iterator[Any]:
+        with usual(*size) as context:
+            context.add_init_script(NO_DRAWING)
+            yield context
+
+    monkeypatch.setattr(page_capture, "open_browser", quick)
+
+
 def pictures(file: FilePath) -> tuple[list[np.ndarray], list[float]]:
     """The pictures of a video, and how long each is shown [s]."""
     if file.suffix == ".mp4":
@@ -68,24 +114,21 @@ def pictures(file: FilePath) -> tuple[list[np.ndarray], list[float]]:
     return frames, lengths
 
 
-@pytest.mark.usefixtures("needs_browser")
 @pytest.mark.parametrize("suffix", [".mp4", ".gif", ".webp"])
 def test_every_picture_is_of_its_own_moment(
-    suffix: str, page: FilePath, stills: list[np.ndarray], tmp_path: FilePath
+    suffix: str, film: Film, stills: list[np.ndarray], tmp_path: FilePath
 ) -> None:
-    if suffix == ".mp4":
-        pytest.importorskip("av", reason="the extra `video` is not installed")
-    seen: list[float] = []
-    file = tmp_path / f"motion{suffix}"
-    assert (
-        save_video(file, page, size=SIZE, fps=10, speed=0.5, bare=True, progress=lambda p: seen.append(p.fraction))
-        == file
-    )
+    file = film.file
+    if suffix != file.suffix:
+        if suffix == ".mp4":
+            pytest.importorskip("av", reason="the extra `video` is not installed")
+        file = tmp_path / f"motion{suffix}"
+        file.write_bytes(video_bytes(suffix, film.pictures, 10.0))
     frames, lengths = pictures(file)
     # 0.4 s at half speed, ten pictures a second, and the last moment.
     assert len(frames) == 9
     np.testing.assert_allclose(lengths[:8], 0.1, atol=1e-9)
-    assert seen[-9:] == pytest.approx([(i + 1) / 9 for i in range(9)])
+    assert film.progress[-9:] == pytest.approx([(i + 1) / 9 for i in range(9)])
     apart = np.array([[np.abs(frames[i] - still).mean() for still in stills] for i in MOMENTS])
     assert frames[0].shape == (*SIZE[::-1], 3)
     assert apart.argmin(axis=1).tolist() == [0, 1, 2]
@@ -93,10 +136,8 @@ def test_every_picture_is_of_its_own_moment(
     assert np.diag(apart).max() < 0.6 * (apart + 9 * np.eye(3)).min()
 
 
-@pytest.mark.usefixtures("needs_browser")
-def test_the_same_motion_gives_the_same_video(page: FilePath, tmp_path: FilePath) -> None:
-    one, other = (save_video(tmp_path / f"{i}.gif", page, size=SIZE, fps=5) for i in range(2))
-    (first, times), (second, other_times) = pictures(one), pictures(other)
+def test_the_same_motion_gives_the_same_video(film: Film, page: FilePath, tmp_path: FilePath) -> None:
+    (first, times), (second, other_times) = pictures(film.file), pictures(save_film(tmp_path / "again.gif", page))
     assert times == other_times
     # Edges may be drawn a little otherwise when the processor is busy.
     assert np.abs(np.asarray(first, dtype=float) - np.asarray(second, dtype=float)).mean() < 1.0
@@ -104,8 +145,9 @@ def test_the_same_motion_gives_the_same_video(page: FilePath, tmp_path: FilePath
 
 @pytest.mark.usefixtures("needs_browser")
 def test_values_are_filmed_and_photographed_without_a_page_file(scene: rp.Scene, tmp_path: FilePath) -> None:
+    pytest.importorskip("av", reason="the extra `video` is not installed")
     motion = rp.plan_motion(rp.Problem(scene, [0.0, 0.0], [0.4, 0.2]), rng=0)
-    frames, _ = pictures(save_video(tmp_path / "motion.gif", motion, size=SIZE, fps=4))
+    frames, _ = pictures(save_video(tmp_path / "motion.mp4", motion, size=SIZE, fps=4))
     assert len(frames) >= 2
     assert size_of(screenshot(tmp_path / "robot.png", scene.arms["arm"].robot, size=SIZE)) == SIZE
 
@@ -123,17 +165,22 @@ def test_a_configuration_space_is_filmed_along_its_path(tmp_path: FilePath) -> N
 
 
 @pytest.mark.usefixtures("needs_browser")
-def test_a_step_of_a_lesson_is_filmed_and_photographed(tmp_path: FilePath) -> None:
+def test_a_step_of_a_lesson_is_filmed(tmp_path: FilePath) -> None:
     """Without a motion: the step runs through the intervals of an edge."""
     lesson = rp.lesson("continuous_checking")
     frames, _ = pictures(save_video(tmp_path / "step.webp", lesson, size=(480, 320), fps=1, step=4))
     assert len(frames) >= 3
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_step_of_a_lesson_is_photographed(tmp_path: FilePath) -> None:
+    lesson = rp.lesson("continuous_checking")
     assert size_of(screenshot(tmp_path / "step.png", lesson, size=SIZE, step=2)) == SIZE
     with pytest.raises(rp.InputError, match="step is 40, but the page has 7 steps"):
         screenshot(tmp_path / "step.png", lesson, size=SIZE, step=40)
 
 
-@pytest.mark.usefixtures("needs_browser")
+@pytest.mark.usefixtures("undrawn")
 def test_pages_that_are_no_lessons_have_no_steps(scene: rp.Scene, tmp_path: FilePath) -> None:
     with pytest.raises(rp.InputError, match="no steps, which only lessons have"):
         screenshot(tmp_path / "scene.png", scene, size=SIZE, step=2)
@@ -145,7 +192,7 @@ def size_of(file: FilePath) -> tuple[int, int]:
     return width, height
 
 
-@pytest.mark.usefixtures("needs_browser")
+@pytest.mark.usefixtures("undrawn")
 def test_pictures_are_taken_while_an_event_loop_runs(scene: rp.Scene, tmp_path: FilePath) -> None:
     """As in notebooks."""
 
@@ -155,14 +202,14 @@ def test_pictures_are_taken_while_an_event_loop_runs(scene: rp.Scene, tmp_path: 
     assert size_of(asyncio.run(take())) == SIZE
 
 
-@pytest.mark.usefixtures("needs_browser")
+@pytest.mark.usefixtures("undrawn")
 def test_a_page_without_a_motion_is_not_filmed(scene: rp.Scene, tmp_path: FilePath) -> None:
     with pytest.raises(rp.InputError, match="no motion"):
         save_video(tmp_path / "scene.gif", scene, size=SIZE)
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.usefixtures("needs_browser")
+@pytest.mark.usefixtures("undrawn")
 def test_a_cancelled_video_leaves_nothing(page: FilePath, tmp_path: FilePath) -> None:
     (tmp_path / "old.gif").write_bytes(b"old")
     with pytest.raises(rp.CancelledError):

@@ -1,5 +1,8 @@
 // Solids that are drawn together, many copies in one call, each copy as fine as it is seen.
 
+/** What dull surfaces reflect of the lamps and walls around, whatever their color. */
+const SHEEN = 0x030303;
+
 /** Levels of detail: features smaller than this [m] are left out; level 0 is the full geometry. */
 const RESOLUTIONS = [0, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064];
 
@@ -134,7 +137,7 @@ class Bodies {
     for (const set of this.sets) set.paint(choose);
   }
 
-  /** Lit by the room around, with shadows on it, or plainly. */
+  /** With highlights and shadows, or plainly. */
   setRich(on) {
     for (const set of this.sets) set.setRich(on);
   }
@@ -149,7 +152,7 @@ class BodySet {
   constructor(body, items, opacity, style, group) {
     Object.assign(this, { body, items, style, group, clear: opacity < 1, meshes: [], counts: new Int32Array(RESOLUTIONS.length) });
     this.rich = this.clear ? clearMaterial(opacity, style) : new THREE.MeshStandardMaterial({
-      roughness: style.roughness || 0.55, metalness: 0.02, envMapIntensity: 0.85,
+      roughness: style.roughness || 0.55, metalness: 0.02, emissive: SHEEN,
     });
     this.plain = this.clear ? this.rich : new THREE.MeshLambertMaterial();
     this.isRich = true;
@@ -243,7 +246,7 @@ class BodySet {
 
 function clearMaterial(opacity, style) {
   return style.rim ? rimMaterial(opacity) : new THREE.MeshLambertMaterial({
-    transparent: true, opacity, depthWrite: false, emissive: 0x555555, emissiveIntensity: 0.6,
+    transparent: true, opacity, depthWrite: false, emissive: 0x555555, emissiveIntensity: 0.3,
     polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2,
   });
 }

@@ -8,7 +8,7 @@ const MANY = 24;
 /**
  * Quality levels, from the best to the fastest.
  * pixels: resolution relative to the window's, each way; detail: size of features that may be left out [px]; shadows:
- * "moving", "still" or "none"; rich: environment map and shadows on surfaces; tubes: tool paths as tubes instead of lines;
+ * "moving", "still" or "none"; rich: highlights and shadows on surfaces; tubes: tool paths as tubes instead of lines;
  * ghosts: start and goal are drawn.
  */
 const FEW_ARMS = [

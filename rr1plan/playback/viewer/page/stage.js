@@ -24,7 +24,10 @@ const LAMPS = [
 ];
 const LAMP_LIGHT = 2.2, WALLS = 0x4b4f54;
 
-/** The light of the room as it falls on dull surfaces of all directions, in spherical harmonics: no picture is drawn for it. */
+/**
+ * The light of the room as it falls on dull surfaces of all directions, in spherical harmonics. An environment map would
+ * also be mirrored, which is hardly seen on dull surfaces and takes more than a second where no graphics card is.
+ */
 function roomLight() {
   const sh = new THREE.SphericalHarmonics3(), basis = new Float64Array(9), color = new THREE.Color(), count = 4000;
   const lamps = LAMPS.map(({ color: c, size, place }) => {
@@ -74,24 +77,6 @@ class Stage {
     this.fitLens();
   }
 
-  /** An environment map: a room of soft lamps, reflected by all surfaces. */
-  surroundings() {
-    const room = new THREE.Scene();
-    for (const { color, size, place } of LAMPS) {
-      const m = new THREE.Mesh(new THREE.PlaneGeometry(...size), new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide }));
-      m.position.set(...place);
-      m.lookAt(0, 0, 0);
-      m.material.color.multiplyScalar(LAMP_LIGHT);
-      room.add(m);
-    }
-    room.add(new THREE.Mesh(new THREE.SphereGeometry(20, 24, 16), new THREE.MeshBasicMaterial({ color: WALLS, side: THREE.BackSide })));
-    const generator = new THREE.PMREMGenerator(this.renderer);
-    // Blurring it as a mirror sees it would take seconds where no graphics card is, and no surface here is a mirror.
-    const texture = generator.fromScene(room).texture;
-    generator.dispose();
-    return texture;
-  }
-
   addCamera() {
     this.camera = new THREE.PerspectiveCamera(34, 1, 0.01, 200);
     this.meshcat.controls.dispose();
@@ -118,9 +103,7 @@ class Stage {
     this.key.shadow.bias = -0.0004;
     const fill = new THREE.DirectionalLight(0xdfeaff, 0.16);
     fill.position.set(3, 4, 2);
-    // For surfaces that do not mirror the room.
-    this.room = new THREE.LightProbe(roomLight(), 0);
-    lights.add(this.room, this.key, this.key.target, fill, new THREE.HemisphereLight(0xffffff, 0xb9c0c9, 0.12));
+    lights.add(new THREE.LightProbe(roomLight(), 0.85), this.key, this.key.target, fill, new THREE.HemisphereLight(0xffffff, 0xb9c0c9, 0.12));
     this.meshcat.set_object(["rr1plan", "lights"], lights);
   }
 
@@ -309,8 +292,6 @@ class Stage {
   apply(quality) {
     this.quality = quality;
     const { renderer, meshcat } = this;
-    if (quality.rich && !meshcat.scene.environment) meshcat.scene.environment = this.surroundings();
-    this.room.intensity = quality.rich ? 0 : 0.85;
     renderer.shadowMap.autoUpdate = quality.shadows === "moving";
     if (this.shade) this.shade.visible = quality.shadows !== "none";
     this.fitPicture();

@@ -416,7 +416,7 @@ class World {
     return Math.max(0, ...own, ...held) || 1;
   }
 
-  /** Lit by the room around, with shadows on everything; or plainly, which is faster. */
+  /** With highlights and shadows on everything; or plainly, which is faster. */
   setRich(on) {
     for (const bodies of [this.robots, this.held, this.obstacles, this.bodies]) bodies.setRich(on);
   }
