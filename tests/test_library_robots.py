@@ -223,11 +223,38 @@ def test_joints_beside_the_way_to_the_tool_are_named_once(arm: Path, caplog: pyt
     )
     arm.write_text(arm.read_text().replace("</robot>", branch))
     assert rp.load_robot(arm).tool == "side"
-    assert "all 4 joints are planned for, 2 of them not on the way to the tool 'side' (such as 'b')" in caplog.text
+    advice = "all 4 joints are planned for, to the tool 'side'; groups=[('l0', 'l3')] leaves out 'd'"
+    assert advice in caplog.text
     caplog.clear()
     assert rp.load_robot(arm, groups=[("l0", "l3")]).joint_names == ("a", "b", "c")
     assert rp.load_robot(arm, joints=["a", "d"]).tool == "side"
-    assert "on the way" not in caplog.text
+    assert "planned for" not in caplog.text
+    assert rp.load_robot(arm, tool="l1").tool == "l1"
+    assert "to the tool 'l1'; groups=[('l0', 'l1')] leaves out 'b' and 2 more" in caplog.text
+
+
+@pytest.mark.parametrize("has_tool", [False, True])
+def test_a_gripper_without_an_srdf_is_planned_for_with_advice(
+    arm: Path, caplog: pytest.LogCaptureFixture, has_tool: bool
+) -> None:
+    # One finger is driven and the other one mimics it, so that all joints are on the way to the last link.
+    fingers = "".join(
+        f'<link name="{finger}"/><joint name="{finger}_joint" type="prismatic"><parent link="l3"/>'
+        f'<child link="{finger}"/><axis xyz="0 1 0"/>{LIMIT.format(0, 0.04)}{mimic}</joint>'
+        for finger, mimic in (("finger1", ""), ("finger2", '<mimic joint="finger1_joint"/>'))
+    )
+    if has_tool:
+        fingers += (
+            '<link name="tcp"/><joint name="tcp_joint" type="fixed"><parent link="finger1"/><child link="tcp"/></joint>'
+        )
+    arm.write_text(arm.read_text().replace("</robot>", f"{fingers}</robot>"))
+    assert rp.load_robot(arm).joint_names == ("a", "b", "c", "finger1_joint")
+    assert "groups=[('l0', 'l3')] leaves out 'finger1_joint'" in caplog.text
+    caplog.clear()
+    alone = rp.load_robot(arm, groups=[("l0", "l3")])
+    assert alone.tool == "l3"
+    assert set(alone.locked_joints) == {"finger1_joint"}
+    assert "planned for" not in caplog.text
 
 
 # ---- robot.toml --------------------------------------------------------------------------

@@ -12,6 +12,7 @@ import numpy as np
 from rr1plan.checks import Array, check_text, items_of, known_name, shown
 from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Robot
+from rr1plan.robot.arm_finder import ArmFinder
 from rr1plan.robot.disabled_collisions import adjacent_pairs, rigid_pairs
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.link_masses import with_assumed_masses
@@ -85,14 +86,8 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         locked_joint_states=_locked_states(known, locked),
         source=tree.source,
     )
-    way = chain_joints(tree.joints, robot.base, robot.tool)
-    beside = [name for name in names if name not in way]
-    if beside and not groups and choice.joints is None:
-        log.warning(
-            "%s: all %d joints are planned for, %s of them not on the way to the tool %r (such as %r); "
-            "option groups takes chains, (base link, tip link)",
-            robot.name, len(names), len(beside), robot.tool, beside[0],
-        )  # fmt: skip
+    if not groups and choice.joints is None:
+        _warn_of_other_joints(tree, robot, choice.tool)
     robot = with_assumed_masses(robot)
     robot = _with_self_contacts(robot, bool(known.disabled) and not known.is_partial, "home" in states)
     if not any(link.collisions for link in robot.links):
@@ -101,6 +96,24 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         bare = ", ".join(robot.unchecked_links)
         log.warning("%s: links without a <collision>, never checked though they are visible: %s", robot.name, bare)
     return robot
+
+
+def _warn_of_other_joints(tree: Tree, robot: Robot, tool: str | None) -> None:
+    """Say that fingers, wheels or a second arm are planned for, and which chain leaves them out."""
+    finder = ArmFinder(tree)
+    tip = tool or finder.named_tool(robot.base) or finder.hand(robot.base)
+    if not finder.arm_joints(tip):  # a hand
+        tip = robot.tool
+    arm = finder.arm_joints(tip) or chain_joints(tree.joints, robot.base, tip)
+    while len(finder.moving.intersection(chain_joints(tree.joints, robot.base, tip))) > len(arm):
+        tip = finder.above[tip].parent  # above the fingers
+    others = [name for name in robot.joint_names if name not in arm]
+    if others:
+        left_out = repr(others[0]) + (f" and {len(others) - 1} more" if len(others) > 1 else "")
+        log.warning(
+            "%s: all %d joints are planned for, to the tool %r; groups=[(%r, %r)] leaves out %s",
+            robot.name, len(robot.joint_names), robot.tool, robot.base, tip, left_out,
+        )  # fmt: skip
 
 
 def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robot:
