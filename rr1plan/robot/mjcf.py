@@ -18,8 +18,8 @@ import numpy as np
 
 from rr1plan.checks import Array, file_path, known_name, read_only
 from rr1plan.robot import Geometry, Joint, Link
-from rr1plan.robot.mesh_lookup import MeshLookup
 from rr1plan.robot.arm_finder import ArmFinder
+from rr1plan.robot.mesh_lookup import MeshLookup
 from rr1plan.robot.mjcf_document import read_document
 from rr1plan.robot.mjcf_joints import HINGE, SLIDE, JointReader
 from rr1plan.robot.mjcf_links import PLANE, LinkReader
