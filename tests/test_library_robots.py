@@ -171,7 +171,7 @@ def test_what_urdf_does_not_know_is_taken_carefully(arm: Path, caplog: pytest.Lo
     arm.write_text(arm_text(("a", -1, 1), limit='<limit lower="{}" upper="{}"/>'))
     limits = rp.load_robot(arm).limits
     assert (limits.velocity[0], limits.acceleration[0], limits.effort[0]) == (1.0, 4.0, np.inf)
-    assert "no velocity limit for a" in caplog.text
+    assert "no velocity limit for a: 1 rad/s (0.25 m/s) is taken; set others by robot.with_limits" in caplog.text
 
 
 STATE = """
@@ -194,6 +194,12 @@ def test_an_srdf_of_the_same_name_is_found_beside_the_urdf(arm: Path, place: str
     assert rp.load_robot(arm, groups=["g"], srdf=file).joint_names == ("a",)
 
 
+def test_a_state_outside_the_limits_is_said_with_its_robot(arm: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (arm.parent / "arm.srdf").write_text(STATE.replace('value="0.5"', 'value="1.5"'))
+    rp.load_robot(arm)
+    assert "arm: the state 'up' is outside the joints' limits" in caplog.text
+
+
 def test_a_broken_srdf_is_an_error_not_ignored(arm: Path) -> None:
     (arm.parent / "arm.srdf").write_text('<robot name="arm"><group name="g"><group name="g"/></group></robot>')
     with pytest.raises(FormatError, match=r"arm\.srdf:1"):
@@ -212,8 +218,21 @@ def test_fixed_and_mimic_joints_are_not_planned_for(tmp_path: Path) -> None:
 
 def test_a_robot_that_cannot_move_is_refused(tmp_path: Path) -> None:
     (tmp_path / "stone.urdf").write_text('<robot name="stone"><link name="a"/></robot>')
-    with pytest.raises(InputError, match="no joint to plan for"):
+    with pytest.raises(InputError, match=r"stone\.urdf: there is no joint to plan for"):
         rp.load_robot(tmp_path / "stone.urdf")
+
+
+def test_a_suffix_may_have_capital_letters_and_one_of_another_format_is_named(
+    arm: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(arm.parent)
+    arm.rename("ARM.URDF")
+    assert rp.load_robot("ARM.URDF").joint_names == ("a", "b", "c")
+    Path("arm.step").write_text("a CAD file")
+    with pytest.raises(InputError, match=r"'arm.step' has the suffix '.step', expected .urdf"):
+        rp.load_robot("arm.step")
+    with pytest.raises(UnknownNameError, match=r"unknown robot 'arm2\.step'"):
+        rp.load_robot("arm2.step")
 
 
 def test_joints_beside_the_way_to_the_tool_are_named_once(arm: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -72,7 +72,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         if j.kind != "fixed" and j.mimic is None and j.name not in names
     }
     states = _states(known, groups, names)
-    configurations = _configurations(states, limits)
+    configurations = _configurations(tree.name, states, limits)
     robot = Robot(
         name=tree.name,
         links=tree.links,
@@ -179,7 +179,9 @@ def urdf_limits(joints: Sequence[Joint]) -> Limits:
     velocity = np.array([j.velocity if np.isfinite(j.velocity) else UNKNOWN_VELOCITY[j.kind] for j in joints])
     unknown = [j.name for j in joints if not np.isfinite(j.velocity)]
     if unknown:
-        log.warning("no velocity limit for %s: 1 rad/s (0.25 m/s) is taken", ", ".join(unknown))
+        log.warning(
+            "no velocity limit for %s: 1 rad/s (0.25 m/s) is taken; set others by robot.with_limits", ", ".join(unknown)
+        )
     acceleration = velocity / SECONDS_TO_VELOCITY
     return Limits(
         lower=np.array([j.lower for j in joints]),
@@ -238,7 +240,9 @@ def _planning_joints(
     names = tuple(dict.fromkeys(n for g in groups for n in known.groups[g] if n in movable)) if groups else movable
     if not names:
         where = f" in group {' or '.join(map(repr, groups))}" if groups else ""
-        raise InputError(f"there is no joint to plan for{where}, expected at least one that moves by itself")
+        raise InputError(
+            f"{tree.source}: there is no joint to plan for{where}, expected at least one that moves by itself"
+        )
     return groups, names
 
 
@@ -282,13 +286,13 @@ def _states(known: Semantics, groups: tuple[str, ...], names: tuple[str, ...]) -
     return found
 
 
-def _configurations(states: Mapping[str, Array], limits: Limits) -> dict[str, Array]:
+def _configurations(name: str, states: Mapping[str, Array], limits: Limits) -> dict[str, Array]:
     """The named states of all planning joints; "home" may be another of them."""
     found = dict(states)
     inside: dict[str, Array] = {}
     for state, q in states.items():
         if (q < limits.lower).any() or (q > limits.upper).any():
-            log.warning("the state %r is outside the joints' limits", state)
+            log.warning("%s: the state %r is outside the joints' limits", name, state)
         else:
             inside[state] = q
     if inside and "home" not in found:

@@ -178,6 +178,10 @@ def _inertial(element: Element, link: str) -> Inertial | None:
     """
     pose = read_origin(element)
     mass = element.required("mass").number("value")
+    if element.child("inertia") is None:
+        raise element.error(
+            f"<inertial> of link {link!r} has no <inertia>; add one, or leave <inertial> out to have it estimated"
+        )
     tensor = element.required("inertia")
     xx, xy, xz, yy, yz, zz = (tensor.number(n) for n in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
