@@ -171,7 +171,7 @@ def test_what_urdf_does_not_know_is_taken_carefully(arm: Path, caplog: pytest.Lo
     arm.write_text(arm_text(("a", -1, 1), limit='<limit lower="{}" upper="{}"/>'))
     limits = rp.load_robot(arm).limits
     assert (limits.velocity[0], limits.acceleration[0], limits.effort[0]) == (1.0, 4.0, np.inf)
-    assert "no velocity limit for a" in caplog.text
+    assert "no velocity limit for a: 1 rad/s (0.25 m/s) is taken; set others by robot.with_limits" in caplog.text
 
 
 STATE = """
@@ -194,6 +194,12 @@ def test_an_srdf_of_the_same_name_is_found_beside_the_urdf(arm: Path, place: str
     assert rp.load_robot(arm, groups=["g"], srdf=file).joint_names == ("a",)
 
 
+def test_a_state_outside_the_limits_is_said_with_its_robot(arm: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (arm.parent / "arm.srdf").write_text(STATE.replace('value="0.5"', 'value="1.5"'))
+    rp.load_robot(arm)
+    assert "arm: the state 'up' is outside the joints' limits" in caplog.text
+
+
 def test_a_broken_srdf_is_an_error_not_ignored(arm: Path) -> None:
     (arm.parent / "arm.srdf").write_text('<robot name="arm"><group name="g"><group name="g"/></group></robot>')
     with pytest.raises(FormatError, match=r"arm\.srdf:1"):
@@ -212,8 +218,21 @@ def test_fixed_and_mimic_joints_are_not_planned_for(tmp_path: Path) -> None:
 
 def test_a_robot_that_cannot_move_is_refused(tmp_path: Path) -> None:
     (tmp_path / "stone.urdf").write_text('<robot name="stone"><link name="a"/></robot>')
-    with pytest.raises(InputError, match="no joint to plan for"):
+    with pytest.raises(InputError, match=r"stone\.urdf: there is no joint to plan for"):
         rp.load_robot(tmp_path / "stone.urdf")
+
+
+def test_a_suffix_may_have_capital_letters_and_one_of_another_format_is_named(
+    arm: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(arm.parent)
+    arm.rename("ARM.URDF")
+    assert rp.load_robot("ARM.URDF").joint_names == ("a", "b", "c")
+    Path("arm.step").write_text("a CAD file")
+    with pytest.raises(InputError, match=r"'arm.step' has the suffix '.step', expected .urdf"):
+        rp.load_robot("arm.step")
+    with pytest.raises(UnknownNameError, match=r"unknown robot 'arm2\.step'"):
+        rp.load_robot("arm2.step")
 
 
 def test_joints_beside_the_way_to_the_tool_are_named_once(arm: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -223,11 +242,38 @@ def test_joints_beside_the_way_to_the_tool_are_named_once(arm: Path, caplog: pyt
     )
     arm.write_text(arm.read_text().replace("</robot>", branch))
     assert rp.load_robot(arm).tool == "side"
-    assert "all 4 joints are planned for, 2 of them not on the way to the tool 'side' (such as 'b')" in caplog.text
+    advice = "all 4 joints are planned for, to the tool 'side'; groups=[('l0', 'l3')] leaves out 'd'"
+    assert advice in caplog.text
     caplog.clear()
     assert rp.load_robot(arm, groups=[("l0", "l3")]).joint_names == ("a", "b", "c")
     assert rp.load_robot(arm, joints=["a", "d"]).tool == "side"
-    assert "on the way" not in caplog.text
+    assert "planned for" not in caplog.text
+    assert rp.load_robot(arm, tool="l1").tool == "l1"
+    assert "to the tool 'l1'; groups=[('l0', 'l1')] leaves out 'b' and 2 more" in caplog.text
+
+
+@pytest.mark.parametrize("has_tool", [False, True])
+def test_a_gripper_without_an_srdf_is_planned_for_with_advice(
+    arm: Path, caplog: pytest.LogCaptureFixture, has_tool: bool
+) -> None:
+    # One finger is driven and the other one mimics it, so that all joints are on the way to the last link.
+    fingers = "".join(
+        f'<link name="{finger}"/><joint name="{finger}_joint" type="prismatic"><parent link="l3"/>'
+        f'<child link="{finger}"/><axis xyz="0 1 0"/>{LIMIT.format(0, 0.04)}{mimic}</joint>'
+        for finger, mimic in (("finger1", ""), ("finger2", '<mimic joint="finger1_joint"/>'))
+    )
+    if has_tool:
+        fingers += (
+            '<link name="tcp"/><joint name="tcp_joint" type="fixed"><parent link="finger1"/><child link="tcp"/></joint>'
+        )
+    arm.write_text(arm.read_text().replace("</robot>", f"{fingers}</robot>"))
+    assert rp.load_robot(arm).joint_names == ("a", "b", "c", "finger1_joint")
+    assert "groups=[('l0', 'l3')] leaves out 'finger1_joint'" in caplog.text
+    caplog.clear()
+    alone = rp.load_robot(arm, groups=[("l0", "l3")])
+    assert alone.tool == "l3"
+    assert set(alone.locked_joints) == {"finger1_joint"}
+    assert "planned for" not in caplog.text
 
 
 # ---- robot.toml --------------------------------------------------------------------------

@@ -325,6 +325,10 @@ def _check_regular(file: pathlib.Path, bag: pathlib.Path) -> None:
         raise FormatError(f"holds {odd[0].name}, expected regular files", file)
     if not there:
         raise FormatError("there is no such file", file)
+    if bag.is_dir() and not (bag / "metadata.yaml").exists():
+        raise FormatError(
+            f"there is no metadata.yaml in the folder {bag}, expected one: a ROS 2 bag is its whole folder", file
+        )
 
 
 def _connections(reader: Any, kind: str, topic: str | None, file: pathlib.Path) -> list[Any]:

@@ -8,6 +8,7 @@ the old file or the new one, never half of one. A symbolic link is kept, and its
 
 from __future__ import annotations
 
+import errno
 import gzip
 import os
 import secrets
@@ -105,7 +106,7 @@ def check_writable(file: str | os.PathLike[str], *suffixes: str) -> Path:
         _refuse_to_replace(path)
         tempfile.TemporaryFile(dir=resolved_path(path).parent).close()
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error
+        raise _not_written(path, error) from error
     if suffixes and path.suffix.lower() not in suffixes:
         raise InputError(f"cannot save {str(path)!r}, expected a name that ends in {' or '.join(suffixes)}")
     return path
@@ -137,6 +138,12 @@ def _refuse_to_replace(path: Path) -> None:
         raise InputError(f"cannot write {path}: it is a {kind}, expected a regular file or a new name")
 
 
+def _not_written(path: Path, error: OSError) -> InputError:
+    """Why a file cannot be written."""
+    missing = error.errno == errno.ENOENT and not resolved_path(path).parent.exists()
+    return InputError(f"cannot write {path}: {f'there is no folder {path.parent}' if missing else error.strerror}")
+
+
 def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
     """Write a file atomically and return its path.
 
@@ -153,7 +160,7 @@ def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
         # The system applies the umask, which a process cannot read without changing it for all of its threads.
         handle = os.open(temporary, _NEW_FILE, 0o666 if old_mode is None else old_mode)
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error
+        raise _not_written(path, error) from error
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)
@@ -165,6 +172,6 @@ def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
     except BaseException as error:
         temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):
-            raise InputError(f"cannot write {path}: {error.strerror}") from error
+            raise _not_written(path, error) from error
         raise
     return path

@@ -100,9 +100,12 @@ def _steps(picture: CSpace, cells: Decomposition) -> tuple[LessonStep, ...]:
     start = tuple(picture.start.tolist())
     parts, size = picture.grid.components, cells.resolution
     around = (
-        """The square lies. Its dashed edges meet, so a path may leave at one side and come in at the other."""
+        """The square lies. Its dashed edges meet, so a path may leave at one side and come in at the other. The
+        obstacles that separate start and goal close a ring around everything that can be reached, over the seams
+        too.</p><p>One ring-shaped image alone does not separate a torus: it leaves an annulus in one piece. Two do."""
         if any(picture.grid.periodic)
-        else """Neither joint turns over a seam here, so the rectangle is all there is."""
+        else """Neither joint turns over a seam here, so the rectangle is all there is. The obstacles and the joint
+        limits close a ring around everything that can be reached."""
     )
     return (
         LessonStep(
@@ -131,10 +134,8 @@ def _steps(picture: CSpace, cells: Decomposition) -> tuple[LessonStep, ...]:
         ),
         LessonStep(
             "seams",
-            "Nor around the torus",
-            f"""<p>{around} The obstacles that separate start and goal close a ring around everything that can be
-            reached, over the seams too.</p>
-            <p>One ring-shaped image alone does not separate a torus: it leaves an annulus in one piece. Two do.</p>""",
+            "Nor around the torus" if any(picture.grid.periodic) else "Nor along the limits",
+            f"<p>{around}</p>",
             start,
         ),
         LessonStep(

@@ -267,6 +267,7 @@ def _steps(lesson: PlanningLesson) -> tuple[LessonStep, ...]:
         end = f"a path of {record.cost:.2f} rad" if record.found else "no path"
         return f"Here: {len(record.vertices)} vertices, {record.edges_checked[-1]} edges checked, {end}."
 
+    torus = ", here on the torus" if any(lesson.picture.grid.periodic) else ""
     texts = (
         (
             "question",
@@ -290,8 +291,8 @@ def _steps(lesson: PlanningLesson) -> tuple[LessonStep, ...]:
         (
             "astar",
             "A*: aimed at the goal",
-            f"""<p>A* closes the vertex with the least g + h, where h is the distance to the goal, here on the
-            torus. As h never overestimates, the path is as short as Dijkstra’s, with fewer vertices closed.
+            f"""<p>A* closes the vertex with the least g + h, where h is the distance to the goal{torus}. As h never
+            overestimates, the path is as short as Dijkstra’s, with fewer vertices closed.
             {outcome("A*")}</p> <p>(Hart, Nilsson, Raphael 1968; Choset, appendix H)</p>""",
         ),
         (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
+
 import numpy as np
 
 from rr1plan.checks import FARTHEST, Array
@@ -68,7 +70,8 @@ class MessageReader:
         missing = [name for name in self._needed if name not in names]
         if unknown or missing:
             what = f"unknown joint {unknown[0]!r}" if unknown else f"no joint {missing[0]!r}"
-            return StreamError("joints", f"{what} {when}")
+            near = get_close_matches(unknown[0], self.joints.index, 1) if unknown else []
+            return StreamError("joints", f"{what} {when}" + (f". Did you mean {near[0]!r}?" if near else ""))
         plausible = np.abs(message.positions) <= FARTHEST
         if not plausible.all():
             k = int(np.argmin(plausible))

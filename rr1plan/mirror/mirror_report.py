@@ -95,7 +95,9 @@ class MirrorReport(Value):
         text = (
             f"{counted(self.messages, 'message')}, {self.rate:.1f}/s, delay {typical:.1f} ms, at most {longest:.1f} ms"
         )
-        if self.max_deviation:
+        if self.max_deviation and not self.messages:
+            text += "\nnothing was compared with the plan"
+        elif self.max_deviation:
             name = max(self.max_deviation, key=lambda joint: self.max_deviation[joint])
             text += f"\nat most {self.max_deviation[name]:.3g} rad or m off the plan ({name})"
             text += "" if self.outside else "\nalways inside the certified corridor"

@@ -24,7 +24,8 @@ def describe_collision(checker: CollisionChecker, q: Array, without: Collection[
     """
     contacts = contacts_without(checker, q, without) or _nearest_to_contact(checker, q, without)
     said = [_describe(checker, contact) for contact in contacts[:3]]
-    more = f" and {len(contacts) - 3} more pairs" if len(contacts) > 3 else ""
+    rest = len(contacts) - 3
+    more = f" and {rest} more {'pair' if rest == 1 else 'pairs'}" if rest > 0 else ""
     advice = dict.fromkeys(text for contact in contacts for text in _advice(checker, contact))
     return "; ".join([", ".join(said) + more, *advice])
 

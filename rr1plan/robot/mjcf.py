@@ -18,8 +18,8 @@ import numpy as np
 
 from rr1plan.checks import Array, file_path, known_name, read_only
 from rr1plan.robot import Geometry, Joint, Link
+from rr1plan.robot.arm_finder import ArmFinder
 from rr1plan.robot.mesh_lookup import MeshLookup
-from rr1plan.robot.mjcf_arms import ArmFinder
 from rr1plan.robot.mjcf_document import read_document
 from rr1plan.robot.mjcf_joints import HINGE, SLIDE, JointReader
 from rr1plan.robot.mjcf_links import PLANE, LinkReader
@@ -298,7 +298,8 @@ class _Reader:
 
     def _arms(self, tree: Tree) -> dict[str, tuple[tuple[str, ...], str]]:
         """For each robot its first body's name, its planning joints and its tool."""
-        finder, tool = ArmFinder(tree, self.joints, self.site_links), self.tool
+        driven = {name for joint, name in self.joints.names.items() if self.joints.is_driven(joint)}
+        finder, tool = ArmFinder(tree, driven, self.site_links), self.tool
         if tool is not None:
             known_name("link", tool, [link.name for link in tree.links])
         # The robot with the chosen tool comes first.

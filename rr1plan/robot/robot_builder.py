@@ -12,6 +12,7 @@ import numpy as np
 from rr1plan.checks import Array, check_text, items_of, known_name, shown
 from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Robot
+from rr1plan.robot.arm_finder import ArmFinder
 from rr1plan.robot.disabled_collisions import adjacent_pairs, rigid_pairs
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.link_masses import with_assumed_masses
@@ -71,7 +72,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         if j.kind != "fixed" and j.mimic is None and j.name not in names
     }
     states = _states(known, groups, names)
-    configurations = _configurations(states, limits)
+    configurations = _configurations(tree.name, states, limits)
     robot = Robot(
         name=tree.name,
         links=tree.links,
@@ -85,14 +86,8 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         locked_joint_states=_locked_states(known, locked),
         source=tree.source,
     )
-    way = chain_joints(tree.joints, robot.base, robot.tool)
-    beside = [name for name in names if name not in way]
-    if beside and not groups and choice.joints is None:
-        log.warning(
-            "%s: all %d joints are planned for, %s of them not on the way to the tool %r (such as %r); "
-            "option groups takes chains, (base link, tip link)",
-            robot.name, len(names), len(beside), robot.tool, beside[0],
-        )  # fmt: skip
+    if not groups and choice.joints is None:
+        _warn_of_other_joints(tree, robot, choice.tool)
     robot = with_assumed_masses(robot)
     robot = _with_self_contacts(robot, bool(known.disabled) and not known.is_partial, "home" in states)
     if not any(link.collisions for link in robot.links):
@@ -101,6 +96,24 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         bare = ", ".join(robot.unchecked_links)
         log.warning("%s: links without a <collision>, never checked though they are visible: %s", robot.name, bare)
     return robot
+
+
+def _warn_of_other_joints(tree: Tree, robot: Robot, tool: str | None) -> None:
+    """Say that fingers, wheels or a second arm are planned for, and which chain leaves them out."""
+    finder = ArmFinder(tree)
+    tip = tool or finder.named_tool(robot.base) or finder.hand(robot.base)
+    if not finder.arm_joints(tip):  # a hand
+        tip = robot.tool
+    arm = finder.arm_joints(tip) or chain_joints(tree.joints, robot.base, tip)
+    while len(finder.moving.intersection(chain_joints(tree.joints, robot.base, tip))) > len(arm):
+        tip = finder.above[tip].parent  # above the fingers
+    others = [name for name in robot.joint_names if name not in arm]
+    if others:
+        left_out = repr(others[0]) + (f" and {len(others) - 1} more" if len(others) > 1 else "")
+        log.warning(
+            "%s: all %d joints are planned for, to the tool %r; groups=[(%r, %r)] leaves out %s",
+            robot.name, len(robot.joint_names), robot.tool, robot.base, tip, left_out,
+        )  # fmt: skip
 
 
 def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robot:
@@ -166,7 +179,9 @@ def urdf_limits(joints: Sequence[Joint]) -> Limits:
     velocity = np.array([j.velocity if np.isfinite(j.velocity) else UNKNOWN_VELOCITY[j.kind] for j in joints])
     unknown = [j.name for j in joints if not np.isfinite(j.velocity)]
     if unknown:
-        log.warning("no velocity limit for %s: 1 rad/s (0.25 m/s) is taken", ", ".join(unknown))
+        log.warning(
+            "no velocity limit for %s: 1 rad/s (0.25 m/s) is taken; set others by robot.with_limits", ", ".join(unknown)
+        )
     acceleration = velocity / SECONDS_TO_VELOCITY
     return Limits(
         lower=np.array([j.lower for j in joints]),
@@ -225,7 +240,9 @@ def _planning_joints(
     names = tuple(dict.fromkeys(n for g in groups for n in known.groups[g] if n in movable)) if groups else movable
     if not names:
         where = f" in group {' or '.join(map(repr, groups))}" if groups else ""
-        raise InputError(f"there is no joint to plan for{where}, expected at least one that moves by itself")
+        raise InputError(
+            f"{tree.source}: there is no joint to plan for{where}, expected at least one that moves by itself"
+        )
     return groups, names
 
 
@@ -269,13 +286,13 @@ def _states(known: Semantics, groups: tuple[str, ...], names: tuple[str, ...]) -
     return found
 
 
-def _configurations(states: Mapping[str, Array], limits: Limits) -> dict[str, Array]:
+def _configurations(name: str, states: Mapping[str, Array], limits: Limits) -> dict[str, Array]:
     """The named states of all planning joints; "home" may be another of them."""
     found = dict(states)
     inside: dict[str, Array] = {}
     for state, q in states.items():
         if (q < limits.lower).any() or (q > limits.upper).any():
-            log.warning("the state %r is outside the joints' limits", state)
+            log.warning("%s: the state %r is outside the joints' limits", name, state)
         else:
             inside[state] = q
     if inside and "home" not in found:

@@ -19,6 +19,7 @@ from pathlib import Path
 from rr1plan.checks import file_path, known_name
 from rr1plan.files.xml_reader import Element, parse_xml, parse_xml_file
 from rr1plan.robot import Joint, Link
+from rr1plan.robot.gltf_axes import with_fitting_axes
 from rr1plan.robot.mesh_lookup import MeshLookup
 from rr1plan.robot.urdf_joints import read_joint
 from rr1plan.robot.urdf_links import LinkReader
@@ -83,8 +84,9 @@ def read_urdf(
     _check_mimics(joint_elements, joints)
     reader = LinkReader(root, MeshLookup(package_dirs, file), convex)
     base = (set(link_elements) - {j.child for j in order}).pop()
+    source = name if file is None else str(file)
     links = [reader.link(link_elements[n]) for n in (base, *(j.child for j in order))]
-    return Tree(name, tuple(links), tuple(order), name if file is None else str(file))
+    return Tree(name, tuple(with_fitting_axes(links, reader.gltf, source)), tuple(order), source)
 
 
 def _refuse_xacro(root: Element) -> None:

@@ -14,7 +14,7 @@ from rr1plan.robot.mesh_lookup import MeshLookup
 from rr1plan.robot.urdf_joints import read_origin
 from rr1plan.shapes import Box, Capsule, Color, Cylinder, Shape, Sphere
 from rr1plan.shapes.convex_decomposition import Convexity, convex_shapes
-from rr1plan.shapes.mesh_files import MeshPart, read_mesh
+from rr1plan.shapes.mesh_files import GLTF, MeshPart, read_mesh
 
 log = logging.getLogger(__name__)
 
@@ -31,6 +31,8 @@ class LinkReader:
         lookup: Where meshes may be.
         convex: What a collision mesh that is not convex becomes.
 
+    Attributes:
+        gltf: Shapes of glTF files by name, with the scale of the file, shape (3,).
     """
 
     def __init__(self, root: Element, lookup: MeshLookup, convex: Convexity) -> None:
@@ -38,6 +40,7 @@ class LinkReader:
         self._convex = convex
         self._materials = self._shared_materials(root)
         self._meshes: dict[tuple[str, tuple[float, ...]], tuple[MeshPart, ...]] = {}
+        self.gltf: dict[str, tuple[float, ...]] = {}
 
     def link(self, element: Element) -> Link:
         """One link.
@@ -65,7 +68,7 @@ class LinkReader:
         except FormatError as error:
             log.warning("%s; the link is shown without it", error)
             return []
-        names = [name] if len(parts) == 1 else [f"{name}.{k}" for k in range(len(parts))]
+        names = self._names(name, len(parts), shape)
         return [Geometry(n, p.mesh, pose, color or p.color) for n, p in zip(names, parts, strict=True)]
 
     def _collision(self, element: Element, name: str) -> list[Geometry]:
@@ -78,8 +81,16 @@ class LinkReader:
             shapes = convex_shapes(meshes, self._convex)
         except InputError as error:
             raise shape.error(str(error)) from error
-        names = [name] if len(shapes) == 1 else [f"{name}.{k}" for k in range(len(shapes))]
+        names = self._names(name, len(shapes), shape)
         return [Geometry(n, s, pose) for n, s in zip(names, shapes, strict=True)]
+
+    def _names(self, name: str, count: int, element: Element) -> list[str]:
+        """The names of the shapes of one mesh."""
+        names = [name] if count == 1 else [f"{name}.{k}" for k in range(count)]
+        file, scale = _mesh_key(element)
+        if file.lower().endswith(GLTF):
+            self.gltf.update(dict.fromkeys(names, scale))
+        return names
 
     def _mesh(self, element: Element) -> tuple[MeshPart, ...]:
         key = _mesh_key(element)
@@ -167,6 +178,10 @@ def _inertial(element: Element, link: str) -> Inertial | None:
     """
     pose = read_origin(element)
     mass = element.required("mass").number("value")
+    if element.child("inertia") is None:
+        raise element.error(
+            f"<inertial> of link {link!r} has no <inertia>; add one, or leave <inertial> out to have it estimated"
+        )
     tensor = element.required("inertia")
     xx, xy, xz, yy, yz, zz = (tensor.number(n) for n in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

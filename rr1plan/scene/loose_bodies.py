@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
-    Array,
     check_text,
     file_path,
     finite_array,
@@ -22,8 +21,9 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry
+from rr1plan.robot.bounding_boxes import bounding_box
 from rr1plan.scene.scene_elements import Obstacle
-from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Sphere
+from rr1plan.shapes import Mesh
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity, convex_shapes, enclosed_volume, is_closed
 from rr1plan.shapes.mesh_files import load_mesh
 from rr1plan.transforms import as_pose, identity
@@ -144,33 +144,3 @@ def stack_bodies(
         turned[:3, 3] = place
         stack[f"{prefix}{k:0{digits}d}"] = replace(body, pose=T @ turned)
     return stack
-
-
-def bounding_box(geometries: tuple[Geometry, ...], pose: Array) -> Array:
-    """Lower and upper corner of shapes placed at a pose, shape (2, 3).
-
-    Raises:
-        InputError: a half-space or a point cloud.
-    """
-    corners = [box for geometry in geometries for box in _corners(geometry, pose @ geometry.pose)]
-    return np.array([np.min(corners, axis=0), np.max(corners, axis=0)])
-
-
-def _corners(geometry: Geometry, T: Array) -> Array:
-    """Lower and upper corner of a shape at a pose, shape (2, 3)."""
-    R, shape = T[:3, :3], geometry.shape
-    match shape:
-        case Box():
-            half = np.abs(R) @ shape.size / 2.0
-        case Sphere():
-            half = np.full(3, shape.radius)
-        case Cylinder():  # the shadow of a disk is narrower by the cosine of its tilt
-            half = np.abs(R[:, 2]) * shape.length / 2.0 + shape.radius * np.hypot(R[:, 0], R[:, 1])
-        case Capsule():
-            half = np.abs(R[:, 2]) * shape.length / 2.0 + shape.radius
-        case Mesh():
-            points = shape.vertices @ R.T + T[:3, 3]
-            return np.array([points.min(axis=0), points.max(axis=0)])
-        case HalfSpace() | PointCloud():
-            raise InputError(f"shape {geometry.name!r} is a {type(shape).__name__}, expected a solid shape")
-    return np.array([T[:3, 3] - half, T[:3, 3] + half])

@@ -133,7 +133,7 @@ def load_robot(
     if tool is not None:
         check_text("tool", tool)
     folder, file, beside = _locate(name_or_file)
-    if file.suffix in _MJCF_SUFFIXES and is_mjcf(file):
+    if file.suffix.lower() in _MJCF_SUFFIXES and is_mjcf(file):
         if xacro_arguments is not None:
             raise InputError(f"{file} is MJCF; option xacro_arguments is for xacro files")
         tree, own = _read_mjcf(file, package_dirs, convex, tool)
@@ -166,9 +166,9 @@ def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Path | 
     installed = installed_robots()
     if isinstance(name_or_file, str) and name_or_file in installed:
         return None, *installed[name_or_file]
-    if file.suffix in (".urdf", ".xacro", *_MJCF_SUFFIXES):
+    if file.suffix.lower() in (".urdf", ".xacro", *_MJCF_SUFFIXES):
         return None, file, _srdf_beside(file)
-    if isinstance(name_or_file, Path) or len(file.parts) > 1:
+    if isinstance(name_or_file, Path) or len(file.parts) > 1 or file.exists():
         raise InputError(
             f"robot file {str(file)!r} has the suffix {file.suffix!r}, expected .urdf, .xacro or .xml (MJCF)"
         )
@@ -190,7 +190,7 @@ def _read_mjcf(
 def _read_tree(
     file: Path, package_dirs: Sequence[str | Path], convex: Convexity, arguments: Mapping[str, str] | None
 ) -> Tree:
-    if file.suffix != ".xacro" and arguments is None:
+    if file.suffix.lower() != ".xacro" and arguments is None:
         return read_urdf(file, package_dirs=package_dirs, convex=convex)
     text = expand_xacro(file, package_dirs=package_dirs, arguments=arguments)
     return read_urdf(text, package_dirs=package_dirs, convex=convex, file=file)
@@ -258,11 +258,11 @@ def load_scene_file(name_or_file: str | Path) -> SceneFile:
         FormatError: the file is not a scene.
     """
     file = _scene_file(name_or_file)
-    if file.suffix == ".scene":
+    if file.suffix.lower() == ".scene":
         return SceneFile(read_moveit_scene(file), {})
-    if file.suffix in (".yaml", ".yml"):
+    if file.suffix.lower() in (".yaml", ".yml"):
         return SceneFile(read_bench_scene(file), {})
-    if file.suffix in _MJCF_SUFFIXES:
+    if file.suffix.lower() in _MJCF_SUFFIXES:
         return SceneFile(_read_mjcf_scene(file), {})
     return read_scene(file, load_robot)
 
@@ -360,7 +360,7 @@ def _robot_entry(arm: str, robot: Robot) -> str:
 def _scene_file(name_or_file: str | Path) -> Path:
     """The scene file: a name with a suffix is a file, a bare name a shipped scene."""
     file = file_path(name_or_file)
-    if file.suffix in _SCENE_SUFFIXES:
+    if file.suffix.lower() in _SCENE_SUFFIXES:
         return file
     if not isinstance(name_or_file, str) or len(file.parts) > 1:
         expected = ", ".join(_SCENE_SUFFIXES)

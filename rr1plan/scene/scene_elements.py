@@ -84,7 +84,8 @@ def _check_loose_body(thing: Obstacle | Attachment) -> None:
         if isinstance(shape, Mesh) and not shape.convex and not is_own_hull(shape):
             raise InputError(
                 f"mesh {geometry.name!r} of an object with a mass is not convex; take its hull "
-                "(load_mesh(..., hull=True)), or load_body(..., convex='pieces')"
+                "(load_mesh(..., hull=True)), or load_body(..., convex='pieces'); in a scene file "
+                "mesh = { file = ..., convex = 'hull' } or 'pieces'"
             )
 
 

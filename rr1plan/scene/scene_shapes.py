@@ -213,7 +213,7 @@ def _inside(entry: Table, folder: Path) -> Path:
     with entry.blame("file"):
         path = resolved_path(root / name)
     if not path.is_relative_to(root):
-        raise entry.error(f"{name!r} is not inside {folder}, the folder of the scene file", "file")
+        raise entry.error(f"{name!r} is not inside {folder}, the folder of the scene file; copy it there", "file")
     return path
 
 

@@ -21,8 +21,8 @@ from rr1plan.checks import (
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
+from rr1plan.robot.bounding_boxes import bounding_box
 from rr1plan.scene import Obstacle, Scene
-from rr1plan.scene.loose_bodies import bounding_box
 from rr1plan.scene.problem import PoseGoal
 from rr1plan.sequences.grippers import (
     grip_depth,

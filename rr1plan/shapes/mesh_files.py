@@ -4,7 +4,8 @@ Binary STL is read here, as its loader needs half a second to be imported. Other
 files are read by trimesh from their bytes, so nothing but the file itself (and a glTF's buffers beside it) is
 opened: no material files, no textures, nothing remote. A DAE's unit scales it, as COLLADA says;
 its up axis is ignored, as all readers of robot descriptions do (many exporters write a wrong one).
-glTF's y axis is up and becomes z, as in Drake, Blender and RViz (since 2025).
+glTF's y axis is up and becomes z, as in Drake, Blender and RViz (since 2025); for robots whose files are not
+written that way see `rr1plan.robot.gltf_axes`.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ MAX_COORDINATE = 1e9
 SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".gltf", ".glb")
 # Read without colors: these files have none, or one for each corner.
 _COLORLESS = (".stl", ".obj", ".ply")
-_GLTF = (".gltf", ".glb")
+GLTF = (".gltf", ".glb")
 # A triangle of a binary STL.
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -149,7 +150,7 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
     """Trimesh's meshes of a file, placed."""
     import trimesh
 
-    buffers = external_buffers(data, file) if file.suffix.lower() in _GLTF else None
+    buffers = external_buffers(data, file) if file.suffix.lower() in GLTF else None
     try:
         scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=buffers, process=False)
         meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]

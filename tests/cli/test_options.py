@@ -218,7 +218,12 @@ def test_a_file_that_cannot_be_written_is_refused_before_any_work(
 ) -> None:
     words = command.replace("NAME", name).split()
     file = Path(words[-1])
-    why = {"not/there": "No such file", ".": "it is a folder", "fifo": "it is a FIFO", "device": "it is a device"}[name]
+    why = {
+        "not/there": "there is no folder not",
+        ".": "it is a folder",
+        "fifo": "it is a FIFO",
+        "device": "it is a device",
+    }[name]
     if name == "fifo":
         os.mkfifo(file)
     elif name == "device":

@@ -184,8 +184,11 @@ def test_wrong_bags_and_topics_are_refused_by_name(bag: tuple[rp.Trajectory, Pat
         load_joint_trajectory(bag[1], topic="/joint_trajectoryy")
     (tmp_path / "broken.bag").write_bytes(b"#ROSBAG V2.0\n" + b"x" * 100)
     (tmp_path / "empty").mkdir()
-    for name in ("broken.bag", "empty"):
-        with pytest.raises(FormatError, match=f"{name}: cannot be read as a ROS bag"):
+    with pytest.raises(FormatError, match=r"broken\.bag: cannot be read as a ROS bag"):
+        load_joint_trajectory(tmp_path / "broken.bag")
+    (tmp_path / "alone.mcap").write_bytes(b"")
+    for name, folder in (("empty", tmp_path / "empty"), ("alone.mcap", tmp_path)):
+        with pytest.raises(FormatError, match=f"{name}: there is no metadata.yaml in the folder {folder}"):
             load_joint_trajectory(tmp_path / name)
     for name in ("none.mcap", "none.bag"):
         with pytest.raises(FormatError, match="no such file"):

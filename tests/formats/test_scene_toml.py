@@ -326,7 +326,7 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         ("[obstacles.a]\nshapes = []\n", "has no shapes"),
         ("[obstacles.a]\nshapes = [{ sphere = 1, radius = 2 }]\n", "unknown key 'radius'"),
         ("[obstacles.a]\nsphere = 1\nshapes = [{ sphere = 1 }]\n", "got both shapes and sphere"),
-        ("[obstacles.a]\nmesh = { file = '../secret.stl' }\n", "is not inside"),
+        ("[obstacles.a]\nmesh = { file = '../secret.stl' }\n", "the folder of the scene file; copy it there"),
         ("[obstacles.a]\nmesh = { file = '/etc/hostname' }\n", "is not inside"),
         ("[obstacles.a]\npoints = { file = '../scan.npy' }\n", "is not inside"),
         ("[obstacles.a]\npoints = { file = 'gone.npy' }\n", "there is no such file"),

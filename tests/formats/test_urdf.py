@@ -130,7 +130,10 @@ BAD = {
     "no mesh": (one_shape('<mesh filename="a.stl"/>'), "a.stl"),
     "negative mass": (one_mass("-1"), "mass"),
     "mass nan": (one_mass("nan"), "finite"),
-    "inertia missing": (robot_text(link_text("a", '<inertial><mass value="1"/></inertial>')), "<inertia>"),
+    "inertia missing": (
+        robot_text(link_text("a", '<inertial><mass value="1"/></inertial>')),
+        "<inertial> of link 'a' has no <inertia>; add one, or leave <inertial> out",
+    ),
     "doctype": ('<!DOCTYPE robot [<!ENTITY x "y">]>' + robot_text(link_text("a")), "DOCTYPE"),
     "external entity": (
         '<!DOCTYPE robot [<!ENTITY x SYSTEM "file:///etc/hostname">]><robot name="&x;"/>',

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import io
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -11,6 +14,7 @@ import pytest
 from PIL import Image
 
 import rr1plan as rp
+from rr1plan.lessons import planning_lesson
 from rr1plan.lessons.configuration_space_lesson import ConfigurationSpaceLesson
 from rr1plan.lessons.edge_intervals import advance_edge, halve_edge
 from rr1plan.lessons.no_path_lesson import NoPathLesson
@@ -93,6 +97,24 @@ def test_lessons_take_arms_that_turn_and_slide(name: str, joints: str, tmp_path:
     assert lesson.scene.name == "own"
     assert lesson.save_png(tmp_path / "a.png").stat().st_size > 10_000
     assert lesson.save_html(tmp_path / "a.html").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("limits", [None, [(-3.0, 3.0), (-3.0, 3.0)]], ids=["torus", "limits"])
+def test_texts_speak_of_the_torus_of_joints_without_limits_alone(limits: list[tuple[float, float]] | None) -> None:
+    arm = rp.planar_arm("RR", lengths=(1.0, 0.7), limits=limits)
+    scene = rp.Scene(name="walls").with_arm("arm", arm)
+    for name, sign in (("left", -1.0), ("right", 1.0)):
+        wall = [(sign * 0.5, -0.1), (sign * 0.9, -0.1), (sign * 0.9, 0.1), (sign * 0.5, 0.1)]
+        scene = scene.with_obstacle(name, rp.polygon_prism(wall))
+    problem = rp.Problem(scene, [-1.6, 0.0], [1.6, 0.0])
+    assert ("torus" in str(rp.lesson("no_path", scene, problem).steps)) == (limits is None)
+
+
+def test_a_star_searches_a_torus_where_joints_have_no_limits(lessons: dict[str, rp.Lesson]) -> None:
+    lesson: Any = copy.copy(lessons["planning"])
+    assert "here on the torus" in str(planning_lesson._steps(lesson))
+    lesson.picture = replace(lesson.picture, grid=replace(lesson.picture.grid, periodic=(False, False)))
+    assert "torus" not in str(planning_lesson._steps(lesson))
 
 
 def test_a_lesson_about_a_query_takes_one_without_a_path(tmp_path: Path) -> None:

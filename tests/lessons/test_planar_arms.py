@@ -158,6 +158,8 @@ def test_a_convex_polygon_is_one_piece() -> None:
     hexagon = [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3]
     (piece,) = rp.polygon_prism(hexagon, color=(1.0, 0.0, 0.0, 1.0))
     assert piece.color == (1.0, 0.0, 0.0, 1.0)
+    (closed,) = rp.polygon_prism([*hexagon, hexagon[0]])
+    np.testing.assert_array_equal(closed.shape.vertices, piece.shape.vertices)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import json
 import math
 import socket
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,18 @@ def messages(plan: rp.Trajectory, rate: float = 50.0, start: float = 0.0) -> lis
 
 def kinds(mirror: rp.Mirror) -> list[str]:
     return [event.kind for event in mirror.events]
+
+
+def test_a_stream_without_a_usable_message_is_not_called_safe(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    first = plan.joint_names[0]
+    names = (f"{first}x", *plan.joint_names[1:])
+    with rp.Mirror(scene, plan) as mirror:
+        report = mirror.run([replace(message, joint_names=names) for message in messages(plan)])
+    assert not report
+    assert report.messages == 0
+    assert "nothing was compared with the plan" in str(report)
+    assert "always inside" not in str(report)
+    assert f"unknown joint {first + 'x'!r} in the message of 0.000 s. Did you mean {first!r}?" in str(mirror.events[0])
 
 
 def test_a_good_stream_stays_inside(scene: rp.Scene, plan: rp.Trajectory) -> None:

@@ -112,3 +112,16 @@ def test_the_referee_says_the_same_of_a_motion_that_starts_on_the_table(held: rp
     assert "0.000 mm" not in violation.message
     assert "scene.allow('can', 'table')" in violation.message
     assert "hold 'can' 0.5 mm higher" in violation.message
+
+
+@pytest.mark.parametrize(("boxes", "words"), [(4, "and 1 more pair"), (5, "and 2 more pairs")])
+def test_further_pairs_are_counted(planar2r: rp.Robot, boxes: int, words: str) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r)
+    for k in range(boxes):
+        scene = scene.with_obstacle(f"box{k}", rp.Box((0.05, 0.05, 0.05)), [0.2 + 0.08 * k, 0.0, 0.0])
+    assert re.search(rf"{words}(;|$)", reason_at(scene, [0.0, 0.0]))
+
+
+def reason_at(scene: rp.Scene, q: list[float]) -> str:
+    """Why a plan from there is refused."""
+    return str(rp.plan(rp.Problem(scene, q, [1.5, 0.0]), rng=0).reason)

@@ -247,6 +247,19 @@ def test_png_and_svg_are_written_and_repeat_to_the_byte(question: rp.Problem, tm
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "a.svg", "b.svg"]
 
 
+@pytest.mark.parametrize("bound", [np.pi, 7.0, 30.0])
+def test_ticks_are_few_multiples_of_pi_with_minus_signs(bound: float) -> None:
+    arm = rp.planar_arm("RR", limits=[(-bound, bound), (-1.0, 1.0)])
+    figure = rp.cspace(rp.Scene().with_arm("arm", arm), resolution=8).figure()
+    axis = next(axes for axes in figure.axes if "joint1" in axes.get_xlabel()).xaxis
+    values, labels = axis.get_ticklocs(), [label.get_text() for label in axis.get_ticklabels()]
+    assert 3 <= len(values) <= 11
+    for value, label in zip(values, labels, strict=True):
+        assert "-" not in label
+        halves = {"0": "0π", "π": "1π", "−π": "-1π", "π/2": "0.5π", "−π/2": "-0.5π"}.get(label, label)
+        assert float(halves.replace("−", "-").removesuffix("π")) * np.pi == pytest.approx(value)
+
+
 def test_the_name_of_a_file_says_its_format(lesson: rp.Scene, tmp_path: Path) -> None:
     picture = rp.cspace(lesson, resolution=24)
     for name, begin in (("a.png", b"\x89PNG"), ("a.SVG", b"<?xml"), ("a.pdf", b"%PDF"), ("a.html", b"<!doctype")):

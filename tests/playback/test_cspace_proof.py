@@ -330,6 +330,21 @@ def test_a_joint_goal_is_that_configuration_alone(hopeless: rp.Problem) -> None:
     assert sorted(elbow.reachable_goals) == [False, True]
 
 
+@pytest.mark.parametrize("limits", [(-3.1, 3.1), (-6.0, 6.0)])
+def test_with_limits_beyond_a_turn_a_goal_a_turn_away_is_another_one(limits: tuple[float, float]) -> None:
+    """The first link cannot pass the wall; at 2.2 - 2 pi the arm would be in the start's component."""
+    arm = rp.planar_arm("RR", lengths=(1.0, 0.7), limits=[limits, (-3.1, 3.1)])
+    wall = rp.polygon_prism([(0.6, 0.4), (1.2, 0.4), (1.2, 0.6), (0.6, 0.6)])
+    scene = rp.Scene(name="a wall").with_arm("arm", arm).with_obstacle("wall", wall)
+    problem = rp.Problem(scene, [-1.0, 0.0], [2.2, 0.5])
+    picture = rp.cspace(scene, problem, resolution=48)
+    assert rp.plan(problem, rng=0).status is rp.PlanStatus.INFEASIBLE
+    assert picture.proves_no_path, picture.verdict
+    if limits[0] < 2.2 - 2.0 * np.pi:
+        either = rp.cspace(scene, rp.Problem(scene, [-1.0, 0.0], [2.2 - 2.0 * np.pi, 0.5]), resolution=48)
+        assert either.reachable_goals == (True,)
+
+
 def tool_at(problem: rp.Problem, q: np.ndarray) -> np.ndarray:
     return problem.scene.link_poses({"arm": q})["arm/tool"][:3, 3]
 

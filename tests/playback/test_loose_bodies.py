@@ -295,7 +295,7 @@ def test_a_mesh_that_is_open_or_flat_is_named(tmp_path: Path) -> None:
         (
             rp.Mesh(np.eye(4, 3), [[0, 1, 2], [0, 1, 3]]),
             {"mass": 1.0},
-            "mesh 'it' of an object with a mass is not convex",
+            "mesh 'it' of an object with a mass is not convex; .*in a scene file mesh = { file",
         ),
     ],
 )

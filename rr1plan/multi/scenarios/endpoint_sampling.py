@@ -21,8 +21,8 @@ from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.timing.coordination import are_apart
 from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.robot import Robot
+from rr1plan.robot.bounding_boxes import bounding_box
 from rr1plan.scene import Scene
-from rr1plan.scene.loose_bodies import bounding_box
 from rr1plan.scene.problem import PoseGoal, Problem
 from rr1plan.shapes.shapes import HalfSpace
 from rr1plan.transforms import pose

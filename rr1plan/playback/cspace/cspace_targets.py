@@ -31,7 +31,9 @@ class CellTargets:
 
     def __init__(self, plane: JointPlane, scene: Scene, arm: str, targets: Sequence[Goal]) -> None:
         self._plane, self._scene, self._arm, self._targets = plane, scene, arm, tuple(targets)
-        self._turns = rotary(scene.arms[arm].robot)
+        # With limits beyond a turn, the same angle a turn away is another configuration.
+        robot = scene.arms[arm].robot
+        self._turns = rotary(robot) & ~np.isfinite(robot.limits.upper - robot.limits.lower)
 
     def may_hold(self, centers: Array, half: Array) -> Mask:
         """Whether cells may hold a goal.

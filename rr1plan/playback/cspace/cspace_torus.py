@@ -176,6 +176,10 @@ def _draw_seams(axes: Axes, grid: CSpaceGrid, note: bool) -> None:
 
 
 def _pi_ticks(axis: Axis, low: float, high: float) -> None:
-    half_turns = np.arange(np.ceil(low / (np.pi / 2) - 1e-9), np.floor(high / (np.pi / 2) + 1e-9) + 1)
+    first, last = np.ceil(low / (np.pi / 2) - 1e-9), np.floor(high / (np.pi / 2) + 1e-9)
+    step = 1
+    while last - first >= 9 * step:  # more labels would touch each other
+        step *= 2
+    quarters = np.arange(np.ceil(first / step) * step, last + 1, step)
     names = {-2: "−π", -1: "−π/2", 0: "0", 1: "π/2", 2: "π"}
-    axis.set_ticks(half_turns * np.pi / 2, [names.get(int(k), f"{k / 2:g}π") for k in half_turns])
+    axis.set_ticks(quarters * np.pi / 2, [names.get(int(k), f"{k / 2:g}π".replace("-", "−")) for k in quarters])

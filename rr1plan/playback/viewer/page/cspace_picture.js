@@ -235,9 +235,12 @@ function wrapped(axis, angle) {
 function ticks(axis) {
   if (data.joints[axis].straight) return niceTicks(data.low[axis], data.high[axis], 5).map((v) => [share(axis, v), shortNumber(v)]);
   const names = { "-2": "−π", "-1": "−π/2", 0: "0", 1: "π/2", 2: "π", "-3": "−3π/2", 3: "3π/2", "-4": "−2π", 4: "2π" };
+  const first = Math.ceil((data.low[axis] * 2) / Math.PI - 1e-6), last = Math.floor((data.high[axis] * 2) / Math.PI + 1e-6);
+  let step = 1;
+  while (last - first >= 9 * step) step *= 2;  // more marks would touch each other
   const marks = [];
-  for (let k = Math.ceil((data.low[axis] * 2) / Math.PI - 1e-6); (k * Math.PI) / 2 <= data.high[axis] + 1e-6; k++) {
-    marks.push([share(axis, (k * Math.PI) / 2), names[k] || `${k / 2}π`]);
+  for (let k = Math.ceil(first / step) * step; k <= last; k += step) {
+    marks.push([share(axis, (k * Math.PI) / 2), names[k] || `${k / 2}π`.replace("-", "−")]);
   }
   return marks;
 }

@@ -1,4 +1,4 @@
-"""The joints and the tool of an arm in an MJCF file, a format without groups and tools."""
+"""The joints and the tool of an arm in a file that names neither: MJCF, or a URDF without an SRDF."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import re
 from collections.abc import Set
 
 from rr1plan.robot import Joint
-from rr1plan.robot.mjcf_joints import JointReader
 from rr1plan.robot.urdf import Tree
 
 # Names of tool frames, the most telling first, without prefixes ("left/") and the endings "_site" and "_frame".
@@ -23,24 +22,22 @@ class ArmFinder:
 
     Args:
         tree: The links and joints of all robots of the file.
-        joints: The reader of its joints, which knows what drives them.
+        driven: The joints that have a motor; none if the file does not say.
         sites: Links that are sites.
 
     Attributes:
-        driven: The joints that an arm may consist of, at first those with actuators.
+        driven: The joints that an arm may consist of, at first those with a motor.
         moving: All joints that move by themselves.
     """
 
-    def __init__(self, tree: Tree, joints: JointReader, sites: Set[str]) -> None:
+    def __init__(self, tree: Tree, driven: Set[str] = frozenset(), sites: Set[str] = frozenset()) -> None:
         self.sites = sites
         self.above: dict[str, Joint] = {joint.child: joint for joint in tree.joints}
         self.below: dict[str, list[Joint]] = {}
         for joint in tree.joints:
             self.below.setdefault(joint.parent, []).append(joint)
-        numbers = {name: j for j, name in joints.names.items()}
-        any_driven = any(joints.is_driven(j) for j in numbers.values())
         self.moving = {joint.name for joint in tree.joints if joint.kind != "fixed" and joint.mimic is None}
-        self.driven = {n for n in self.moving if not any_driven or joints.is_driven(numbers[n])}
+        self.driven = self.moving & driven if driven else self.moving
         self.reach: dict[str, int] = {}
         for joint in reversed(tree.joints):
             self.reach[joint.parent] = max(
