@@ -42,7 +42,8 @@ class WorkspaceLesson(Lesson):
         self.scene = two_link_scene() if scene is None else scene
         name, self.arm = require_flat_arm(self.name, self.scene)
         self.picture = cspace(self.scene)
-        self.steps = _steps(self.arm, tuple(self.scene.arms[name].q.tolist()))
+        limited = bool(self.picture.grid.layers.get(LIMITS, np.False_).any())
+        self.steps = _steps(self.arm, tuple(self.scene.arms[name].q.tolist()), limited)
 
     def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
         document, panel = page_parts(self.picture, options=options)
@@ -101,7 +102,10 @@ def solution_counts(
     return np.asarray((inside & ~blocked[cells[0], cells[1]]).sum(axis=-1))
 
 
-def _steps(arm: FlatArm, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
+def _steps(arm: FlatArm, q: tuple[float, ...], limited: bool) -> tuple[LessonStep, ...]:
+    task = "Drag the tool from blue to striped and press <kbd>E</kbd>: the arm would leave its limits."
+    if not limited:
+        task = "No configuration in this picture is lost to limits."
     return (
         LessonStep(
             "reach",
@@ -114,9 +118,9 @@ def _steps(arm: FlatArm, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
         LessonStep(
             "limits",
             "Joint limits take solutions away",
-            """<p>A joint with limits forbids the gray margins of the configuration space. Points whose one solution
+            f"""<p>A joint with limits forbids the gray margins of the configuration space. Points whose one solution
             is in there are reached <b>once</b>, points with both in there never.</p>
-            <p>Drag the tool from blue to striped and press <kbd>E</kbd>: the arm would leave its limits.</p>""",
+            <p>{task}</p>""",
             q,
         ),
         LessonStep(

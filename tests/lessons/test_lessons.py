@@ -253,6 +253,13 @@ def elbows(lengths: tuple[float, float], point: np.ndarray) -> list[np.ndarray]:
     return found
 
 
+def test_an_arm_without_limits_is_not_told_to_leave_them(lessons: dict[str, rp.Lesson]) -> None:
+    turning = rp.lesson("workspace", rp.Scene().with_arm("arm", rp.planar_arm("RR")))
+    for lesson, limited in ((lessons["workspace"], True), (turning, False)):
+        text = next(step.text for step in lesson.steps if step.name == "limits")
+        assert ("would leave its limits" in text) == limited
+
+
 def test_counted_solutions_are_those_of_circles_and_coal(lessons: dict[str, rp.Lesson]) -> None:
     lesson = lessons["workspace"]
     assert isinstance(lesson, WorkspaceLesson)
