@@ -54,6 +54,7 @@ typedef struct {
     uint8_t *blocked;
     int64_t last[2];  // bodies that blocked a cell last: they are likely to block the next
     int64_t tests;
+    const volatile int64_t *stop;  // not 0: end at once; any thread may set it
 } Coordination;
 
 INLINE double point_distance(const ExactPoint *a, const ExactPoint *b) {
@@ -149,7 +150,7 @@ static double node_travel(const PlacedPath *path, int64_t node) {
 // Block the cells of two nodes that are not proven free, halving the node on which bodies get farther.
 static void coordinate(int64_t a, int64_t b, const int64_t *open, int64_t count, Coordination *of) {
     const PlacedPath *one = of->one, *two = of->two;
-    if (one->is_empty[a] || two->is_empty[b]) return;
+    if (*of->stop || one->is_empty[a] || two->is_empty[b]) return;
     int leaf = is_leaf(one, a) && is_leaf(two, b);
     uint8_t *cell = 0;
     if (leaf) {
@@ -175,11 +176,11 @@ static void coordinate(int64_t a, int64_t b, const int64_t *open, int64_t count,
 
 // The coordination diagram of two paths: 1 for each cell that is not proven free, shape (cells of one, cells of two).
 //
-// directions: scratch memory, shape (bodies of one, bodies of two). Returns how many searches for a separating direction
-// it took.
+// directions: scratch memory, shape (bodies of one, bodies of two). stop: once it is not 0, the rest is left out, so that
+// cells that are not blocked prove nothing. Returns how many searches for a separating direction it took.
 EXPORT int64_t rr1_coordinate_paths(const PlacedPath *one, const PlacedPath *two, const CrossPairs *pairs,
-                                    ExactPoint *directions, uint8_t *blocked) {
-    Coordination of = {one, two, pairs, directions, blocked, {0, 0}, 0};
+                                    ExactPoint *directions, const int64_t *stop, uint8_t *blocked) {
+    Coordination of = {one, two, pairs, directions, blocked, {0, 0}, 0, stop};
     for (int64_t k = 0; k < one->exact->body_count * two->exact->body_count; k++)
         directions[k] = (ExactPoint){0.0, 0.0, 0.0};
     int64_t all[pairs->group_pair_count + 1];

@@ -142,6 +142,13 @@ def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
     assert "left" in result.reason
 
 
+@pytest.mark.parametrize("seconds", [1e-6, 1e-3, 0.02])
+def test_a_budget_may_end_at_any_stage(seconds: float, rr1: rp.Robot) -> None:
+    result = plan_many_arms(rp.random_grid(rr1, 12, 0.8, 1), rng=0, budget=Budget(seconds=seconds))
+    assert result.status in (PlanStatus.TIMEOUT, PlanStatus.FOUND)
+    assert result.found == (result.trajectory is not None) == (not result.reason)
+
+
 @pytest.mark.parametrize("count", [2, 6])
 def test_progress_cancels_a_long_search(count: int) -> None:
     problem = _rail([float(k) for k in range(count)], [float(count - k) for k in range(count)])
