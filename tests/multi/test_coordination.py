@@ -149,6 +149,17 @@ def test_configurations_are_apart_where_no_contact_is(rr1: rp.Robot) -> None:
     assert seen == {True, False}
 
 
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.05, 1.0])
+def test_wanted_cells_are_those_of_the_whole_diagram(crossing, share: float) -> None:
+    _, one, two, whole = crossing
+    for rng in np.random.default_rng(0).spawn(4):
+        wanted = rng.random(whole.shape) < share
+        wanted[0, 0] = wanted[-1, -1] = share > 0.0
+        part = coordination_diagram(one, two, wanted=wanted)
+        part = np.zeros_like(whole) if part is None else part
+        np.testing.assert_array_equal(part, np.where(wanted, whole, 0))
+
+
 def test_once_it_is_stopped_nothing_is_proven_free(crossing) -> None:
     _, one, two, _ = crossing
     free, late = np.zeros(1, np.int64), np.ones(1, np.int64)
