@@ -134,7 +134,14 @@ def goal_configurations(
     if touching is None:
         return chosen, None, ""
     tried = "" if all(len(found) == 1 for found in choices.values()) else " in all combinations tried"
-    return {}, PlanStatus.INVALID_GOAL, f"the goals exclude each other{tried}: {touching}"
+    # Also those that have no goal, and so come back.
+    staying = [
+        f"{arm} ends where it starts"
+        for arm, agent in agents.items()
+        if f"'{arm}/" in touching and np.array_equal(chosen[arm], agent.start)
+    ]
+    reason = "; ".join([f"the goals exclude each other{tried}: {touching}", *staying])
+    return {}, PlanStatus.INVALID_GOAL, reason
 
 
 def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:
