@@ -54,6 +54,9 @@ typedef struct {
     uint8_t *blocked;
     int64_t last[2];  // bodies that blocked a cell last: they are likely to block the next
     int64_t tests;
+    const volatile int64_t *stop;  // not 0: end at once; any thread may set it
+    const int64_t *wanted;         // see rr1_coordinate_paths
+    int64_t last_leaf[2];          // of each path the last leaf that is not empty
 } Coordination;
 
 INLINE double point_distance(const ExactPoint *a, const ExactPoint *b) {
@@ -146,10 +149,38 @@ static double node_travel(const PlacedPath *path, int64_t node) {
     return most;
 }
 
+// First row of coordination diagrams that a node covers, and the one behind the last.
+static void node_rows(const PlacedPath *path, int64_t node, int64_t last_leaf, int64_t rows[2]) {
+    int64_t first = node, last = node;
+    while (first < path->leaf_count) {
+        first = 2 * first;
+        last = 2 * last + 1;
+    }
+    if (node < path->leaf_count && last > last_leaf) last = last_leaf;
+    rows[0] = path->cell[first - path->leaf_count];
+    rows[1] = path->cell[last - path->leaf_count] + 1;
+}
+
+// Whether any cell of two nodes is wanted.
+static int is_wanted(int64_t a, int64_t b, const Coordination *of) {
+    if (!of->wanted) return 1;
+    int64_t rows[2], columns[2], width = of->two->cell_count + 1;
+    node_rows(of->one, a, of->last_leaf[0], rows);
+    node_rows(of->two, b, of->last_leaf[1], columns);
+    const int64_t *low = of->wanted + rows[0] * width, *high = of->wanted + rows[1] * width;
+    return high[columns[1]] - high[columns[0]] - low[columns[1]] + low[columns[0]] > 0;
+}
+
+static int64_t last_leaf(const PlacedPath *path) {
+    int64_t node = 2 * path->leaf_count - 1;
+    while (node > path->leaf_count && path->is_empty[node]) node--;
+    return node;
+}
+
 // Block the cells of two nodes that are not proven free, halving the node on which bodies get farther.
 static void coordinate(int64_t a, int64_t b, const int64_t *open, int64_t count, Coordination *of) {
     const PlacedPath *one = of->one, *two = of->two;
-    if (one->is_empty[a] || two->is_empty[b]) return;
+    if (*of->stop || one->is_empty[a] || two->is_empty[b] || !is_wanted(a, b, of)) return;
     int leaf = is_leaf(one, a) && is_leaf(two, b);
     uint8_t *cell = 0;
     if (leaf) {
@@ -175,11 +206,14 @@ static void coordinate(int64_t a, int64_t b, const int64_t *open, int64_t count,
 
 // The coordination diagram of two paths: 1 for each cell that is not proven free, shape (cells of one, cells of two).
 //
-// directions: scratch memory, shape (bodies of one, bodies of two). Returns how many searches for a separating direction
-// it took.
+// directions: scratch memory, shape (bodies of one, bodies of two). stop: once it is not 0, the rest is left out, so that
+// cells that are not blocked prove nothing. wanted: how many cells are wanted in all rows before one and all columns before
+// one, shape (cells of one + 1, cells of two + 1); others are not blocked, which proves nothing. Null: all are. Returns how many searches for a separating direction it took.
 EXPORT int64_t rr1_coordinate_paths(const PlacedPath *one, const PlacedPath *two, const CrossPairs *pairs,
-                                    ExactPoint *directions, uint8_t *blocked) {
-    Coordination of = {one, two, pairs, directions, blocked, {0, 0}, 0};
+                                    ExactPoint *directions, const int64_t *stop, const int64_t *wanted,
+                                    uint8_t *blocked) {
+    Coordination of = {one,    two, pairs, directions, blocked,
+                       {0, 0}, 0,   stop,  wanted,     {last_leaf(one), last_leaf(two)}};
     for (int64_t k = 0; k < one->exact->body_count * two->exact->body_count; k++)
         directions[k] = (ExactPoint){0.0, 0.0, 0.0};
     int64_t all[pairs->group_pair_count + 1];

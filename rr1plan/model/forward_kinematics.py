@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, finite_array, items_of, shape_of, shown, whole_number
 from rr1plan.errors import InputError
+from rr1plan.model.arm_branches import ArmBranch, ArmBranches
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Scene
@@ -43,8 +44,7 @@ class Kinematics:
         scene = Scene({"arm": Arm(scene_or_robot)}) if isinstance(scene_or_robot, Robot) else scene_or_robot
         self.scene_model = SceneModel(scene, arms)
         self._lock = RLock()
-        self._model = self.scene_model.model
-        self._data = self._model.createData()
+        self._branches = ArmBranches(self.scene_model)
         self._own: dict[str, Kinematics] = {}
 
     def __repr__(self) -> str:
@@ -122,8 +122,9 @@ class Kinematics:
         """
         index, full = self._index(frame), self._full(q)
         with self._lock:
-            pin.forwardKinematics(self._model, self._data, full)
-            return self._placement(index)
+            branch = self._branches.of_frame(index)
+            branch.place(full)
+            return _placement(branch, index)
 
     @exclusive
     def poses(self, q: ArrayLike, frames: Iterable[str]) -> dict[str, Array]:
@@ -134,8 +135,11 @@ class Kinematics:
             InputError: wrong shape or not finite.
         """
         indices = {frame: self._index(frame) for frame in items_of("frames", frames, "frames")}
-        pin.forwardKinematics(self._model, self._data, self._full(q))
-        return {frame: self._placement(index) for frame, index in indices.items()}
+        full = self._full(q)
+        branches = {frame: self._branches.of_frame(index) for frame, index in indices.items()}
+        for branch in set(branches.values()):
+            branch.place(full)
+        return {frame: _placement(branches[frame], index) for frame, index in indices.items()}
 
     @exclusive
     def poses_batch(self, qs: ArrayLike, frame: str = "tool") -> Array:
@@ -148,9 +152,10 @@ class Kinematics:
         index = self._index(frame)
         configurations = self.scene_model.full(finite_array("qs", qs, (None, self.nq)))
         out = np.empty((len(configurations), 4, 4))
+        branch = self._branches.of_frame(index)
         for i, full in enumerate(configurations):
-            pin.forwardKinematics(self._model, self._data, full)
-            out[i] = self._placement(index)
+            branch.place(full)
+            out[i] = _placement(branch, index)
         return out
 
     # ---- velocities ------------------------------------------------------------------------
@@ -173,12 +178,14 @@ class Kinematics:
             InputError: wrong shape or not finite, or no frame of that index.
         """
         q = finite_array("q", q, (self.nq,))
-        whole_number("index", index, 0, self._model.nframes - 1)
-        pin.computeJointJacobians(self._model, self._data, self.scene_model.full(q))
-        T = pin.updateFramePlacement(self._model, self._data, index)
+        whole_number("index", index, 1, self.scene_model.model.nframes - 1)
+        branch = self._branches.of_frame(index)
+        model, data, own = branch.model, branch.data, branch.own_frame(index)
+        pin.computeJointJacobians(model, data, self.scene_model.full(q)[branch.rows])
+        T = pin.updateFramePlacement(model, data, own)
         # Pinocchio returns a vector for a model with one joint.
-        J = pin.getFrameJacobian(self._model, self._data, index, _WORLD_AXES).reshape(6, -1)
-        return T.translation.copy(), T.rotation.copy(), np.asarray(J @ self.scene_model.selection)
+        J = pin.getFrameJacobian(model, data, own, _WORLD_AXES).reshape(6, -1)
+        return T.translation.copy(), T.rotation.copy(), np.asarray(J @ self.scene_model.selection[branch.rows])
 
     def manipulability(self, q: ArrayLike, frame: str = "tool") -> float:
         """Yoshikawa's measure: the product of the Jacobian's singular values; 0 where the arm is singular.
@@ -214,11 +221,13 @@ class Kinematics:
         if not q.shape == qd.shape == qdd.shape:
             raise InputError(f"q, qd and qdd have shapes {q.shape}, {qd.shape}, {qdd.shape}, expected the same")
         model = self.scene_model
-        rows = zip(
-            *(np.atleast_2d(a) for a in (model.full(q), model.full_velocity(qd), model.full_velocity(qdd))), strict=True
-        )
-        taus = [pin.rnea(self._model, self._data, *row) @ model.selection for row in rows]
-        return np.array(taus).reshape(q.shape)
+        motion = [np.atleast_2d(a) for a in (model.full(q), model.full_velocity(qd), model.full_velocity(qdd))]
+        torques = np.zeros((len(motion[0]), self.nq))
+        for branch in map(self._branches.of_arm, self.arms):
+            rows = zip(*(a[:, branch.rows] for a in motion), strict=True)
+            taus = [pin.rnea(branch.model, branch.data, *row) for row in rows]
+            torques += [tau @ model.selection[branch.rows] for tau in taus]
+        return torques.reshape(q.shape)
 
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity torques [Nm or N] at q, shape (nq,) or (n, nq).
@@ -237,8 +246,10 @@ class Kinematics:
         Raises:
             InputError: wrong shape or not finite.
         """
-        M = np.triu(pin.crba(self._model, self._data, self._full(q)))
-        S = self.scene_model.selection
+        S, full = self.scene_model.selection, self._full(q)
+        M = np.zeros((len(full), len(full)))
+        for branch in map(self._branches.of_arm, self.arms):
+            M[branch.rows, branch.rows] = np.triu(pin.crba(branch.model, branch.data, full[branch.rows]))
         return np.asarray(S.T @ (M + np.triu(M, 1).T) @ S)
 
     # ---- inside ----------------------------------------------------------------------------
@@ -249,6 +260,8 @@ class Kinematics:
     def _full(self, q: ArrayLike) -> Array:
         return self.scene_model.full(finite_array("q", q, (self.nq,)))
 
-    def _placement(self, index: int) -> Array:
-        T: Array = pin.updateFramePlacement(self._model, self._data, index).homogeneous
-        return T
+
+def _placement(branch: ArmBranch, index: int) -> Array:
+    """Pose of a frame, shape (4, 4)."""
+    T: Array = pin.updateFramePlacement(branch.model, branch.data, branch.own_frame(index)).homogeneous
+    return T

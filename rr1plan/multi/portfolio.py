@@ -34,7 +34,7 @@ from rr1plan.multi.preflight import MARGINS, Preflight, preflight
 from rr1plan.multi.search.improvement import PlanImprover
 from rr1plan.multi.search.prioritized import COUPLED_FIRST, PrioritizedPlanner, Statistics
 from rr1plan.multi.search.small_teams import plan_small_team
-from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.path import Path
@@ -45,7 +45,6 @@ from rr1plan.trajectory import Trajectory
 _IMPROVEMENTS = 6  # rounds for each group
 _SEARCH = "conflict_based_search"
 _METHODS = ("portfolio", _SEARCH)
-_CANCELLED = "the progress callback returned False"
 # Share of the budget reserved for work that cannot be interrupted, and the longest reserve [s].
 _RESERVE, _MOST_RESERVE = 0.05, 0.1
 _POLL = 0.05  # time between two looks at what threads do [s]
@@ -200,13 +199,13 @@ def plan_many_arms(
         raise InputError(f"margin is {largest}, expected a distance >= 0")
     near = arms_in_reach(problem.scene, problem.arms, largest)
     if not watch.goes_on() and watch.cancelled:
-        return ManyArmsResult(PlanStatus.CANCELLED, _CANCELLED, seconds=watch.seconds)
-    found = preflight(problem, near, largest, generator, timing)
+        return ManyArmsResult(PlanStatus.CANCELLED, CANCELLED, seconds=watch.seconds)
+    found = preflight(problem, near, largest, generator, timing, watch)
     if found.status is not None:
         return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
     # Random numbers depend on the arm alone, so that its path does not depend on the others.
     seeds = {arm: int(generator.integers(2**63)) for arm in problem.arms}
-    diagrams = DiagramCache(largest)
+    diagrams = DiagramCache(largest, watch)
     if method == _SEARCH:
         groups, schedules, alone = _search_small_teams(found, near, seeds, watch)
     else:
@@ -215,7 +214,8 @@ def plan_many_arms(
             for arm, agent in found.agents.items()
         }
         search = _GroupSearch(problem.arms, pools, near, diagrams, seeds, watch)
-        groups = search.run()
+        with watch:
+            groups = search.run()
         if search.impossible:
             reason = groups[-1].reason
             return ManyArmsResult(PlanStatus.INFEASIBLE, reason, groups=tuple(groups), seconds=watch.seconds)
@@ -228,9 +228,10 @@ def plan_many_arms(
     improver = PlanImprover(schedules, near, found.margins, alone, generator, watch, diagrams)
     first, history = improver.quality, (watch.seconds, improver.quality.makespan)
     if improvement is not None:
-        improver.run(improvement.seconds, improvement.iterations)
+        with watch:
+            improver.run(improvement.seconds, improvement.iterations)
     if watch.cancelled:
-        return ManyArmsResult(PlanStatus.CANCELLED, _CANCELLED, groups=tuple(groups), seconds=watch.seconds)
+        return ManyArmsResult(PlanStatus.CANCELLED, CANCELLED, groups=tuple(groups), seconds=watch.seconds)
     schedules, quality = list(improver.schedules.values()), improver.quality
     return ManyArmsResult(
         PlanStatus.FOUND,
@@ -312,7 +313,9 @@ class _GroupSearch:
         without = []
         for arm, pool in self._pools.items():
             began = self._watch.seconds
-            path, reason = pool.add({}, patient=True)
+            path, reason = (
+                pool.add({}, patient=True) if self._watch.goes_on() else (None, "no time was left for its path")
+            )
             if path is None:
                 without.append(GroupResult((arm,), "", self._watch.seconds - began, f"{arm}: {reason}"))
                 self.impossible = pool.impossible

@@ -14,6 +14,7 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.hop_timing import BLENDED, HopTiming
 from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
 from rr1plan.multi.timing.coordination import are_apart
 from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
@@ -51,6 +52,7 @@ def preflight(
     largest_margin: float = MARGINS[0],
     rng: Seed = None,
     timing: HopTiming = BLENDED,
+    watch: Stopwatch | None = None,
 ) -> Preflight:
     """Check starts and goals: limits, contacts of each arm, contacts between arms; find configurations for poses.
 
@@ -60,10 +62,14 @@ def preflight(
         largest_margin: No arm needs to keep more [m].
         rng: Generator or seed of inverse kinematics.
         timing: How the motions of agents are timed.
+        watch: Says when to give up, with the status TIMEOUT (default: never).
     """
+    watch = watch or Stopwatch(np.inf)
     agents = {arm: Agent(problem, [arm], timing) for arm in problem.arms}
     starts = problem.scene.split(problem.start, problem.arms)
     for arm, agent in agents.items():
+        if not watch.goes_on():
+            return _too_late(watch)
         question = agent.question({}, 0.0)
         with checker_from_pool(question.scene, question.arms) as checker:
             blocked = "" if _is_usable(checker, question.start) else check_start(question, checker)
@@ -72,18 +78,31 @@ def preflight(
     touching = _first_contact(agents, starts, near)
     if touching is not None:
         return Preflight({}, {}, PlanStatus.INVALID_START, f"the starts exclude each other: {touching}")
-    goal, status, reason = goal_configurations(agents, near, rng)
+    goal, status, reason = goal_configurations(agents, near, rng, watch)
     if status is not None:
         return Preflight({}, {}, status, reason)
-    margins = {arm: affordable_margin(agent, goal[arm], largest_margin) for arm, agent in agents.items()}
+    margins = {}
+    for arm, agent in agents.items():
+        if not watch.goes_on():
+            return _too_late(watch)
+        margins[arm] = affordable_margin(agent, goal[arm], largest_margin)
     if all(len(goals) == 1 and isinstance(goals[0], JointGoal) for goals in problem.goal.values()):
         return Preflight(agents, margins)
     plain = Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, arms=problem.arms)
     return Preflight({arm: Agent(plain, [arm], timing) for arm in agents}, margins)
 
 
+def _too_late(watch: Stopwatch) -> Preflight:
+    if watch.cancelled:
+        return Preflight({}, {}, PlanStatus.CANCELLED, CANCELLED)
+    return Preflight({}, {}, PlanStatus.TIMEOUT, f"starts and goals took all of {watch.seconds:.3g} s to check")
+
+
 def goal_configurations(
-    agents: Mapping[str, Agent], near: Mapping[str, frozenset[str]], rng: Seed = None
+    agents: Mapping[str, Agent],
+    near: Mapping[str, frozenset[str]],
+    rng: Seed = None,
+    watch: Stopwatch | None = None,
 ) -> tuple[dict[str, Array], PlanStatus | None, str]:
     """A configuration for the goal of each arm, without contact with those of the others.
 
@@ -91,12 +110,16 @@ def goal_configurations(
         agents: The agent of each arm.
         near: Of each arm those that it can meet.
         rng: Generator or seed of inverse kinematics.
+        watch: Says when to give up, with the status TIMEOUT (default: never).
 
     Returns:
         The configurations, None and an empty text; or none of them, and why there are none.
     """
     choices: dict[str, Array] = {}
     for arm, agent in agents.items():
+        if watch is not None and not watch.goes_on():
+            late = _too_late(watch)
+            return {}, late.status, late.reason
         question = agent.question({}, 0.0)
         with checker_from_pool(question.scene, question.arms) as checker:
             goals = joint_goals(question)
@@ -111,7 +134,14 @@ def goal_configurations(
     if touching is None:
         return chosen, None, ""
     tried = "" if all(len(found) == 1 for found in choices.values()) else " in all combinations tried"
-    return {}, PlanStatus.INVALID_GOAL, f"the goals exclude each other{tried}: {touching}"
+    # Also those that have no goal, and so come back.
+    staying = [
+        f"{arm} ends where it starts"
+        for arm, agent in agents.items()
+        if f"'{arm}/" in touching and np.array_equal(chosen[arm], agent.start)
+    ]
+    reason = "; ".join([f"the goals exclude each other{tried}: {touching}", *staying])
+    return {}, PlanStatus.INVALID_GOAL, reason
 
 
 def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:

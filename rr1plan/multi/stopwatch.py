@@ -6,9 +6,14 @@ import threading
 import time
 from copy import copy
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rr1plan.planning import Progress, ProgressCallback
 
 _REPORTS = 0.1  # time between two reports [s]
+CANCELLED = "the progress callback returned False"
+"""Why a search that the progress callback cancels has no answer."""
 
 
 class Stopwatch:
@@ -20,6 +25,8 @@ class Stopwatch:
 
     Attributes:
         cancelled: The search has to end: the progress callback returned False, or `cancel` was called.
+        stop: A flag for kernels that take long, shape (1,): not 0 once the time is over in a `with` block of the clock,
+            or the search is cancelled.
     """
 
     def __init__(self, budget: float, progress: ProgressCallback | None = None) -> None:
@@ -28,6 +35,21 @@ class Stopwatch:
         self._reported = -_REPORTS
         self._thread = threading.get_ident()
         self.cancelled = False
+        self.stop: NDArray[np.int64] = np.zeros(1, np.int64)
+        self._timer: threading.Timer | None = None
+
+    def __enter__(self) -> Stopwatch:
+        left = self.left
+        if left < threading.TIMEOUT_MAX:
+            self._timer = threading.Timer(max(left, 0.0), self.stop.fill, (1,))
+            self._timer.daemon = True
+            self._timer.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer.join()
 
     @property
     def seconds(self) -> float:
@@ -57,6 +79,7 @@ class Stopwatch:
     def cancel(self) -> None:
         """End the search in all threads."""
         self.cancelled = True
+        self.stop[0] = 1
 
     def goes_on(self) -> bool:
         """Whether there is time left and nothing cancels; reports progress in the thread that made the clock."""
@@ -70,7 +93,7 @@ class Stopwatch:
             self._reported = seconds
             used = min(1.0, seconds / self._budget)
             if self._progress(Progress("many_arms", seconds, used)) is False:
-                self.cancelled = True
+                self.cancel()
         return not self.cancelled and seconds < self._budget
 
     def let_planner_go_on(self, _: Progress) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from itertools import combinations, product
 
 import numpy as np
@@ -13,7 +14,9 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import are_apart, coordination_diagram
+from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.path import Path
 
 # Two arms side by side whose hands sweep the same room.
@@ -144,3 +147,50 @@ def test_configurations_are_apart_where_no_contact_is(rr1: rp.Robot) -> None:
         assert apart == ({"arm01", "arm02"} not in owners)
         seen.add(apart)
     assert seen == {True, False}
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.05, 1.0])
+def test_wanted_cells_are_those_of_the_whole_diagram(crossing, share: float) -> None:
+    _, one, two, whole = crossing
+    for rng in np.random.default_rng(0).spawn(4):
+        wanted = rng.random(whole.shape) < share
+        wanted[0, 0] = wanted[-1, -1] = share > 0.0
+        part = coordination_diagram(one, two, wanted=wanted)
+        part = np.zeros_like(whole) if part is None else part
+        np.testing.assert_array_equal(part, np.where(wanted, whole, 0))
+
+
+def test_once_it_is_stopped_nothing_is_proven_free(crossing) -> None:
+    _, one, two, _ = crossing
+    free, late = np.zeros(1, np.int64), np.ones(1, np.int64)
+    np.testing.assert_array_equal(coordination_diagram(one, two, stop=free), coordination_diagram(one, two))
+    stopped = coordination_diagram(one, two, stop=late)
+    assert stopped is not None
+    assert stopped.shape == (one.cells, two.cells)
+    assert stopped.all()
+
+
+def test_diagrams_that_were_stopped_are_not_kept(crossing) -> None:
+    _, one, two, _ = crossing
+    watch = Stopwatch(0.0)
+    diagrams = DiagramCache(watch=watch)
+    in_time = diagrams.diagram(one, two)
+    assert in_time is not None
+    assert not in_time.all()
+    diagrams.keep_only([])
+    with watch:
+        while not watch.stop[0]:
+            time.sleep(1e-3)
+    late = diagrams.diagram(one, two)
+    assert late is not None
+    assert late.all()
+    assert len(diagrams) == 0
+
+
+def test_a_cancelled_clock_stops_what_takes_long() -> None:
+    watch = Stopwatch(np.inf, lambda _: False)
+    with watch:
+        assert not watch.stop[0]
+        assert not watch.goes_on()
+    assert watch.stop[0]
+    assert watch.cancelled

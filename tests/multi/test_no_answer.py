@@ -79,6 +79,15 @@ def test_goals_that_exclude_each_other_are_named(planar2r: rp.Robot, depth: floa
     assert "'left/link2' and 'right/link2'" in result.reason
 
 
+def test_an_arm_without_a_goal_that_stands_in_one_is_named(planar2r: rp.Robot) -> None:
+    scene = _facing(planar2r)
+    start = {"left": [1.5, 0.0], "right": [np.pi, 0.0]}
+    result = plan_many_arms(rp.Problem(scene, start, {"left": [0.0, 0.0]}, arms=["left", "right"]))
+    assert result.status is PlanStatus.INVALID_GOAL
+    assert "'left/link2' and 'right/link2'" in result.reason
+    assert result.reason.endswith("; right ends where it starts")
+
+
 def test_goals_that_touch_by_a_hair_less_are_reached(planar2r: rp.Robot, assert_safe: Check) -> None:
     scene = rp.Scene().with_arm("left", planar2r, (-1.7 - 0.04 - 1e-3, 0.0, 0.0))
     scene = scene.with_arm("right", planar2r, (1.7 + 0.04 + 1e-3, 0.0, 0.0))
@@ -140,6 +149,13 @@ def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
     assert result.status is PlanStatus.TIMEOUT
     assert result.reason.startswith("not found in ")
     assert "left" in result.reason
+
+
+@pytest.mark.parametrize("seconds", [1e-6, 1e-3, 0.02])
+def test_a_budget_may_end_at_any_stage(seconds: float, rr1: rp.Robot) -> None:
+    result = plan_many_arms(rp.random_grid(rr1, 12, 0.8, 1), rng=0, budget=Budget(seconds=seconds))
+    assert result.status in (PlanStatus.TIMEOUT, PlanStatus.FOUND)
+    assert result.found == (result.trajectory is not None) == (not result.reason)
 
 
 @pytest.mark.parametrize("count", [2, 6])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,16 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.execution.separated_schedules import separate
 from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.timing.passing_order import (
+    SIMULTANEOUS,
+    agreed_diagram,
+    cell_gaps,
+    closed_diagram,
+    first_order,
+    order_between,
+    shared_cells,
+    simultaneous_cells,
+)
 from rr1plan.multi.timing.schedule import Leg, Schedule
 from rr1plan.path import Path
 
@@ -119,3 +131,28 @@ def test_arms_of_different_agents_have_an_order_too(rr1: rp.Robot) -> None:
     graph = rp.plan_graph(result)
     late = rp.execute_plan(graph, problem.scene, {"arm04": rp.ArmDelay(start=0.5), "arm05": rp.ArmDelay(slowdown=0.3)})
     assert rp.validate(late.trajectory, problem.scene, problem).certified
+
+
+def test_orders_at_one_instant_are_those_of_whole_diagrams(rr1: rp.Robot) -> None:
+    decided = set()
+    for seed in (1, 2):
+        problem = rp.ring_swap(rr1, 4, 0.5, 2, seed)
+        result = rp.plan_many_arms(problem, rng=seed, budget=rp.Budget(seconds=20.0))
+        schedules = separate(result.schedules).schedules
+        for one, two in combinations(schedules, 2):
+            gaps = cell_gaps(one.occupancy, two.occupancy)
+            for margin in (0.05, 0.0):
+                whole = closed_diagram(one.path, two.path, margin)
+                part = simultaneous_cells(one, two, margin)
+                if whole is None:
+                    assert part is None
+                    continue
+                part = np.zeros_like(whole) if part is None else part
+                expected, found = (shared_cells(blocked, one, two) for blocked in (whole, part))
+                np.testing.assert_array_equal(found[gaps <= SIMULTANEOUS], expected[gaps <= SIMULTANEOUS])
+                orders = [order_between(blocked, one, two) for blocked in (whole, part)]
+                assert (orders[0] is None) == (orders[1] is None)
+                decided.add(orders[0] is None)
+            agreed = agreed_diagram(one, two)
+            assert (first_order(one, two) is None) == (agreed is not None and order_between(agreed, one, two) is None)
+    assert decided == {True, False}

@@ -9,7 +9,7 @@ where arms pass each other too closely for that. Arms between which there is sti
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations, product
 
 import numpy as np
@@ -22,15 +22,18 @@ from rr1plan.multi.paths.agent_path import segments_up_to
 from rr1plan.multi.paths.projected_path import ProjectedPath
 from rr1plan.multi.timing.coordination import Blocked
 from rr1plan.multi.timing.passing_order import (
+    SIMULTANEOUS,
     Precedence,
     agreed_diagram,
     cell_gaps,
-    closed_diagram,
+    first_order,
     order_between,
     passage,
     shared_cells,
+    simultaneous_cells,
 )
 from rr1plan.multi.timing.schedule import Leg, Schedule
+from rr1plan.object_cache import kept_in
 from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import Grid
 from rr1plan.trajectory import Trajectory
@@ -39,8 +42,6 @@ from rr1plan.trajectory import Trajectory
 _STILL = 1e-9
 # How often segments are cut, into how many, and how many there may be: finer cells would take too long.
 _CUTS, _PARTS, _MOST_SEGMENTS = 5, 4, 800
-# Segments are cut where arms pass each other within this time [s].
-_SIMULTANEOUS = 1e-6
 _NEWTON_STEPS = 8
 
 
@@ -77,22 +78,20 @@ class SeparatedSchedules:
 
     Args:
         schedules: The schedules.
-        diagrams: Those diagrams of pairs of schedules that are known, by their indices; see `agreed_diagram`.
     """
 
     schedules: tuple[Schedule, ...]
-    diagrams: dict[tuple[int, int], Blocked | None]
+    _diagrams: dict[tuple[int, int], Blocked | None] = field(default_factory=dict, repr=False, compare=False)
 
     def diagram(self, one: int, two: int) -> Blocked | None:
-        """The diagram of two schedules, see `agreed_diagram`.
+        """The diagram of two schedules, see `agreed_diagram`; computed on first use.
 
         Args:
             one: Index of a schedule.
             two: Index of a later one.
         """
-        if (one, two) not in self.diagrams:
-            self.diagrams[one, two] = agreed_diagram(self.schedules[one], self.schedules[two])
-        return self.diagrams[one, two]
+        pair = self.schedules[one], self.schedules[two]
+        return kept_in(self._diagrams, (one, two), lambda: agreed_diagram(*pair))
 
 
 def separate(schedules: Sequence[Schedule]) -> SeparatedSchedules:
@@ -102,18 +101,14 @@ def separate(schedules: Sequence[Schedule]) -> SeparatedSchedules:
         schedules: The schedules of a plan, one for each agent.
     """
     found: list[Schedule] = []
-    diagrams: dict[tuple[int, int], Blocked | None] = {}
     agents: list[range] = []
     for schedule in schedules:
-        parts = _separated(schedule)
         first = len(found)
-        found += parts.schedules
+        found += _separated(schedule)
         agents.append(range(first, len(found)))
-        diagrams |= {(first + i, first + j): known for (i, j), known in parts.diagrams.items()}
     for k, cut in _ordered(found, agents).items():
         found[k] = cut
-        diagrams = {both: known for both, known in diagrams.items() if k not in both}
-    return SeparatedSchedules(tuple(found), diagrams)
+    return SeparatedSchedules(tuple(found))
 
 
 def _ordered(schedules: Sequence[Schedule], agents: Sequence[range]) -> dict[int, Schedule]:
@@ -129,7 +124,7 @@ def _ordered(schedules: Sequence[Schedule], agents: Sequence[range]) -> dict[int
     for one, two in combinations(agents, 2):
         # What two agents of one schedule each pass is what they were scheduled by.
         for i, j in product(one, two) if max(len(one), len(two)) > 1 else ():
-            blocked = closed_diagram(schedules[i].path, schedules[j].path, 0.0)
+            blocked = simultaneous_cells(schedules[i], schedules[j], 0.0)
             if blocked is not None and order_between(blocked, schedules[i], schedules[j]) is None:
                 unordered.update({i: None, j: None})
     wholes = [_JointMotion(schedules[k], route_of(schedules[k]), schedules[k].trajectory()) for k in unordered]
@@ -149,36 +144,32 @@ def schedules_of_arms(schedule: Schedule) -> dict[str, Schedule]:
     return {arm: whole.merged((arm,)).projected((arm,)).schedule for arm in schedule.arms}
 
 
-def _separated(schedule: Schedule) -> SeparatedSchedules:
+def _separated(schedule: Schedule) -> list[Schedule]:
     """The schedules of an agent's arms, or of those that have to stay together."""
     if len(schedule.arms) == 1:
-        return SeparatedSchedules((schedule,), {})
+        return [schedule]
     whole = _JointMotion(schedule, route_of(schedule), schedule.trajectory())
     parts = _cut_where_simultaneous([whole.merged((arm,)).projected((arm,)) for arm in schedule.arms])
     while len(parts) > 1:
-        diagrams, circle = _orders(parts)
+        circle = _circle(parts)
         if not circle:
-            return SeparatedSchedules(tuple(part.schedule for part in parts), diagrams)
+            return [part.schedule for part in parts]
         arms = {arm for k in circle for arm in parts[k].schedule.arms}
         parts = [part for k, part in enumerate(parts) if k not in circle]
         parts.append(whole.projected(tuple(arm for arm in schedule.arms if arm in arms)))
-    return SeparatedSchedules((schedule,), {})
+    return [schedule]
 
 
-def _orders(parts: Sequence[_Projection]) -> tuple[dict[tuple[int, int], Blocked | None], list[int]]:
-    """Diagrams of all pairs, and parts between which there is no order; none if there is one between all."""
-    diagrams: dict[tuple[int, int], Blocked | None] = {}
+def _circle(parts: Sequence[_Projection]) -> list[int]:
+    """Parts between which there is no order; none if there is one between all."""
     precedences: list[Precedence] = []
     for i, j in combinations(range(len(parts)), 2):
-        one, two = parts[i].schedule, parts[j].schedule
-        diagrams[i, j] = blocked = agreed_diagram(one, two)
-        if blocked is None:
-            continue
-        found = order_between(blocked, one, two, (i, j))
+        # Events at one instant decide whether parts wait for each other in a circle.
+        found = first_order(parts[i].schedule, parts[j].schedule, (i, j))
         if found is None:
-            return diagrams, [i, j]
+            return [i, j]
         precedences += found
-    return diagrams, passage({k: len(part.segments) for k, part in enumerate(parts)}, precedences).circle
+    return passage({k: len(part.segments) for k, part in enumerate(parts)}, precedences).circle
 
 
 def _cut_where_simultaneous(parts: list[_Projection]) -> list[_Projection]:
@@ -188,12 +179,12 @@ def _cut_where_simultaneous(parts: list[_Projection]) -> list[_Projection]:
         without_order, tight = [], [[np.zeros(0, np.int64)] for _ in parts]
         for i, j in pairs:
             one, two = parts[i].schedule, parts[j].schedule
-            blocked = closed_diagram(one.path, two.path, 0.0)
+            blocked = simultaneous_cells(one, two, 0.0)
             if blocked is None or order_between(blocked, one, two) is not None:
                 continue
             without_order.append((i, j))
             steps = np.nonzero(
-                shared_cells(blocked, one, two) & (cell_gaps(one.occupancy, two.occupancy) <= _SIMULTANEOUS)
+                shared_cells(blocked, one, two) & (cell_gaps(one.occupancy, two.occupancy) <= SIMULTANEOUS)
             )
             for k, segments in zip((i, j), steps, strict=True):
                 tight[k].append(parts[k].segments[segments])

@@ -120,7 +120,7 @@ def tool_in_box(scene: Scene, arm: str, box: ToolBox) -> Draw:
         arm: The arm.
         box: The box.
     """
-    kinematics = Kinematics(scene, [arm])
+    kinematics = Kinematics(Scene({arm: scene.arms[arm]}))
     robot = scene.arms[arm].robot
     low, high = one_turn(robot)
 

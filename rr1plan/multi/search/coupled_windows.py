@@ -174,6 +174,9 @@ class CoupledWindows:
         if len(points) == 1:
             points, times = points.repeat(2, axis=0), times.repeat(2)
         for (one, two), (begin, end) in zip(pairwise(points), pairwise(times.tolist()), strict=True):
+            if not self._watch.goes_on():
+                # Not known, so there is no answer.
+                return begin, self._moving(begin, end)
             if checker.edge_is_free(one, two):
                 continue
             low, high = 0.0, 1.0

@@ -202,7 +202,7 @@ class PrioritizedPlanner:
 
     def _time_first_paths(self) -> list[Agent]:
         """Time the paths of agents without a schedule, and return those for which that is not possible."""
-        limit = self._time_limit()
+        limit = self._time_limit() if self._watch.goes_on() else 0.0
         return [
             agent
             for agent in self._slowest_first()

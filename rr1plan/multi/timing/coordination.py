@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from rr1plan.checks import read_only
 from rr1plan.collision.checker import TOLERANCE
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.multi.agents import Agent
@@ -24,20 +25,36 @@ Blocked = NDArray[np.uint8]
 """Cells that are not proven free, shape (cells of one path, cells of the other)."""
 
 
-def coordination_diagram(one: AgentPath, two: AgentPath, margin: float = 0.0) -> Blocked | None:
+_NEVER: NDArray[np.int64] = read_only(np.zeros(1, np.int64))
+
+
+def coordination_diagram(
+    one: AgentPath,
+    two: AgentPath,
+    margin: float = 0.0,
+    stop: NDArray[np.int64] = _NEVER,
+    wanted: NDArray[np.bool_] | None = None,
+) -> Blocked | None:
     """The coordination diagram of two paths; None where all cells are free.
 
     Args:
         one: A path of an agent.
         two: A path of another agent, of the same problem.
         margin: Distance to keep beyond the scene's padding [m].
+        stop: A flag, shape (1,). Once another thread sets it, the rest is left out, and no cell counts as free.
+        wanted: Which cells to look at (default: all), shape (cells of one, cells of two); others are 0, and not proven.
     """
     if not may_touch(one, two, margin):
         return None
     pairs = cross_pairs(one.agent, two.agent, margin)
     blocked = np.zeros((one.cells, two.cells), np.uint8)
     directions = np.empty((len(one.agent.bodies.elements) * len(two.agent.bodies.elements), 3))
-    load_library().rr1_coordinate_paths(one.placed, two.placed, pairs, directions, blocked)
+    sums: NDArray[np.int64] | int = 0
+    if wanted is not None:
+        sums = np.pad(wanted.cumsum(axis=0, dtype=np.int64).cumsum(axis=1), ((1, 0), (1, 0)))
+    load_library().rr1_coordinate_paths(one.placed, two.placed, pairs, directions, stop, sums, blocked)
+    if stop[0]:
+        return np.ones_like(blocked)
     return blocked if blocked.any() else None
 
 
@@ -57,7 +74,7 @@ def are_apart(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: f
 def _are_apart(one: Agent, two: Agent, placed: CStruct, other: CStruct, pairs: CStruct) -> bool:
     blocked = np.zeros((1, 1), np.uint8)
     directions = np.empty((len(one.bodies.elements) * len(two.bodies.elements), 3))
-    load_library().rr1_coordinate_paths(placed, other, pairs, directions, blocked)
+    load_library().rr1_coordinate_paths(placed, other, pairs, directions, _NEVER, 0, blocked)
     return not blocked.any()
 
 

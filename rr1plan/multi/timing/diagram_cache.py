@@ -22,9 +22,11 @@ class DiagramCache:
 
     Args:
         largest: No two agents need to keep more than this from each other beyond the padding [m].
+        watch: Once its time is over, new diagrams have no free cell, and are not kept (default: never).
     """
 
-    def __init__(self, largest: float = MARGINS[0]) -> None:
+    def __init__(self, largest: float = MARGINS[0], watch: Stopwatch | None = None) -> None:
+        self._stop = (watch or Stopwatch(np.inf)).stop
         self._sizes = (largest, *(m for m in MARGINS if m < largest), 0.0)
         self._margins: dict[tuple[Agent, Agent, bytes, bytes], float] = {}
         self._diagrams: dict[tuple[AgentPath, AgentPath], Blocked | None] = {}
@@ -67,8 +69,10 @@ class DiagramCache:
         except KeyError:
             blocked = None
             if self.may_touch(one, two):
-                blocked = coordination_diagram(one, two, self.margin(one, two))
+                blocked = coordination_diagram(one, two, self.margin(one, two), self._stop)
             both = None if blocked is None else extended(blocked)
+            if self._stop[0]:
+                return both
             self._diagrams[one, two] = both
             self._diagrams[two, one] = None if both is None else np.ascontiguousarray(both.T)
             return both

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ Cells = NDArray[np.bool_]
 
 # Distances that agents keep beyond the padding [m]: the largest with which a plan agrees.
 PASSING_MARGINS = (*MARGINS, 0.0)
+# Agents that pass within this time of each other pass at once [s].
+SIMULTANEOUS = 1e-6
 
 
 class Step(NamedTuple):
@@ -45,12 +48,18 @@ class Precedence(NamedTuple):
     after: Step
 
 
-def closed_diagram(one: AgentPath, two: AgentPath, margin: float) -> Blocked | None:
+def closed_diagram(one: AgentPath, two: AgentPath, margin: float, wanted: Cells | None = None) -> Blocked | None:
     """The extended diagram of two paths, in which rest at an end is free where the segment next to it is.
 
     An end is a part of that segment, so that what is proven of the segment holds at the end.
+
+    Args:
+        one: A path of an agent.
+        two: A path of another one.
+        margin: Distance to keep beyond the padding [m].
+        wanted: Cells to look at, see `coordination_diagram` (default: all).
     """
-    blocked = coordination_diagram(one, two, margin)
+    blocked = coordination_diagram(one, two, margin, wanted=wanted)
     if blocked is None:
         return None
     for cells, segments in ((blocked, one.segments), (blocked.T, two.segments)):
@@ -82,10 +91,62 @@ def agreed_diagram(one: Schedule, two: Schedule) -> Blocked | None:
     """
     blocked = None
     for margin in PASSING_MARGINS:
+        met = simultaneous_cells(one, two, margin)
+        if met is not None and order_between(met, one, two) is None and margin > 0.0:
+            continue
         blocked = closed_diagram(one.path, two.path, margin)
         if blocked is None or order_between(blocked, one, two) is not None:
             break
     return blocked
+
+
+def simultaneous_cells(one: Schedule, two: Schedule, margin: float) -> Blocked | None:
+    """The closed diagram of two schedules in the cells that they are in at once, or one right after the other.
+
+    These decide whether there is an order, and are few: all others are left out, as if they were free.
+
+    Args:
+        one: Schedule of an agent.
+        two: Schedule of another one of the same plan.
+        margin: Distance to keep beyond the padding [m].
+    """
+    steps = np.nonzero(cell_gaps(one.occupancy, two.occupancy) <= SIMULTANEOUS)
+    rows, columns = (_rows_of(s.path, s.occupancy.rows[at]) for s, at in zip((one, two), steps, strict=True))
+    wanted = np.zeros((one.path.cells, two.path.cells), np.bool_)
+    for row, column in product(rows, columns):
+        wanted[row, column] = True
+    return closed_diagram(one.path, two.path, margin, wanted)
+
+
+def _rows_of(path: AgentPath, extended_rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The two rows of diagrams on which each row of closed extended ones depends; twice the same for a segment."""
+    last, first = path.segments + 1, extended_rows.copy()
+    second = first.copy()
+    # Rest between two segments is free where either is, rest at an end where the segment next to it is.
+    rests = first > last
+    first[rests] -= last
+    second[rests] = first[rests] + 1
+    if path.segments:
+        second[first == 0], second[first == last] = 1, last - 1
+    return first, second
+
+
+def first_order(one: Schedule, two: Schedule, agents: tuple[int, int] = (0, 1)) -> list[Precedence] | None:
+    """The order of two agents where they pass each other at once, with the largest margin with which they keep one.
+
+    All precedences between events at one instant are among these; None if they keep no order with any margin.
+
+    Args:
+        one: Schedule of an agent.
+        two: Schedule of another one of the same plan.
+        agents: Their indices.
+    """
+    for margin in PASSING_MARGINS:
+        met = simultaneous_cells(one, two, margin)
+        order = [] if met is None else order_between(met, one, two, agents)
+        if order is not None:
+            return order
+    return None
 
 
 def order_between(

@@ -1,0 +1,88 @@
+"""Each arm of a scene as a Pinocchio model with data of its own.
+
+Pinocchio's data have tensors of second derivatives, whose size grows with the cube of a model's joints: 67 MB for the
+128 joints of 16 arms, 16 GB for those of 100. The arms of a scene hang on the world and on nothing else, so what is
+computed for each by itself is the same.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import pinocchio as pin
+
+from rr1plan.checks import Array
+from rr1plan.model.arm_model import arm_model_of
+from rr1plan.model.scene_model import SceneModel
+from rr1plan.object_cache import kept_in
+from rr1plan.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class ArmBranch:
+    """One arm of a `SceneModel`.
+
+    Args:
+        model: The `pinocchio.Model` of this arm alone.
+        data: Pinocchio's data of this model.
+        rows: Its entries of the configuration of the whole model; a row is the index of a joint, less 1.
+        first_frame: Index in the whole model of its first frame, which has index 1 in its own.
+    """
+
+    model: pin.Model
+    data: pin.Data
+    rows: slice
+    first_frame: int
+
+    def place(self, full: Array) -> None:
+        """Compute the poses of its joints at a configuration of the whole model, shape (model.nq,)."""
+        pin.forwardKinematics(self.model, self.data, full[self.rows])
+
+    def own_frame(self, index: int) -> int:
+        """Index in its own model of a frame of the whole model."""
+        return index - self.first_frame + 1
+
+
+class ArmBranches:
+    """The arms of a `SceneModel`, each made when it is first needed; one thread's.
+
+    Args:
+        scene_model: The arms as one model.
+    """
+
+    def __init__(self, scene_model: SceneModel) -> None:
+        self._whole = scene_model
+        self._made: dict[str, ArmBranch] = {}
+
+    def of_arm(self, arm: str) -> ArmBranch:
+        """The branch of an arm, moving or not."""
+        return kept_in(self._made, arm, lambda: self._branch(arm))
+
+    def of_frame(self, index: int) -> ArmBranch:
+        """The branch that has a frame of the whole model, which is not that of the world."""
+        arms, frames = tuple(self._begins), [frame for _, frame in self._begins.values()]
+        return self.of_arm(arms[bisect_right(frames, index) - 1])
+
+    def of_joints(self) -> Iterable[ArmBranch]:
+        """The branches of all arms, in the order of their joints."""
+        return map(self.of_arm, self._begins)
+
+    @cached_property
+    def _begins(self) -> dict[str, tuple[int, int]]:
+        """First row and first frame of each arm."""
+        begins, row, frame = {}, 0, 1
+        for name, arm in self._whole.scene.arms.items():
+            begins[name] = row, frame
+            row += sum(joint.kind != "fixed" for joint in arm.robot.joints)
+            frame += len(arm.robot.links)
+        return begins
+
+    def _branch(self, arm: str) -> ArmBranch:
+        scene = self._whole.scene
+        alone = scene if len(scene.arms) == 1 else Scene({arm: scene.arms[arm]})
+        model = self._whole.model if alone is scene else arm_model_of(alone, (arm,)).model
+        row, frame = self._begins[arm]
+        return ArmBranch(model, model.createData(), slice(row, row + model.nq), frame)
