@@ -73,7 +73,7 @@ class CoalPairs:
         self, model: SceneModel | None, solids: tuple[Solid, ...], pairs: NDArray[np.int64], padding: Array
     ) -> None:
         self._model = model
-        self._branches = () if model is None else tuple(ArmBranches(model).of_joints())
+        self._branches = () if model is None else tuple(ArmBranches(model).all_arms())
         self._pinocchio = pin.Model() if model is None else model.model
         self._geometry = _geometry_model(solids, pairs)
         self._scratch = _geometry_data(self._geometry, padding)

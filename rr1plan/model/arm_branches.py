@@ -1,4 +1,4 @@
-"""Each arm of a scene as a Pinocchio model with data of its own.
+"""Pinocchio models of single arms of a scene.
 
 Pinocchio's data have tensors of second derivatives, whose size grows with the cube of a model's joints: 67 MB for the
 128 joints of 16 arms, 16 GB for those of 100. The arms of a scene hang on the world and on nothing else, so what is
@@ -66,7 +66,7 @@ class ArmBranches:
         arms, frames = tuple(self._begins), [frame for _, frame in self._begins.values()]
         return self.of_arm(arms[bisect_right(frames, index) - 1])
 
-    def of_joints(self) -> Iterable[ArmBranch]:
+    def all_arms(self) -> Iterable[ArmBranch]:
         """The branches of all arms, in the order of their joints."""
         return map(self.of_arm, self._begins)
 

@@ -1,4 +1,4 @@
-"""Each arm as a Pinocchio model of its own against one model of all arms."""
+"""Pinocchio models of single arms against one model of all arms."""
 
 import numpy as np
 import pinocchio as pin
