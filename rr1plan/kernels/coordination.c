@@ -208,7 +208,8 @@ static void coordinate(int64_t a, int64_t b, const int64_t *open, int64_t count,
 //
 // directions: scratch memory, shape (bodies of one, bodies of two). stop: once it is not 0, the rest is left out, so that
 // cells that are not blocked prove nothing. wanted: how many cells are wanted in all rows before one and all columns before
-// one, shape (cells of one + 1, cells of two + 1); others are not blocked, which proves nothing. Null: all are. Returns how many searches for a separating direction it took.
+// one, shape (cells of one + 1, cells of two + 1); others are not blocked, which proves nothing. Null: all are wanted.
+// Returns how many searches for a separating direction it took.
 EXPORT int64_t rr1_coordinate_paths(const PlacedPath *one, const PlacedPath *two, const CrossPairs *pairs,
                                     ExactPoint *directions, const int64_t *stop, const int64_t *wanted,
                                     uint8_t *blocked) {
