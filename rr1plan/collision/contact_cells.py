@@ -21,6 +21,7 @@ The point is searched by alternating projections onto A and B, each shrunk by it
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -212,14 +213,17 @@ class ContactCells:
         checker: Of the scene and the arm that moves.
         q: The configuration of which two columns are replaced [rad or m], shape (nq,).
         columns: Those two.
+        pairs: Indices of the checker's `solid_pairs` to look at (default: all).
     """
 
-    def __init__(self, checker: CoalChecker, q: Array, columns: tuple[int, int]) -> None:
+    def __init__(
+        self, checker: CoalChecker, q: Array, columns: tuple[int, int], pairs: Sequence[int] | None = None
+    ) -> None:
         self.plane = JointPlane(checker.model, q, columns)
-        chains, padding = _chains(checker), checker.solid_padding.tolist()
-        self._solids = checker.solid_pairs.tolist()
+        chains, chosen = _chains(checker), slice(None) if pairs is None else list(pairs)
+        solid_pairs, padding = checker.solid_pairs[chosen].tolist(), checker.solid_padding[chosen].tolist()
         self._pairs: list[tuple[_Side, _Side, float]] = []
-        for (a, b), most in zip(self._solids, padding, strict=True):
+        for (a, b), most in zip(solid_pairs, padding, strict=True):
             shared = set(chains[a]) & set(chains[b])
             first, second = (self._side(checker, i, chains[i], shared) for i in (a, b))
             self._pairs.append((first, second, most))
@@ -231,7 +235,7 @@ class ContactCells:
 
     @property
     def pairs(self) -> int:
-        """Number of pairs of solids: the `solid_pairs` of the checker."""
+        """Number of pairs of solids to look at."""
         return len(self._pairs)
 
     @property

@@ -8,7 +8,7 @@ a robot on a floor is such a body: it cannot swing through below its shoulder, w
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +46,12 @@ class JointBarrier:
 
 
 def find_joint_barrier(
-    checker: CollisionChecker, start: Array, goal: Array, *, own_links: bool = False
+    checker: CollisionChecker,
+    start: Array,
+    goal: Array,
+    *,
+    own_links: bool = False,
+    goes_on: Callable[[], bool] = lambda: True,
 ) -> JointBarrier | None:
     """Search for a value that a joint has to pass on every path from a start to a goal, and cannot.
 
@@ -55,6 +60,7 @@ def find_joint_barrier(
         start: Configuration within the limits, shape (nq,).
         goal: Configuration, of joints without limits modulo whole turns, shape (nq,).
         own_links: Whether two links of one arm count, which may only touch because their shapes are too large.
+        goes_on: Whether there is time to look at the next joint.
 
     Returns:
         The barrier; None if none is found, which proves nothing.
@@ -71,6 +77,8 @@ def find_joint_barrier(
             if start[column] == goal[column] or not np.isfinite(limits.upper[column] - limits.lower[column]):
                 continue
             other = next(iter(columns - {column}), None)
+            if not goes_on():
+                return None
             values = np.linspace(start[column], goal[column], _VALUES + 2)[1:-1]
             found = _Barriers(checker, start, column, other, pairs).find(values)
             if found is not None:
@@ -94,7 +102,7 @@ class _Barriers:
         # With one joint alone, it takes both places, and cells are as thin in both.
         self._alone = other is None
         other = column if other is None else other
-        self._contacts = ContactCells(checker, q, (column, other))
+        self._contacts = ContactCells(checker, q, (column, other), pairs)
         low, high = float(checker.limits.lower[other]), float(checker.limits.upper[other])
         bounded = np.isfinite(high - low)
         self._low, self._high = (low, high) if bounded else (-np.pi, np.pi)
@@ -122,20 +130,20 @@ class _Barriers:
             middles = np.concatenate([middles - half, middles + half])
         return False
 
-    def _classify(self, cells: Array, half: float, pairs: Iterable[int] = ()) -> NDArray[np.bool_]:
-        """Cells in which contact is certified, of both values within their half widths."""
+    def _classify(self, cells: Array, half: float, only: Sequence[int] | slice = slice(None)) -> NDArray[np.bool_]:
+        """Cells in which contact is certified, of both values within their half widths, by some of the pairs."""
         if self._alone:
             cells, half = cells[:, [0, 0]], 0.0
         near = np.zeros((len(cells), self._contacts.pairs), dtype=np.bool_)
-        near[:, list(pairs) or self._pairs] = True
+        near[:, only] = True
         return self._contacts.classify(cells, np.array([_HALF_WIDTH, half]), near)[0]
 
     def _elements(self, value: float, samples: Array) -> tuple[tuple[str, str], ...]:
         """The pairs of elements that touch at the samples, as few as explain them all: the first that does at each."""
         cells = np.column_stack([np.full(len(samples), value), samples])
         named: dict[tuple[str, str], None] = {}
-        for pair in self._pairs:
-            touching = self._classify(cells, 0.0, [pair])
+        for k, pair in enumerate(self._pairs):
+            touching = self._classify(cells, 0.0, [k])
             if touching.any():
                 named[self._checker.pairs[self._checker.solid_owner[pair]]] = None
                 cells = cells[~touching]

@@ -25,6 +25,7 @@ _DEFAULT_BUDGET = Budget()
 _REPORTS = 0.1  # time between two reports of progress [s]
 _LEAST, _MOST = 0.002, 0.01  # time between two clock readings [s]
 _CHUNK = 128  # steps before the first clock reading
+_PROOF_SECONDS = 1.0  # for a proof that no goal can be reached, which takes long among many bodies
 # The largest number of iterations.
 NO_LIMIT = int(np.iinfo(np.int64).max)
 
@@ -160,11 +161,17 @@ class Query:
         if self._joint_goals is None:
             return False
         reasons: dict[str, None] = {}
+        searched = self.seconds
         # Without the margin, which may be what leaves no room, and without pairs of links of one arm, for which
         # `timeout_hints` has advice.
         with checker_from_pool(self._scene, self.problem.arms) as checker:
             for goal in self.goals:
-                barrier = find_joint_barrier(checker, self.problem.start, goal)
+                barrier = find_joint_barrier(
+                    checker,
+                    self.problem.start,
+                    goal,
+                    goes_on=lambda: self.in_time() and self.seconds < searched + _PROOF_SECONDS,
+                )
                 if barrier is None:
                     return False
                 reasons[str(barrier)] = None

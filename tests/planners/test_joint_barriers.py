@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.collision.contact_cells import ContactCells
 from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.planning import Budget, PlanStatus
 
@@ -63,6 +64,29 @@ def test_a_beam_on_a_base_that_turns_cannot_swing_through_the_floor(on_floor: rp
     for q in rng.uniform(checker.limits.lower, checker.limits.upper, (500, 3)):
         q[1] = found.value
         assert not checker.is_free_slowly(q)
+
+
+def test_a_search_without_time_ends(on_floor: rp.Scene) -> None:
+    checker, ends = rp.CollisionChecker(on_floor), (np.array([-1.0, 1.0, 0.5]), np.array([2.0, 5.2, -1.0]))
+    assert find_joint_barrier(checker, *ends) is not None
+    assert find_joint_barrier(checker, *ends, goes_on=lambda: False) is None
+
+
+def test_cells_of_some_pairs_are_those_of_all_pairs(rr1: rp.Robot) -> None:
+    scene = rp.place_grid(rr1, 1, 3, spacing=0.4).with_obstacle("floor", rp.HalfSpace((0.0, 0.0, 1.0), 0.0))
+    checker = rp.CollisionChecker(scene)
+    some = list(range(0, len(checker.solid_pairs), 7))
+    centers, half = np.random.default_rng(0).uniform(-2.0, 2.0, (40, 2)), np.array([0.01, 0.02])
+    whole = ContactCells(checker, scene.configuration(), (1, 7))
+    chosen = ContactCells(checker, scene.configuration(), (1, 7), some)
+    assert chosen.pairs == len(some)
+    near = np.zeros((len(centers), whole.pairs), dtype=np.bool_)
+    near[:, some] = True
+    blocked, may = whole.classify(centers, half, near)
+    again, touching = chosen.classify(centers, half, near[:, some])
+    assert blocked.any()
+    assert np.array_equal(blocked, again)
+    assert np.array_equal(may[:, some], touching)
 
 
 def test_what_is_barred_is_infeasible_before_the_budget_ends(on_floor: rp.Scene) -> None:
