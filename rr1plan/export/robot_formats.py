@@ -128,4 +128,4 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
 
     of_kind("scene", scene, Scene)
     path = check_writable(file, ".xml", ".mjcf")
-    return write_text(path, build_mujoco(scene).spec.to_xml())
+    return write_text(path, build_mujoco(scene).to_xml())

@@ -8,7 +8,10 @@ what `Scene.checked_pairs` forbids. Loose bodies are free and touch everything, 
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -21,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
 from rr1plan.playback.cloud_boxes import cloud_boxes
-from rr1plan.robot import Geometry, Inertial, Joint, Link, Robot
+from rr1plan.robot import Geometry, Inertial, Joint, Link
 from rr1plan.robot.link_masses import solid_inertial
 from rr1plan.scene import Attachment, Obstacle, Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
@@ -43,8 +46,20 @@ _OTHER_FRICTION = (0.005, 0.0001)
 _CONTACT_TIME, _CONTACT_STEPS = 0.008, 3.0
 # Collision bits of planes, which find loose bodies only, and of loose bodies, which also find all else (bit 1).
 _PLANE_BITS, _LOOSE_BITS = 2, 3
+# What never acts without shapes: contacts, limits and other constraints, springs and dampers. MuJoCo looks for them in
+# each step.
+_DISABLED = mujoco.mjtDisableBit
+_NOT_WITHOUT_SHAPES = int(
+    _DISABLED.mjDSBL_CONTACT | _DISABLED.mjDSBL_CONSTRAINT | _DISABLED.mjDSBL_SPRING | _DISABLED.mjDSBL_DAMPER
+)
 # Half the thickness of a plate in place of a triangle [m].
 _HALF_PLATE = 1e-5
+# Memory of MuJoCo's stack and contacts [bytes]: at least; for each degree of freedom of a model with shapes, of which
+# packed arms with a hundred contacts each take 4e4; and for each pair of degrees of freedom.
+_LEAST_MEMORY, _CONTACT_MEMORY, _PAIR_MEMORY = 2e7, 1e5, 4.0
+# MuJoCo lists all of a model anew for everything that is added to it; above this number of arms, they are added in
+# groups.
+_GROUP = 16
 # Triangles of one mesh; these take about ten seconds to build.
 _MOST_PLATES = 20_000
 # Boxes of one point cloud; these take about twenty seconds to build.
@@ -57,7 +72,7 @@ class MujocoScene:
 
     Args:
         scene: The scene.
-        spec: The editable model, e.g. for `spec.to_xml()`.
+        spec: The editable model.
         model: The compiled model.
         joint_names: "arm/joint" of every movable joint, in the order of actuators and of the first entries of qpos and
             qvel.
@@ -76,6 +91,11 @@ class MujocoScene:
     geom_elements: tuple[str, ...]
     effort_limits: Array
     massless_joints: tuple[str, ...] = ()
+
+    def to_xml(self) -> str:
+        """The model as MJCF."""
+        with _groups_without_prefix():
+            return str(self.spec.to_xml())
 
     def forbidden(self, geoms: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Which contacts the scene forbids.
@@ -136,32 +156,48 @@ def build_mujoco(
         InputError: a point cloud of too many cells.
     """
     builder = _Builder(scene, timestep, solver, shapes)
-    spec = builder.spec
-    model = _compile(spec)
-    configuration = model.qpos0.copy()
+    spec, joints, bodies = builder.spec, builder.joints, loose_bodies(scene)
     values = {name: arm.robot.joint_values(arm.q) for name, arm in scene.arms.items()}
-    configuration[: len(builder.joints)] = [values[j.arm][j.joint.name] for j in builder.joints]
-    inertia = _joint_inertia(model, configuration)[: len(builder.joints)]
-    massless = tuple(j.name for j, carried in zip(builder.joints, inertia, strict=True) if carried < _NOTHING_CARRIED)
+    configuration = np.array([values[joint.arm][joint.joint.name] for joint in joints])
+    poses = [_coordinates(body.pose) for body in bodies.values()]
+    spec.add_key(name="configuration", qpos=np.concatenate([configuration, *poses]))
+    spec.memory = stack_memory(len(joints) + 6 * len(bodies), shapes=shapes)
+    model = _compile(spec)
+    inertia = _joint_inertia(model)[: len(joints)]
+    for i, (servo, carried) in enumerate(zip(builder.servos, inertia.tolist(), strict=True)):
+        _set_gains(servo, stiffness, max(carried, _LEAST_CARRIED))
+        model.actuator_biasprm[i] = servo.biasprm
+    massless = tuple(j.name for j, carried in zip(joints, inertia, strict=True) if carried < _NOTHING_CARRIED)
     for name in massless:
         spec.joint(name).armature = _LEAST_CARRIED
-    for joint, carried in zip(builder.joints, inertia, strict=True):
-        limited = not scene.arms[joint.arm].robot.links_of_assumed_mass
-        _add_servo(spec, joint, stiffness, max(float(carried), _LEAST_CARRIED), limited)
-    _pair_with_planes(scene, spec, model, builder.elements)
-    spec.add_key(name="configuration", qpos=configuration)
-    model = _compile(spec)
+    if massless:
+        model = _compile(spec)
     elements = tuple(builder.elements[model.geom(i).name] for i in range(model.ngeom))
-    efforts = np.array([joint.joint.effort for joint in builder.joints])
-    joints, bodies = tuple(j.name for j in builder.joints), tuple(loose_bodies(scene))
-    return MujocoScene(scene, spec, model, joints, bodies, elements, efforts, massless)
+    efforts = np.array([joint.joint.effort for joint in joints])
+    names = tuple(joint.name for joint in joints)
+    return MujocoScene(scene, spec, model, names, tuple(bodies), elements, efforts, massless)
+
+
+def stack_memory(degrees_of_freedom: int, *, shapes: bool = True) -> int:
+    """Memory for MuJoCo's stack and contacts [bytes]; what it reserves by itself is ten times as much for many arms."""
+    least = _LEAST_MEMORY + _PAIR_MEMORY * degrees_of_freedom**2
+    return int(least + _CONTACT_MEMORY * degrees_of_freedom if shapes else least)
 
 
 def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
     try:
-        return spec.compile()
+        with _groups_without_prefix():
+            return spec.compile()
     except ValueError as error:
         raise BackendError(f"MuJoCo does not take the scene: {error}") from error
+
+
+@contextmanager
+def _groups_without_prefix() -> Iterator[None]:
+    """Ignore a warning of MuJoCo: groups whose default classes have names of their own can be saved."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Attaching a spec with an empty prefix")
+        yield
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,31 +220,87 @@ class _Builder:
         self.spec.option.timestep = timestep
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+        if not shapes:
+            self.spec.option.disableflags |= _NOT_WITHOUT_SHAPES
         self.spec.compiler.balanceinertia = True
         if loose_bodies(scene):
             self._set_solver(solver)
         solref = [max(_CONTACT_TIME, _CONTACT_STEPS * timestep), 1.0]
         self._surface = {"priority": 1, "solref": solref, "contype": _LOOSE_BITS, "conaffinity": _LOOSE_BITS}
         self.joints: list[_PlacedJoint] = []
+        self.servos: list[mujoco.MjsActuator] = []
         self.elements: dict[str, str] = {}
-        self.meshes: dict[int, list[str]] = {}
-        for name, arm in scene.arms.items():
-            self._add_arm(name, arm.robot, arm.base)
+        # What each arm holds, and the elements that joints move.
+        self._held: dict[str, dict[str, Attachment]] = {}
         for name, held in scene.attachments.items():
-            self._add_object(self.spec.body(f"{held.arm}/{held.link}"), name, held)
+            self._held.setdefault(held.arm, {})[name] = held
+        self._moving: set[str] = set()
+        # Element, friction and solref of each of their shapes.
+        self._surfaces: dict[str, tuple[str, list[float], list[float]]] = {}
+        self._planes: list[mujoco.MjsGeom] = []
+        self._meshes: dict[int, list[str]] = {}
+        self._add_arms()
         for name, obstacle in scene.obstacles.items():
             body = self._add_object(self.spec.worldbody, name, obstacle)
             if obstacle.mass is not None:
                 body.add_freejoint(name=_body_name(name))
-        for a, b in _excluded_pairs(scene) if shapes else ():
-            self.spec.add_exclude(bodyname1=_body_name(a), bodyname2=_body_name(b))
+        self._add_servos()
+        if shapes:
+            for a, b in _excluded_pairs(scene):
+                self.spec.add_exclude(bodyname1=_body_name(a), bodyname2=_body_name(b))
+            self._pair_with_planes()
 
-    def _add_arm(self, arm: str, robot: Robot, base: Array) -> None:
-        self._add_link(self.spec.worldbody, arm, robot.links[0], base)
+    def _add_arms(self) -> None:
+        """Add the arms with what they hold."""
+        arms = list(self.scene.arms)
+        if len(arms) <= _GROUP:
+            for arm in arms:
+                self._add_arm(self.spec.worldbody, arm)
+            return
+        size = math.isqrt(len(arms))
+        for start in range(0, len(arms), size):
+            group = mujoco.MjSpec()
+            group.default.name = f"arms{start}"
+            for arm in arms[start : start + size]:
+                self._add_arm(group.worldbody, arm)
+            self._attach(group)
+
+    def _attach(self, group: mujoco.MjSpec) -> None:
+        """Add a group of arms, without the warning of MuJoCo that `_groups_without_prefix` ignores, too."""
+        handler = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(lambda _: None)
+        try:
+            self.spec.attach(group, prefix="", frame=self.spec.worldbody.add_frame())
+        finally:
+            mujoco.set_mju_user_warning(handler)
+
+    def _add_arm(self, world: mujoco.MjsBody, arm: str) -> None:
+        robot, base = self.scene.arms[arm].robot, self.scene.arms[arm].base
+        held = self._held.get(arm, {})
+        moving = {link.name for body in robot.bodies[1:] for link in body}
+        self._moving.update(f"{arm}/{link}" for link in moving)
+        self._moving.update(name for name, thing in held.items() if thing.link in moving)
+        bodies = {robot.links[0].name: self._add_link(world, arm, robot.links[0], base)}
         for joint in robot.joints:
-            body = self._add_link(self.spec.body(f"{arm}/{joint.parent}"), arm, robot.link(joint.child), joint.origin)
+            body = self._add_link(bodies[joint.parent], arm, robot.link(joint.child), joint.origin)
+            bodies[joint.child] = body
             if joint.kind != "fixed":
                 self._add_joint(body, arm, joint)
+        for name, thing in held.items():
+            self._add_object(bodies[thing.link], name, thing)
+
+    def _pair_with_planes(self) -> None:
+        """Check shapes that arms move against planes as explicit pairs.
+
+        MuJoCo's broad phase pairs a plane with every body, which takes a quarter of the time for contacts of many arms.
+        """
+        for plane in self._planes:
+            plane.contype = plane.conaffinity = _PLANE_BITS
+            checked = {name for name in self._moving if not self.scene.may_touch(name, self.elements[plane.name])}
+            for name, (element, (slide, spin, roll), solref) in self._surfaces.items():
+                if element in checked:
+                    friction = [slide, slide, spin, roll, roll]
+                    self.spec.add_pair(geomname1=plane.name, geomname2=name, friction=friction, solref=solref)
 
     def _add_link(self, parent: mujoco.MjsBody, arm: str, link: Link, pose: Array) -> mujoco.MjsBody:
         body = self._add_body(parent, f"{arm}/{link.name}", pose)
@@ -257,6 +349,17 @@ class _Builder:
         body.add_joint(name=name, type=kind, axis=joint.axis, limited=mujoco.mjtLimited.mjLIMITED_FALSE)
         self.joints.append(_PlacedJoint(name, arm, joint))
 
+    def _add_servos(self) -> None:
+        """Add a servo for each joint, whose gains follow from the inertia that it carries."""
+        for placed in self.joints:
+            name, effort = placed.name, placed.joint.effort
+            servo = self.spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+            _set_gains(servo, 1.0, 1.0)
+            if np.isfinite(effort) and not self.scene.arms[placed.arm].robot.links_of_assumed_mass:
+                servo.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+                servo.forcerange = [-effort, effort]
+            self.servos.append(servo)
+
     def _add_geoms(self, body: mujoco.MjsBody, element: str, geometries: tuple[Geometry, ...], **surface: Any) -> None:
         for index, geometry in enumerate(geometries if self.shapes else ()):
             for part, options in enumerate(self._geom_options(geometry.shape)):
@@ -264,8 +367,12 @@ class _Builder:
                 T = geometry.pose @ _offset(options.pop("offset", None))
                 quat = quaternion_from_rotation(T[:3, :3] @ options.pop("turn", np.eye(3)))
                 color = geometry.color or (0.6, 0.6, 0.6, 1.0)
-                body.add_geom(name=name, pos=T[:3, 3], quat=quat, rgba=color, mass=0.0, **options, **surface)
+                geom = body.add_geom(name=name, pos=T[:3, 3], quat=quat, rgba=color, mass=0.0, **options, **surface)
                 self.elements[name] = element
+                if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+                    self._planes.append(geom)
+                elif element in self._moving:
+                    self._surfaces[name] = element, geom.friction.tolist(), geom.solref.tolist()
 
     def _geom_options(self, shape: Shape) -> Iterator[dict[str, Any]]:
         kinds = mujoco.mjtGeom
@@ -294,15 +401,15 @@ class _Builder:
                     yield {"type": kinds.mjGEOM_BOX, "size": half, "offset": center}
 
     def _mesh_names(self, mesh: Mesh) -> list[str]:
-        if id(mesh) not in self.meshes:
+        if id(mesh) not in self._meshes:
             names: list[str] = []
             for points in [mesh.vertices] if mesh.convex or is_own_hull(mesh) else _plates(mesh):
-                name = f"mesh{sum(map(len, self.meshes.values())) + len(names)}"
+                name = f"mesh{sum(map(len, self._meshes.values())) + len(names)}"
                 convex = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
                 self.spec.add_mesh(name=name, uservert=points.ravel(), inertia=convex)
                 names.append(name)
-            self.meshes[id(mesh)] = names
-        return self.meshes[id(mesh)]
+            self._meshes[id(mesh)] = names
+        return self._meshes[id(mesh)]
 
 
 def _plates(mesh: Mesh) -> Iterator[Array]:
@@ -356,27 +463,6 @@ def _body_name(element: str) -> str:
     return f"{element}#" if element.rstrip("#") == "world" else element
 
 
-def _pair_with_planes(scene: Scene, spec: mujoco.MjSpec, model: mujoco.MjModel, elements: dict[str, str]) -> None:
-    """Check shapes that arms move against planes as explicit pairs.
-
-    MuJoCo's broad phase pairs a plane with every body, which takes a quarter of the time for contacts of many arms.
-    """
-    loose = loose_bodies(scene)
-    moving = {name: of for name, of in elements.items() if of not in loose and model.body_weldid[_body(model, name)]}
-    for plane in [geom for geom in map(spec.geom, elements) if geom.type == mujoco.mjtGeom.mjGEOM_PLANE]:
-        plane.contype = plane.conaffinity = _PLANE_BITS
-        checked = {of for of in set(moving.values()) if not scene.may_touch(of, elements[plane.name])}
-        for name in (name for name, of in moving.items() if of in checked):
-            geom = spec.geom(name)
-            slide, spin, roll = geom.friction
-            friction = [slide, slide, spin, roll, roll]
-            spec.add_pair(geomname1=plane.name, geomname2=name, friction=friction, solref=geom.solref)
-
-
-def _body(model: mujoco.MjModel, geom: str) -> int:
-    return int(model.geom_bodyid[model.geom(geom).id])
-
-
 def loose_bodies(scene: Scene) -> dict[str, Obstacle]:
     """The obstacles with a mass, by name."""
     return {name: thing for name, thing in scene.obstacles.items() if thing.mass is not None}
@@ -390,6 +476,11 @@ def _set_inertial(body: mujoco.MjsBody, inertial: Inertial) -> None:
     body.mass = inertial.mass
     body.ipos = inertial.com
     body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+
+
+def _coordinates(pose: Array) -> Array:
+    """Position and quaternion of a pose, shape (7,)."""
+    return np.concatenate([pose[:3, 3], quaternion_from_rotation(pose[:3, :3])])
 
 
 def _offset(xyz: ArrayLike | None) -> Array:
@@ -407,10 +498,10 @@ def _frame_along(normal: Array) -> Array:
     return np.column_stack([x, np.cross(normal, x), normal])
 
 
-def _joint_inertia(model: mujoco.MjModel, qpos: Array) -> Array:
-    """Inertia that each joint carries at qpos, the diagonal of the mass matrix, shape (nv,)."""
+def _joint_inertia(model: mujoco.MjModel) -> Array:
+    """Inertia that each joint carries in the keyframe, the diagonal of the mass matrix, shape (nv,)."""
     data = mujoco.MjData(model)
-    data.qpos[:] = qpos
+    mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_makeM(model, data)
@@ -418,11 +509,6 @@ def _joint_inertia(model: mujoco.MjModel, qpos: Array) -> Array:
     return np.asarray(data.M[model.M_rowadr + model.M_rownnz - 1])
 
 
-def _add_servo(spec: mujoco.MjSpec, placed: _PlacedJoint, stiffness: float, inertia: float, limited: bool) -> None:
-    actuator = spec.add_actuator(name=placed.name, target=placed.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    actuator.set_to_pid(
-        kp=stiffness**2 * inertia, kv=2.0 * stiffness * inertia, ctrlspec=_POSITION_VELOCITY_FEEDFORWARD
-    )
-    if limited and np.isfinite(placed.joint.effort):
-        actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
-        actuator.forcerange = [-placed.joint.effort, placed.joint.effort]
+def _set_gains(servo: mujoco.MjsActuator, stiffness: float, inertia: float) -> None:
+    kp, kv = stiffness**2 * inertia, 2.0 * stiffness * inertia
+    servo.set_to_pid(kp=kp, kv=kv, ctrlspec=_POSITION_VELOCITY_FEEDFORWARD)

@@ -14,14 +14,12 @@ from itertools import pairwise
 from rr1plan.checks import counted
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
 from rr1plan.errors import InputError
-from rr1plan.playback.simulation.mujoco_model import loose_bodies
+from rr1plan.playback.simulation.mujoco_model import loose_bodies, stack_memory
 from rr1plan.scene import Scene
 from rr1plan.scene.subscene import subscene
 
-# Memory of a model and its data [bytes]: for each degree of freedom, and for each pair of them (MuJoCo's reserve for
-# contacts), from models of 120 to 2,000 arms and bodies with MuJoCo 3.17; and for the collision checker, for each arm
-# beside eight others.
-_BYTES_PER_DOF, _BYTES_PER_PAIR, _BYTES_PER_ARM = 1.0e5, 40.0, 3.0e6
+# Memory of the collision checker for each arm beside eight others [bytes].
+_BYTES_PER_ARM = 3.0e6
 # Smallest number of arms in a tile, and largest number of tiles.
 _ARMS_IN_A_TILE, _MOST_TILES = 60, 4
 # Smallest number of arms in a block; fewer are stepped faster than handed to a thread. Largest number; the data of more
@@ -72,7 +70,7 @@ def check_memory(tiles: Sequence[Scene]) -> None:
         InputError: too many arms or loose bodies; gives both sizes.
     """
     have = _physical_memory()
-    need = sum(_BYTES_PER_DOF * n + _BYTES_PER_PAIR * n**2 for n in map(_degrees_of_freedom, tiles))
+    need = float(sum(stack_memory(_degrees_of_freedom(tile)) for tile in tiles))
     need += sum(_BYTES_PER_ARM * len(tile.arms) for tile in tiles)
     if have is not None and need > have:
         arms, bodies = sum(len(tile.arms) for tile in tiles), sum(len(loose_bodies(tile)) for tile in tiles)

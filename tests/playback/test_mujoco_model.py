@@ -1,0 +1,91 @@
+"""How MuJoCo models of scenes are built; what they do is in `test_simulation`."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.playback.simulation import mujoco_model
+from rr1plan.playback.simulation.mujoco_model import build_mujoco
+from rr1plan.transforms import pose
+
+
+def arrays(model: mujoco.MjModel) -> dict[str, np.ndarray[Any, Any]]:
+    """All arrays of a model by name."""
+    values = ((name, getattr(model, name)) for name in dir(model) if not name.startswith("_"))
+    return {name: value.copy() for name, value in values if isinstance(value, np.ndarray)}
+
+
+def assert_same(found: mujoco.MjModel, expected: mujoco.MjModel) -> None:
+    one, other = arrays(found), arrays(expected)
+    assert len(one) > 100
+    assert one.keys() == other.keys()
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, other[name], err_msg=name)
+
+
+def mixed_team(count: int) -> rp.Scene:
+    """RR1 and Panda arms in a row, one of which holds a box, with a floor and a loose ball."""
+    robots = [rp.load_robot(name) for name in ("rr1", "panda")]
+    scene = rp.Scene()
+    for i in range(count):
+        scene = scene.with_arm(f"arm{i}", robots[i % 2], pose([1.2 * i, 0.0, 0.0], rpy=[0.0, 0.0, 0.3 * i]))
+    scene = scene.with_obstacle("floor", rp.HalfSpace((0.0, 0.0, 1.0), -0.05))
+    scene = scene.with_obstacle("ball", rp.Sphere(0.05), [0.6, 0.5, 1.0], mass=0.2)
+    return scene.with_obstacle("box", rp.Box((0.02, 0.02, 0.1)), [1.2, 0.0, 1.5]).attach("box", "arm1")
+
+
+@pytest.fixture
+def team() -> rp.Scene:
+    return mixed_team(5)
+
+
+def test_arms_that_are_added_in_groups_are_the_same_model_without_a_warning(
+    team: rp.Scene, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    expected, saved = build_mujoco(team), rp.save_mjcf(tmp_path / "expected.xml", team)
+    monkeypatch.setattr(mujoco_model, "_GROUP", 2)
+    monkeypatch.chdir(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = build_mujoco(team)
+        file = rp.save_mjcf(tmp_path / "team.xml", team)
+    assert_same(found.model, expected.model)
+    assert found.geom_elements == expected.geom_elements
+    assert found.joint_names == expected.joint_names
+    assert capfd.readouterr().err == ""
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["expected.xml", "team.xml"]
+    assert_same(*(mujoco.MjModel.from_xml_path(str(path)) for path in (file, saved)))
+
+
+@pytest.mark.parametrize("name", ["rr1", "panda", "planar2r"])
+def test_the_editable_model_is_the_compiled_one(name: str) -> None:
+    world = build_mujoco(rp.Scene().with_arm("arm", rp.load_robot(name)))
+    assert_same(world.spec.compile(), world.model)
+
+
+def test_a_hundred_contacts_of_each_arm_have_room_in_memory(rr1: rp.Robot) -> None:
+    arms = {f"r{i}": rp.Arm(rr1, pose([0.25 * (i % 5), 0.25 * (i // 5), 0.0])) for i in range(25)}
+    world = build_mujoco(rp.Scene(arms=arms))
+    data = mujoco.MjData(world.model)
+    mujoco.mj_step(world.model, data)
+    assert data.ncon > 100 * len(arms)
+    assert data.maxuse_arena < world.model.narena
+    assert not any(warning.number for warning in data.warning)
+
+
+def test_models_without_shapes_have_room_in_memory(rr1: rp.Robot) -> None:
+    arms = {f"r{i}": rp.Arm(rr1, pose([float(i), 0.0, 0.0])) for i in range(150)}
+    model = build_mujoco(rp.Scene(arms=arms), shapes=False).model
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data)
+    assert model.ngeom == 0
+    # The stack grows with the square of the degrees of freedom; so does what is reserved.
+    assert data.maxuse_stack < 0.9 * mujoco_model.stack_memory(model.nv, shapes=False)
+    assert data.maxuse_stack < 4.0 * model.nv**2
