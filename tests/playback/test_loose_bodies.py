@@ -352,7 +352,7 @@ def test_more_bodies_than_the_memory_holds_are_refused_before_it_is_taken(monkey
         rp.Simulation(scene)
     monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 1, "SC_PHYS_PAGES": 10**5}.__getitem__)
     arm = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
-    with pytest.raises(rp.InputError, match=r"1 arm and 0 loose bodies takes about 0.0038 GB .* has 0.0001 GB"):
+    with pytest.raises(rp.InputError, match=r"1 arm and 0 loose bodies takes about 0.0238 GB .* has 0.0001 GB"):
         rp.Simulation(arm)
 
 
