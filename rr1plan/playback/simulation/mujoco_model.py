@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
 from rr1plan.playback.cloud_boxes import cloud_boxes
+from rr1plan.playback.simulation.collision_bits import OTHERS, PLANES, collision_bits
 from rr1plan.robot import Geometry, Inertial, Joint, Link
 from rr1plan.robot.link_masses import solid_inertial
 from rr1plan.scene import Attachment, Obstacle, Scene
@@ -44,8 +45,6 @@ _POSITION_VELOCITY_FEEDFORWARD = 7
 _OTHER_FRICTION = (0.005, 0.0001)
 # Time constant of contacts of loose bodies [s], and the least one in steps; MuJoCo needs two.
 _CONTACT_TIME, _CONTACT_STEPS = 0.008, 3.0
-# Collision bits of planes, which find loose bodies only, and of loose bodies, which also find all else (bit 1).
-_PLANE_BITS, _LOOSE_BITS = 2, 3
 # What never acts without shapes: contacts, limits and other constraints, springs and dampers. MuJoCo looks for them in
 # each step.
 _DISABLED = mujoco.mjtDisableBit
@@ -57,9 +56,9 @@ _HALF_PLATE = 1e-5
 # Memory of MuJoCo's stack and contacts [bytes]: at least; for each degree of freedom of a model with shapes, of which
 # packed arms with a hundred contacts each take 4e4; and for each pair of degrees of freedom.
 _LEAST_MEMORY, _CONTACT_MEMORY, _PAIR_MEMORY = 2e7, 1e5, 4.0
-# MuJoCo lists all of a model anew for everything that is added to it; above this number of arms, they are added in
-# groups.
-_GROUP = 16
+# Number of arms above which they are added in groups, as MuJoCo lists all of a model anew for everything that is added
+# to it, and have collision bits.
+_MANY = 16
 # Triangles of one mesh; these take about ten seconds to build.
 _MOST_PLATES = 20_000
 # Boxes of one point cloud; these take about twenty seconds to build.
@@ -223,10 +222,12 @@ class _Builder:
         if not shapes:
             self.spec.option.disableflags |= _NOT_WITHOUT_SHAPES
         self.spec.compiler.balanceinertia = True
-        if loose_bodies(scene):
+        self._loose = loose_bodies(scene)
+        if self._loose:
             self._set_solver(solver)
         solref = [max(_CONTACT_TIME, _CONTACT_STEPS * timestep), 1.0]
-        self._surface = {"priority": 1, "solref": solref, "contype": _LOOSE_BITS, "conaffinity": _LOOSE_BITS}
+        self._surface = {"priority": 1, "solref": solref}
+        self._bits = collision_bits(scene) if shapes and len(scene.arms) > _MANY else {}
         self.joints: list[_PlacedJoint] = []
         self.servos: list[mujoco.MjsActuator] = []
         self.elements: dict[str, str] = {}
@@ -246,14 +247,14 @@ class _Builder:
                 body.add_freejoint(name=_body_name(name))
         self._add_servos()
         if shapes:
-            for a, b in _excluded_pairs(scene):
+            for a, b in _excluded_pairs(scene, self._bits):
                 self.spec.add_exclude(bodyname1=_body_name(a), bodyname2=_body_name(b))
             self._pair_with_planes()
 
     def _add_arms(self) -> None:
         """Add the arms with what they hold."""
         arms = list(self.scene.arms)
-        if len(arms) <= _GROUP:
+        if len(arms) <= _MANY:
             for arm in arms:
                 self._add_arm(self.spec.worldbody, arm)
             return
@@ -295,7 +296,7 @@ class _Builder:
         MuJoCo's broad phase pairs a plane with every body, which takes a quarter of the time for contacts of many arms.
         """
         for plane in self._planes:
-            plane.contype = plane.conaffinity = _PLANE_BITS
+            plane.contype = plane.conaffinity = PLANES
             checked = {name for name in self._moving if not self.scene.may_touch(name, self.elements[plane.name])}
             for name, (element, (slide, spin, roll), solref) in self._surfaces.items():
                 if element in checked:
@@ -361,6 +362,8 @@ class _Builder:
             self.servos.append(servo)
 
     def _add_geoms(self, body: mujoco.MjsBody, element: str, geometries: tuple[Geometry, ...], **surface: Any) -> None:
+        bits = (OTHERS | PLANES,) * 2 if element in self._loose else self._bits.get(element, (OTHERS, OTHERS))
+        surface |= {"contype": bits[0], "conaffinity": bits[1]}
         for index, geometry in enumerate(geometries if self.shapes else ()):
             for part, options in enumerate(self._geom_options(geometry.shape)):
                 name = f"{element}#{index}.{part}"
@@ -439,14 +442,20 @@ def _few_boxes(cloud: PointCloud) -> tuple[Array, Array]:
     return centers, halves
 
 
-def _excluded_pairs(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Pairs of bodies that may touch: an arm's own, and what the scene allows between arms and fixed things."""
+def _excluded_pairs(scene: Scene, coded: Container[str]) -> Iterator[tuple[str, str]]:
+    """Pairs of bodies that may touch: an arm's own, and what the scene allows between arms and fixed things.
+
+    Args:
+        scene: The scene.
+        coded: Elements of arms whose own pairs are left out by their collision bits.
+    """
     loose = loose_bodies(scene)
     owned: dict[str | None, list[str]] = {}
     for element in scene.element_names:
         owned.setdefault(scene.owner(element), []).append(element)
     for arm in scene.arms:
-        yield from ((a, b) for a, b in combinations(owned.get(arm, ()), 2) if scene.may_touch(a, b))
+        own = combinations((element for element in owned.get(arm, ()) if element not in coded), 2)
+        yield from ((a, b) for a, b in own if scene.may_touch(a, b))
     seen = set()
     for rule in scene.allowed:
         first, second = (owned.get(name, [name]) if name in scene.arms else [name] for name in (min(rule), max(rule)))
