@@ -58,7 +58,7 @@ def contacts(world: MujocoScene, count: int) -> list[list[tuple[str, str]]]:
 def test_bits_leave_out_what_exclusions_do(
     crowd: rp.Scene, monkeypatch: pytest.MonkeyPatch, own: int, colors: int, count: int
 ) -> None:
-    """Also where there are too few bits for some arms: a Panda takes two of its own, as does an RR1 with a rod."""
+    """A Panda takes two bits, as does an RR1 that holds a rod; arms without bits have excluded pairs."""
     monkeypatch.setattr(bits_module, "_OWN", own)
     monkeypatch.setattr(bits_module, "_COLORS", colors)
     assert len({crowd.owner(element) for element in collision_bits(crowd)}) == count
@@ -80,4 +80,4 @@ def test_arms_that_can_meet_have_different_colors_and_others_share_one(rr1: rp.R
     hands = [[collision_bits(scene)[f"r{i}/hand_link"] for i in range(3)] for scene in (far, near)]
     assert len(set(hands[0])) == 1
     assert len(set(hands[1])) == 3
-    assert all(affinity & OTHERS and not kind & OTHERS for kind, affinity in hands[0] + hands[1])
+    assert all(affinity & OTHERS and not contype & OTHERS for contype, affinity in hands[0] + hands[1])

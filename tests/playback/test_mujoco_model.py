@@ -21,7 +21,7 @@ EXCLUSIONS = re.compile("contype|conaffinity|exclude|^name")
 
 
 def arrays(model: mujoco.MjModel) -> dict[str, np.ndarray[Any, Any]]:
-    """The arrays of a model by name, apart from those that say which shapes are not checked."""
+    """The arrays of a model by name, without those in which collision bits and exclusions differ."""
     values = ((name, getattr(model, name)) for name in dir(model) if not EXCLUSIONS.search(name) and name[0] != "_")
     return {name: value.copy() for name, value in values if isinstance(value, np.ndarray)}
 

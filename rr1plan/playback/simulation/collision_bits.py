@@ -1,9 +1,10 @@
-"""Bits by which MuJoCo leaves out what an arm may touch of itself, in models of many arms.
+"""MuJoCo's collision bits (contype and conaffinity) for models of many arms.
 
-Two shapes are checked if the type bits of one meet the affinity bits of the other. MuJoCo also knows excluded pairs of
-bodies, but goes through all of them for each two bodies that are near each other, which takes most of a step of
-hundreds of arms. Arms that can meet have different colors: a bit of type, and affinity to all other colors. What an arm
-is checked for of itself is covered by products of sets, with a bit for each that all arms share.
+MuJoCo checks two geoms if the contype of one and the conaffinity of the other share a bit. It also knows excluded pairs
+of bodies, but goes through all of them for each two bodies that are near each other, which takes most of a step of
+hundreds of arms. Arms that can meet have different colors: a bit of contype, with the bits of all other colors in
+conaffinity. The pairs of links of one arm that are checked are covered by products of two sets of links, with a bit for
+each product, which all arms share.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ _FIRST, _OWN, _COLORS = 2, 8, 21
 
 
 def collision_bits(scene: Scene) -> dict[str, tuple[int, int]]:
-    """Type and affinity bits of what arms consist of and hold, by the name of the element.
+    """Contype and conaffinity of the links of arms and of what they hold, by the name of the element.
 
     Args:
         scene: The scene.
 
     Returns:
-        For those arms for which there are enough bits; shapes of others have to be excluded in pairs, and have
-        `OTHERS` for both.
+        For the arms for which there are enough bits. Others have `OTHERS` for both, and pairs of their links that are
+        not checked have to be excluded.
     """
     colors = _colored(arms_in_reach(scene, scene.arms, 0.0))
     owned: dict[str, list[str]] = {name: [] for name in scene.arms}
