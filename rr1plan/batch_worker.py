@@ -84,7 +84,7 @@ def _run(task: Task, settings: Settings) -> Any:
     try:
         if not settings.full:
             return plan(task.problem, planner=settings.planner, budget=settings.budget, rng=task.seed, progress=_go_on)
-        return plan_motion(
+        motion = plan_motion(
             task.problem,
             planner=settings.planner,
             retiming=settings.retiming,
@@ -92,5 +92,7 @@ def _run(task: Task, settings: Settings) -> Any:
             rng=task.seed,
             progress=_go_on,
         )
+        # Found here, in parallel, rather than by whoever reads the reports.
+        return motion.with_clearances()
     except Exception as error:
         return raised(error)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, TypedDict, TypeVar
 
@@ -66,6 +67,8 @@ class MotionPlan(NotebookView):
     changes: tuple[str, ...] = ()
     _scene: Scene | None = None
     many_arms: ManyArmsResult | None = None
+    # Makes the report with the smallest clearances, which `_report` lacks, from trajectory, scene and problem.
+    _judge: Callable[[Trajectory, Scene, Problem | None], Report] | None = None
 
     @property
     def scene(self) -> Scene:
@@ -106,8 +109,18 @@ class MotionPlan(NotebookView):
 
     @property
     def report(self) -> Report:
-        """The referee's verdict on the trajectory."""
-        return _present(self._report, self.result)
+        """The referee's report on the trajectory; its smallest clearances are found when it is read first."""
+        return _present(self._whole_report, self.result)
+
+    @cached_property
+    def _whole_report(self) -> Report | None:
+        if self._report is None or self._judge is None:
+            return self._report
+        return self._judge(self.trajectory, self.scene, self.problem)
+
+    def with_clearances(self) -> MotionPlan:
+        """The same plan with the smallest clearances in its report, which are else found when the report is read."""
+        return replace(self, _report=self._whole_report, _judge=None)
 
     def __repr__(self) -> str:
         if self._report is None:
@@ -119,7 +132,7 @@ class MotionPlan(NotebookView):
             return f"no plan ({self.result.planner}, {self.status.value}): {self.result.reason}"
         stages = "".join(f"{name} {1e3 * seconds:.1f} ms, " for name, seconds in self.seconds.items())
         lines = [f"{self.size()}; {stages}".rstrip("; ,"), *(f"  changed      {change}" for change in self.changes)]
-        return "\n".join([*lines, str(self._report)])
+        return "\n".join([*lines, str(self._whole_report)])
 
     def size(self) -> str:
         """Summary of path and trajectory: "57 waypoints, 2.31 rad long, 1.20 s in 112 quartic pieces"."""
@@ -236,7 +249,7 @@ class MotionPlan(NotebookView):
 
     def _content(self) -> _Content:
         return _Content(
-            path=self._path_if_any(), trajectory=self._trajectory, report=self._report, problem=self.problem
+            path=self._path_if_any(), trajectory=self._trajectory, report=self._whole_report, problem=self.problem
         )
 
     def _path_if_any(self) -> Path | None:

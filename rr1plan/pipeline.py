@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 
 from rr1plan.checks import Seed, as_generator, as_seed, finite_number, known_name, true_or_false
 from rr1plan.collision.checker_pool import checker_from_pool
@@ -99,8 +100,6 @@ def plan_motion(
             _cut_meshes(problem.scene, progress)
             margin = affordable_margin(problem, (problem.margin or TREES.margin) if margin is None else margin)
             roomy = problem.with_margin(margin)
-            with checker_from_pool(problem.scene, problem.arms, margin) as motions:
-                motions.warm_up()
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), chosen.name), seconds)
     with _timed(seconds, "plan"):
@@ -115,6 +114,7 @@ def plan_motion(
         return MotionPlan(problem, result, seconds, margin)
     path, trajectory, report = result.path, None, None
     jerk_limits = retiming.startswith("ruckig")
+    judge = partial(validate, torque_limits=torque_limits, jerk_limits=jerk_limits)
     with checker_from_pool(problem.scene, problem.arms, margin) as motions:
         try:
             if shorten and not chosen.keeps_shape:
@@ -127,15 +127,13 @@ def plan_motion(
                         path, problem.scene, method=method, checker=motions, torque_limits=torque_limits
                     )
                 with _timed(seconds, "validate", progress):
-                    report = validate(
-                        trajectory, problem.scene, problem, torque_limits=torque_limits, jerk_limits=jerk_limits
-                    )
+                    report = judge(trajectory, problem.scene, problem, clearance=False)
                 if report.valid:
                     break
         except CancelledError as error:
             result = replace(result, status=PlanStatus.CANCELLED, path=None, reason=str(error))
             return MotionPlan(problem, result, seconds, margin)
-    return MotionPlan(problem, result, seconds, margin, path, trajectory, report)
+    return MotionPlan(problem, result, seconds, margin, path, trajectory, report, _judge=judge)
 
 
 def default_planner(problem: Problem, retiming: str) -> str:
@@ -192,15 +190,15 @@ def _plan_many_arms(
             )
             return MotionPlan(problem, result, seconds, many_arms=found)
         with _timed(seconds, "validate", progress):
-            jerk_limits = retiming == "ruckig"
-            report = validate(
-                *(found.trajectory, problem.scene, problem), torque_limits=torque_limits, jerk_limits=jerk_limits
-            )
+            judge = partial(validate, torque_limits=torque_limits, jerk_limits=retiming == "ruckig")
+            report = judge(found.trajectory, problem.scene, problem, clearance=False)
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), planner), seconds)
     reason = "each arm has its own path, see `many_arms.paths`"
     result = PlanResult(found.status, None, reason, planner, seconds=found.seconds, iterations=found.improvements)
-    return MotionPlan(problem, result, seconds, _trajectory=found.trajectory, _report=report, many_arms=found)
+    return MotionPlan(
+        problem, result, seconds, _trajectory=found.trajectory, _report=report, many_arms=found, _judge=judge
+    )
 
 
 def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:
@@ -248,6 +246,7 @@ def affordable_margin(problem: Problem, margin: float) -> float:
         raise InputError(f"margin is {margin}, expected a distance >= 0")
     # The checker that will plan with the margin computes the clearance beyond it.
     with checker_from_pool(problem.scene, problem.arms, margin) as checker:
+        checker.warm_up()
         rest = checker.moving_clearance(problem.start, margin)
         goals = joint_goals(problem)
         if goals is not None:

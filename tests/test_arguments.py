@@ -905,6 +905,7 @@ _NOT_CALLED = {
         "Schedule.instants",
         "Schedule.leg_duration",
         "CollisionChecker.memory_image",
+        "CollisionChecker.change_to",
         "CollisionChecker.run_edge_kernel",
         "CollisionChecker.run_exact_kernel",
         "CoordinationDiagram",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 import time
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan import pipeline
 from rr1plan.collision import checker as checkers
 from rr1plan.pipeline import affordable_margin
 
@@ -29,6 +31,44 @@ def test_a_motion_is_certified_and_every_stage_has_its_time(problem: rp.Problem)
     assert [name for name in found.seconds if name != "imports"] == ["set up", "plan", "shorten", "retime", "validate"]
     assert all(seconds > 0.0 for seconds in found.seconds.values())
     np.testing.assert_array_equal(found.trajectory(0.0), problem.start)
+
+
+def test_smallest_clearances_are_found_when_the_report_is_read(
+    problem: rp.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    judge = pipeline.validate
+
+    def validate(*args: object, clearance: bool = True, **options: bool) -> rp.Report:
+        asked.append(clearance)
+        return judge(*args, clearance=clearance, **options)
+
+    monkeypatch.setattr(pipeline, "validate", validate)
+    found = rp.plan_motion(problem, rng=0)
+    assert found.valid
+    assert found
+    assert "certified" in repr(found)
+    assert asked == [False]
+    expected = rp.validate(found.trajectory, problem.scene, problem)
+    assert {"clearance", "clearance_proven", "self_clearance", "clearance_start"} <= set(found.report.margins)
+    assert found.report.margins == expected.margins
+    assert found.report.checked == expected.checked
+    assert found.report.not_checked == expected.not_checked
+    assert str(found.report) in str(found)
+    assert asked == [False, True]
+    whole = rp.plan_motion(problem, rng=0).with_clearances()
+    assert asked == [False, True, False, True]
+    assert whole.report.margins == expected.margins
+    assert asked == [False, True, False, True]
+
+
+def test_a_motion_that_was_pickled_finds_the_same_clearances(problem: rp.Problem) -> None:
+    found = rp.plan_motion(problem, rng=0)
+    copied = pickle.loads(pickle.dumps(found))
+    assert copied.valid
+    assert copied.report.margins == found.report.margins
+    assert pickle.loads(pickle.dumps(found)).report.margins == found.report.margins
+    assert len(pickle.dumps(rp.plan_motion(problem, rng=0))) < len(pickle.dumps(found))
 
 
 def test_a_scene_is_set_up_once(problem: rp.Problem, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -81,8 +81,8 @@ _INTERNAL = {
     *(
         f"CollisionChecker.{name}"
         for name in (
-            *("exact_kernel", "fixed", "geometry", "memory_image", "model", "run_edge_kernel", "run_exact_kernel"),
-            *("solids", "tables"),
+            *("change_to", "exact_kernel", "fixed", "geometry", "memory_image", "model", "run_edge_kernel"),
+            *("run_exact_kernel", "solids", "tables"),
         )
     ),
     *("Scene.contact_rules", "Scene.kept", "Scene.kept_for_any_padding", "GroupResult"),

@@ -17,6 +17,7 @@ from rr1plan.checks import Array, read_only
 from rr1plan.collision.convex.convex_bodies import is_surfaceless, solid_pieces
 from rr1plan.errors import InputError
 from rr1plan.model.arm_model import ArmModel, Body, ElementGeometry, arm_model_of, hang
+from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Attachment, Scene
 from rr1plan.shapes import Shape
 
@@ -49,6 +50,7 @@ class ArmGeometry:
     """The solids of an arm's links and held objects.
 
     Args:
+        robot: The robot, or one with equal content.
         arm_model: The arm alone, its base at the origin.
         solids: Its solids, those of links first; their elements are names of links and of held objects.
         link_solids: How many of them are of links.
@@ -59,6 +61,7 @@ class ArmGeometry:
         kept: Tables that were made of it.
     """
 
+    robot: Robot
     arm_model: ArmModel
     solids: tuple[Solid, ...]
     link_solids: int
@@ -118,7 +121,8 @@ def _arm_geometry(content: _Content) -> ArmGeometry:
     # Two chains run together from the root until they part.
     shared = np.array([[len(a & b) for b in sets] for a in sets], dtype=np.int64)
     kinds = tuple(is_surfaceless(solid.shape) for solid in solids)
-    return ArmGeometry(arm_model, solids, len(links), tuple(number), read_only(groups), read_only(shared), kinds)
+    chains, groups = tuple(number), read_only(groups)
+    return ArmGeometry(content.arm.robot, arm_model, solids, len(links), chains, groups, read_only(shared), kinds)
 
 
 def _held(arm_model: ArmModel, name: str, thing: Attachment) -> tuple[ElementGeometry, ...]:
@@ -189,26 +193,16 @@ class ArmInstances:
         )
 
 
-def arm_instances(geometries: Sequence[ArmGeometry], bases: Sequence[Array]) -> ArmInstances:
+@lru_cache(maxsize=64)
+def arm_instances(geometries: tuple[ArmGeometry, ...], bases: tuple[bytes, ...]) -> ArmInstances:
     """Geometries placed in the world; equal ones at equal places are made once.
 
     Args:
         geometries: The geometry of each arm.
-        bases: T_world_base of each, (4, 4).
+        bases: T_world_base of each as bytes, (4, 4).
     """
-    return _arm_instances(_InstanceContent(tuple(geometries), tuple(base.tobytes() for base in bases)))
-
-
-@dataclass(frozen=True)
-class _InstanceContent:
-    geometries: tuple[ArmGeometry, ...]
-    bases: tuple[bytes, ...]
-
-
-@lru_cache(maxsize=64)
-def _arm_instances(content: _InstanceContent) -> ArmInstances:
-    bases = np.frombuffer(b"".join(content.bases)).reshape(-1, 4, 4)  # read-only, as bytes are
-    return replace(_at_origin(content.geometries), bases=bases, kept={})
+    placed = np.frombuffer(b"".join(bases)).reshape(-1, 4, 4)  # read-only, as bytes are
+    return replace(_at_origin(geometries), bases=placed, kept={})
 
 
 @lru_cache(maxsize=64)

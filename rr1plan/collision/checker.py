@@ -28,7 +28,7 @@ from rr1plan.checks import (
     read_only,
 )
 from rr1plan.collision.coal_checker import CoalChecker, checked_margin, is_plain
-from rr1plan.collision.collision_geometry import collision_geometry, geometry_distance
+from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry, geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
 from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
 from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs
@@ -147,12 +147,40 @@ class CollisionChecker(CoalChecker):
         if len(self._scene.obstacles) > FEW_OBSTACLES:
             self._begin_anew(self.scene.with_obstacle_at(name, T))
             return
-        kernel, tables = self._kernel, self.tables
-        kernel.move_object(self.object_numbers[name], T)
-        self.fixed.place_bodies(tables.body_values, tables.poses, tables.centers)
+        self._kernel.move_object(self.object_numbers[name], T)
         self._moved[name] = T
-        self._without.clear()
+        self._geometry = None
         self._forget_places()
+
+    @exclusive
+    def change_to(self, geometry: CollisionGeometry, scene: Scene) -> bool:
+        """Switch to another scene in place: rewrite only the rows of solids that do not move.
+
+        Args:
+            geometry: The geometry of that scene.
+            scene: The scene.
+
+        Returns:
+            Whether that was possible: the pairs of solids and the padding are the same, and the obstacles of the same
+            kinds. Otherwise nothing has changed.
+        """
+        mine = self._scene
+        same_padding = (scene.padding, scene.pair_padding) == (mine.padding, mine.pair_padding)
+        same_tables = geometry.pairs is self.pair_tables and geometry.distance == self.distance and self.is_warm
+        if not (same_tables and same_padding and self.fixed.fit(geometry.obstacles)):
+            return False
+        self.fixed.replace(geometry.obstacles, self._kernel.context)
+        self._scene, self._geometry = scene, geometry
+        self._moved.clear()
+        self._forget_places()
+        return True
+
+    def _forget_places(self) -> None:
+        """Bring what the kernel does not read up to date with what stands elsewhere now."""
+        super()._forget_places()
+        tables = self.tables
+        self.fixed.place_bodies(tables.body_values, tables.poses, tables.centers)
+        self._without.clear()
 
     def complete(self) -> CollisionChecker:
         """A checker of the same scene and arms that leaves nothing out, so that pages can move all obstacles."""
@@ -180,6 +208,11 @@ class CollisionChecker(CoalChecker):
     def warm_up(self) -> None:
         """Build the collision tables, which the first query needs."""
         _ = self._kernel, self.static_is_free
+
+    @property
+    def is_warm(self) -> bool:
+        """Whether the collision tables have been built."""
+        return "_kernel" in self.__dict__
 
     def run_edge_kernel(self, kernel: Callable[..., int], *given: Any) -> int:
         """Call a compiled planner; its last arguments are the addresses of tables and scratch memory.

@@ -1,15 +1,24 @@
-"""Collision checkers that are kept with their scene, so that many queries in one scene pay for one."""
+"""Collision checkers that are kept with their scene, so that many queries in one scene pay for one.
+
+A scene that has none gets one of a scene with the same arms and the same kinds of obstacles elsewhere, if there are
+some: of those released last, the one that nobody has used for longest.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from threading import Lock
 
 from rr1plan.collision.checker import CollisionChecker
-from rr1plan.collision.collision_geometry import geometry_distance
+from rr1plan.collision.collision_geometry import collision_geometry, geometry_distance
 from rr1plan.scene import Scene
 
-_POOL = "collision checkers"
+# The checkers released last and the lists in which they wait; their scenes may be gone. Of those with the same pairs so
+# many are left alone, for callers who go back and forth between as many scenes.
+_last_released: dict[CollisionChecker, list[CollisionChecker]] = {}
+_lock = Lock()
+_MOST, _LEFT_ALONE = 8, 3
 
 
 @contextmanager
@@ -49,16 +58,44 @@ def acquire_checker(scene: Scene, arms: tuple[str, ...], margin: float) -> Colli
     Raises:
         InputError: a scene that cannot be checked.
     """
-    # Appending to a list and popping from it are atomic.
+    # Appending to a list and taking from it are atomic.
     try:
-        idle: list[CollisionChecker] = scene.kept[_POOL, arms, geometry_distance(scene, margin)]
-        checker = idle.pop()
-    except (KeyError, IndexError):
-        return CollisionChecker(scene, arms, margin=margin)
+        checker = _idle(scene, arms, geometry_distance(scene, margin)).pop()
+    except IndexError:
+        checker = _of_another_scene(scene, arms, margin) or CollisionChecker(scene, arms, margin=margin)
     checker.keep_margin(margin)
     return checker
 
 
 def release_checker(checker: CollisionChecker) -> None:
     """Put a checker back into the pool of its scene."""
-    checker.scene.kept.setdefault((_POOL, checker.arms, checker.distance), []).append(checker)
+    idle = _idle(checker.scene, checker.arms, checker.distance)
+    idle.append(checker)
+    if checker.is_warm:
+        with _lock:
+            _last_released.pop(checker, None)
+            _last_released[checker] = idle
+            if len(_last_released) > _MOST:
+                del _last_released[next(iter(_last_released))]
+
+
+def _idle(scene: Scene, arms: tuple[str, ...], distance: float) -> list[CollisionChecker]:
+    """The idle checkers of a scene."""
+    idle: list[CollisionChecker] = scene.kept.setdefault(("collision checkers", arms, distance), [])
+    return idle
+
+
+def _of_another_scene(scene: Scene, arms: tuple[str, ...], margin: float) -> CollisionChecker | None:
+    """An idle checker of another scene, changed to this one, which is faster than making one; None if there is none."""
+    geometry = collision_geometry(scene, arms, geometry_distance(scene, margin))
+    with _lock:
+        alike = [(one, idle) for one, idle in _last_released.items() if one.pair_tables is geometry.pairs]
+    for checker, idle in alike[:-_LEFT_ALONE]:
+        try:
+            idle.remove(checker)
+        except ValueError:  # in use
+            continue
+        if checker.change_to(geometry, scene):
+            return checker
+        idle.append(checker)
+    return None

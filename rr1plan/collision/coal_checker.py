@@ -101,7 +101,6 @@ class CoalChecker:
 
     def _forget_places(self) -> None:
         """Drop cached values that depend on obstacle poses, except the kernels' tables."""
-        self._geometry = None
         for name in ("omitted_clearance", "_whole", "_moving", "_standing", "_static", "static_is_free"):
             self.__dict__.pop(name, None)
 

@@ -11,7 +11,7 @@ things are.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
@@ -22,15 +22,14 @@ from numpy.typing import NDArray
 from rr1plan.checks import read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances, Solid, arm_geometry, arm_instances
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_geometry, stationary_arm_geometry
-from rr1plan.collision.reach_broad_phase import Near, find_near
+from rr1plan.collision.reach_broad_phase import find_near
 from rr1plan.errors import InputError
-from rr1plan.kernels.planner_kernels import SOURCES, constants, load_library
+from rr1plan.kernels.planner_kernels import constants, load_library
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Attachment, Scene
 from rr1plan.scene.contact_rules import ContactRules, RuleContent, rules_of
 
 _INTS = NDArray[np.int64]
-_SIZE_NUMBERS = SOURCES.item_sizes["ShapeSize"] // 8
 
 
 class CollisionGeometry:
@@ -61,7 +60,6 @@ class CollisionGeometry:
         self._arms = arms
         self.distance = distance
         self.least_gap = near.least_gap
-        self.instances = arm_instances([geometries[a] for a in arms], [scene.arms[a].base for a in arms])
         if len(near.obstacles) < len(scene.obstacles):
             obstacles = obstacle_geometry({name: scene.obstacles[name] for name in near.obstacles})
         if near.arms:
@@ -69,11 +67,20 @@ class CollisionGeometry:
             standing = [stationary_arm_geometry(name, geometry, arm.base, arm.q) for name, geometry, arm in still]
             obstacles = ObstacleGeometry.joined([*standing, obstacles])
         self.obstacles = obstacles
-        self.rules = _rules(scene, near, arms)
         # Half-spaces, point clouds and concave meshes are the last kinds.
-        surfaceless = np.frombuffer(obstacles.sizes, np.int64)[::_SIZE_NUMBERS] >= constants()["BODY_HALF_SPACE"]
-        content = _PairContent(self.instances, arms, self.rules, tuple(obstacles.elements), surfaceless.tobytes())
-        self.pairs = _solid_pairs(content)
+        surfaceless = obstacles.kinds >= constants()["BODY_HALF_SPACE"]
+        names = {*arms, *near.arms}
+        self.instances, self.rules, self.pairs = _layout(
+            arms,
+            tuple([scene.arms[name].base.tobytes() for name in arms]),
+            tuple([(name, geometry) for name, geometry in geometries.items() if name in names]),
+            tuple([(name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in scene.attachments.items()]),
+            near.obstacles,
+            scene.allowed,
+            near.near_pairs,
+            tuple(obstacles.elements),
+            surfaceless.tobytes(),
+        )
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
@@ -100,25 +107,55 @@ def held_by_arm(scene: Scene) -> dict[str, dict[str, Attachment]]:
     return held
 
 
-def _rules(scene: Scene, near: Near, moving: Sequence[str]) -> ContactRules:
-    """The rules about the moving arms and what is near them; others need no check."""
-    if near.near_pairs is None:
-        return scene.contact_rules
-    robots = {name: arm.robot for name, arm in scene.arms.items() if name in {*moving, *near.arms}}
-    held = [(name, thing) for name, thing in scene.attachments.items() if thing.arm in robots]
-    links = [f"{a}/{link}" for a, robot in robots.items() for link in robot.solid_links]
-    names = {*robots, *links, *near.obstacles, *(name for name, _ in held)}
-    # Links of one arm are no near pair unless it moves.
-    disabled = {name: robot.disabled_collisions if name in moving else frozenset() for name, robot in robots.items()}
-    return rules_of(
+_Names = frozenset[str]
+_Held = tuple[str, str, str, _Names]
+
+
+@lru_cache(maxsize=128)
+def _layout(
+    arms: tuple[str, ...],
+    bases: tuple[bytes, ...],
+    geometries: tuple[tuple[str, ArmGeometry], ...],
+    held: tuple[_Held, ...],
+    obstacles: tuple[str, ...],
+    allowed: frozenset[_Names],
+    near_pairs: frozenset[_Names] | None,
+    elements: tuple[str, ...],
+    surfaceless: bytes,
+) -> tuple[ArmInstances, ContactRules, SolidPairs]:
+    """The moving arms, which elements must not touch, and which solids: the same wherever obstacles are.
+
+    Args:
+        arms: The arms that move.
+        bases: T_world_base of each of them, as bytes.
+        geometries: Those of these arms and of those that stand near them.
+        held: Name, arm, link and allowed links of each attached object of the scene.
+        obstacles: The obstacles near them.
+        allowed: Pairs of elements or arms that may touch.
+        near_pairs: See `Near`.
+        elements: The element of each solid that does not move.
+        surfaceless: Which of these solids are half-spaces, point clouds or concave meshes, as bytes of bool.
+    """
+    of_arm = dict(geometries)
+    held = tuple(thing for thing in held if thing[1] in of_arm)
+    links = [f"{name}/{link}" for name, geometry in geometries for link in geometry.robot.solid_links]
+    names = {*of_arm, *links, *obstacles, *(name for name, *_ in held)}
+    robots = [(name, geometry.robot) for name, geometry in geometries]
+    rules = rules_of(
         RuleContent(
-            tuple((name, robot.base, robot.solid_links, disabled[name]) for name, robot in robots.items()),
-            near.obstacles,
-            tuple((name, thing.arm, thing.link, frozenset(thing.touch)) for name, thing in held),
-            frozenset(both for both in scene.allowed if both <= names),
-            near.near_pairs,
+            # Links of one arm are no near pair unless it moves.
+            tuple(
+                (name, robot.base, robot.solid_links, robot.disabled_collisions if name in arms else frozenset())
+                for name, robot in robots
+            ),
+            obstacles,
+            held,
+            frozenset(both for both in allowed if both <= names),
+            near_pairs,
         )
     )
+    instances = arm_instances(tuple(of_arm[name] for name in arms), bases)
+    return instances, rules, _solid_pairs(instances, arms, rules, elements, surfaceless)
 
 
 # ---- pairs -----------------------------------------------------------------------------------------
@@ -150,49 +187,33 @@ class SolidPairs:
     kept: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class _PairContent:
-    """The inputs of the list of pairs, to compare.
-
-    Args:
-        instances: The moving arms.
-        arms: Their names.
-        rules: Which elements must not touch.
-        elements: The element of each solid that does not move.
-        surfaceless: Which of these solids are half-spaces, point clouds or concave meshes, as bytes of bool.
-    """
-
-    instances: ArmInstances
-    arms: tuple[str, ...]
-    rules: ContactRules
-    elements: tuple[str, ...]
-    surfaceless: bytes
-
-
 @lru_cache(maxsize=128)
-def _solid_pairs(content: _PairContent) -> SolidPairs:
-    instances, checked = content.instances, content.rules.checked
-    number = {name: i for i, name in enumerate(content.rules.names)}
-    moving = [name for g, arm in zip(instances.geometries, content.arms, strict=True) for name in g.elements(arm)]
-    elements, element_count = np.array([number[name] for name in (*moving, *content.elements)], np.int64), len(number)
-    chains = np.zeros(len(elements), np.int64)
+def _solid_pairs(
+    instances: ArmInstances, arms: tuple[str, ...], rules: ContactRules, elements: tuple[str, ...], surfaceless: bytes
+) -> SolidPairs:
+    """The pairs of solids; see `_layout`."""
+    checked = rules.checked
+    number = {name: i for i, name in enumerate(rules.names)}
+    moving = [name for g, arm in zip(instances.geometries, arms, strict=True) for name in g.elements(arm)]
+    element_of, element_count = np.array([number[name] for name in (*moving, *elements)], np.int64), len(number)
+    chains = np.zeros(len(element_of), np.int64)
     chains[: len(instances.groups)] = instances.groups
-    surfaceless = np.array([*instances.surfaceless, *np.frombuffer(content.surfaceless, np.bool_)], np.bool_)
-    sizes = np.bincount(elements, minlength=element_count)
+    kinds = np.array([*instances.surfaceless, *np.frombuffer(surfaceless, np.bool_)], np.bool_)
+    sizes = np.bincount(element_of, minlength=element_count)
     count = int(sizes[checked[:, 0]] @ sizes[checked[:, 1]])
-    order, first = np.empty(len(elements), np.int64), np.empty(element_count + 1, np.int64)
+    order, first = np.empty(len(element_of), np.int64), np.empty(element_count + 1, np.int64)
     index, owner = np.empty((count, 2), np.int64), np.empty(count, np.int64)
     rows = np.empty((count, 3), np.int64)
     count_moving = load_library().rr1_list_solid_pairs(
-        checked, len(checked), elements, len(elements), element_count, chains, instances.shared, len(instances.shared),
-        surfaceless.view(np.uint8), order, first, index, owner, rows,
+        checked, len(checked), element_of, len(element_of), element_count, chains, instances.shared,
+        len(instances.shared), kinds.view(np.uint8), order, first, index, owner, rows,
     )  # fmt: skip
-    for array in (index, owner, rows, surfaceless):
+    for array in (index, owner, rows, kinds):
         read_only(array)
-    unmeasurable = bool(surfaceless[index[:count_moving]].all(axis=1).any())
+    unmeasurable = bool(kinds[index[:count_moving]].all(axis=1).any())
     halves = ((array[:count_moving], array[count_moving:]) for array in (index, owner, rows))
     (pairs, static), (owners, static_owners), (moving_rows, static_rows) = halves
-    return SolidPairs(pairs, owners, moving_rows, static, static_owners, static_rows, surfaceless, unmeasurable)
+    return SolidPairs(pairs, owners, moving_rows, static, static_owners, static_rows, kinds, unmeasurable)
 
 
 # What lies nearer than this beyond the greatest padding is part of a geometry [m], in steps, so that scenes that differ

@@ -7,17 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, Solid, pieces_of
 from rr1plan.collision.convex.convex_bodies import is_surfaceless, obstacle_pieces
 from rr1plan.collision.tables.arm_tables import arm_tables
 from rr1plan.collision.tables.body_tables import shape_size
+from rr1plan.kernels.planner_kernels import SOURCES
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Obstacle
 from rr1plan.shapes import Mesh, PointCloud, Shape
 from rr1plan.transforms import identity
 
+_SIZE_NUMBERS = SOURCES.item_sizes["ShapeSize"] // 8
 # Shapes that are checked as others; see `obstacle_pieces`.
 _MADE_SOLID = (Mesh, PointCloud)
 
@@ -64,6 +67,11 @@ class ObstacleGeometry:
         """The only object elsewhere, with the same elements by default: T_world_object, shape (4, 4)."""
         elements = self.elements if elements is None else elements
         return ObstacleGeometry(elements, self.shapes, self.sizes, self.frames, self.counts, pose.tobytes())
+
+    @property
+    def kinds(self) -> NDArray[np.int64]:
+        """The kind of each solid (`exact_tables.h`), shape (n,)."""
+        return np.frombuffer(self.sizes, np.int64)[::_SIZE_NUMBERS]
 
     @property
     def surfaceless(self) -> list[bool]:

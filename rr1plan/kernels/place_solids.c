@@ -276,3 +276,20 @@ EXPORT void rr1_move_objects(SceneTables *scene, Scratch *scratch, int64_t first
     }
     scene->margin = scene->bare_margin + obstacle_rounding(obstacles->shapes, obstacles->count);
 }
+
+// Put the solids of another scene in place of all behind the first `link_count`, which are those of `link_objects`. They
+// have to be as many, of the same kinds, and meshes and point clouds the same. Tables and scratch memory are then those
+// of that scene.
+//
+// sizes, frames: of each solid; poses: of each object.
+EXPORT void rr1_replace_solids(
+    SceneTables *scene, Scratch *scratch, int64_t link_count, int64_t link_objects, const ShapeSize *sizes,
+    const Transform *frames, const double *poses
+) {
+    const FixedSolids *fixed = scene->fixed;
+    for (int64_t i = link_count; i < fixed->count; i++, sizes++, frames++) {
+        if (fixed->solids[i].core == CORE_CLOSED_FORM) describe(sizes, &fixed->solids[i], (SolidShape *)&fixed->shapes[i]);
+        ((Transform *)fixed->frames)[i] = *frames;
+    }
+    rr1_move_objects(scene, scratch, link_objects, fixed->object_count - link_objects, poses);
+}

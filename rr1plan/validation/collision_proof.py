@@ -45,9 +45,10 @@ class CollisionProof:
 
     Args:
         contacts: Pairs that are not free, in the order of the scene's elements.
-        nearest: Smallest clearance with the surroundings, and of one arm's own; None where there is no pair.
-        proven: Lower bounds of them [m], where nothing is undecided.
-        ends: Smallest clearance with the surroundings at the first and at the last instant.
+        nearest: Smallest clearance with the surroundings, and of one arm's own; None where there is no pair, or where
+            clearances were not looked for.
+        proven: Lower bounds of them [m], where nothing is undecided; none if they were not looked for.
+        ends: Smallest clearance with the surroundings at the first and at the last instant; the same.
         cancelled: The search was cut off; what is left of it is not decided.
         statistics: Counts of the work done.
     """
@@ -74,6 +75,8 @@ def prove(
     search = Search(scene, motion, options)
     search.run(progress)
     contacts = _contacts(scene, search)
+    if not options.clearance:
+        return CollisionProof(contacts, [None] * GROUPS, [], [], search.cancelled, search.statistics)
     nearest = [_nearest(scene, search.nearest(group)) for group in range(GROUPS)]
     for contact in contacts:
         known = nearest[contact.own]

@@ -20,7 +20,7 @@ def forget():
     """A new process has none of what this one keeps."""
     clearance_maps._gaps.cache_clear()
     arm_geometry._arm_geometry.cache_clear()
-    arm_geometry._arm_instances.cache_clear()
+    arm_geometry.arm_instances.cache_clear()
 
 
 @pytest.fixture

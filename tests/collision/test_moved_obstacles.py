@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from concave_meshes import terrain, torus
 
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.collision.collision_geometry import collision_geometry
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.kernels.wasm_core import memory_image
 from rr1plan.robot import Geometry
@@ -189,3 +191,72 @@ def test_a_complete_checker_leaves_nothing_out_however_many_there_are(rr1):
     answers = [complete.edge_is_free(a, b) for a, b in zip(starts, ends, strict=True)]
     assert answers == [checker.edge_is_free(a, b) for a, b in zip(starts, ends, strict=True)]
     assert 0 < sum(answers) < 40
+
+
+def refurnished(scene, rng):
+    """The same obstacles elsewhere, those of closed form of other sizes."""
+    size = rng.uniform(0.05, 0.2, 4)
+    other = {"box": Box((size[0], 0.2, 0.1)), "ball": Sphere(size[1]), "stick": Capsule(0.02, 2 * size[2])}
+    other |= {"can": Cylinder(size[3], 0.2), "ground": HalfSpace((0.0, size[0], 1.0), -0.4)}
+    for name, obstacle in list(scene.obstacles.items()):
+        at = pose([0.0, 0.0, -0.2]) if name == "ground" else anywhere(rng)
+        shape = other.get(name, obstacle.geometries if name == "chair" else obstacle.geometries[0].shape)
+        scene = scene.without_obstacle(name).with_obstacle(name, shape, at)
+    return scene
+
+
+def test_a_checker_that_changes_to_another_scene_answers_like_a_new_one(six, odd):
+    rng = np.random.default_rng(11)
+    scene = furnished(Scene().with_arm("a", six).with_arm("b", odd, [0.9, 0.2, 0.0]).with_padding(0.004), rng)
+    checker, free = CollisionChecker(scene, margin=0.002), 0
+    checker.warm_up()
+    for k in range(6):
+        other = refurnished(scene, rng)
+        if k == 3:
+            checker.move_obstacle("hull", anywhere(rng))
+        assert checker.change_to(collision_geometry(other, checker.arms, checker.distance), other)
+        assert checker.scene is other
+        free += same_answers(checker, rng, 8)
+    checker.move_obstacle("box", [3.0, 0.0, 0.0])
+    same_answers(checker, rng, 5)
+    assert free > 3
+
+
+@pytest.mark.parametrize("change", ["kind", "corners", "padding", "name"])
+def test_a_checker_does_not_change_to_a_scene_with_other_tables(six, change):
+    rng = np.random.default_rng(12)
+    scene = furnished(Scene().with_arm("a", six), rng)
+    checker = CollisionChecker(scene)
+    checker.warm_up()
+    larger = Mesh(1.5 * HULL.vertices, HULL.faces, convex=True)
+    others = {
+        "kind": scene.without_obstacle("box").with_obstacle("box", Cylinder(0.1, 0.2)),
+        "corners": scene.without_obstacle("hull").with_obstacle("hull", larger),
+        "padding": scene.with_padding(0.001),
+        "name": scene.without_obstacle("box").with_obstacle("crate", Box((0.1, 0.2, 0.3))),
+    }
+    other = others[change]
+    assert not checker.change_to(collision_geometry(other, checker.arms, checker.distance), other)
+    assert checker.scene is scene
+    same_answers(checker, rng, 2)
+
+
+def test_scenes_that_change_share_few_checkers_and_no_scene_in_use_loses_its_own(six):
+    rng = np.random.default_rng(13)
+    scene = Scene().with_arm("a", six).with_obstacle("post", Box((0.1, 0.1, 2.0)), [3.0, 0.0, 0.0])
+    checkers, held = set(), []
+    for _ in range(20):
+        other = scene.with_obstacle_at("post", anywhere(rng))
+        with checker_from_pool(other, margin=0.001) as checker:
+            checker.warm_up()
+            checkers.add(checker)
+            assert checker.scene is other
+            same_answers(checker, rng, 2)
+            with checker_from_pool(other) as second:
+                assert second is not checker
+        held.append(other)
+    assert len(checkers) < 12
+    with ExitStack() as stack:
+        taken = [stack.enter_context(checker_from_pool(place)) for place in held]
+        assert len(set(taken)) == len(held)
+        assert [checker.scene for checker in taken] == held

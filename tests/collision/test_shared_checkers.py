@@ -18,6 +18,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker, TimedChecker
+from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.kernels.random_state import random_state
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planners.tree_search import Trees
@@ -197,12 +198,31 @@ def test_forward_kinematics_and_dynamics() -> None:
         assert answers == expected
 
 
+def test_threads_that_take_over_checkers_of_scenes_with_equal_tables() -> None:
+    scenes = [furnished().with_obstacle_at("box", [-0.3 + 0.06 * k, 0.3, 0.3]) for k in range(10)]
+    points = configurations(CollisionChecker(scenes[0]), 12)
+
+    def answers(checker: CollisionChecker) -> Any:
+        return [(checker.is_free(q), checker.edge_is_free(q, to)) for q, to in pairwise(points)]
+
+    def ask(scene: rp.Scene, _: None) -> Any:
+        with checker_from_pool(scene) as checker:
+            assert checker.scene is scene
+            return answers(checker)
+
+    expected = [plain(answers(CollisionChecker(scene))) for scene in scenes]
+    assert len(set(expected)) > 1
+    for found in ask_on_threads(None, [partial(ask, scene) for scene in scenes], 4):
+        assert found == expected
+
+
 # ---- every method --------------------------------------------------------------------------------
 
 _Q = np.zeros(12)
 _CURVE = np.zeros((2, 12))
 # Public methods and properties that use memory which others write.
 LOCKED: dict[str, Question] = {
+    "change_to": lambda c: c.change_to(c.geometry, c.scene),
     "clearance": lambda c: c.clearance(_Q),
     "contacts": lambda c: c.contacts(_Q),
     "distances": lambda c: c.distances(_Q),
@@ -233,7 +253,17 @@ COMPUTED_ONCE = {
     *("exact_kernel", "fixed", "joint_names", "limits", "model", "object_numbers", "omitted_clearance", "pairs"),
     *("static_is_free", "tables", "warm_up"),
 }
-CONSTANT = {"checked", "complete", "done", "geometry", "limit_violations", "scene", "solids", "within_limits"}
+CONSTANT = {
+    "checked",
+    "complete",
+    "done",
+    "geometry",
+    "is_warm",
+    "limit_violations",
+    "scene",
+    "solids",
+    "within_limits",
+}
 
 
 def test_the_lists_of_methods_are_complete() -> None:

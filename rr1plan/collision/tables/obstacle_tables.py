@@ -42,7 +42,7 @@ class FixedSolids:
     def __init__(self, things: ObstacleGeometry, first_body: int = 0, links: FixedSolids | None = None) -> None:
         self._links: int = 0 if links is None else links.count
         self.count: int = self._links + len(things.shapes)
-        self._exact_kinds = np.frombuffer(things.sizes, np.int64)[::5]
+        self._exact_kinds = things.kinds
         self.struct: CStruct
         given = things.sizes, things.frames, things.counts, things.poses
         self.struct, special = describe_solids(*given, first_body, None if links is None else links.struct)
@@ -56,6 +56,23 @@ class FixedSolids:
     def solids(self) -> _INTS:
         """A `FixedSolid` of each, shape (n, 8)."""
         return np.asarray(self.struct.part("solids").view(np.int64))
+
+    def fit(self, things: ObstacleGeometry) -> bool:
+        """Whether other objects can take their place: solids of the same kinds, and where these have tables, shapes."""
+        return np.array_equal(things.kinds, self._exact_kinds) and all(
+            things.shapes[i - self._links] == shape for i, shape in self._special
+        )
+
+    def replace(self, things: ObstacleGeometry, tables: tuple[int, int]) -> None:
+        """Put other objects in their place, which `fit`.
+
+        Args:
+            things: The objects.
+            tables: Addresses of the `SceneTables` and the `Scratch` in which these solids are.
+        """
+        objects = self.struct.value.object_count - len(things.counts)
+        replace = load_library().rr1_replace_solids
+        replace(*tables, self._links, objects, things.sizes, things.frames, things.poses)
 
     def _describe_special(self, shapes: Sequence[Shape]) -> None:
         """Describe meshes and point clouds: write their rows of `SolidShape`, their kinds of cores, and the cores."""
