@@ -176,6 +176,9 @@ class PrioritizedPlanner:
             if self._couple(effort) or self._move_in_turn(effort):
                 return True
             effort += 1
+        if not self._watch.goes_on():
+            self.reason = self._blocked_by([agent for agent in self.agents if agent not in self.schedules])
+            return False
         self._prepare_diagrams()
         waiting = self._time_first_paths()
         if not waiting:
@@ -250,13 +253,15 @@ class PrioritizedPlanner:
 
     def _move_in_turn(self, effort: int) -> bool:
         """Move one arm at a time by way of retreats, as one agent; whether that was possible."""
+        if not self._watch.goes_on():
+            return False
         began = time.perf_counter()
         pool, single = self._pool_of(self.arms), {arm: self._agent_of([arm]) for arm in self.arms}
         goal = np.concatenate([self._alone[arm].paths[0].goal for arm in pool.agent.arms])
         retreats = RetreatSearch(pool.agent, goal, single, self._near, pool.margin, self._rng, self._watch)
         moves = SequentialMoves(pool.agent, goal, retreats, pool.margin, self._rng, self._watch)
         for _ in range(_ATTEMPTS):
-            points = moves.find(effort // _ROUNDS_OF_SAME_EFFORT)
+            points = moves.find(effort // _ROUNDS_OF_SAME_EFFORT) if self._watch.goes_on() else None
             if points is None:
                 continue
             with suppress(RetimingError):
@@ -585,10 +590,11 @@ class PrioritizedPlanner:
 
     def _timed(self, path: AgentPath, others: Iterable[Agent]) -> Schedule | None:
         """The earliest schedule of a path among those of others; None if there is none, or no time to look for it."""
-        if not self._watch.goes_on():
-            return None
         found = []
         for other in others:
+            # A diagram may take long.
+            if not self._watch.goes_on():
+                return None
             theirs = self.schedules[other]
             blocked = self._diagram(path, theirs.path)
             if blocked is not None:
