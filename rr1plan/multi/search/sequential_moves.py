@@ -39,7 +39,7 @@ _MOST_TOGETHER, _MOST_SETS = 3, 12
 _STEP, _DOMAIN = 0.06, 0.3
 _WITHDRAWALS = 2  # from the starts, and from the goals, of which the fastest is taken
 # Shortcuts of a move, and moments that are tried for its beginning.
-_SHORTCUTS, _HALVINGS = 24, 6
+_SHORTCUTS, _HALVINGS = 24, 4
 _SLICE = 20  # samples between two looks at the clock
 
 
