@@ -277,7 +277,7 @@ def test_refined_paths_are_those_that_certify_every_change_whole() -> None:
     assert len(agent.arms) == 4
     with checker_from_pool(agent.question({}, 0.0).scene, agent.arms) as checker:
         refined = PathRefiner(checker, np.random.default_rng(5)).refine(path, 150, lambda: True)
-        # Certified before they are timed, and without memory of what is certified.
+        # Each change is certified first, and nothing is remembered.
         rng, best = np.random.default_rng(5), clean(path.path.waypoints)
         arms = list(agent.columns.values())
         for _ in range(150):

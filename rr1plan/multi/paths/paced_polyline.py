@@ -14,7 +14,7 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.robot.joint_limits import Limits
 
-# Shares of changes: a waypoint of one arm, of all arms; the others are ways through random configurations.
+# How often a waypoint of one arm moves, and one of all arms; else one arm goes through a random configuration.
 _ONE, _ALL = 0.5, 0.25
 # Weight of an arm in the choice: its share of the edge's time to this power, and at least that.
 _POWER, _LEAST = 3, 1e-3
@@ -39,7 +39,8 @@ class PacedPolyline:
         shares = np.column_stack([steps[:, own].max(axis=1) for own in columns]) / durations[:, None]
         # Of the arms at each inner waypoint, on the edge on which they are slower.
         weights = np.maximum(shares[:-1], shares[1:]) ** _POWER + _LEAST
-        self._chances = np.cumsum(weights, axis=1) / weights.sum(axis=1, keepdims=True)
+        # Up to each arm but the last, so that a number below 1 always belongs to one.
+        self._chances = (np.cumsum(weights, axis=1) / weights.sum(axis=1, keepdims=True))[:, :-1]
 
     def replaced(self, points: Array) -> PacedPolyline:
         """The polyline of other waypoints."""
@@ -49,7 +50,7 @@ class PacedPolyline:
         """Waypoints with the same ends and one random change, within position limits; shape (n, nq), n >= 3."""
         row = 1 + int(rng.integers(len(self.points) - 2))
         kind = rng.random()
-        arm = self._columns[int(np.searchsorted(self._chances[row - 1], rng.random()))]
+        arm = self._columns[int(np.searchsorted(self._chances[row - 1], rng.random(), side="right"))]
         if kind >= _ONE + _ALL:
             return self._led_away(rng, row, arm)
         return self._pulled(rng, row, arm if kind < _ONE else slice(None))
