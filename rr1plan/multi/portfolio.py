@@ -220,7 +220,9 @@ def plan_many_arms(
             reason = groups[-1].reason
             return ManyArmsResult(PlanStatus.INFEASIBLE, reason, groups=tuple(groups), seconds=watch.seconds)
         schedules = [schedule for planner in search.planners for schedule in planner.schedules.values()]
-        alone = {arm: bound for planner in search.planners for arm, bound in planner.fastest_alone().items()}
+        # Without an answer the time is over.
+        solved = search.planners if all(group.found for group in groups) else []
+        alone = {arm: bound for planner in solved for arm, bound in planner.fastest_alone().items()}
     unsolved = [group for group in groups if not group.found]
     if unsolved and not watch.cancelled:
         reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"

@@ -13,6 +13,9 @@ import pytest
 
 import rr1plan as rp
 from rr1plan import place_grid, plan_many_arms
+from rr1plan.multi.search.coupled_windows import CoupledWindows
+from rr1plan.multi.search.prioritized import PrioritizedPlanner
+from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.robot_parts import Geometry, Joint, Link
@@ -156,6 +159,27 @@ def test_a_budget_may_end_at_any_stage(seconds: float, rr1: rp.Robot) -> None:
     result = plan_many_arms(rp.random_grid(rr1, 12, 0.8, 1), rng=0, budget=Budget(seconds=seconds))
     assert result.status in (PlanStatus.TIMEOUT, PlanStatus.FOUND)
     assert result.found == (result.trajectory is not None) == (not result.reason)
+
+
+def test_no_stage_begins_after_the_deadline(rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun = []
+
+    def solve(windows: CoupledWindows, _: int) -> bool:
+        windows._watch._budget = 0.0
+        return False
+
+    def begin(*_: object) -> None:
+        begun.append(1)
+
+    monkeypatch.setattr(CoupledWindows, "solve", solve)
+    for stage in ("_prepare_diagrams", "_time_first_paths", "_repair"):
+        monkeypatch.setattr(PrioritizedPlanner, stage, begin)
+    monkeypatch.setattr(RetreatSearch, "find", begin)
+    monkeypatch.setattr(PrioritizedPlanner, "fastest_alone", begin)
+    result = plan_many_arms(rp.ring_swap(rr1, 6, 0.5015, 1, 2), rng=0, budget=Budget(seconds=600.0))
+    assert result.status is PlanStatus.TIMEOUT
+    assert "no schedule found for arm01; arm02" in result.reason
+    assert begun == []
 
 
 @pytest.mark.parametrize("count", [2, 6])

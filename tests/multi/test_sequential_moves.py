@@ -15,7 +15,7 @@ from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.time_shortcuts import joint_times, shorten_in_time
 from rr1plan.multi.search.retreats import RetreatSearch
-from rr1plan.multi.search.sequential_moves import SequentialMoves
+from rr1plan.multi.search.sequential_moves import SequentialMoves, _at
 from rr1plan.multi.stopwatch import Stopwatch
 
 Check = Callable[..., None]
@@ -74,6 +74,18 @@ def test_the_same_seed_gives_the_same_moves(planar2r: rp.Robot) -> None:
     assert one is not None
     assert two is not None
     np.testing.assert_array_equal(one, two)
+
+
+def test_a_polyline_is_where_each_of_its_columns_is() -> None:
+    rng = np.random.default_rng(0)
+    for count in (1, 2, 6):
+        times = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 1.0, count - 1))])
+        points = rng.normal(size=(count, 4))
+        instants = np.unique(np.concatenate([times, rng.uniform(0.0, times[-1] + 1.0, 20)]))
+        expected = np.column_stack([np.interp(instants, times, column) for column in points.T])
+        found = _at(instants, times, points)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-14)
+        np.testing.assert_array_equal(found[np.searchsorted(instants, times)], points)
 
 
 def test_a_goal_in_contact_is_not_reached(planar2r: rp.Robot) -> None:

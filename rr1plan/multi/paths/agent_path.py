@@ -33,7 +33,8 @@ _LEAVES = 4
 # Inner gridpoints at which an agent may wait.
 _STOPS = 12
 _FEWEST = 2  # segments of a piece, so that a motion can begin and end on it
-_LARGEST_BLEND = 1.0  # [rad]
+LARGEST_BLEND = 1.0
+"""Size of a rounded corner, at most [rad]."""
 _SAME = 1e-9  # relative difference of path accelerations that count as one
 # A motion is stretched by this more than its torques need [ratio].
 _TORQUE_ROUNDING = 1e-3
@@ -78,11 +79,11 @@ class AgentPath:
         if agent.timing.torque_limits:
             check_gravity(points, path.joint_names, agent.limits.effort, agent.inverse_dynamics)
         rounded = agent.timing.method == "blend"
-        sizes = blend_sizes(points, _LARGEST_BLEND, checker) if rounded else np.zeros(len(points))
+        sizes = blend_sizes(points, LARGEST_BLEND, checker) if rounded else np.zeros(len(points))
         lengths, coefficients, before = round_corners(points, sizes)
         self.curve = Curve(lengths.copy(), coefficients.copy(), (0, len(points) - 1))
         counts = self._segment_counts()
-        self.grid = _even_grid(lengths, counts)
+        self.grid = even_grid(lengths, counts)
         self.segments = int(counts.sum())
         first = np.concatenate([[0], np.cumsum(counts)])
         corners = np.flatnonzero(sizes[1:-1] == 0.0) + 1
@@ -332,7 +333,7 @@ def segments_up_to(moved: Array) -> Array:
     return np.asarray(np.interp(moved, far, number))
 
 
-def _even_grid(lengths: Array, counts: NDArray[np.int64]) -> Grid:
+def even_grid(lengths: Array, counts: NDArray[np.int64]) -> Grid:
     """Each piece of a curve cut into some segments of equal length."""
     piece = np.repeat(np.arange(len(lengths)), counts)
     delta = np.repeat(lengths / counts, counts)

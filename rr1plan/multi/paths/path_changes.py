@@ -16,31 +16,25 @@ _DISPLACEMENT = 0.1
 # Kinds of changes: a shortcut, a waypoint that comes in, one that moves, a new one.
 _SHORTCUT, _STRAIGHTEN, _MOVE, _INSERT = range(4)
 _KINDS = (_SHORTCUT, _STRAIGHTEN, _MOVE, _INSERT)
-# In a path of several arms, 4 of 1,000 shortcuts and new waypoints save time, but 100 of 900 of the others.
-_KINDS_OF_ONE_ARM = (_SHORTCUT, *(4 * (_STRAIGHTEN, _MOVE)), _INSERT)
 
 
-def changed_waypoints(
-    waypoints: Array, limits: Limits, rng: np.random.Generator, columns: slice = slice(None)
-) -> Array:
+def changed_waypoints(waypoints: Array, limits: Limits, rng: np.random.Generator) -> Array:
     """A polyline with the same ends and one random change, within position limits; not certified.
 
     Args:
         waypoints: The polyline, without repeated waypoints, shape (n, nq), n >= 2.
         limits: Position limits.
         rng: Where random numbers come from.
-        columns: Joints that a waypoint moves in, such as those of one arm of several; shortcuts are of all joints.
 
     Returns:
         Waypoints, shape (m, nq).
     """
-    kinds = _KINDS if waypoints[0, columns].size == waypoints.shape[1] else _KINDS_OF_ONE_ARM
-    kind = kinds[int(rng.integers(len(kinds)))] if len(waypoints) > 2 else _INSERT
+    kind = _KINDS[int(rng.integers(len(_KINDS)))] if len(waypoints) > 2 else _INSERT
     if kind == _SHORTCUT:
         return _shortcut(waypoints, rng)
     if kind == _STRAIGHTEN:
-        return _straightened(waypoints, rng, columns)
-    length = float(np.linalg.norm(np.diff(waypoints[:, columns], axis=0), axis=1).sum())
+        return _straightened(waypoints, rng)
+    length = float(np.linalg.norm(np.diff(waypoints, axis=0), axis=1).sum())
     size = _DISPLACEMENT * length * rng.random()
     if kind == _MOVE:
         row = 1 + int(rng.integers(len(waypoints) - 2))
@@ -48,8 +42,8 @@ def changed_waypoints(
     else:
         row, point = _random_point(waypoints, rng)
         changed = np.insert(waypoints, row, point, axis=0)
-    moved = changed[row, columns] + size * rng.standard_normal(changed[row, columns].shape)
-    changed[row, columns] = np.clip(moved, limits.lower[columns], limits.upper[columns])
+    moved = changed[row] + size * rng.standard_normal(changed[row].shape)
+    changed[row] = np.clip(moved, limits.lower, limits.upper)
     return changed
 
 
@@ -59,14 +53,14 @@ def _shortcut(waypoints: Array, rng: np.random.Generator) -> Array:
     return np.vstack([waypoints[:a], one, two, waypoints[b:]])
 
 
-def _straightened(waypoints: Array, rng: np.random.Generator, columns: slice) -> Array:
-    """A waypoint closer to the line between its neighbors, often on it, in some columns."""
+def _straightened(waypoints: Array, rng: np.random.Generator) -> Array:
+    """A waypoint closer to the line between its neighbors, often on it."""
     row = 1 + int(rng.integers(len(waypoints) - 2))
-    before, corner, after = waypoints[row - 1 : row + 2, columns]
+    before, corner, after = waypoints[row - 1 : row + 2]
     line = after - before
     share = float(np.clip((corner - before) @ line / max(float(line @ line), 1e-300), 0.0, 1.0))
     changed = waypoints.copy()
-    changed[row, columns] += min(1.0, 1.5 * rng.random()) * (before + share * line - corner)
+    changed[row] += min(1.0, 1.5 * rng.random()) * (before + share * line - corner)
     return changed
 
 

@@ -16,6 +16,7 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.path_refinement import PathRefiner
 from rr1plan.multi.paths.time_shortcuts import shorten_in_time
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
@@ -28,6 +29,8 @@ _SHORTCUTS = 48
 _ITERATIONS = 2000  # of the planner, for each arm of an agent
 # Rounds of shortcuts in time, and how many are tried in each, for each arm of an agent.
 _ROUNDS_IN_TIME, _SHORTCUTS_IN_TIME = 2, 25
+CHANGES = 50
+"""Random changes of a path that is refined, for each arm of an agent."""
 _NO_LIMIT = 2**62
 _SAMPLES = 20  # random configurations that are tried for one to go through
 
@@ -141,6 +144,19 @@ class PathPool:
                     rng=self._rng,
                 ).waypoints
         return self.add_shortened([Path(self.agent.joint_names, points)])
+
+    def add_refined(self, path: AgentPath) -> AgentPath:
+        """Add a path made from another one by random changes that save time, or that path if none does.
+
+        Args:
+            path: A path of the agent, of several arms.
+        """
+        question = self.agent.question({}, self.margin)
+        with checker_from_pool(question.scene, question.arms, self.margin) as checker:
+            refiner = PathRefiner(checker, self._rng)
+            made = refiner.refine(path, CHANGES * len(self.agent.arms), self._watch.goes_on)
+        self.paths.append(made)
+        return made
 
     def _plan(self, leg: Problem, effort: int, *, patient: bool) -> PlanResult:
         goes_on, seconds = self._watch.let_planner_go_on, self._watch.time_left

@@ -29,7 +29,7 @@ from rr1plan.scene.problem import Problem
 
 _FIRST = 0.1  # half of the first window, as a share of the slowest arm's motion
 _GROWTH = 2.0  # of a window without a path
-_ITERATIONS = 500  # of the planner on the first window, for each arm
+_ITERATIONS, _MOST_COUNTED = 500, 4  # of the planner on the first window, for each arm up to some
 _SHORTCUTS = 48
 # Windows in all, for each arm, before it is given up.
 _MOST_WINDOWS = 6
@@ -214,7 +214,7 @@ class CoupledWindows:
                 continue
             last = window
             self.windows += 1
-            points = self._plan(window, iterations * len(window.arms))
+            points = self._plan(window, iterations * min(len(window.arms), _MOST_COUNTED))
             if points is not None:
                 return self._splice(window, points)
             if window.begin <= 0.0 and window.end >= horizon:

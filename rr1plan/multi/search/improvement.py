@@ -21,7 +21,7 @@ from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.composite_waypoints import composite_waypoints, waypoints_of_arm
-from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.paths.path_pool import CHANGES, PathPool
 from rr1plan.multi.paths.path_refinement import PathRefiner
 from rr1plan.multi.plan_quality import PlanQuality, plan_quality
 from rr1plan.multi.preflight import affordable_margin
@@ -41,12 +41,8 @@ _NEIGHBORHOOD, _MOST_TOGETHER = 5, 4
 _PATHS = 6
 # Random shortcuts of a path that comes from schedules.
 _SHORTCUTS = 120
-# How often a path of moves in turn is made faster, at most, as long as it gets faster by this share.
-_HASTENINGS, _WORTH_HASTENING = 6, 0.03
-_HOPELESS = 1.4  # times as long as the plan at hand, and not made faster any more
-# Random changes of the path of an agent of many arms in one move. New paths slower than the plan by more than this
-# ratio are dropped without them, because the changes save less.
-_CHANGES, _WORTH_REFINING = 120, 1.15
+# New paths slower than the plan by more than this ratio are not refined, because random changes save less.
+_WORTH_REFINING = 1.3
 # How often the agent that arrives last is the one to work on, and how often a neighborhood gets a new path.
 _LAST_FIRST, _NEW_PATH = 0.7, 0.5
 # Moves between two times at which diagrams are forgotten.
@@ -111,9 +107,8 @@ class PlanImprover:
             iterations: Moves, at most; None: no limit.
         """
         self._until = self._watch.seconds + seconds
-        cheap = [self._replan_neighborhood, self._change_path, self._change_path]
-        if any(len(agent.arms) > _MOST_TOGETHER for agent in self.schedules):
-            cheap += [self._move_in_turn, self._refine_path]
+        crowded = any(len(agent.arms) > _MOST_TOGETHER for agent in self.schedules)
+        cheap = (self._replan_neighborhood, self._change_path, self._move_in_turn if crowded else self._change_path)
         moves = (*cheap, *cheap, self._move_as_one, *cheap, *cheap, self._move_apart)
         last = len(self.schedules) if iterations is None else self.iterations + iterations
         while (iterations is None or self.iterations < last) and self._goes_on() and not self._is_best():
@@ -296,7 +291,9 @@ class PlanImprover:
         return self._schedule_in_turn([first, *others], makespan)
 
     def _find_path(self, agent: Agent) -> None:
-        """One more path of an agent: around goals or starts of those in its way, or by chance."""
+        """One more path of an agent of few arms: around goals or starts of those in its way, or by chance."""
+        if len(agent.arms) > _MOST_TOGETHER:
+            return
         standing: dict[str, Array | None] = {}
         kind = int(self._rng.integers(4))
         if kind < 2:
@@ -312,8 +309,12 @@ class PlanImprover:
     def _change_path(self) -> bool:
         """Change the path of an agent at random and reschedule it, then the agents that may arrive earlier."""
         agent, makespan = self._chosen_agent(), self._cost()[0]
-        with self._refiner(agent) as refiner:
-            made = refiner.change(self.schedules[agent].path, makespan)
+        path = self.schedules[agent].path
+        if len(agent.arms) > 1:
+            made: AgentPath | None = self._refined(path)
+        else:
+            with self._refiner(agent) as refiner:
+                made = refiner.change(path, makespan)
         if made is None or not self._schedule(agent, [made]) or self.schedules[agent].arrival > makespan:
             return False
         return self._schedule_in_turn(self._in_the_way(agent), makespan)
@@ -351,32 +352,17 @@ class PlanImprover:
             return False
         pool = PathPool(whole, margin, self._rng, watch)
         try:
-            path = pool.add_shortened([Path(whole.joint_names, points)])
-            for _ in range(_HASTENINGS):
-                before, path = path, pool.add_faster(path)
-                if path.fastest > _HOPELESS * self.schedules[whole].arrival:
-                    return False
-                if path.fastest > before.fastest * (1.0 - _WORTH_HASTENING):
-                    break
+            path = pool.add_faster(pool.add_shortened([Path(whole.joint_names, points)]))
         except RetimingError:
             return False
-        path = min(pool.paths, key=lambda known: known.fastest)
         if path.fastest > _WORTH_REFINING * self.schedules[whole].arrival:
             return False
-        return self._schedule_refined(whole, path)
+        return self._schedule(whole, [self._refined(path)])
 
-    def _refine_path(self) -> bool:
-        """Change the path of an agent of many arms at random, many times."""
-        large = [agent for agent in self.schedules if len(agent.arms) > _MOST_TOGETHER]
-        if not large:
-            return self._change_path()
-        whole = large[int(self._rng.integers(len(large)))]
-        return self._schedule_refined(whole, self.schedules[whole].path)
-
-    def _schedule_refined(self, agent: Agent, path: AgentPath) -> bool:
-        """Schedule an agent on a path after random changes; whether there is a schedule."""
-        with self._refiner(agent) as refiner:
-            return self._schedule(agent, [refiner.refine(path, _CHANGES, self._goes_on)])
+    def _refined(self, path: AgentPath) -> AgentPath:
+        """A path of several arms after random changes that save time."""
+        with self._refiner(path.agent) as refiner:
+            return refiner.refine(path, CHANGES * len(path.agent.arms), self._goes_on)
 
     def _move_apart(self) -> bool:
         """Schedule the arms of an agent one by one on their parts of its path, which may be shorter then."""

@@ -55,8 +55,6 @@ _ROUNDS_FIRST = 8  # of windows there, each with twice the effort
 STAGES = ("timing", "detours", "eviction", "composite", "windows", "sequential")
 """Stages of a search, by what they cost."""
 _ATTEMPTS = 3  # at a path in that joint space, or by way of retreats
-# How often the path of several arms is made faster, as long as it gets faster by this share.
-_MOST_HASTENINGS, _WORTH_HASTENING = 4, 0.03
 # Separate paths of a few arms are timed where the joint path is slower than their slowest by more than this [ratio]:
 # their coordination diagrams cost more than several joint paths.
 _WORTH_TIMING = 0.3
@@ -178,6 +176,9 @@ class PrioritizedPlanner:
             if self._couple(effort) or self._move_in_turn(effort):
                 return True
             effort += 1
+        if not self._watch.goes_on():
+            self.reason = self._blocked_by([agent for agent in self.agents if agent not in self.schedules])
+            return False
         self._prepare_diagrams()
         waiting = self._time_first_paths()
         if not waiting:
@@ -252,13 +253,15 @@ class PrioritizedPlanner:
 
     def _move_in_turn(self, effort: int) -> bool:
         """Move one arm at a time by way of retreats, as one agent; whether that was possible."""
+        if not self._watch.goes_on():
+            return False
         began = time.perf_counter()
         pool, single = self._pool_of(self.arms), {arm: self._agent_of([arm]) for arm in self.arms}
         goal = np.concatenate([self._alone[arm].paths[0].goal for arm in pool.agent.arms])
         retreats = RetreatSearch(pool.agent, goal, single, self._near, pool.margin, self._rng, self._watch)
         moves = SequentialMoves(pool.agent, goal, retreats, pool.margin, self._rng, self._watch)
         for _ in range(_ATTEMPTS):
-            points = moves.find(effort // _ROUNDS_OF_SAME_EFFORT)
+            points = moves.find(effort // _ROUNDS_OF_SAME_EFFORT) if self._watch.goes_on() else None
             if points is None:
                 continue
             with suppress(RetimingError):
@@ -400,21 +403,19 @@ class PrioritizedPlanner:
                 self.schedules = before
 
     def _hasten(self) -> None:
-        """Replace paths of meta-agents whose arms move in turn by faster ones with simultaneous motion."""
+        """Make the paths of meta-agents faster: first arms that move in turn come to move at the same time."""
         limit, began = self.slowest_alone() * (1.0 + _GOOD_ENOUGH), time.perf_counter()
         for agent in [agent for agent in self.agents if len(agent.arms) > 1]:
-            for _ in range(_MOST_HASTENINGS):
+            pool = self.pools[agent]
+            for faster in (pool.add_faster, pool.add_refined):
                 before = self.schedules[agent]
                 if before.arrival <= limit or not self._watch.goes_on():
                     break
-                try:
-                    path = self.pools[agent].add_faster(before.path)
-                except RetimingError:
-                    break
-                found = self._timed(path, self._others(agent)) if path.fastest < before.arrival else None
-                if found is None or found.arrival > before.arrival * (1.0 - _WORTH_HASTENING):
-                    break
-                self.schedules[agent] = found
+                with suppress(RetimingError):
+                    path = faster(before.path)
+                    found = self._timed(path, self._others(agent)) if path.fastest < before.arrival else None
+                    if found is not None and found.arrival < before.arrival:
+                        self.schedules[agent] = found
         self.statistics.add_time("paths", began)
 
     @property
@@ -589,10 +590,11 @@ class PrioritizedPlanner:
 
     def _timed(self, path: AgentPath, others: Iterable[Agent]) -> Schedule | None:
         """The earliest schedule of a path among those of others; None if there is none, or no time to look for it."""
-        if not self._watch.goes_on():
-            return None
         found = []
         for other in others:
+            # A diagram may take long.
+            if not self._watch.goes_on():
+                return None
             theirs = self.schedules[other]
             blocked = self._diagram(path, theirs.path)
             if blocked is not None:

@@ -8,6 +8,7 @@ begin and end.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -57,14 +58,11 @@ class RetreatSearch:
 
     def find(self) -> Array | None:
         """A configuration for each arm, in the way of few starts and goals, shape (nq,); None if it is too late."""
-        ends = [(one.start, self._goal[columns]) for one, columns in zip(self._single, self._columns, strict=True)]
-        placed = [
-            [placed_configuration(one.bodies, q) for q in both] for one, both in zip(self._single, ends, strict=True)
-        ]
+        placed = self._placed_ends
         retreats = self._agent.start.copy()
         chosen: dict[int, CStruct] = {}
-        for arm in self._rng.permutation(len(ends)).tolist():
-            fewest = 2 * len(ends) + 1
+        for arm in self._rng.permutation(len(placed)).tolist():
+            fewest = 2 * len(placed) + 1
             for q in self._candidates(arm):
                 own = placed_configuration(self._single[arm].bodies, q)
                 number = self._conflicts(arm, own, placed, chosen, fewest)
@@ -75,6 +73,14 @@ class RetreatSearch:
             if not self._watch.goes_on():
                 return None
         return retreats
+
+    @cached_property
+    def _placed_ends(self) -> list[tuple[CStruct, CStruct]]:
+        """The bodies of each arm at its start and at its goal."""
+        return [
+            (placed_configuration(one.bodies, one.start), placed_configuration(one.bodies, self._goal[columns]))
+            for one, columns in zip(self._single, self._columns, strict=True)
+        ]
 
     def _candidates(self, arm: int) -> list[Array]:
         """Free configurations of an arm, those first by way of which it arrives first: its home, and random ones."""

@@ -21,12 +21,14 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.kernels.random_state import random_state
 from rr1plan.model.joint_space import Space
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.path_refinement import estimated_duration
 from rr1plan.multi.paths.time_shortcuts import joint_times
 from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planners.tree_search import Trees
+from rr1plan.retiming.path_blends import clean
 
 # Samples of the search for one move: at first, how many times as many where no arm can move, and at most.
 _SAMPLES, _MORE, _MOST_SAMPLES = 250, 4, 1000
@@ -35,8 +37,9 @@ _MOST_TOGETHER, _MOST_SETS = 3, 12
 # Of the trees, as shares of the diagonal of the moving joints' space: longest edge, and radius of sampling around
 # vertices with a blocked edge.
 _STEP, _DOMAIN = 0.06, 0.3
+_WITHDRAWALS = 2  # from the starts, and from the goals, of which the fastest is taken
 # Shortcuts of a move, and moments that are tried for its beginning.
-_SHORTCUTS, _HALVINGS = 24, 6
+_SHORTCUTS, _HALVINGS = 24, 4
 _SLICE = 20  # samples between two looks at the clock
 
 
@@ -77,18 +80,31 @@ class SequentialMoves:
             retreats = self._retreats.find()
             if retreats is None:
                 return None
-            begin = self._withdraw(checker, self._agent.start, retreats, effort)
-            end = None if begin is None else self._withdraw(checker, self._goal, retreats, effort)
+            begin = self._fastest_withdrawal(checker, self._agent.start, retreats, effort)
+            end = None if begin is None else self._fastest_withdrawal(checker, self._goal, retreats, effort)
             if begin is None or end is None:
                 return None
             # Joints that wrap may have withdrawn to the same place with some turns more or less.
-            turns = begin[-1][-1] - end[-1][-1]
-            moves = [*begin, *(move[::-1] + turns for move in reversed(end))]
-            return self._overlapped(checker, moves)
+            turns = begin[-1] - end[-1]
+            return np.concatenate([begin, end[-2::-1] + turns])
 
-    def _overlapped(self, checker: CollisionChecker, moves: Sequence[Array]) -> Array:
+    def _fastest_withdrawal(self, checker: CollisionChecker, q: Array, retreats: Array, effort: int) -> Array | None:
+        """The fastest of a few paths that lead all arms to their retreats, shape (n, nq); None if none was found."""
+        fastest, best = np.inf, None
+        for _ in range(_WITHDRAWALS):
+            moves = self._withdraw(checker, q, retreats, effort)
+            if moves is None:
+                continue
+            path = Path(self._agent.joint_names, self._overlapped(checker, q, moves))
+            points = shorten(path, checker.scene, checker=checker, iterations=_SHORTCUTS, rng=self._rng).waypoints
+            duration = estimated_duration(clean(points), self._agent, None)
+            if duration < fastest:
+                fastest, best = duration, points
+        return best
+
+    def _overlapped(self, checker: CollisionChecker, q: Array, moves: Sequence[Array]) -> Array:
         """Waypoints of moves of which each begins as early as it can among those before it, shape (n, nq)."""
-        times, points = np.zeros(1), self._agent.start[None]
+        times, points = np.zeros(1), q[None]
         for move in moves:
             changes = move.min(axis=0) < move.max(axis=0)
             moving = np.concatenate(
@@ -180,8 +196,23 @@ def _with_move(
         moving: Columns of the arms that move by it, shape (nq,).
     """
     knots = np.unique(np.concatenate([times, departure + own]))
-    made = np.column_stack([np.interp(knots, times, column) for column in points.T])
+    made = _at(knots, times, points)
     since = knots >= departure
-    for column in np.flatnonzero(moving).tolist():
-        made[since, column] = np.interp(knots[since], departure + own, move[:, column])
+    made[np.ix_(since, moving)] = _at(knots[since], departure + own, move[:, moving])
     return knots, made
+
+
+def _at(instants: Array, times: Array, points: Array) -> Array:
+    """Where a polyline is at some instants, shape (k, nq); after its last waypoint it stays there.
+
+    Args:
+        instants: Not before the first of the times, shape (k,).
+        times: Of the waypoints, shape (n,).
+        points: Waypoints, shape (n, nq).
+    """
+    row = np.clip(np.searchsorted(times, instants, side="right") - 1, 0, max(0, len(times) - 2))
+    after = np.minimum(row + 1, len(times) - 1)
+    durations = times[after] - times[row]
+    share = np.clip((instants - times[row]) / np.where(durations > 0.0, durations, 1.0), 0.0, 1.0)[:, None]
+    # Exact at both ends.
+    return np.asarray(np.where(share == 1.0, points[after], points[row] + share * (points[after] - points[row])))

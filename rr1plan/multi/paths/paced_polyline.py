@@ -1,0 +1,85 @@
+"""A polyline of several arms at the velocity limits, and random changes of it that may save time.
+
+Arms that take longest on an edge decide how long it takes, so mostly these change. A waypoint moves toward one of its
+neighbors or toward the line between them: that of one arm, or of all. Or one arm goes between two waypoints by way of a
+random configuration, past another arm on its other side, where no small change leads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rr1plan.checks import Array
+from rr1plan.robot.joint_limits import Limits
+
+# How often a waypoint of one arm moves, and one of all arms; else one arm goes through a random configuration.
+_ONE, _ALL = 0.5, 0.25
+# Weight of an arm in the choice: its share of the edge's time to this power, and at least that.
+_POWER, _LEAST = 3, 1e-3
+_AWAY = 0.5  # largest standard deviation of a random configuration, as a share of the arm's way
+
+
+class PacedPolyline:
+    """A polyline on a clock on which each edge takes as long as its slowest joint does at the velocity limit.
+
+    Args:
+        points: Waypoints, no two consecutive ones equal, shape (n, nq).
+        limits: Of the joints; without a velocity limit, 1 counts.
+        columns: Joints of each arm.
+    """
+
+    def __init__(self, points: Array, limits: Limits, columns: Sequence[slice]) -> None:
+        self.points, self._limits, self._columns = points, limits, columns
+        velocity = np.where(np.isfinite(limits.velocity), limits.velocity, 1.0)
+        steps = np.abs(np.diff(points, axis=0)) / velocity
+        durations = steps.max(axis=1, initial=0.0)
+        self._times = np.concatenate([[0.0], np.cumsum(durations)])
+        shares = np.column_stack([steps[:, own].max(axis=1) for own in columns]) / durations[:, None]
+        # Of the arms at each inner waypoint, on the edge on which they are slower.
+        weights = np.maximum(shares[:-1], shares[1:]) ** _POWER + _LEAST
+        # Up to each arm but the last, so that a number below 1 always belongs to one.
+        self._chances = (np.cumsum(weights, axis=1) / weights.sum(axis=1, keepdims=True))[:, :-1]
+
+    def replaced(self, points: Array) -> PacedPolyline:
+        """The polyline of other waypoints."""
+        return PacedPolyline(points, self._limits, self._columns)
+
+    def changed(self, rng: np.random.Generator) -> Array:
+        """Waypoints with the same ends and one random change, within position limits; shape (n, nq), n >= 3."""
+        row = 1 + int(rng.integers(len(self.points) - 2))
+        kind = rng.random()
+        arm = self._columns[int(np.searchsorted(self._chances[row - 1], rng.random(), side="right"))]
+        if kind >= _ONE + _ALL:
+            return self._led_away(rng, row, arm)
+        return self._pulled(rng, row, arm if kind < _ONE else slice(None))
+
+    def _pulled(self, rng: np.random.Generator, row: int, columns: slice) -> Array:
+        """A waypoint nearer to the one before it, to the one behind it, or to the line between them."""
+        before, here, after = self.points[row - 1 : row + 2, columns]
+        toward = int(rng.integers(4))
+        if toward < 2:
+            step = 0.5 * rng.random() * ((before, after)[toward] - here)
+        else:
+            begin, now, end = self._times[row - 1 : row + 2]
+            step = min(1.0, 1.5 * rng.random()) * (before + (now - begin) / (end - begin) * (after - before) - here)
+        made = self.points.copy()
+        made[row, columns] += step
+        return made
+
+    def _led_away(self, rng: np.random.Generator, row: int, columns: slice) -> Array:
+        """One arm between two waypoints by way of a random configuration at another one."""
+        first, last = int(rng.integers(row)), int(rng.integers(row + 1, len(self.points)))
+        begin, end = self.points[first, columns], self.points[last, columns]
+        times = self._times[first : last + 1]
+        middle = begin + (self._times[row] - times[0]) / (times[-1] - times[0]) * (end - begin)
+        size = _AWAY * rng.random() ** 2 * float(np.linalg.norm(end - begin))
+        low, high = self._limits.lower[columns], self._limits.upper[columns]
+        via = np.clip(middle + size * rng.standard_normal(middle.shape), low, high)
+        knots = self._times[[first, row, last]]
+        made = self.points.copy()
+        made[first : last + 1, columns] = np.column_stack(
+            [np.interp(times, knots, column) for column in np.stack([begin, via, end]).T]
+        )
+        return made
