@@ -201,6 +201,41 @@ def test_goals_are_on_the_turn_that_leads_to_them(tmp_path: Path) -> None:
     np.testing.assert_array_equal(goal_of(problem_between(scene, start, {"arm": np.array([2.0])})), [2.0])
 
 
+def test_a_goal_that_no_turn_leads_to_is_drawn_again(tmp_path: Path) -> None:
+    file = tmp_path / "shoulder.urdf"
+    file.write_text(_SHOULDER.replace('"-6"', '"-3"').replace('"6"', '"3"'))
+    scene = rp.Scene().with_arm("arm", rp.load_robot(file), rp.transforms.pose((0, 0, 0.6), rpy=(np.pi, 0, 0)))
+    scene = scene.with_obstacle("floor", rp.HalfSpace((0.0, 0.0, 1.0), 0.0))
+    start, goal = {"arm": np.array([2.5])}, {"arm": np.array([-2.5])}
+    assert not rp.plan(rp.Problem(scene, start, goal), budget=rp.Budget(60.0, 20_000), rng=0)
+    problem = problem_between(scene, start, goal, rng=0)
+    assert rp.plan(problem, budget=rp.Budget(60.0, 20_000), rng=0).found
+    with pytest.raises(InputError, match="no goal found that 'arm' can reach from its start"):
+        problem_between(scene, start, goal, 0, {"arm": lambda _: goal["arm"]})
+
+
+_POST_OF_ITS_OWN = """<robot name="hindered">
+  <link name="base"><collision><origin xyz="0.3 0 0"/><geometry><box size="0.1 0.1 0.6"/></geometry></collision></link>
+  <link name="column"/>
+  <link name="beam"><collision><origin xyz="0.3 0 0"/><geometry><box size="0.5 0.04 0.04"/></geometry></collision>
+  </link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="column"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+  <joint name="lift" type="revolute"><parent link="column"/><child link="beam"/><axis xyz="0 1 0"/>
+    <limit lower="-0.3" upper="0.3" velocity="1" effort="1"/></joint>
+</robot>"""
+
+
+def test_goals_are_not_behind_links_of_the_arm_itself(tmp_path: Path) -> None:
+    file = tmp_path / "hindered.urdf"
+    file.write_text(_POST_OF_ITS_OWN)
+    problem = random_grid(rp.load_robot(file), 6, 2.0, 0)
+    turns = problem.start[::2]
+    assert (turns > 0.0).any()
+    assert (turns < 0.0).any()
+    np.testing.assert_array_equal(np.sign([problem.goal[arm][0].q[0] for arm in problem.arms]), np.sign(turns))
+
+
 def test_rails_without_ends_are_refused_by_name() -> None:
     rail = rp.planar_arm("PR")
     limits = rail.limits
