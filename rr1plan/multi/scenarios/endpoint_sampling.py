@@ -18,6 +18,7 @@ from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.model import Kinematics, solve_ik
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.timing.coordination import are_apart
 from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.robot import Robot
@@ -252,15 +253,26 @@ def _free_among(
 ) -> Array | None:
     """A configuration of an arm without contact with the scene or other arms."""
     question = agent.question({}, 0.0)
+    needed = max(_own_clearance(agent.problem.scene.arms[arm].robot) for arm in agent.arms)
     with checker_from_pool(question.scene, question.arms) as checker:
-        for _ in range(tries):
+        for _ in range(tries if checker.static_is_free else 0):
             q = draw(rng)
-            if q is None or checker.clearance(q, 2.0 * CLEARANCE) < CLEARANCE:
+            # A base may stand nearer to the floor.
+            if q is None or checker.moving_clearance(q, 2.0 * CLEARANCE) < needed:
                 continue
             own = placed_configuration(agent.bodies, q)
             if all(are_apart(agent, own, other, placed, CLEARANCE) for other, placed in others):
                 return np.asarray(q)
     return None
+
+
+@lru_cache(maxsize=64)
+def _own_clearance(robot: Robot) -> float:
+    """`CLEARANCE`, or less where links of a robot are nearer to each other nearly everywhere [m]."""
+    checker, low_high = CollisionChecker(Scene().with_arm("arm", robot)), one_turn(robot)
+    drawn = np.random.default_rng(0).uniform(*low_high, (_SAMPLES, robot.nq))
+    usual = float(np.quantile([checker.moving_clearance(q, CLEARANCE) for q in drawn], 0.9))
+    return next((margin for margin in MARGINS if margin <= usual), MARGINS[-1])
 
 
 def check_robot(robot: Robot) -> None:
@@ -322,12 +334,16 @@ def floor_under(*robots: Robot) -> HalfSpace:
 
 @lru_cache(maxsize=64)
 def _floor_height(robot: Robot) -> float:
-    level = Scene().with_arm("arm", robot).with_obstacle("floor", HalfSpace((0.0, 0.0, 1.0), 0.0))
-    if CollisionChecker(level).static_is_free:
-        return 0.0
     home, other = robot.link_poses(robot.home), robot.link_poses(robot.home + 0.1)
-    fixed = [link for link in robot.links if np.array_equal(home[link.name], other[link.name]) and link.collisions]
-    return min(float(bounding_box(link.collisions, home[link.name])[0][2]) for link in fixed) - CLEARANCE
+    lowest = {
+        link.name: float(bounding_box(link.collisions, home[link.name])[0][2])
+        for link in robot.links
+        if link.collisions and np.array_equal(home[link.name], other[link.name])
+    }
+    # Contact of the base link alone is allowed.
+    if all(height >= CLEARANCE for link, height in lowest.items() if link != robot.base):
+        return 0.0
+    return min(lowest.values()) - CLEARANCE
 
 
 @lru_cache(maxsize=64)

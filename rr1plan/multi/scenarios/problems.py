@@ -65,8 +65,8 @@ def random_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng:
 def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: Seed = None) -> Problem:
     """Arms on a grid on a table, turned at random; each tool gets from one point above the table to another.
 
-    Points are in front of an arm, up to nine tenths of its reach away, and from 5 cm to half its reach above the table,
-    so that many are within reach of other arms, too.
+    Points are in front of an arm, up to nine tenths of its reach away, and from 5 cm (of arms that
+    reach less than 20 cm, a quarter of it) to half its reach above the table, so that many are within reach of others.
 
     Args:
         robot: As in `random_grid`.
@@ -88,9 +88,8 @@ def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: 
         far = horizontal_reach(arm.robot)
         ahead = front_of(arm.robot)
         turn = pose((0.0, 0.0, 0.0), rpy=(0.0, 0.0, math.atan2(ahead[1], ahead[0])))
-        draws[name] = tool_in_box(
-            scene, name, ToolBox(arm.base @ turn, (0.25 * far, -0.4 * far, 0.05), (0.8 * far, 0.4 * far, 0.5 * far))
-        )
+        low, high = (0.25 * far, -0.4 * far, min(0.05, 0.25 * far)), (0.8 * far, 0.4 * far, 0.5 * far)
+        draws[name] = tool_in_box(scene, name, ToolBox(arm.base @ turn, low, high))
     start = sample_configurations(scene, generator, draws)
     return problem_between(scene, start, sample_configurations(scene, generator, draws), generator, draws)
 
