@@ -162,6 +162,18 @@ def test_a_first_path_that_runs_out_of_time_was_not_cancelled(planar2r: rp.Robot
     assert reason.startswith("no path found in 0.")
 
 
+def test_of_several_goals_one_that_is_reached_is_taken(planar2r: rp.Robot, assert_safe: Check) -> None:
+    sealed = _sealed(planar2r)
+    starts = sealed.scene.split(sealed.start, sealed.arms)
+    # The one in the box is nearer.
+    goals = [rp.JointGoal(np.array([0.0, 0.0])), rp.JointGoal(np.array([3.1, 0.0]))]
+    problem = rp.Problem(sealed.scene, starts, {"left": goals}, arms=sealed.arms)
+    result = plan_many_arms(problem, rng=0)
+    assert result.found
+    np.testing.assert_allclose(result.trajectory.select("left")(result.trajectory.end_time), [3.1, 0.0], atol=1e-9)
+    assert_safe(problem, result)
+
+
 def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
     result = plan_many_arms(_sealed(planar2r), rng=0, budget=Budget(seconds=0.5))
     assert result.status is PlanStatus.TIMEOUT
