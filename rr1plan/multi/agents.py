@@ -46,7 +46,7 @@ class AgentBodies:
         self.exact = exact_struct(tables, checker.nq)
         joint = tables.bodies[:, 1]
         begins = np.flatnonzero(np.diff(joint, prepend=-1))
-        ends = np.append(begins[1:], len(joint))
+        ends = np.append(begins, len(joint))[1:]
         self.group_rows: NDArray[np.int64] = np.column_stack([joint[begins], begins, ends]).astype(np.int64)
         balls = tables.body_values[:, 12:16]
         self.is_fixed = tables.bodies[:, 4] == tables.bodies[:, 5]
@@ -56,7 +56,7 @@ class AgentBodies:
                 _loose_ball(balls[a:b]) if self.is_fixed[a] else _ball_around(balls[a:b].tobytes())
                 for a, b in zip(begins, ends, strict=True)
             ]
-        )
+        ).reshape(-1, 4)
         self.reach = np.zeros(checker.nq)
         for body in range(len(tables.bodies)):
             for column, lever in tables.levers(body, checker.limits.travel):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -16,9 +16,10 @@ from rr1plan.multi.paths.hop_timing import BLENDED, HopTiming
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
 from rr1plan.multi.timing.coordination import are_apart
+from rr1plan.planners import RrtConnect
 from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
-from rr1plan.planning import PlanStatus
+from rr1plan.planning import Budget, PlanStatus
 from rr1plan.scene.problem import JointGoal, Problem
 from rr1plan.scene.subscene import subscene
 
@@ -27,6 +28,8 @@ MARGINS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1e-4)
 
 # Changes of goal configurations that are tried to separate goals of different arms.
 _REPAIRS = 200
+# After which one of several goal configurations of an arm counts as not reached.
+_ITERATIONS = 2000
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,17 @@ def preflight(
     touching = _first_contact(agents, starts, near)
     if touching is not None:
         return Preflight({}, {}, PlanStatus.INVALID_START, f"the starts exclude each other: {touching}")
-    goal, status, reason = goal_configurations(agents, near, rng, watch)
+
+    def is_reached(arm: str, q: Array) -> bool:
+        question = agents[arm].question({}, 0.0)
+        ends = {arm: question.start}, {arm: q}
+        budget = Budget(watch.time_left, _ITERATIONS)
+        planned = RrtConnect().plan(
+            Problem(question.scene, *ends, arms=(arm,)), budget=budget, rng=0, progress=watch.let_planner_go_on
+        )
+        return planned.found or not watch.goes_on()
+
+    goal, status, reason = goal_configurations(agents, near, rng, watch, is_reached)
     if status is not None:
         return Preflight({}, {}, status, reason)
     margins = {}
@@ -103,6 +116,7 @@ def goal_configurations(
     near: Mapping[str, frozenset[str]],
     rng: Seed = None,
     watch: Stopwatch | None = None,
+    is_reached: Callable[[str, Array], bool] = lambda arm, q: True,
 ) -> tuple[dict[str, Array], PlanStatus | None, str]:
     """A configuration for the goal of each arm, without contact with those of the others.
 
@@ -111,6 +125,7 @@ def goal_configurations(
         near: Of each arm those that it can meet.
         rng: Generator or seed of inverse kinematics.
         watch: Says when to give up, with the status TIMEOUT (default: never).
+        is_reached: Whether an arm by itself gets to a configuration; otherwise another one is chosen if there is one.
 
     Returns:
         The configurations, None and an empty text; or none of them, and why there are none.
@@ -129,7 +144,7 @@ def goal_configurations(
                     return {}, found.status, f"{arm}: {found.reason}"
                 goals = found.configurations
         choices[arm] = goals
-    chosen = _choose_goals(agents, choices, near)
+    chosen = _choose_reached_goals(agents, choices, near, is_reached)
     touching = _first_contact(agents, chosen, near)
     if touching is None:
         return chosen, None, ""
@@ -179,6 +194,33 @@ def _first_contact(
             if {one, two} in owners:
                 return describe_collision(checker, q)
     return None
+
+
+def _choose_reached_goals(
+    agents: Mapping[str, Agent],
+    choices: Mapping[str, Array],
+    near: Mapping[str, frozenset[str]],
+    is_reached: Callable[[str, Array], bool],
+) -> dict[str, Array]:
+    """A configuration for each arm as of `_choose_goals`, without those that it does not reach by itself.
+
+    Links of an arm, or what stands around it, often separate the solutions of inverse kinematics.
+    """
+    left, reached = dict(choices), set()
+    while True:
+        chosen = _choose_goals(agents, left, near)
+        missed = []
+        for arm, q in chosen.items():
+            if len(left[arm]) == 1 or (arm, q.tobytes()) in reached:
+                continue
+            if is_reached(arm, q):
+                reached.add((arm, q.tobytes()))
+            else:
+                missed.append(arm)
+        if not missed:
+            return chosen
+        for arm in missed:
+            left[arm] = left[arm][(left[arm] != chosen[arm]).any(axis=1)]
 
 
 def _choose_goals(

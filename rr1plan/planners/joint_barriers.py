@@ -8,7 +8,7 @@ a robot on a floor is such a body: it cannot swing through below its shoulder, w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,10 +98,12 @@ class _Barriers:
     """
 
     def __init__(self, checker: CollisionChecker, q: Array, column: int, other: int | None, pairs: list[int]) -> None:
-        self._checker, self._column, self._pairs = checker, column, pairs
+        self._checker, self._column, self._q = checker, column, q
+        self._pairs = np.array(pairs, np.intp)
         # With one joint alone, it takes both places, and cells are as thin in both.
         self._alone = other is None
         other = column if other is None else other
+        self._columns = column, other
         self._contacts = ContactCells(checker, q, (column, other), pairs)
         low, high = float(checker.limits.lower[other]), float(checker.limits.upper[other])
         bounded = np.isfinite(high - low)
@@ -110,12 +112,19 @@ class _Barriers:
     def find(self, values: Array) -> JointBarrier | None:
         """A barrier at one of some values; None if none is certified."""
         samples = np.linspace(self._low, self._high, _SAMPLES)
-        cells = np.column_stack([values.repeat(_SAMPLES), np.tile(samples, len(values))])
-        blocked = self._classify(cells, 0.0).reshape(len(values), _SAMPLES).all(axis=1)
-        for value in values[blocked].tolist():
-            if self._is_certified(value):
+        for value in values.tolist():
+            # Nearly all values end at the first sample, where a distance takes much less time than a certificate.
+            touching = (self._touching(value, other).any() for other in samples.tolist())
+            if all(touching) and self._is_certified(value):
                 return JointBarrier(self._checker.joint_names[self._column], value, self._elements(value, samples))
         return None
+
+    def _touching(self, value: float, other: float) -> NDArray[np.bool_]:
+        """Which of the pairs touch at values of both joints, shape (pairs,)."""
+        q = self._q.copy()
+        q[self._columns[1]], q[self._columns[0]] = other, value
+        distances = self._checker.solid_distances(q, self._pairs)
+        return np.asarray(distances <= self._checker.solid_padding[self._pairs])
 
     def _is_certified(self, value: float) -> bool:
         """Whether contact is certified at a value of the joint, on all of the range of the other one."""
@@ -130,23 +139,19 @@ class _Barriers:
             middles = np.concatenate([middles - half, middles + half])
         return False
 
-    def _classify(self, cells: Array, half: float, only: Sequence[int] | slice = slice(None)) -> NDArray[np.bool_]:
+    def _classify(self, cells: Array, half: float) -> NDArray[np.bool_]:
         """Cells in which contact is certified, of both values within their half widths, by some of the pairs."""
         if self._alone:
             cells, half = cells[:, [0, 0]], 0.0
-        near = np.zeros((len(cells), self._contacts.pairs), dtype=np.bool_)
-        near[:, only] = True
+        near = np.ones((len(cells), self._contacts.pairs), dtype=np.bool_)
         return self._contacts.classify(cells, np.array([_HALF_WIDTH, half]), near)[0]
 
     def _elements(self, value: float, samples: Array) -> tuple[tuple[str, str], ...]:
         """The pairs of elements that touch at the samples, as few as explain them all: the first that does at each."""
-        cells = np.column_stack([np.full(len(samples), value), samples])
+        unexplained = np.array([self._touching(value, other) for other in samples.tolist()])
         named: dict[tuple[str, str], None] = {}
-        for k, pair in enumerate(self._pairs):
-            touching = self._classify(cells, 0.0, [k])
-            if touching.any():
-                named[self._checker.pairs[self._checker.solid_owner[pair]]] = None
-                cells = cells[~touching]
-            if len(cells) == 0:
-                break
+        while len(unexplained):
+            k = int(unexplained.any(axis=0).argmax())
+            named[self._checker.pairs[self._checker.solid_owner[self._pairs[k]]]] = None
+            unexplained = unexplained[~unexplained[:, k]]
         return tuple(named)

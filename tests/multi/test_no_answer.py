@@ -13,9 +13,12 @@ import pytest
 
 import rr1plan as rp
 from rr1plan import place_grid, plan_many_arms
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.search.coupled_windows import CoupledWindows
 from rr1plan.multi.search.prioritized import PrioritizedPlanner
 from rr1plan.multi.search.retreats import RetreatSearch
+from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.robot_parts import Geometry, Joint, Link
@@ -140,15 +143,42 @@ def test_on_a_rail_plans_are_found_exactly_where_the_order_stays(seed: int, asse
     assert "arm0" in result.reason or "arm1" in result.reason
 
 
-def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
-    # Four walls around the hand at its goal, and none in which it is.
+def _sealed(planar2r: rp.Robot) -> rp.Problem:
+    """Walls around the hand of an arm at its goal."""
     scene = _facing(planar2r)
     for k, (x, y, sx, sy) in enumerate([(0.0, 0.1, 1.2, 0.02), (0.0, -0.1, 1.2, 0.02), (0.6, 0.0, 0.02, 0.22)]):
         scene = scene.with_obstacle(f"wall{k}", rp.Box((sx, sy, 0.2)), (x + 0.2, y, 0.0))
-    problem = rp.Problem(
+    return rp.Problem(
         scene, {"left": [1.5, 0.0], "right": [np.pi - 1.0, 0.0]}, {"left": [0.0, 0.0]}, arms=["left", "right"]
     )
-    result = plan_many_arms(problem, rng=0, budget=Budget(seconds=0.5))
+
+
+def test_a_first_path_that_runs_out_of_time_was_not_cancelled(planar2r: rp.Robot) -> None:
+    class Late(Stopwatch):
+        """A clock whose end the planner only learns of by its progress callback."""
+
+        time_left = 60.0  # type: ignore[assignment]
+
+    agent = Agent(_sealed(planar2r), ["left"])
+    path, reason = PathPool(agent, 0.0, np.random.default_rng(0), Late(0.2)).add({}, patient=True)
+    assert path is None
+    assert reason.startswith("no path found in 0.")
+
+
+def test_of_several_goals_one_that_is_reached_is_taken(planar2r: rp.Robot, assert_safe: Check) -> None:
+    sealed = _sealed(planar2r)
+    starts = sealed.scene.split(sealed.start, sealed.arms)
+    # The one in the box is nearer.
+    goals = [rp.JointGoal(np.array([0.0, 0.0])), rp.JointGoal(np.array([3.1, 0.0]))]
+    problem = rp.Problem(sealed.scene, starts, {"left": goals}, arms=sealed.arms)
+    result = plan_many_arms(problem, rng=0)
+    assert result.found
+    np.testing.assert_allclose(result.trajectory.select("left")(result.trajectory.end_time), [3.1, 0.0], atol=1e-9)
+    assert_safe(problem, result)
+
+
+def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
+    result = plan_many_arms(_sealed(planar2r), rng=0, budget=Budget(seconds=0.5))
     assert result.status is PlanStatus.TIMEOUT
     assert result.reason.startswith("not found in ")
     assert "left" in result.reason

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
@@ -199,6 +200,77 @@ def test_goals_are_on_the_turn_that_leads_to_them(tmp_path: Path) -> None:
     assert rp.plan(problem, budget=rp.Budget(60.0, 20_000), rng=0).found
     # What is reached on the given turn stays.
     np.testing.assert_array_equal(goal_of(problem_between(scene, start, {"arm": np.array([2.0])})), [2.0])
+
+
+def test_a_goal_that_no_turn_leads_to_is_drawn_again(tmp_path: Path) -> None:
+    file = tmp_path / "shoulder.urdf"
+    file.write_text(_SHOULDER.replace('"-6"', '"-3"').replace('"6"', '"3"'))
+    scene = rp.Scene().with_arm("arm", rp.load_robot(file), rp.transforms.pose((0, 0, 0.6), rpy=(np.pi, 0, 0)))
+    scene = scene.with_obstacle("floor", rp.HalfSpace((0.0, 0.0, 1.0), 0.0))
+    start, goal = {"arm": np.array([2.5])}, {"arm": np.array([-2.5])}
+    assert not rp.plan(rp.Problem(scene, start, goal), budget=rp.Budget(60.0, 20_000), rng=0)
+    problem = problem_between(scene, start, goal, rng=0)
+    assert rp.plan(problem, budget=rp.Budget(60.0, 20_000), rng=0).found
+    with pytest.raises(InputError, match="no goal found that 'arm' can reach from its start"):
+        problem_between(scene, start, goal, 0, {"arm": lambda _: goal["arm"]})
+
+
+_POST_OF_ITS_OWN = """<robot name="hindered">
+  <link name="base"><collision><origin xyz="0.3 0 0"/><geometry><box size="0.1 0.1 0.6"/></geometry></collision></link>
+  <link name="column"/>
+  <link name="beam"><collision><origin xyz="0.3 0 0"/><geometry><box size="0.5 0.04 0.04"/></geometry></collision>
+  </link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="column"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+  <joint name="lift" type="revolute"><parent link="column"/><child link="beam"/><axis xyz="0 1 0"/>
+    <limit lower="-0.3" upper="0.3" velocity="1" effort="1"/></joint>
+</robot>"""
+
+
+def test_goals_are_not_behind_links_of_the_arm_itself(tmp_path: Path) -> None:
+    file = tmp_path / "hindered.urdf"
+    file.write_text(_POST_OF_ITS_OWN)
+    problem = random_grid(rp.load_robot(file), 6, 2.0, 0)
+    turns = problem.start[::2]
+    assert (turns > 0.0).any()
+    assert (turns < 0.0).any()
+    np.testing.assert_array_equal(np.sign([problem.goal[arm][0].q[0] for arm in problem.arms]), np.sign(turns))
+
+
+_STIFF = """<robot name="stiff">
+  <link name="mount"/>
+  <link name="foot"><collision><origin xyz="0 0 0.0505"/><geometry><cylinder radius="0.05" length="0.1"/></geometry>
+  </collision></link>
+  <link name="arm"><collision><origin xyz="0.15 0 0.15"/><geometry><box size="0.3 0.04 0.05"/></geometry></collision>
+  </link>
+  <link name="sleeve"><collision><geometry><box size="0.2 0.04 0.02"/></geometry></collision></link>
+  <joint name="bolts" type="fixed"><parent link="mount"/><child link="foot"/></joint>
+  <joint name="turn" type="revolute"><parent link="foot"/><child link="arm"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+  <joint name="slide" type="prismatic"><parent link="arm"/><child link="sleeve"/><origin xyz="0 0 0.1108"/>
+    <axis xyz="0 1 0"/><limit lower="-0.05" upper="0.05" velocity="1" effort="1"/></joint>
+</robot>"""
+
+
+def test_problems_of_arms_with_narrow_gaps_can_be_made(tmp_path: Path) -> None:
+    file = tmp_path / "stiff.urdf"
+    file.write_text(_STIFF)
+    # The foot ends half a millimeter above the mount, and the sleeve is 0.3 mm from the foot wherever it is.
+    robot = rp.load_robot(file)
+    assert floor_under(robot).offset == pytest.approx(-0.0015)
+    problem = random_grid(robot, 4, 0.8, 0)
+    result = rp.plan_many_arms(problem, rng=0)
+    assert result.found
+    assert rp.validate(result.trajectory, problem.scene, problem).certified
+
+
+def test_arms_without_shapes_are_planned_too(tmp_path: Path) -> None:
+    file = tmp_path / "ghost.urdf"
+    file.write_text(re.sub(r"<collision>.*?</collision>", "", _SHOULDER, flags=re.DOTALL))
+    problem = random_grid(rp.load_robot(file), 3, 0.5, 0)
+    result = rp.plan_many_arms(problem, rng=0)
+    assert result.found
+    assert rp.validate(result.trajectory, problem.scene, problem).valid
 
 
 def test_rails_without_ends_are_refused_by_name() -> None:

@@ -66,6 +66,17 @@ def test_a_beam_on_a_base_that_turns_cannot_swing_through_the_floor(on_floor: rp
         assert not checker.is_free_slowly(q)
 
 
+def test_the_pairs_named_touch_wherever_the_other_joint_is(on_floor: rp.Scene) -> None:
+    # Two floors that slope to either side, of which the beam meets the one or the other.
+    scene = on_floor.with_obstacle("ramp", rp.HalfSpace((-0.3, 0.0, 1.0), 0.02))
+    checker = rp.CollisionChecker(scene)
+    found = find_joint_barrier(checker, np.array([-1.0, 1.0, 0.5]), np.array([2.0, 5.2, -1.0]))
+    assert found is not None
+    for turn in np.linspace(-3.1, 3.1, 40):
+        touching = {frozenset((c.a, c.b)) for c in checker.contacts(np.array([turn, found.value, 0.0]))}
+        assert any(frozenset(pair) in touching for pair in found.elements)
+
+
 def test_a_search_without_time_ends(on_floor: rp.Scene) -> None:
     checker, ends = rp.CollisionChecker(on_floor), (np.array([-1.0, 1.0, 0.5]), np.array([2.0, 5.2, -1.0]))
     assert find_joint_barrier(checker, *ends) is not None

@@ -79,7 +79,9 @@ class PathPool:
             result = self._plan(leg, effort, patient=patient)
             self.impossible = result.status is PlanStatus.INFEASIBLE
             if result.path is None:
-                return None, result.reason
+                # The callback of a planner within the search also ends it when the time is over.
+                late = result.status is PlanStatus.CANCELLED and not self._watch.cancelled
+                return None, f"no path found in {self._watch.seconds:.3g} s" if late else result.reason
             parts.append(result.path)
         try:
             return self.add_shortened(parts, question), ""

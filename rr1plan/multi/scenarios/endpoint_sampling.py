@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rr1plan.checks import Array, finite_array, of_kind
+from rr1plan.checks import Array, Seed, as_generator, finite_array, of_kind
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.collision.checker_pool import checker_from_pool
@@ -18,10 +18,13 @@ from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.model import Kinematics, solve_ik
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.timing.coordination import are_apart
 from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.robot import Robot
 from rr1plan.robot.bounding_boxes import bounding_box
+from rr1plan.robot.contact_bands import contact_bands
+from rr1plan.robot.link_contacts import LinkBodies
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import PoseGoal, Problem
 from rr1plan.shapes.shapes import HalfSpace
@@ -51,6 +54,7 @@ class ToolBox(NamedTuple):
 _ROUNDS, _DRAWS = 1000, 200
 # With inverse kinematics, which takes longer and finds room where there is some.
 _BOX_ROUNDS, _BOX_DRAWS = 30, 60
+_REDRAWS = 100  # of a goal that its arm cannot reach
 _STARTS = 20  # of inverse kinematics for a point
 _SAMPLES = 400  # configurations that tell how far a robot reaches
 
@@ -169,36 +173,79 @@ def _turned_back(robot: Robot, q: Array) -> Array:
     return np.asarray(np.where((q < low) | (q > high), np.where((turned >= low) & (turned <= high), turned, q), q))
 
 
-def problem_between(scene: Scene, starts: Mapping[str, Array], goals: Mapping[str, Array]) -> Problem:
-    """The problem of all arms, with goals a turn away where a joint provably cannot get past what is between.
+def problem_between(
+    scene: Scene,
+    starts: Mapping[str, Array],
+    goals: Mapping[str, Array],
+    rng: Seed = None,
+    draws: Mapping[str, Draw] | None = None,
+) -> Problem:
+    """The problem of all arms, without goals that a joint cannot reach past what is between.
 
-    A robot that stands on a floor gets its upper arm from one side to the other over the top only, and may have a turn
-    on which that leads to the goal.
+    A robot that stands on a floor gets its upper arm from one side to the other over the top only, and shapes of two
+    links may leave no way past each other. Such a goal is put a turn away where the joint has a turn that leads to it,
+    and is drawn again otherwise.
 
     Args:
         scene: The arms and obstacles.
         starts: Where each arm begins, shape (nq,).
         goals: Where each arm ends, shape (nq,).
+        rng: Seed of goals that are drawn again.
+        draws: How to draw a goal of an arm; of those without, all joints are drawn over their full ranges.
+
+    Raises:
+        InputError: no goal that an arm can reach is found.
     """
-    given, turned = Problem(scene, starts, goals), dict(goals)
-    for arm in given.arms:
-        robot = scene.arms[arm].robot
-        low, high = one_turn(robot)
-        span = robot.limits.upper - robot.limits.lower
-        if not (np.isfinite(span) & (high - low < span)).any():
-            continue
-        question = Agent(given, [arm]).question({}, 0.0)
-        with checker_from_pool(question.scene, question.arms) as checker:
-            barrier = find_joint_barrier(checker, starts[arm], goals[arm], own_links=True)
-            if barrier is None:
-                continue
-            column = checker.joint_names.index(barrier.joint)
-            other = goals[arm].copy()
-            other[column] -= math.copysign(2.0 * np.pi, other[column] - starts[arm][column])
-            barred = find_joint_barrier(checker, starts[arm], other, own_links=True) is not None
-            if checker.within_limits(other) and not barred:
-                turned[arm] = other
-    return Problem(scene, starts, turned)
+    given, ends, generator = Problem(scene, starts, goals), dict(goals), as_generator(rng)
+    agents = {arm: Agent(given, [arm]) for arm in given.arms}
+    near = arms_in_reach(scene, given.arms, CLEARANCE)
+    for arm, agent in agents.items():
+        end = _on_reachable_turn(agent, starts[arm], goals[arm])
+        if end is None:
+            others = [(agents[one], placed_configuration(agents[one].bodies, ends[one])) for one in near[arm]]
+            draw = (draws or {}).get(arm) or _anywhere(scene.arms[arm].robot)
+            for _ in range(_REDRAWS):
+                q = _free_among(agent, others, draw, _BOX_DRAWS, generator)
+                end = None if q is None else _on_reachable_turn(agent, starts[arm], q)
+                if end is not None:
+                    break
+            else:
+                raise InputError(f"no goal found that {arm!r} can reach from its start; try another seed")
+        ends[arm] = np.asarray(end)
+    return Problem(scene, starts, ends)
+
+
+def _on_reachable_turn(agent: Agent, start: Array, goal: Array) -> Array | None:
+    """A goal of an arm, or the same a turn of a joint away; None where neither can be reached from a start."""
+    barred = _barred_joint(agent, start, goal)
+    if barred is None:
+        return goal
+    other = goal.copy()
+    other[barred] -= math.copysign(2.0 * np.pi, other[barred] - start[barred])
+    is_within = agent.limits.lower[barred] <= other[barred] <= agent.limits.upper[barred]
+    return other if is_within and _barred_joint(agent, start, other) is None else None
+
+
+def _barred_joint(agent: Agent, start: Array, goal: Array) -> int | None:
+    """A joint of an arm that cannot get from a start to a goal, past links of the arm or what stands still."""
+    (arm,) = agent.arms
+    robot = agent.problem.scene.arms[arm].robot
+    for joint, low, high in _own_bands(robot):
+        if min(start[joint], goal[joint]) < low and max(start[joint], goal[joint]) > high:
+            return joint
+    question = agent.question({}, 0.0)
+    with checker_from_pool(question.scene, question.arms) as checker:
+        barrier = find_joint_barrier(checker, start, goal)
+        return None if barrier is None else checker.joint_names.index(barrier.joint)
+
+
+@lru_cache(maxsize=64)
+def _own_bands(robot: Robot) -> tuple[tuple[int, float, float], ...]:
+    """Intervals of joints in which links of a robot touch each other: joint, lower and upper end [rad or m]."""
+    bodies, alone = LinkBodies(robot), Scene().with_arm("arm", robot)
+    pairs = [pair for pair in bodies.pairs if not alone.may_touch(*(f"arm/{link}" for link in pair))]
+    bands = contact_bands(robot, pairs, np.random.default_rng(0), bodies)
+    return tuple((robot.joint_names.index(band.joint), band.lower, band.upper) for band in bands)
 
 
 def _free_among(
@@ -206,15 +253,26 @@ def _free_among(
 ) -> Array | None:
     """A configuration of an arm without contact with the scene or other arms."""
     question = agent.question({}, 0.0)
+    needed = max(_own_clearance(agent.problem.scene.arms[arm].robot) for arm in agent.arms)
     with checker_from_pool(question.scene, question.arms) as checker:
-        for _ in range(tries):
+        for _ in range(tries if checker.static_is_free else 0):
             q = draw(rng)
-            if q is None or checker.clearance(q, 2.0 * CLEARANCE) < CLEARANCE:
+            # A base may stand nearer to the floor.
+            if q is None or checker.moving_clearance(q, 2.0 * CLEARANCE) < needed:
                 continue
             own = placed_configuration(agent.bodies, q)
             if all(are_apart(agent, own, other, placed, CLEARANCE) for other, placed in others):
                 return np.asarray(q)
     return None
+
+
+@lru_cache(maxsize=64)
+def _own_clearance(robot: Robot) -> float:
+    """`CLEARANCE`, or less where links of a robot are nearer to each other nearly everywhere [m]."""
+    checker, low_high = CollisionChecker(Scene().with_arm("arm", robot)), one_turn(robot)
+    drawn = np.random.default_rng(0).uniform(*low_high, (_SAMPLES, robot.nq))
+    usual = float(np.quantile([checker.moving_clearance(q, CLEARANCE) for q in drawn], 0.9))
+    return next((margin for margin in MARGINS if margin <= usual), MARGINS[-1])
 
 
 def check_robot(robot: Robot) -> None:
@@ -276,12 +334,16 @@ def floor_under(*robots: Robot) -> HalfSpace:
 
 @lru_cache(maxsize=64)
 def _floor_height(robot: Robot) -> float:
-    level = Scene().with_arm("arm", robot).with_obstacle("floor", HalfSpace((0.0, 0.0, 1.0), 0.0))
-    if CollisionChecker(level).static_is_free:
-        return 0.0
     home, other = robot.link_poses(robot.home), robot.link_poses(robot.home + 0.1)
-    fixed = [link for link in robot.links if np.array_equal(home[link.name], other[link.name]) and link.collisions]
-    return min(float(bounding_box(link.collisions, home[link.name])[0][2]) for link in fixed) - CLEARANCE
+    lowest = {
+        link.name: float(bounding_box(link.collisions, home[link.name])[0][2])
+        for link in robot.links
+        if link.collisions and np.array_equal(home[link.name], other[link.name])
+    }
+    # Contact of the base link alone is allowed.
+    if all(height >= CLEARANCE for link, height in lowest.items() if link != robot.base):
+        return 0.0
+    return min(lowest.values()) - CLEARANCE
 
 
 @lru_cache(maxsize=64)

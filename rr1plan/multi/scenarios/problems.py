@@ -18,6 +18,7 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.preflight import goal_configurations
 from rr1plan.multi.scenarios.endpoint_sampling import (
     CLEARANCE,
+    Draw,
     ToolBox,
     check_robot,
     floor_under,
@@ -58,14 +59,14 @@ def random_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng:
     scene = _grid(robot, count, positive_number("spacing", spacing))
     generator = as_generator(rng)
     start = sample_configurations(scene, generator)
-    return problem_between(scene, start, sample_configurations(scene, generator))
+    return problem_between(scene, start, sample_configurations(scene, generator), generator)
 
 
 def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: Seed = None) -> Problem:
     """Arms on a grid on a table, turned at random; each tool gets from one point above the table to another.
 
-    Points are in front of an arm, up to nine tenths of its reach away, and from 5 cm to half its reach above the table,
-    so that many are within reach of other arms, too.
+    Points are in front of an arm, up to nine tenths of its reach away, and from 5 cm (of arms that
+    reach less than 20 cm, a quarter of it) to half its reach above the table, so that many are within reach of others.
 
     Args:
         robot: As in `random_grid`.
@@ -87,11 +88,10 @@ def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: 
         far = horizontal_reach(arm.robot)
         ahead = front_of(arm.robot)
         turn = pose((0.0, 0.0, 0.0), rpy=(0.0, 0.0, math.atan2(ahead[1], ahead[0])))
-        draws[name] = tool_in_box(
-            scene, name, ToolBox(arm.base @ turn, (0.25 * far, -0.4 * far, 0.05), (0.8 * far, 0.4 * far, 0.5 * far))
-        )
+        low, high = (0.25 * far, -0.4 * far, min(0.05, 0.25 * far)), (0.8 * far, 0.4 * far, 0.5 * far)
+        draws[name] = tool_in_box(scene, name, ToolBox(arm.base @ turn, low, high))
     start = sample_configurations(scene, generator, draws)
-    return problem_between(scene, start, sample_configurations(scene, generator, draws))
+    return problem_between(scene, start, sample_configurations(scene, generator, draws), generator, draws)
 
 
 def _grid(robot: Robot | Sequence[Robot], count: int, spacing: float) -> Scene:
@@ -146,9 +146,13 @@ def ring_swap(
         height = radius * generator.uniform(0.2, 1.0, count)
         points = np.column_stack([far * np.cos(angles), far * np.sin(angles), height])
         starts, no_start = _reaching(scene, dict(zip(scene.arms, points, strict=True)), generator)
-        goals, no_goal = _reaching(scene, dict(zip(scene.arms, np.roll(points, -step, axis=0), strict=True)), generator)
+        ends = dict(zip(scene.arms, np.roll(points, -step, axis=0), strict=True))
+        goals, no_goal = _reaching(scene, ends, generator)
         if starts and goals:
-            return problem_between(scene, starts, goals)
+            try:
+                return problem_between(scene, starts, goals, generator, _draws_at(scene, ends))
+            except InputError as error:
+                no_goal = str(error).partition(";")[0]
         reason, reached = no_start or no_goal, reached or bool(starts or goals)
         if attempt == _HOPELESS and not reached:
             break
@@ -174,7 +178,7 @@ def _swap_across(scene: Scene, radius: float, step: int, rng: np.random.Generato
                 other = arms[(k + step) % len(arms)]
                 place = poses[f"{other}/{scene.arms[other].robot.tool}"]
                 draws[arm] = tool_in_box(scene, arm, ToolBox(place, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
-            return problem_between(scene, starts, sample_configurations(scene, rng, draws))
+            return problem_between(scene, starts, sample_configurations(scene, rng, draws), rng, draws)
         except InputError as error:
             reason = str(error).partition(";")[0]
     raise InputError(
@@ -210,12 +214,15 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
         ends = []
         for _ in range(2):
             low, high = (-0.7, 0.5, 0.3), (0.7, 0.6, 0.9)
-            points = spacing * generator.uniform(low, high, (2, 3))
-            found, no_end = _reaching(scene, dict(zip(scene.arms, points, strict=True)), generator)
+            points = dict(zip(scene.arms, spacing * generator.uniform(low, high, (2, 3)), strict=True))
+            found, no_end = _reaching(scene, points, generator)
             ends.append(found)
             reason = no_end or reason
         if ends[0] and ends[1]:
-            return problem_between(scene, ends[0], ends[1])
+            try:
+                return problem_between(scene, ends[0], ends[1], generator, _draws_at(scene, points))
+            except InputError as error:
+                reason = str(error).partition(";")[0]
     raise InputError(f"no query found at the shelf: {reason}; try another spacing")
 
 
@@ -226,3 +233,9 @@ def _reaching(scene: Scene, points: Mapping[str, Array], rng: np.random.Generato
     agents = {arm: Agent(problem, [arm]) for arm in problem.arms}
     found, _, reason = goal_configurations(agents, arms_in_reach(scene, problem.arms, CLEARANCE), rng)
     return found, reason
+
+
+def _draws_at(scene: Scene, points: Mapping[str, Array]) -> dict[str, Draw]:
+    """How to draw configurations of all arms with their tools at given points."""
+    here = (0.0, 0.0, 0.0)
+    return {arm: tool_in_box(scene, arm, ToolBox(pose(point), here, here)) for arm, point in points.items()}

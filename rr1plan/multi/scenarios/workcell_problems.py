@@ -72,7 +72,7 @@ class _Cell:
         for boxes in (starts, goals):
             draws = {arm: tool_in_box(self.scene, arm, box) for arm, box in boxes.items()}
             ends.append(sample_configurations(self.scene, rng, draws, advice=advice))
-        return problem_between(self.scene, ends[0], ends[1])
+        return problem_between(self.scene, ends[0], ends[1], rng, draws)
 
 
 def handover_window(robot: Robot, width: float = 0.12, rng: Seed = None, *, gap: float = 0.04) -> Problem:
