@@ -7,6 +7,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
+from rr1plan.multi.search.prioritized import PrioritizedPlanner
 from rr1plan.planning import Budget
 from rr1plan.scene.model_library import load_problems
 
@@ -31,6 +32,23 @@ def test_two_arms_are_planned_at_once_and_certified_against_each_other(change_pl
     assert all(checker.is_free(q) for q in result.path.sample(0.02))
     again = rp.plan(change_places, budget=budget, rng=1)
     assert again.path.waypoints.tobytes() == points.tobytes()
+
+
+def test_few_arms_are_planned_as_one_again_where_all_else_fails(
+    change_places: rp.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    efforts = []
+
+    def fail(_: PrioritizedPlanner, effort: int = 0) -> bool:
+        efforts.append(effort)
+        return False
+
+    for stage in ("_plan_few", "_couple", "_move_in_turn"):
+        monkeypatch.setattr(PrioritizedPlanner, stage, fail)
+    result = rp.plan_many_arms(change_places, rng=1, budget=Budget(seconds=60.0))
+    assert [group.stage for group in result.groups] == ["composite"]
+    assert rp.validate(result.trajectory, change_places.scene, change_places).valid
+    assert efforts[:3] == [0, 0, 0]
 
 
 def test_an_arm_of_the_pair_can_move_alone_while_the_other_holds():

@@ -167,15 +167,11 @@ class PrioritizedPlanner:
 
     def run(self) -> bool:
         """Schedule all agents; whether that was possible in time."""
-        at_first = not self.schedules
-        if at_first and 1 < len(self.agents) <= PLANNED_AS_ONE and self._plan_few():
-            return True
-        coupled_first = at_first and 1 < len(self.agents) <= COUPLED_FIRST
         effort = 0
-        while coupled_first and effort < _ROUNDS_FIRST and self._watch.goes_on():
-            if self._couple(effort) or self._move_in_turn(effort):
+        if not self.schedules and 1 < len(self.agents) <= COUPLED_FIRST:
+            if self._plan_together():
                 return True
-            effort += 1
+            effort = _ROUNDS_FIRST
         if not self._watch.goes_on():
             self.reason = self._blocked_by([agent for agent in self.agents if agent not in self.schedules])
             return False
@@ -196,6 +192,18 @@ class PrioritizedPlanner:
             effort += 1
             waiting = [agent for agent in self._slowest_first() if agent not in self.schedules]
         self.reason = self.reason or self._blocked_by(waiting)
+        return False
+
+    def _plan_together(self) -> bool:
+        """Look for motions of all arms in windows, one by one, and, of a few, in one joint space; whether there are any."""
+        few = len(self.agents) <= PLANNED_AS_ONE
+        if few and self._plan_few():
+            return True
+        for effort in range(_ROUNDS_FIRST):
+            if not self._watch.goes_on():
+                return False
+            if self._couple(effort) or self._move_in_turn(effort) or (few and self._plan_as_one(effort + 1)):
+                return True
         return False
 
     def _slowest_first(self) -> list[Agent]:
@@ -250,6 +258,11 @@ class PrioritizedPlanner:
             return True
         self._return_to(alone)
         return self._adopt([pool], "composite")
+
+    def _plan_as_one(self, effort: int) -> bool:
+        """Look for a path in the joint space of all arms; whether there is one."""
+        pool = self._pool_of(self.arms)
+        return self._add_path(pool, effort) is not None and self._adopt([pool], "composite")
 
     def _move_in_turn(self, effort: int) -> bool:
         """Move one arm at a time by way of retreats, as one agent; whether that was possible."""
@@ -366,10 +379,10 @@ class PrioritizedPlanner:
             margin = self._margins[agent]
         return PathPool(agent, margin, self._rng, self._watch)
 
-    def _add_path(self, pool: PathPool) -> AgentPath | None:
+    def _add_path(self, pool: PathPool, effort: int = 0) -> AgentPath | None:
         """One more path from the start to the goal, regardless of others."""
         began = time.perf_counter()
-        path, _ = pool.add({})
+        path, _ = pool.add({}, effort=effort)
         self.statistics.add_time("paths", began)
         self.statistics.paths += 1
         return path
