@@ -195,7 +195,7 @@ class PrioritizedPlanner:
         return False
 
     def _plan_together(self) -> bool:
-        """Look for motions of all arms in windows, one by one, and, of a few, in one joint space; whether there are any."""
+        """Look for motions in windows, of one arm at a time, and of a few arms as one; whether there are any."""
         few = len(self.agents) <= PLANNED_AS_ONE
         if few and self._plan_few():
             return True

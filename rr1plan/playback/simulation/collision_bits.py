@@ -21,7 +21,7 @@ _FIRST, _OWN, _COLORS = 2, 8, 21
 
 
 def collision_bits(scene: Scene) -> dict[str, tuple[int, int]]:
-    """Contype and conaffinity of the links of arms and of what they hold, by the name of the element.
+    """Contype and conaffinity of the links of arms and of held objects, by their names.
 
     Args:
         scene: The scene.
