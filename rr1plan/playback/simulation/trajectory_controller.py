@@ -17,6 +17,8 @@ from rr1plan.trajectory import Trajectory
 
 # Number of updates whose set-points are evaluated at once; those of many arms stay in the cache.
 _BLOCK = 32
+# Numbers of a trajectory that are checked at once.
+_CHECKED = 200_000
 # Of sums of time steps [s].
 _ROUNDING = 1e-9
 
@@ -167,8 +169,9 @@ class JointTrajectoryController(Controller):
             raise InputError(f"at is {start:g} s, which has passed: it is {self._now:g} s")
         columns = _columns(trajectory, self.joint_names)
         times = trajectory.sample_times(max(self.joints.dt, trajectory.duration / 1e6))
-        for block in range(0, len(times), 4096):
-            self.check_positions(trajectory(times[block : block + 4096])[:, columns])
+        count = max(1, _CHECKED // len(columns))
+        for first in range(0, len(times), count):
+            self.check_positions(trajectory(times[first : first + count])[:, columns])
         if at is None:
             self._check_start(trajectory, columns)
         execution = Execution(trajectory, start, max_error=np.zeros(len(columns)))
