@@ -23,8 +23,11 @@ from rr1plan.planning import Budget, PlanStatus
 from rr1plan.scene.problem import JointGoal, Problem
 from rr1plan.scene.subscene import subscene
 
-MARGINS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1e-4)
-"""Distances to keep beyond the padding [m]: the largest is taken of which starts and goals have twice as much."""
+MARGINS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1e-4, 1e-5)
+"""Distances to keep beyond the padding [m]: the largest is taken of which starts and goals have twice as much.
+
+Also the least is ten times what the referee cannot tell from contact.
+"""
 
 # Changes of goal configurations that are tried to separate goals of different arms.
 _REPAIRS = 200

@@ -15,6 +15,7 @@ import rr1plan as rp
 from rr1plan import place_grid, plan_many_arms
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.preflight import MARGINS, affordable_margin
 from rr1plan.multi.search.coupled_windows import CoupledWindows
 from rr1plan.multi.search.prioritized import PrioritizedPlanner
 from rr1plan.multi.search.retreats import RetreatSearch
@@ -22,6 +23,8 @@ from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.robot_parts import Geometry, Joint, Link
+from rr1plan.transforms import pose
+from rr1plan.validation.compiled_search import TOUCH
 
 Check = Callable[..., None]
 
@@ -163,6 +166,18 @@ def test_a_first_path_that_runs_out_of_time_was_not_cancelled(planar2r: rp.Robot
     path, reason = PathPool(agent, 0.0, np.random.default_rng(0), Late(0.2)).add({}, patient=True)
     assert path is None
     assert reason.startswith("no path found in 0.")
+
+
+def test_ends_near_contact_leave_a_margin_that_the_referee_can_tell_from_contact(planar2r: rp.Robot) -> None:
+    scene = (
+        rp.Scene().with_arm("left", planar2r, [0.0, 0.0, 0.0]).with_obstacle("ball", rp.Sphere(0.1), [0.5, 1.0, 0.0])
+    )
+    gap = rp.CollisionChecker(scene).clearance([0.0, 0.0])
+    scene = scene.with_obstacle_at("ball", pose([0.5, 1.0 - gap + 5e-5, 0.0]))
+    agent = Agent(rp.Problem(scene, {"left": [0.0, 0.0]}, {"left": [-1.0, 0.0]}), ["left"])
+    assert rp.CollisionChecker(scene).clearance([0.0, 0.0]) == pytest.approx(5e-5, abs=1e-6)
+    assert affordable_margin(agent, np.array([-1.0, 0.0]), 2e-3) == MARGINS[-1]
+    assert MARGINS[-1] >= 10.0 * TOUCH
 
 
 def test_of_several_goals_one_that_is_reached_is_taken(planar2r: rp.Robot, assert_safe: Check) -> None:
