@@ -160,7 +160,9 @@ def test_a_first_path_that_runs_out_of_time_was_not_cancelled(planar2r: rp.Robot
     class Late(Stopwatch):
         """A clock whose end the planner only learns of by its progress callback."""
 
-        time_left = 60.0  # type: ignore[assignment]
+        @property
+        def time_left(self) -> float:
+            return 60.0
 
     agent = Agent(_sealed(planar2r), ["left"])
     path, reason = PathPool(agent, 0.0, np.random.default_rng(0), Late(0.2)).add({}, patient=True)
