@@ -37,7 +37,7 @@ def collision_bits(scene: Scene) -> dict[str, tuple[int, int]]:
         if owner is not None:
             owned[owner].append(element)
     found = {}
-    every = sum(1 << (_FIRST + _OWN + color) for color in range(_COLORS))
+    every = ((1 << _COLORS) - 1) << (_FIRST + _OWN)
     for arm, color in colors.items():
         elements = owned[arm]
         pairs = [pair for pair in combinations(elements, 2) if not scene.may_touch(*pair)]
@@ -46,11 +46,9 @@ def collision_bits(scene: Scene) -> dict[str, tuple[int, int]]:
             continue
         mine = 1 << (_FIRST + _OWN + color)
         for element in elements:
-            bits = [mine, OTHERS | (every & ~mine)]
-            for i, product in enumerate(products):
-                for side in (0, 1):
-                    bits[side] |= (element in product[side]) << (_FIRST + i)
-            found[element] = bits[0], bits[1]
+            kinds = sum(1 << (_FIRST + i) for i, (one, _) in enumerate(products) if element in one)
+            checked = sum(1 << (_FIRST + i) for i, (_, other) in enumerate(products) if element in other)
+            found[element] = mine | kinds, OTHERS | (every & ~mine) | checked
     return found
 
 
