@@ -233,7 +233,7 @@ def warm_up(problem: Problem, *, progress: ProgressCallback | None = None) -> No
 
 
 def affordable_margin(problem: Problem, margin: float) -> float:
-    """The margin [m], halved until the clearance of start and goal is twice as large; 0 after five halvings.
+    """The margin [m], halved until the clearance of start and goal is twice as large; 0 after seven halvings.
 
     Of several goal configurations the one with the largest clearance counts; goal poses are not considered, because
     their configurations are not known yet. Elements that do not move relative to each other do not count.

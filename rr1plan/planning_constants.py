@@ -20,7 +20,7 @@ class TreeConstants(NamedTuple):
     """
 
     margin: float = 0.002
-    margin_halvings: int = 5
+    margin_halvings: int = 7
     step: float = 0.06
     domain: float = 0.3
 

@@ -15,6 +15,8 @@ import rr1plan as rp
 from rr1plan import pipeline
 from rr1plan.collision import checker as checkers
 from rr1plan.pipeline import affordable_margin
+from rr1plan.transforms import pose
+from rr1plan.validation.compiled_search import TOUCH
 
 
 @pytest.fixture(scope="module")
@@ -135,6 +137,17 @@ def test_a_margin_is_halved_until_the_start_has_twice_as_much() -> None:
     assert affordable_margin(problem, 0.0) == 0.0
     with pytest.raises(rp.InputError, match="margin"):
         affordable_margin(problem, -0.1)
+
+
+def test_a_start_near_contact_leaves_a_margin_that_the_referee_can_tell_from_contact() -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r")).with_obstacle("ball", rp.Sphere(0.1), [0.5, 1.0, 0.0])
+    gap = rp.CollisionChecker(scene).clearance([0.0, 0.0])
+    scene = scene.with_obstacle_at("ball", pose([0.5, 1.0 - gap + 5e-5, 0.0]))
+    problem = rp.Problem(scene, [0.0, 0.0], [-1.0, 0.0])
+    assert affordable_margin(problem, 0.002) == pytest.approx(0.002 / 2**7)
+    motion = rp.plan_motion(problem, rng=0)
+    assert motion.report.certified
+    assert motion.margin > 10.0 * TOUCH
 
 
 def test_a_margin_is_one_that_the_goal_has_too() -> None:
