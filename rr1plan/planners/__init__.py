@@ -1,7 +1,7 @@
 """All planners behind one function: `plan(problem, planner="rrt_connect")`.
 
-A planner is derived from `Planner`; a row in `_ROWS` and `_OWN` makes it known by a name, as `register_planner` does
-for those of others.
+A planner is derived from `Planner` and gets its name from rows in `_ROWS` and `_OWN`; `register_planner` does this for
+planners from other packages.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _ROWS = (
     *(PlannerInfo(name, kind.description, kind.optimizing) for name, kind in KINDS.items()),
     PlannerInfo("cartesian", "the tool moves on a straight line to a pose, the joints follow"),
 )
-# Our own planners, by name; a new one is made for each, with its usual settings.
+# Our own planners by name: factories with default settings.
 _OWN: Mapping[str, Callable[[], Planner]] = MappingProxyType(
     {
         RrtConnect.name: RrtConnect,
@@ -58,12 +58,12 @@ _OWN: Mapping[str, Callable[[], Planner]] = MappingProxyType(
         CartesianPlanner.name: CartesianPlanner,
     }
 )
-# What they return needs no check.
+# Planners whose results need no check.
 _TRUSTED = frozenset({RrtConnect, AnytimePlanner, RoadmapPlanner, Roadmap, CartesianPlanner, OmplPlanner})
 
 
 class _Registered(NamedTuple):
-    """A planner that a caller made known."""
+    """A planner that a caller registered."""
 
     info: PlannerInfo
     factory: Callable[[], object]
@@ -94,8 +94,7 @@ def register_planner(
 
     Args:
         name: The name, one that no planner has yet.
-        factory: Called without arguments for a new planner each time one is used: a class derived from `Planner`, or
-            a function.
+        factory: A class derived from `Planner`, or a function without arguments; called each time a planner is needed.
         description: One line about it.
         optimizing: Whether it improves its path until the budget ends.
 
@@ -113,11 +112,11 @@ def register_planner(
 
 
 def make_planner(name: str) -> Planner:
-    """A new planner by name, with its usual settings.
+    """A new planner by name, with default settings.
 
     Raises:
         UnknownNameError: no such planner; the message lists them.
-        PlannerError: the factory of a registered one raised something, or returned something else.
+        PlannerError: the factory of a registered planner raised an exception, or did not return a planner.
     """
     if known_name("planner", name, planner_names()) in _OWN:
         return _OWN[name]()
@@ -130,16 +129,16 @@ def make_planner(name: str) -> Planner:
     return planner
 
 
-# One of ours with its usual settings is the same for all problems.
+# One of our own planners with default settings serves all problems.
 _own_planner = lru_cache(maxsize=None)(make_planner)
 
 
 def chosen_planner(planner: str | Planner) -> Planner:
-    """The planner that is meant by a name or an instance.
+    """The planner for a name or an instance.
 
     Raises:
         UnknownNameError: no such name.
-        InputError: something else.
+        InputError: neither a name nor an instance.
     """
     if isinstance(planner, str):
         return _own_planner(planner) if planner in _OWN else make_planner(planner)
@@ -163,9 +162,9 @@ def plan(
     """Find a path from the start to a goal, every edge certified free.
 
     Args:
-        problem: The question. What aims at configurations (all planners but "cartesian") looks for eight of each
-            pose or region goal; where many reach it, the nearest of all may not be among them. Our own planners
-            look for others where they do not get on.
+        problem: The planning problem. Planners to goal configurations (all but "cartesian") search for eight of each
+            pose or region goal; if many reach it, the nearest one may not be among them. Our own planners search for
+            more if they make no progress.
         planner: A name of `planner_names()`, or an instance of `Planner`: one of ours with other settings, such as
             `RrtConnect(range=0.5)`, or your own.
         budget: When to stop (default: 10 s). Under a budget of iterations alone the same seed gives the
@@ -175,14 +174,14 @@ def plan(
         progress: Called about ten times a second; it may return False to cancel.
 
     Returns:
-        The path, or why there is none: INVALID_START, INVALID_GOAL (which elements collide and how deep, which
-        joint exceeds its limit by how much), INFEASIBLE (no configuration reaches the goal, or a joint
-        provably cannot get past an obstacle, which RRT-Connect finds out), TIMEOUT, CANCELLED.
+        The path, or why there is none: INVALID_START, INVALID_GOAL (which elements collide and how deep, which joint
+            exceeds its limit by how much), INFEASIBLE (no configuration reaches the goal, or a joint provably cannot
+            pass an obstacle, which RRT-Connect detects), TIMEOUT, CANCELLED.
 
     Raises:
         UnknownNameError: no such planner.
-        InputError: a problem this planner does not take.
-        PlannerError: a planner of your own raised something, or returned a path that is no answer.
+        InputError: a problem that this planner does not support.
+        PlannerError: a planner of your own raised an exception, or returned a path that does not solve the problem.
         KeyboardInterrupt: Ctrl-C, after cleaning up.
     """
     check_question(problem, budget, progress)

@@ -1,9 +1,9 @@
-"""Proof that no path exists: a value of one joint at which two bodies touch wherever the other joints are.
+"""Proof that no path exists: a value of one joint at which two bodies touch for all values of the others.
 
-A path from a start to a goal on the other side of that value would have to pass it. Whether two bodies touch depends on
-the joints between them, or on those that carry a body past an obstacle. Where these are two at most, the range of the
-other one is cut into intervals until contact is certified on each (`rr1plan.collision.contact_cells`). The upper arm of
-a robot on a floor is such a body: it cannot swing through below its shoulder, wherever that is turned.
+If start and goal are on different sides of this value, every path has to pass it. Contact of two bodies depends on the
+joints between them or, for an obstacle, on the joints that carry the body. If these are at most two, the range of the
+second one is cut into intervals until contact is certified on each (`rr1plan.collision.contact_cells`). For example,
+the upper arm of a robot on a floor cannot swing through below its shoulder, wherever that is turned.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.contact_cells import ContactCells, columns_between
 
-# Values of a joint between those of start and goal, and values of the other one at which each of them is tried first.
+# Number of tested values between start and goal, and of values of the other joint at which each is tested first.
 _VALUES, _SAMPLES = 24, 8
-# Intervals of the other joint at first, and how often those without a certificate are halved.
+# Initial number of intervals of the other joint, and how often intervals without a certificate are halved.
 _INTERVALS, _HALVINGS = 16, 5
 # A barrier is certified this far on both sides of its value [rad or m].
 _HALF_WIDTH = 1e-9
@@ -33,7 +33,7 @@ class JointBarrier:
     Args:
         joint: The joint, as "arm/joint".
         value: The value [rad or m].
-        elements: Pairs of elements of which one touches there, wherever the other joints are.
+        elements: Pairs of elements; whatever the values of the other joints, one of the pairs is in contact there.
     """
 
     joint: str
@@ -56,11 +56,11 @@ def find_joint_barrier(
     """Search for a value that a joint has to pass on every path from a start to a goal, and cannot.
 
     Args:
-        checker: Of the arms that move.
+        checker: Collision checker of the moving arms.
         start: Configuration within the limits, shape (nq,).
-        goal: Configuration, of joints without limits modulo whole turns, shape (nq,).
-        own_links: Whether two links of one arm count, which may only touch because their shapes are too large.
-        goes_on: Whether there is time to look at the next joint.
+        goal: Configuration, shape (nq,); joints without limits count modulo whole turns.
+        own_links: Whether two links of one arm count, which may be in contact only because their shapes are too large.
+        goes_on: Whether time is left for the next joint.
 
     Returns:
         The barrier; None if none is found, which proves nothing.
@@ -73,7 +73,7 @@ def find_joint_barrier(
     limits = checker.limits
     for columns, pairs in groups.items():
         for column in sorted(columns):
-            # Joints without limits have another way round.
+            # Joints without limits can go the other way round.
             if start[column] == goal[column] or not np.isfinite(limits.upper[column] - limits.lower[column]):
                 continue
             other = next(iter(columns - {column}), None)
@@ -90,17 +90,17 @@ class _Barriers:
     """The search for barriers of one joint, by pairs of solids that only this joint and another one move.
 
     Args:
-        checker: Of the arms that move.
+        checker: Collision checker of the moving arms.
         q: A configuration.
         column: The joint.
-        other: The other one; None where there is none.
-        pairs: The pairs, of the checker's `solid_pairs`.
+        other: The other joint; None if there is none.
+        pairs: Indices of the pairs among the checker's solid pairs.
     """
 
     def __init__(self, checker: CollisionChecker, q: Array, column: int, other: int | None, pairs: list[int]) -> None:
         self._checker, self._column, self._q = checker, column, q
         self._pairs = np.array(pairs, np.intp)
-        # With one joint alone, it takes both places, and cells are as thin in both.
+        # A single joint takes both places, with cells equally thin in both.
         self._alone = other is None
         other = column if other is None else other
         self._columns = column, other
@@ -113,7 +113,7 @@ class _Barriers:
         """A barrier at one of some values; None if none is certified."""
         samples = np.linspace(self._low, self._high, _SAMPLES)
         for value in values.tolist():
-            # Nearly all values end at the first sample, where a distance takes much less time than a certificate.
+            # Nearly all values fail at the first sample, where a distance is much cheaper than a certificate.
             touching = (self._touching(value, other).any() for other in samples.tolist())
             if all(touching) and self._is_certified(value):
                 return JointBarrier(self._checker.joint_names[self._column], value, self._elements(value, samples))
@@ -127,7 +127,7 @@ class _Barriers:
         return np.asarray(distances <= self._checker.solid_padding[self._pairs])
 
     def _is_certified(self, value: float) -> bool:
-        """Whether contact is certified at a value of the joint, on all of the range of the other one."""
+        """Whether contact is certified at a value of the joint, for the whole range of the other joint."""
         half = 0.5 * (self._high - self._low) / _INTERVALS
         middles = self._low + half * (1.0 + 2.0 * np.arange(_INTERVALS))
         for _ in range(_HALVINGS + 1):
@@ -140,14 +140,14 @@ class _Barriers:
         return False
 
     def _classify(self, cells: Array, half: float) -> NDArray[np.bool_]:
-        """Cells in which contact is certified, of both values within their half widths, by some of the pairs."""
+        """Cells in which contact of some pair is certified, for both values within their half widths."""
         if self._alone:
             cells, half = cells[:, [0, 0]], 0.0
         near = np.ones((len(cells), self._contacts.pairs), dtype=np.bool_)
         return self._contacts.classify(cells, np.array([_HALF_WIDTH, half]), near)[0]
 
     def _elements(self, value: float, samples: Array) -> tuple[tuple[str, str], ...]:
-        """The pairs of elements that touch at the samples, as few as explain them all: the first that does at each."""
+        """Pairs of elements such that at each sample one of them is in contact, by greedy selection."""
         unexplained = np.array([self._touching(value, other) for other in samples.tolist()])
         named: dict[tuple[str, str], None] = {}
         while len(unexplained):

@@ -18,17 +18,17 @@ from rr1plan.robot import Robot
 from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem, frame_link
 from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 
-# Joint values count as equal within this [rad or m], and tolerances are kept to within it.
+# Tolerance for equal joint values [rad or m]; goal tolerances are extended by it.
 _EQUAL = 1e-9
 
 
 def checked_answer(
     planner: Planner, problem: Problem, budget: Budget, rng: Seed, progress: ProgressCallback | None
 ) -> PlanResult:
-    """The answer of a planner that is not ours, with its name and time where it does not give them.
+    """The checked result of a planner from outside this package; a missing name or time is added.
 
     Raises:
-        PlannerError: it raised something, or returned what is no answer to the problem.
+        PlannerError: the planner raised an exception, or its result does not solve the problem.
     """
     name = f"planner {shown(planner.name)}"
     began = time.perf_counter()
@@ -93,7 +93,7 @@ def _limits_fault(problem: Problem, points: Array) -> str:
 
 def _edge_fault(problem: Problem, points: Array) -> str:
     with checker_from_pool(problem.scene, problem.arms, problem.margin) as checker:
-        # A path of one waypoint has an edge of no length.
+        # A path of one waypoint has one edge of zero length.
         for k, (a, b) in enumerate(pairwise([*points[:1], *points])):
             if not checker.edge_is_free(a, b):
                 contact = checker.first_contact(a, b)
@@ -103,7 +103,7 @@ def _edge_fault(problem: Problem, points: Array) -> str:
 
 
 def _miss(goal: Goal, robot: Robot, base: Array, q: Array) -> str:
-    """By how much an arm at q (nq,) misses a goal, in words; empty where it is reached."""
+    """How far an arm at q (nq,) is from a goal, as a message; empty if it is reached."""
     if isinstance(goal, JointGoal):
         off = q - goal.q
         off = np.where(robot.continuous, np.arctan2(np.sin(off), np.cos(off)), off)

@@ -157,12 +157,12 @@ class Query:
 
     def prove_separated(self) -> bool:
         """Whether no goal can be reached, proven by values that joints cannot pass; False proves nothing."""
-        # Poses may be reached in configurations that are not known.
+        # Poses may be reached in other configurations too.
         if self._joint_goals is None:
             return False
         reasons: dict[str, None] = {}
         searched = self.seconds
-        # Without the margin, which may be what leaves no room, and without pairs of links of one arm, for which
+        # Without the margin, which alone may block all paths, and without pairs of links of one arm, for which
         # `timeout_hints` has advice.
         with checker_from_pool(self._scene, self.problem.arms) as checker:
             for goal in self.goals:

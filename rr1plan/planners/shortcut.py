@@ -49,9 +49,8 @@ def shorten(
 
     Args:
         path: Any number of waypoints; repeated ones are dropped.
-        scene: What may be hit.
-        checker: Certifies edges; of the same joints as the path (default: a `CollisionChecker` of the scene for the
-            arms of the path).
+        scene: The scene with its obstacles.
+        checker: Collision checker for the joints of the path (default: a `CollisionChecker` of the scene for its arms).
         iterations: Random shortcuts to try at most, >= 0; four times as many take three times as long, and make
             paths around many obstacles shorter by a twentieth or more.
         seconds: Wall time to stop after [s].
@@ -81,7 +80,7 @@ def shorten(
     points = shortener.waypoints()
     for _ in range(smooth):
         points = shortener.cut_corners(points)
-    # Rounding may make a path longer whose waypoints are on a line.
+    # Rounding may lengthen a path whose waypoints are on a line.
     rows = (np.ascontiguousarray(path.waypoints), points)
     before, after = (load_library().rr1_polyline_length(points, *points.shape) for points in rows)
     return Path.trusted(path.joint_names, points) if after <= before else path

@@ -50,7 +50,7 @@ class TreeSearch:
         self._slice = query.iterations + _SLICE
 
     def connect(self, bound: float = math.inf, samples: int = NO_LIMIT) -> bool:
-        """Grow new trees until they are connected or a limit or the budget is reached; whether they are connected.
+        """Grow new trees until they are connected, or a limit or the budget is reached. Returns whether they are.
 
         Args:
             bound: Longest path [rad] (inf: any).
@@ -138,7 +138,7 @@ class Trees:
         trees.sides[0].size = trees.samples = trees.edges = 0
 
     def grow(self, state: RandomState, samples: int, motion: CollisionChecker) -> bool:
-        """Grow until `samples` are drawn in all or the memory is full; whether the trees are connected."""
+        """Grow until `samples` are drawn in all or the memory is full. Returns whether the trees are connected."""
         code = motion.run_edge_kernel(self._call, self.memory.struct, self._query, state, samples)
         if code == constants()["SEARCH_FULL"]:
             self.memory.enlarge()
@@ -192,7 +192,7 @@ class TreeMemory:
         return self.parents.shape[1]
 
     def enlarge(self) -> None:
-        """Twice the room."""
+        """Double the capacity."""
         self.vertices = np.concatenate([self.vertices, np.empty_like(self.vertices)], axis=2)
         self.parents = np.concatenate([self.parents, np.empty_like(self.parents)], axis=1)
         self.lengths = np.concatenate([self.lengths, np.empty_like(self.lengths)], axis=1)

@@ -150,18 +150,18 @@ def hop_times(
     begins: NDArray[np.int64],
     ends: NDArray[np.int64],
 ) -> Array:
-    """When the fastest motions from rest at some gridpoints to rest at others are at those in between [s].
+    """When the fastest motions from rest at some gridpoints to rest at others pass those in between [s].
 
     Args:
         curve: The curve.
         grid: Its gridpoints, n + 1 of them.
         limits: Velocity and acceleration limits, finite for joints that move.
         halts: 1 for gridpoints where every motion stops, shape (n + 1,).
-        begins: Where motions begin, shape (m,).
-        ends: Where they end, behind that.
+        begins: Gridpoints where the motions begin, shape (m,).
+        ends: Gridpoints where they end, after those, shape (m,).
 
     Returns:
-        Times from 0, shape (m, n + 1), of no meaning outside a motion.
+        Times since the start of each motion, shape (m, n + 1); meaningless outside the motion.
     """
     path, rates, size = _curve_struct(curve), _limits_struct(limits), _ARENA
     piece, offset, delta = (np.ascontiguousarray(part) for part in grid)

@@ -33,7 +33,7 @@ class Pieces(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """All of it [s]."""
+        """Total duration [s]."""
         return float(self.durations.sum())
 
     def stretched(self, factor: float) -> Pieces:

@@ -18,8 +18,8 @@ class Extremes:
     """Extremes of the columns of a motion; the first axis is position, velocity, acceleration, jerk.
 
     Args:
-        peaks: Highest value of each column, when [s], lowest value, when; shape (4, nq, 4).
-        jumps: Largest jump at a break, of position, velocity and acceleration, and when [s]; shape (3, nq, 2).
+        peaks: Highest value of each column, its time [s], lowest value, its time [s]; shape (4, nq, 4).
+        jumps: Largest jumps of position, velocity and acceleration at breaks, and their times [s]; shape (3, nq, 2).
         end: Value at the last instant, shape (4, nq).
     """
 
@@ -34,7 +34,7 @@ class Extremes:
 
     @property
     def high_time(self) -> Array:
-        """When [s], shape (4, nq)."""
+        """Time of the highest value [s], shape (4, nq)."""
         return self.peaks[:, :, 1]
 
     @property
@@ -44,12 +44,12 @@ class Extremes:
 
     @property
     def low_time(self) -> Array:
-        """When [s], shape (4, nq)."""
+        """Time of the lowest value [s], shape (4, nq)."""
         return self.peaks[:, :, 3]
 
     @property
     def jump(self) -> Array:
-        """Largest jump at a break, of position, velocity and acceleration, shape (3, nq)."""
+        """Largest jumps of position, velocity and acceleration at breaks, shape (3, nq)."""
         return self.jumps[:, :, 0]
 
 

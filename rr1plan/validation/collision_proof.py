@@ -1,4 +1,4 @@
-"""Findings of the compiled search, by the names of the scene."""
+"""Results of the compiled search, by element names of the scene."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rr1plan.validation.referee_kernels import GROUPS
 
 
 class Nearest(NamedTuple):
-    """A smallest clearance [m], its pair of elements and the time [s]."""
+    """A smallest clearance [m], its pair of elements and its time [s]."""
 
     clearance: float
     pair: tuple[str, str]
@@ -22,14 +22,14 @@ class Nearest(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """A pair of elements that touches, or that could not be decided.
+    """A pair of elements in contact, or undecided.
 
     Args:
-        pair: Their names.
-        clearance: The smallest one seen [m]; of a pair in contact minus the largest depth.
-        time: When that was [s].
-        first: The first moment seen in contact [s]; inf for none.
-        own: Whether one arm owns both.
+        pair: Names of the elements.
+        clearance: Smallest clearance found [m]; for a pair in contact, minus the largest depth.
+        time: Its time [s].
+        first: Time of the first contact found [s]; inf if there is none.
+        own: Whether both elements belong to one arm.
     """
 
     pair: tuple[str, str]
@@ -45,11 +45,12 @@ class CollisionProof:
 
     Args:
         contacts: Pairs that are not free, in the order of the scene's elements.
-        nearest: Smallest clearance with the surroundings, and of one arm's own; None where there is no pair, or where
-            clearances were not looked for.
-        proven: Lower bounds of them [m], where nothing is undecided; none if they were not looked for.
-        ends: Smallest clearance with the surroundings at the first and at the last instant; the same.
-        cancelled: The search was cut off; what is left of it is not decided.
+        nearest: Smallest clearance to the surroundings, and within an arm; None where there is no pair, or without the
+            option `clearance`.
+        proven: Lower bounds of these clearances [m], valid if nothing is undecided; empty without the option
+            `clearance`.
+        ends: Smallest clearance to the surroundings at the first and at the last instant, likewise None or empty.
+        cancelled: Whether the search was cancelled; the rest of it is undecided.
         statistics: Counts of the work done.
     """
 
@@ -64,13 +65,13 @@ class CollisionProof:
 def prove(
     scene: MovingScene, motion: TimedColumns, options: ProofOptions, progress: ProgressCallback | None = None
 ) -> CollisionProof:
-    """Decide every pair of elements on all of a motion.
+    """Decide every pair of elements over a whole motion.
 
     Args:
         scene: The scene.
         motion: The motion.
-        options: What is to be found.
-        progress: Called with the fraction decided; False from it cancels.
+        options: Options of the search.
+        progress: Called with the fraction decided; returns False to cancel.
     """
     search = Search(scene, motion, options)
     search.run(progress)
@@ -87,7 +88,7 @@ def prove(
 
 
 def _contacts(scene: MovingScene, search: Search) -> list[Contact]:
-    """The contacts in the order of the scene's elements, with those of arms in equal configurations."""
+    """The contacts in the order of the scene's elements, including those of arms equal to the searched ones."""
     rows = []
     for found in search.marked:
         for elements in scene.equal_pairs(found.elements):
@@ -97,7 +98,7 @@ def _contacts(scene: MovingScene, search: Search) -> list[Contact]:
 
 
 def _names(scene: MovingScene, elements: ElementPair) -> tuple[tuple[int, str, str], tuple[int, str, str]]:
-    """Places of two elements in the scene, in order, with their names and those of their owners."""
+    """Indices of two elements in the scene, in order, with their names and those of their owners."""
     one, two = map(scene.element, elements)
     return (one, two) if one <= two else (two, one)
 

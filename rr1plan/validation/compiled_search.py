@@ -1,4 +1,4 @@
-"""The compiled search for contacts and smallest clearances: its memory, its runs, and what it found."""
+"""The compiled search for contacts and smallest clearances: its memory, runs and results."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import MovingScene
 from rr1plan.validation.referee_kernels import SOURCES, TOUCHES, RefereeStruct, load_library
 
-# A clearance below this cannot be told from contact [m].
+# A smaller clearance cannot be distinguished from contact [m].
 TOUCH = 1e-6
 # Intervals between two calls of the callback.
 _INTERVALS = 512
-# Called with the fraction that is decided; False from it cancels.
+# Called with the decided fraction; returns False to cancel.
 ProgressCallback = Callable[[float], bool | None]
 # Numbers of two elements of a `MovingScene`.
 ElementPair = tuple[int, int]
@@ -30,9 +30,9 @@ class FoundPair(NamedTuple):
 
     Args:
         elements: The pair.
-        clearance: The smallest one seen [m]; of a pair in contact minus the largest depth.
-        time: When that was [s].
-        first: The first moment seen in contact [s]; inf for none.
+        clearance: Smallest clearance found [m]; for a pair in contact, minus the largest depth.
+        time: Its time [s].
+        first: Time of the first contact found [s]; inf if there is none.
     """
 
     elements: ElementPair
@@ -46,10 +46,10 @@ class ProofOptions:
     """Options of the search.
 
     Args:
-        tolerance: The smallest clearance reported is within this of the true one [m].
-        share: Or within this share of it, if that is more.
+        tolerance: The reported smallest clearance is within this distance of the true one [m].
+        share: Or within this fraction of it, if that is more.
         max_searches: Searches for each chunk of pairs before giving up.
-        clearance: Whether smallest clearances are looked for, besides contacts.
+        clearance: Find smallest clearances as well as contacts.
     """
 
     tolerance: float
@@ -59,18 +59,18 @@ class ProofOptions:
 
 
 class Search:
-    """One run of the compiled search, and what it writes.
+    """One run of the compiled search, and its results.
 
     Args:
         scene: The scene.
         motion: The motion.
-        options: What is to be found.
+        options: Options of the search.
 
     Attributes:
         scene: The scene.
         struct: What the kernels read and write.
-        marked: Pairs in contact, and those that could not be decided.
-        cancelled: It was cut off.
+        marked: Pairs in contact, and undecided pairs.
+        cancelled: Whether the run was cancelled.
     """
 
     def __init__(self, scene: MovingScene, motion: TimedColumns, options: ProofOptions) -> None:
@@ -95,18 +95,18 @@ class Search:
             **scene.fields,
         )
         self._search, native = self.struct.value, load_library()
-        # Not initialized: most of it is not used.
+        # Not initialized: most of it stays unused.
         self._memory = np.empty(native.rr1_size_search(self.struct) // 8)
         native.rr1_begin_search(self.struct, self._memory)
 
     def table(self, name: str, count: int) -> Array:
-        """The first rows of a table that the search writes; integers among the numbers have to be viewed as such."""
+        """The first rows of a table that the search writes; integer columns have to be viewed as integers."""
         start = (getattr(self._search, name) - self._memory.__array_interface__["data"][0]) // 8
         width = _row_size(name)
         return self._memory[start : start + count * width].reshape(count, width)
 
     def run(self, progress: ProgressCallback | None) -> None:
-        """Search until all is decided, or cancelled."""
+        """Search until all pairs are decided, or until cancelled."""
         search, done = self._search, SOURCES.constants["SEARCH_DONE"]
         while search.stage != done and not self.cancelled:
             load_library().rr1_prove_motion(self.struct, _INTERVALS)
@@ -115,7 +115,7 @@ class Search:
                 self.cancelled = progress(self._fraction_decided()) is False
 
     def _take_marked(self) -> None:
-        """Take over the pairs of elements of the last chunk that have a mark."""
+        """Collect the marked pairs of elements of the last chunk."""
         count, self._search.marked_count = self._search.marked_count, 0
         if not count:
             return
@@ -136,7 +136,7 @@ class Search:
 
     @property
     def proven(self) -> list[float]:
-        """Lower bounds of them [m]."""
+        """Lower bounds of the smallest clearances [m]."""
         return list(self._search.proven)
 
     def nearest(self, group: int) -> FoundPair | None:
@@ -150,7 +150,7 @@ class Search:
 
     @property
     def ends(self) -> list[FoundPair | None]:
-        """The smallest clearance with the surroundings at both ends of the motion."""
+        """The smallest clearance to the surroundings at both ends of the motion."""
         ends = self._search.ends
         return [FoundPair((end.a, end.b), end.seen, end.when) if end.a >= 0 else None for end in ends]
 
@@ -169,5 +169,5 @@ class Search:
 
 @cache
 def _row_size(table: str) -> int:
-    """Numbers of eight bytes in a row of a table."""
+    """Size of a row of a table, in units of eight bytes."""
     return SOURCES.item_sizes[SOURCES.pointers("RefereeSearch")[table]] // 8

@@ -1,7 +1,7 @@
 """Paddings between the elements of two owners, `ALLOWED` for pairs that may touch.
 
-An owner is an arm with its links and what it holds, or an obstacle. What a single pair may do is said in words by
-`Scene.may_touch` and `Scene.padding_of`. Rules are looked up by their owners: for all others nothing is worked out.
+An owner is an arm with its links and what it holds, or an obstacle. `Scene.may_touch` and `Scene.padding_of` define the
+rule for a single pair. Rules are grouped by owners: owners without a rule cost nothing.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.scene import Pair, Scene
 
-# Where contact is allowed there is no distance to keep.
+# No distance is kept where contact is allowed.
 ALLOWED = -1.0
 
 
@@ -26,8 +26,8 @@ class Elements:
 
     Args:
         owner: Its name.
-        index: Number of each element among them, by name.
-        order: Where each comes among all elements of the scene, shape (n,).
+        index: Number of each element within the owner, by name.
+        order: Position of each element among all elements of the scene, shape (n,).
     """
 
     owner: str
@@ -35,7 +35,7 @@ class Elements:
     order: NDArray[np.int64]
 
     def named(self, name: str) -> list[int]:
-        """The elements that a name in a rule stands for: one, all for the owner's name, none for another name."""
+        """The elements that a name in a rule refers to: one, all for the owner's name, none for another name."""
         if name in self.index:
             return [self.index[name]]
         return list(range(len(self.order))) if name == self.owner else []
@@ -50,21 +50,21 @@ def rules_by_owners(scene: Scene) -> dict[Pair, list[Pair]]:
 
 
 def block_paddings(scene: Scene, one: Elements, two: Elements, checked: NDArray[np.uint8], rules: list[Pair]) -> Array:
-    """Distance to keep between each element of one owner and each of another [m], or `ALLOWED`, shape (n, m).
+    """Distances to keep between the elements of two owners [m], or `ALLOWED`, shape (n, m).
 
     Args:
         scene: The scene.
-        one: The elements of an owner.
-        two: Those of another one, or the same.
-        checked: Which pairs must not touch if no rule says otherwise, shape (n, m).
-        rules: Pairs of names of these owners that have a rule.
+        one: The elements of the first owner.
+        two: The elements of the second owner, which may be the same.
+        checked: Pairs that must not touch unless a rule allows it, shape (n, m).
+        rules: Pairs of names with a rule between these owners.
     """
     paddings = np.full(checked.shape, scene.padding)
     kept = {both: scene.pair_padding[both] for both in rules if both in scene.pair_padding}
     allowed = {both: ALLOWED for both in rules if both in scene.allowed and len(both) == 2}
     for both in (both for both in kept if _elements_named(both, one, two) == 0):
         _set(paddings, one, two, both, kept[both])
-    # A rule may be about an element and the other's owner. Where both elements have one, that of the earlier counts.
+    # A rule may name an element and the other owner. If both elements have such a rule, that of the earlier one counts.
     of_one, of_two = np.full(checked.shape, np.nan), np.full(checked.shape, np.nan)
     for both in (both for both in kept if _elements_named(both, one, two) == 1):
         for x, y in _orders(both):
@@ -80,7 +80,7 @@ def block_paddings(scene: Scene, one: Elements, two: Elements, checked: NDArray[
 
 
 def _elements_named(both: Pair, one: Elements, two: Elements) -> int:
-    """Number of two names that name an element rather than an owner."""
+    """How many of two names refer to an element rather than an owner."""
     return sum(name in one.index or name in two.index for name in both)
 
 
@@ -90,5 +90,5 @@ def _set(paddings: Array, one: Elements, two: Elements, both: Pair, distance: fl
 
 
 def _orders(both: Pair) -> Iterator[tuple[str, ...]]:
-    """Two names one way and the other; one name twice."""
+    """Two names in both orders; one name twice."""
     return permutations(both) if len(both) == 2 else iter([tuple(both) * 2])

@@ -18,20 +18,20 @@ from rr1plan.validation.limit_checks import Findings
 from rr1plan.validation.link_motion import LinkMotion, TimedColumns
 from rr1plan.validation.moving_scene import MovingScene
 
-# Joint values count as equal within this [rad or m], tolerances are kept to within it.
+# Tolerance for equal joint values [rad or m]; goal tolerances are extended by it.
 _EQUAL = 1e-9
 
 
 def check_endpoints(
     findings: Findings, motion: TimedColumns, last: Array, moving: MovingScene, problem: Problem | None
 ) -> None:
-    """A motion starts where it should and ends at a goal, if there is a problem that says so.
+    """Check that a motion starts and ends where the problem says, if there is one.
 
     Args:
-        findings: Where violations go.
+        findings: Violations are added to it.
         motion: The motion.
         last: Its columns at the last instant, shape (nq,).
-        moving: Which columns are those of an arm, and where the other arms are.
+        moving: Columns of each arm, and poses of the stationary arms.
         problem: The problem.
     """
     if problem is None:
@@ -57,7 +57,7 @@ def check_endpoints(
 
 
 def _check_arms(problem: Problem, scene: Scene) -> None:
-    """The problem's arms are in the scene, and their joints in the same order: its numbers go by that."""
+    """Check that the scene has the problem's arms, with their joints in the order of the problem's values."""
     for arm in problem.arms:
         wanted, got = scene.arm(arm).robot.joint_names, problem.scene.arms[arm].robot.joint_names
         if wanted != got:
@@ -66,7 +66,7 @@ def _check_arms(problem: Problem, scene: Scene) -> None:
 
 
 def _pose_of(scene: Scene, arm: str, q: list[float]) -> Callable[[str], Array]:
-    """T_world_link by the names of an arm's links, at its configuration (nq,)."""
+    """T_world_link as a function of the link's name, for an arm in a configuration (nq,)."""
 
     def pose(link: str) -> Array:
         names = scene.joint_names((arm,))
@@ -81,7 +81,7 @@ def _pose_of(scene: Scene, arm: str, q: list[float]) -> Callable[[str], Array]:
 
 
 def _check_start(findings: Findings, scene: Scene, arm: str, first: Array, wanted: Array, time: float) -> None:
-    """An arm starts where it should."""
+    """Check that an arm starts at the problem's start."""
     off = np.abs(first - wanted)
     if (off <= _EQUAL).all():
         return
@@ -93,7 +93,7 @@ def _check_start(findings: Findings, scene: Scene, arm: str, first: Array, wante
 
 
 def _check_goal(findings: Findings, problem: Problem, scene: Scene, arm: str, q: list[float], time: float) -> None:
-    """An arm ends at one of its goals, at its last configuration q (nq,)."""
+    """Check that the last configuration q (nq,) of an arm is at one of its goals."""
     robot = problem.scene.arms[arm].robot
     misses = [_miss(goal, robot, q, _pose_of(scene, arm, q)) for goal in problem.goal[arm]]
     off, allowed, words = min(misses, key=lambda miss: miss[0] / miss[1])
@@ -107,7 +107,7 @@ Miss = tuple[float, float, str]
 
 
 def _miss(goal: Goal, robot: Robot, q: list[float], pose: Callable[[str], Array]) -> Miss:
-    """By how much a goal is missed, what is allowed, and that in words: the worst of its conditions."""
+    """The worst violated condition of a goal: deviation, tolerance and description."""
     if isinstance(goal, JointGoal):
         return _joint_miss(goal, robot, q)
     T = pose(frame_link(robot, goal.frame))

@@ -1,9 +1,9 @@
 """The corners of a hull, listed by direction: a support function that looks at few of them.
 
-Directions are sorted into the cells of the six faces of a cube. A corner is not in a cell's list when another one lies
-farther along all four directions at the corners of the cell, and with them along every direction within it: those are
-sums of the four with weights above zero. So the farthest corner along a direction is always in the list of its cell,
-whatever the points are.
+Directions are sorted into the cells of the six faces of a cube. A cell does not list a corner if another corner lies
+farther along all four directions at the cell's own corners. It then lies farther along every direction within the cell,
+since these are sums of the four with positive weights. So the farthest corner along a direction is always listed in the
+cell of the direction, whatever the points are.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.validation.referee_kernels import CELLS, HULL, SIDE, STARTS, TABLE
 
-# Fewer corners are looked at one by one.
+# With fewer corners, all are tested.
 _LEAST = 32
-# Cells are taken wider by this share, for directions that rounding puts on the wrong side of a border.
+# Cells are enlarged by this fraction, for directions that rounding puts on the wrong side of a border.
 _WIDER = 1e-9
-# A corner is farther by more than this share of the size of all of them.
+# A corner counts as farther by more than this fraction of the size of the hull.
 _ROUNDING = 1e-12
 
 
 class Core(NamedTuple):
-    """A convex body for the compiled search, without its rounding.
+    """A convex body for the compiled search, without its rounding radius.
 
     Args:
         kind: Its kind, a `SHAPE_` of `referee_tables.h`.
-        single: Number of corners to look at one by one.
+        single: Number of corners to test one by one.
         corners: Its columns of `corners`, shape (4, n).
     """
 
@@ -40,12 +40,12 @@ class Core(NamedTuple):
 
     @property
     def row(self) -> tuple[int, int, int]:
-        """Its kind, the number of corners to look at one by one, and of its columns."""
+        """Its kind, the number of corners to test one by one, and the number of its columns."""
         return self.kind, self.single, self.corners.shape[1]
 
 
 def hull_core(points: Array) -> Core:
-    """The core of a hull of points (n, 3): with a table where there are many."""
+    """The core of a hull of points (n, 3), with a support table if there are many."""
     if len(points) < _LEAST:
         corners = np.zeros((4, len(points)))
         corners[:STARTS] = points.T
@@ -64,7 +64,8 @@ def _listed(points: Array) -> NDArray[np.bool_]:
     rounding = _ROUNDING * float(np.abs(points).max(initial=0.0))
     listed = np.ones((CELLS, len(points)), dtype=np.bool_)
     cell = np.arange(CELLS)[:, None]
-    # Those that are farthest in the middle of a cell or at one of its corners leave out nearly all that can be.
+    # Corners that are farthest in the middle of a cell or at one of its corners exclude nearly all that can be
+    # excluded.
     for winner in (directions.sum(axis=1).argmax(axis=1), *directions.argmax(axis=2).T):
         farther = directions[cell, np.arange(4), winner[:, None]] - rounding
         listed &= ~(directions < farther[:, :, None]).all(axis=1)

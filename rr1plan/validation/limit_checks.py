@@ -1,4 +1,4 @@
-"""Limits of every joint between samples, joints between pieces, rest at both ends."""
+"""Limits of every joint between samples, continuity between pieces, rest at both ends."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Columns:
 
 
 def columns_of(arms: Mapping[str, Arm], places: Mapping[str, list[int]], names: tuple[str, ...]) -> Columns:
-    """The columns of these names; of each arm that moves it is given where those of its joints are."""
+    """The columns of these names; `places` has the columns of each arm that moves."""
     if not places:
         return Columns(names, Limits(*([np.zeros(0)] * len(fields(Limits)))), arms)
     limits = Limits.stack([arms[arm].robot.limits for arm in places])
@@ -72,7 +72,7 @@ def columns_of(arms: Mapping[str, Arm], places: Mapping[str, list[int]], names: 
 
 
 class Judgment:
-    """Comparison of a motion's extremes with the limits: violations, and used shares.
+    """Comparison of a motion's extremes with the limits: violations, and how much of each limit is used.
 
     Args:
         columns: The columns.
@@ -106,7 +106,7 @@ class Judgment:
         return bool(unlimited.any() and (np.maximum(speeds[:, 0], -speeds[:, 2])[unlimited] > times * fast).any())
 
     def check_positions(self, findings: Findings) -> None:
-        """Position limits; infinite limits hold always."""
+        """Check position limits; infinite limits always hold."""
         limits, found, columns = self._columns.limits, self._found, self._columns
         for j in self._columns_with("ABOVE", "BELOW"):
             name, unit = columns.names[j], columns.unit(j)
@@ -129,7 +129,7 @@ class Judgment:
             self._add_jumps(findings, "continuity", order, name)
 
     def check_rest(self, findings: Findings) -> None:
-        """A motion starts and ends at rest; one of no duration is at rest."""
+        """Check that a motion starts and ends at rest; a motion of zero duration is at rest."""
         findings.checked.append("rest")
         for flaw, when, time in (("START", "starts", self._breaks[0]), ("END", "ends", self._breaks[-1])):
             for j in self._columns_with(flaw):
@@ -140,7 +140,7 @@ class Judgment:
                 findings.violations.append(Violation("rest", (name,), float(time), abs(speed), limit, message))
 
     def check_rates(self, findings: Findings, jerk: bool) -> None:
-        """Velocity, acceleration and on request jerk limits; jumps of acceleration for the last."""
+        """Check velocity and acceleration limits and, on request, jerk limits including jumps of acceleration."""
         for order, (kind, per) in enumerate(_RATES, start=1):
             if kind == "jerk" and not jerk:
                 findings.not_checked[kind] = "not asked for (option jerk_limits)"
@@ -162,7 +162,7 @@ class Judgment:
         return found
 
     def _note_tightest(self, findings: Findings, kind: ViolationKind) -> bool:
-        """Note how much of a limit is used; whether a column has such a limit."""
+        """Note how much of a limit is used. Returns whether any column has such a limit."""
         ratio, column, time = self._tightest[_C[f"TIGHTEST_{kind.upper()}"]].tolist()
         if ratio == -np.inf:
             return False

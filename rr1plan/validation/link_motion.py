@@ -56,7 +56,7 @@ class Frames(NamedTuple):
 
 @dataclass(frozen=True)
 class Drive:
-    """Value of a joint: scale * q[column] + offset; column -1 stands for no column (it rests)."""
+    """Value of a joint: scale * q[column] + offset; column -1 stands for a stationary joint."""
 
     column: int
     scale: float
@@ -70,8 +70,8 @@ class MovingLink:
     Args:
         index, parent: Numbers of the link and of its parent among all links of the scene.
         joint: The joint between them.
-        drive: What its value follows.
-        number: Number of the joint among the moving joints, or -1 when it rests.
+        drive: What determines its value.
+        number: Number of the joint among the moving joints, or -1 if it is stationary.
     """
 
     index: int
@@ -82,15 +82,15 @@ class MovingLink:
 
 
 def drives(robot: Robot, columns: dict[str, int], configuration: dict[str, float]) -> dict[str, Drive]:
-    """The source of every joint value: a column, the configuration, a locked value, or a leading joint.
+    """What determines each joint's value: a column, the configuration, a locked value, or a leading joint.
 
     Args:
         robot: The robot.
         columns: Column of each planning joint that moves, by joint name.
-        configuration: Value [rad or m] of the planning joints that rest, by joint name.
+        configuration: Value [rad or m] of the planning joints that do not move, by joint name.
 
     Raises:
-        InputError: a joint that nothing drives.
+        InputError: a joint without a value.
     """
     found: dict[str, Drive] = {name: Drive(column, 1.0, 0.0) for name, column in columns.items()}
     found |= {name: Drive(-1, 0.0, value) for name, value in (*configuration.items(), *robot.locked_joints.items())}
@@ -108,10 +108,10 @@ def drives(robot: Robot, columns: dict[str, int], configuration: dict[str, float
 
 
 class LinkMotion:
-    """All links of some arms along columns.
+    """The links of some arms, moved by columns.
 
     Args:
-        arms: The arms; those without a column rest in their configuration.
+        arms: The arms; those without a column keep their configuration.
         joint_names: Name of each column, "arm/joint".
 
     Attributes:
@@ -146,7 +146,7 @@ class LinkMotion:
                 self.moving.append(step)
 
     def frames(self, q: Array) -> Frames:
-        """Poses of everything at n values of the columns (n, nq)."""
+        """Poses of all links at n values of the columns (n, nq)."""
         n = len(q)
         rotation = np.zeros((n, len(self.links), 3, 3))
         origin = np.zeros((n, len(self.links), 3))

@@ -1,7 +1,7 @@
 """Bodies of many convex parts for the kernels: triangles of meshes that are not convex, and cells of point clouds.
 
-A part of a mesh, triangles that hang together by edges which no third one shares, is closed when each of its edges
-belongs to an even number of its triangles. Only closed parts have an inside.
+Triangles belong to one part of a mesh if they are connected by edges that no third triangle shares. A part is closed if
+each of its edges belongs to an even number of its triangles. Only closed parts have an inside.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rr1plan.shapes import Mesh, PointCloud
 from rr1plan.validation.referee_kernels import CLOSED, FIRST, MIXED, STARTS, load_library
 
 Mask = NDArray[np.bool_]
-# Triangles and cells of a leaf: a cell is passed over faster than a triangle.
+# Triangles and cells of a leaf: a cell is rejected faster than a triangle.
 _TRIANGLES, _CELLS = 4, 8
 
 
@@ -25,8 +25,8 @@ class PartTree(NamedTuple):
 
     Args:
         order: The parts in the order of the leaves, shape (n,).
-        boxes: Centers and half sizes of the boxes of all nodes, a node before those below it [m], shape (m, 6).
-        nodes: The next node that is not below each, and its first and last part where it is a leaf, shape (m, 3).
+        boxes: Centers and half sizes of the boxes of all nodes in depth-first order [m], shape (m, 6).
+        nodes: For each node the next node outside its subtree, and the first and last part of a leaf, shape (m, 3).
     """
 
     order: NDArray[np.int64]
@@ -56,7 +56,7 @@ class Parts(NamedTuple):
 
 
 def surface_parts(mesh: Mesh) -> Parts:
-    """The triangles of a mesh, with the bits that say what they enclose."""
+    """The triangles of a mesh, with bits for those of closed parts."""
     corners = mesh.vertices[mesh.faces]
     tree = PartTree.of(corners.min(axis=1), corners.max(axis=1), _TRIANGLES)
     columns = np.zeros((STARTS + 1, 3 * len(corners)))
@@ -66,7 +66,7 @@ def surface_parts(mesh: Mesh) -> Parts:
 
 
 def cell_parts(cloud: PointCloud) -> Parts:
-    """The cells of a cloud's grid that hold a point."""
+    """The occupied cells of a cloud's grid."""
     centers = (np.unique(np.floor(cloud.points / cloud.resolution), axis=0) + 0.5) * cloud.resolution
     half = 0.5 * cloud.resolution
     tree = PartTree.of(centers - half, centers + half, _CELLS)
@@ -86,7 +86,7 @@ def _face_bits(mesh: Mesh) -> NDArray[np.int64]:
 
 
 def _parts_of(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], Mask]:
-    """The part of each triangle, and whether that is closed, shape (n,) each."""
+    """The part of each triangle, and whether the part is closed, shape (n,) each."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
@@ -97,7 +97,7 @@ def _parts_of(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], Mask]:
     pairs = triangle[np.argsort(edge, kind="stable")][np.repeat(sharing == 2, sharing)].reshape(-1, 2)
     graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     number, part = connected_components(graph, directed=False)
-    # Count each edge of each part, without edges of no length.
+    # Count each edge of each part, without edges of zero length.
     long = ends[:, 0] != ends[:, 1]
     own, times = np.unique((part[triangle] * len(sharing) + edge)[long], return_counts=True)
     is_open = np.bincount(own[times % 2 == 1] // len(sharing), minlength=number) > 0
@@ -105,7 +105,7 @@ def _parts_of(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], Mask]:
 
 
 def _winds(faces: NDArray[np.int64]) -> bool:
-    """Whether faces of closed parts agree about the outside: each edge is run along as often to and fro."""
+    """Whether faces of closed parts are consistently oriented: each edge is used equally often in both directions."""
     begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     size = 1 + int(faces.max(initial=0))
     _, edge = np.unique(np.minimum(begin, end) * size + np.maximum(begin, end), return_inverse=True)

@@ -16,7 +16,7 @@ from rr1plan.validation.referee_scene import RefereeScene, referee_scene
 
 
 class MovingScene:
-    """A scene with the arms first that some columns move, then the others, then the obstacles.
+    """A scene with the arms that have columns first, then the other arms, then the obstacles.
 
     Args:
         tables: The scene.
@@ -26,7 +26,7 @@ class MovingScene:
         tables: The scene.
         columns: Names and limits of the columns.
         columns_of_arm: Columns of each arm that moves, by its name.
-        arms: Numbers in `tables` of the arms in that order.
+        arms: Numbers of the arms in `tables`, in that order.
         moving: How many of them move.
         fields: Fields of `RefereeSearch` that are the same for all motions of these columns.
 
@@ -83,7 +83,7 @@ class MovingScene:
         }
 
     def _group_equal_arms(self) -> dict[int, list[int]]:
-        """Stationary arms with equal models, configurations and rules about own pairs, by the first of them."""
+        """Groups of stationary arms with equal models, configurations and own rules, by the first arm of each."""
         tables = self.tables
         if self.moving == len(self.arms):
             return {}
@@ -95,7 +95,7 @@ class MovingScene:
         return {first: others for first, *others in found.values()}
 
     def _rule_rows(self) -> dict[str, object]:
-        """The rules by the places of their owners."""
+        """The rules, by the positions of their owners in this order."""
         if not self.tables.rules:
             return {"rule_count": 0}
         arms = len(self.arms)
@@ -133,12 +133,12 @@ class MovingScene:
         return [0, *accumulate(counts)]
 
     def _locate(self, element: int) -> tuple[int, int]:
-        """Place of the arm of an element, or of the obstacles, and the number of the element there."""
+        """Position of an element's arm, or of the obstacles, and the element's number there."""
         place = min(bisect_right(self.first_element, element) - 1, len(self.arms))
         return place, element - self.first_element[place]
 
     def element(self, element: int) -> tuple[int, str, str]:
-        """Place among all elements of the scene, name and owner's name of an element."""
+        """Index among all elements of the scene, name and owner's name of an element."""
         known = self._elements.get(element)
         if known is None:
             (place, local), arms = self._locate(element), len(self.arms)
@@ -147,7 +147,7 @@ class MovingScene:
         return known
 
     def equal_pairs(self, pair: tuple[int, int]) -> Iterator[tuple[int, int]]:
-        """A pair of elements, and if it is an arm's own, the same pair of all stationary arms equal to it."""
+        """A pair of elements and, if it belongs to one arm, the same pair of all stationary arms equal to it."""
         yield pair
         (place, a), (other, b) = (self._locate(element) for element in pair)
         if place == other:
@@ -157,14 +157,14 @@ class MovingScene:
 
 
 def moving_scene(scene: Scene, joint_names: tuple[str, ...]) -> MovingScene:
-    """The scene with these columns; that of the last columns is kept with the scene.
+    """The scene with these columns; the scene keeps that of the latest columns.
 
     Args:
         scene: The scene.
         joint_names: The columns, all joints of their arms.
 
     Raises:
-        InputError: shapes that cannot be compared, or a joint that follows none that has a value.
+        InputError: shapes that cannot be compared, or a joint that follows no joint with a value.
     """
     kept: tuple[tuple[str, ...], MovingScene] | None = scene.kept.get("moving")
     if kept is None or kept[0] != joint_names:

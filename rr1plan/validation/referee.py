@@ -1,7 +1,6 @@
-"""The referee: everything that must hold for a motion, checked again from nothing but the scene.
+"""The referee: every requirement on a motion, checked again from the scene alone.
 
-No planner's, retiming's or collision checker's code is used here, so a mistake there cannot hide
-itself.
+No code of planners, retiming or the collision checker is used here, so a mistake in them cannot hide itself.
 """
 
 from __future__ import annotations
@@ -31,11 +30,11 @@ from rr1plan.validation.referee_kernels import load_library
 from rr1plan.validation.torque_checks import check_torques
 
 MOST_SEARCHES = 400_000
-# The smallest clearance is found to this [m], or this share of it.
+# The smallest clearance is found to this distance [m], or to this fraction of it.
 _TOLERANCE, _SHARE = 2e-4, 0.05
-# Positions beyond this [rad or m] are no motion of an arm, and cost digits.
+# Larger positions [rad or m] are no motion of an arm, and cost digits.
 FARTHEST = 1e6
-# A speed beyond 100 times its limit, or times 10 rad/s (or m/s) where it has none, is no motion of an arm.
+# A speed above 100 times its limit, or 100 times 10 rad/s (or m/s) without a limit, is no motion of an arm.
 _ABSURD, _FAST = 100.0, 10.0
 
 
@@ -52,21 +51,20 @@ def validate(
 ) -> Report:
     """Check a trajectory against a scene: collisions in continuous time, limits between samples.
 
-    Arms that are not in the trajectory rest in their configuration of the scene; an arm whose part of
-    the motion is over rests where it ended.
+    Arms that are not in the trajectory keep their configuration of the scene; an arm whose part of the motion ends
+    early stays where it ended.
 
     Args:
         trajectory: The motion, with all joints of each of its arms.
-        scene: Where it happens.
-        problem: Check the start and the goals of this problem too; an arm that it does not move has to start where
-            the scene has it.
+        scene: The scene.
+        problem: Check start and goals of this problem too; an arm that the problem does not move has to start in the
+            configuration of the scene.
         torque_limits: Check torques (sampled every millisecond) too.
         jerk_limits: Check jerk limits too; a jump of acceleration is then an infinite jerk.
         clearance: Find the smallest clearances too; without them the verdict is the same and takes about half the time.
-        clearance_tolerance: The smallest clearance is found to this [m], by default to 0.2 mm or 5 % of it; a worst
-            depth to this or 5 % of it.
-        progress: Called while the collision certificate is worked out; if it returns False, collisions
-            are reported as not checked.
+        clearance_tolerance: The smallest clearance is found to this distance [m], by default to 0.2 mm or 5 % of it;
+            the largest depth to this distance or 5 % of it.
+        progress: Called during the collision proof; if it returns False, collisions are reported as not checked.
 
     Returns:
         The report; `report.valid` and `report.certified` are the verdict, `print(report)` explains it.
@@ -93,7 +91,7 @@ def validate(
     moving, motion = moving_scene(scene, trajectory.joint_names), _motion_of(trajectory)
     columns, found = moving.columns, extremes(motion.breaks, motion.coefficients)
     judgment = Judgment(columns, found, motion.breaks, motion.coefficients)
-    # Few searches for a motion that is far too fast, which is refused whatever it hits.
+    # Few searches for a motion that is far too fast, which is rejected whatever it collides with.
     most_searches = MOST_SEARCHES // 50 if judgment.is_absurd(_ABSURD, _FAST) else MOST_SEARCHES
     options = ProofOptions(tolerance, most_searches, clearance, share)
     _check_collisions(findings, moving, motion, options, progress)
@@ -124,11 +122,10 @@ def certify_path(
 
     Args:
         path: The path, with all joints of each of its arms.
-        scene: Where it happens.
+        scene: The scene.
         clearance: Find the smallest clearances too.
-        clearance_tolerance: The smallest clearance is found to this [m], by default to 0.2 mm or 5 % of it.
-        progress: Called while the collision certificate is worked out; if it returns False, collisions
-            are reported as not checked.
+        clearance_tolerance: The smallest clearance is found to this distance [m], by default to 0.2 mm or 5 % of it.
+        progress: Called during the collision proof; if it returns False, collisions are reported as not checked.
 
     Raises:
         UnknownNameError: a joint that the scene does not have.
@@ -156,7 +153,7 @@ def certify_path(
 
 
 def _clearance_options(tolerance: float | None) -> tuple[float, float]:
-    """To which distance [m], or share of it, the smallest clearance is found."""
+    """Distance [m] and fraction to which the smallest clearance is found."""
     if tolerance is None:
         return _TOLERANCE, _SHARE
     return positive_number("clearance_tolerance", tolerance), 0.0
@@ -182,7 +179,7 @@ def _motion_of(trajectory: Trajectory) -> TimedColumns:
 
 
 def _check_columns(trajectory: Trajectory, scene: Scene) -> None:
-    """The columns are joints of the scene's arms, and of each arm all of them."""
+    """Check that the columns are joints of the scene's arms, all joints of each arm."""
     arms = trajectory.arms
     for arm in arms:
         scene.arm(arm)
@@ -201,7 +198,7 @@ def _check_columns(trajectory: Trajectory, scene: Scene) -> None:
 
 
 def _check_values(findings: Findings, trajectory: Trajectory) -> bool:
-    """The numbers make a motion: a value that was unpickled or forged has passed no constructor."""
+    """Check that the numbers make a motion: values that were unpickled or forged have not passed a constructor."""
     findings.checked += ["clock", "finite"]
     breaks, coefficients = trajectory.breaks, trajectory.coefficients
     shape = (max(1, np.size(breaks) - 1), len(trajectory.joint_names))
@@ -230,7 +227,7 @@ def _check_values(findings: Findings, trajectory: Trajectory) -> bool:
 
 
 def _makes_motion(breaks: Array, coefficients: Array) -> bool:
-    """Whether the numbers make a motion; what is wrong if they do not is not said."""
+    """Whether the numbers make a motion; a fast test that does not say why not."""
     if breaks.dtype != np.float64 or coefficients.dtype != np.float64:
         return False
     native = load_library()
@@ -244,11 +241,11 @@ def _no_motion(findings: Findings) -> Report:
 
 
 def _check_reach(findings: Findings, trajectory: Trajectory) -> bool:
-    """No position is so large that nothing can be reckoned with it."""
+    """Check that no position is too large to compute with."""
     widths = np.diff(trajectory.breaks) if len(trajectory.breaks) > 1 else np.zeros(1)
     power, reach = np.ones(len(widths)), np.zeros(trajectory.coefficients.shape[::2])
     with np.errstate(over="ignore", invalid="ignore"):
-        # Power by power: the coefficients of many arms may fill most of the memory.
+        # One power at a time: the coefficients of many arms may fill most of the memory.
         for terms in trajectory.coefficients.swapaxes(0, 1):
             reach += np.abs(terms) * power[:, None]
             power = power * widths
@@ -288,7 +285,7 @@ def _name_unchecked_links(findings: Findings, scene: Scene) -> None:
 
 
 def _contact(scene: Scene, contact: Contact) -> Violation:
-    """A contact, or what could not be distinguished from one."""
+    """The violation for a contact, or for a pair that could not be distinguished from one."""
     value, time, first, (a, b) = contact.clearance, contact.time, contact.first, contact.pair
     padding = scene.padding_of(a, b)
     kept = f", of which {1000.0 * padding:.3g} mm is padding" if padding > 0.0 else ""
@@ -309,13 +306,13 @@ def _contact(scene: Scene, contact: Contact) -> Violation:
 
 
 def _clearance_margins(findings: Findings, found: CollisionProof) -> None:
-    """Margins of the clearance to obstacles and other arms, and of one arm's links among themselves."""
+    """Margins of the clearance to obstacles and other arms, and of the clearance between one arm's own links."""
     hits = {contact.own for contact in found.contacts}
     for name, own in (("clearance", False), ("self_clearance", True)):
         nearest = found.nearest[own]
         if nearest is None:
             continue
-        # With a contact to report, only contacts are looked for: the rest is not found to its tolerance.
+        # Once there is a contact to report, the search is for contacts only, so other clearances miss their tolerance.
         if not hits or own in hits:
             findings.margins[name] = Margin(nearest.clearance, "m", nearest.pair, nearest.time)
         for when, end in () if own else zip(("start", "end"), found.ends, strict=True):

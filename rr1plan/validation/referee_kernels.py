@@ -30,7 +30,7 @@ class RefereeStruct(memory.CStruct):
         fields: Values of its fields.
 
     Raises:
-        TypeError: an array that is not what the headers say.
+        TypeError: an array that does not match the headers.
     """
 
     sources = SOURCES
@@ -42,18 +42,19 @@ def _columns(struct: str, *fields: str) -> tuple[int, ...]:
 
 
 _C = SOURCES.constants
-# What a shape is to the kernels; see `referee_tables.h`.
+# Kinds of shapes; see `referee_tables.h`.
 HULL, BOX, CYLINDER, PLANE, TABLE, SURFACE, GRID_CELLS = (
     _C[f"SHAPE_{n}"] for n in ("HULL", "BOX", "CYLINDER", "PLANE", "TABLE", "SURFACE", "CELLS")
 )
 CLOSED, FIRST, MIXED = (_C[f"FACE_{n}"] for n in ("CLOSED", "FIRST", "MIXED"))
-# Cells of directions: on each face of a cube SIDE by SIDE.
+# Cells of directions: SIDE x SIDE on each face of a cube.
 SIDE, CELLS = _C["SUPPORT_SIDE"], _C["SUPPORT_CELLS"]
-# Rows of `corners` (4, n): the point, and for a table where the corners of each cell begin, from its first column.
+# Rows of `corners` (4, n): the points, and for a table where the corners of each cell begin, relative to its first
+# column.
 STARTS = 3
 TURNS, SLIDES = _C["MOVE_TURNS"], _C["MOVE_SLIDES"]
 TOUCHES, GROUPS = _C["PAIR_TOUCHES"], _C["PAIR_GROUPS"]
-# Columns of the tables of bodies (b, 7), of their sizes (b, 23), of placed bodies (b, 15), of joints' frames (j, 17).
+# Columns of the tables of bodies (b, 7), of their sizes (b, 23), of placed bodies (b, 15), of joint frames (j, 17).
 SHAPE, FIRST_CORNER, COUNT, LINK, FIRST_JOINT, DEPTH, FIRST_NODE = _columns(
     "RefereeBody", "shape", "first_corner", "corner_count", "link", "first_joint", "depth", "first_node"
 )

@@ -1,7 +1,7 @@
-"""Models of robots and of obstacles for the compiled search: made once and shared by all arms that are equal.
+"""Models of robots and obstacles for the compiled search, each made once and shared by all equal arms.
 
-A model knows joints, bodies and which pairs of its elements must not touch; where its base is, what its columns are and
-what other things are called is the scene's.
+A model holds joints, bodies and the pairs of its elements that must not touch. The scene adds poses of bases, columns
+and names.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ _ROW = Struct("14d")  # a `ShapeRow`
 
 
 class HeldThing(NamedTuple):
-    """The attached objects of an arm, as far as its model depends on them.
+    """An attached object, as far as the model of its arm depends on it.
 
     Args:
         geometries: Its shapes.
         link: The link it is fixed to.
         pose: T_link_object as bytes, shape (4, 4).
-        touch: Links of the arm it may touch besides.
+        touch: Further links of the arm that it may touch.
     """
 
     geometries: tuple[Geometry, ...]
@@ -60,7 +60,7 @@ class HeldThing(NamedTuple):
 
     @staticmethod
     def of(thing: Attachment) -> HeldThing:
-        """That of an attachment."""
+        """The part of an attachment that models depend on."""
         return HeldThing(thing.geometries, thing.link, thing.pose.tobytes(), thing.touch)
 
 
@@ -69,18 +69,18 @@ class ArmTables:
     """A model as the kernels read it.
 
     Args:
-        links: Names of the links with shapes, which are the first elements; things that are held come after them.
-        shapes: Those of its bodies.
+        links: Names of the links with shapes, which are the first elements; attached objects come after them.
+        shapes: Shapes of its bodies.
         bodies: The bodies as the kernels read them.
         struct: The model.
         element_count: Number of its elements.
         depth: Joints of its longest chain.
-        planes: Elements with a half-space for a shape.
-        moving_planes: Those that a joint carries.
-        own_checked: Which pairs of its elements must not touch, shape (elements, elements) of 0 and 1; symmetric. None
-            where no pair of them is checked.
-        placement: What `rr1_fill_bodies` takes: shapes of the bodies, shape (n, 14), their poses in their elements and
-            the poses of the elements, shapes (16 n,).
+        planes: Elements that have a half-space as a shape.
+        moving_planes: Those of `planes` that a joint carries.
+        own_checked: Pairs of its elements that must not touch, shape (elements, elements) of 0 and 1, symmetric; None
+            if no pair is checked.
+        placement: Arguments of `rr1_fill_bodies`: shapes of the bodies, shape (n, 14), their poses in their elements
+            and the poses of the elements, shapes (16 n,).
     """
 
     links: tuple[str, ...]
@@ -96,17 +96,17 @@ class ArmTables:
 
 
 def arm_tables(robot: Robot, held: tuple[HeldThing, ...]) -> ArmTables:
-    """The model of a robot with what it holds, made once for its content.
+    """The model of a robot with attached objects, made once for equal content.
 
     Raises:
-        InputError: a joint that follows none that has a value.
+        InputError: a joint that follows no joint with a value.
     """
     return _build(_Content(robot.content_hash, held, robot))
 
 
 @dataclass(frozen=True)
 class _Content:
-    """A robot by its content, and what it holds."""
+    """A robot and its attached objects, compared by content."""
 
     key: str
     held: tuple[HeldThing, ...]
@@ -166,7 +166,7 @@ def _build(content: _Content) -> ArmTables:
 
 
 def _joined(poses: Iterable[Array]) -> Array:
-    """Poses one after the other, shape (16 n,)."""
+    """Poses in one array, shape (16 n,)."""
     return np.frombuffer(bytearray().join([pose.tobytes() for pose in poses]))
 
 
@@ -176,7 +176,7 @@ def _starts(counts: list[int]) -> Table:
 
 
 def _half_spaces(shapes: tuple[Shape, ...], first: Table) -> tuple[int, ...]:
-    """The elements with a half-space for a shape, of each of which the first body is given."""
+    """The elements that have a half-space as a shape; `first` is the first body of each element."""
     bodies = [i for i, shape in enumerate(shapes) if isinstance(shape, HalfSpace)]
     if not bodies:
         return ()
@@ -184,7 +184,7 @@ def _half_spaces(shapes: tuple[Shape, ...], first: Table) -> tuple[int, ...]:
 
 
 def _origin_at(joint: Joint, value: float) -> Array:
-    """T_parent_child of a joint that does not move."""
+    """T_parent_child of a joint with a fixed value."""
     if joint.kind == "fixed" or value == 0.0:
         return joint.origin
     moved = np.eye(4)
@@ -211,7 +211,7 @@ def _own_checked(links: tuple[str, ...], content: _Content) -> NDArray[np.uint8]
     checked = np.ones((count, count), dtype=np.uint8)
     np.fill_diagonal(checked, 0)
     for both in content.robot.disabled_collisions:
-        # Links without a shape are no elements.
+        # Links without a shape are not elements.
         pair = [index[name] for name in both if name in index]
         if len(pair) == 2:
             checked[pair, pair[::-1]] = 0
@@ -223,7 +223,7 @@ def _own_checked(links: tuple[str, ...], content: _Content) -> NDArray[np.uint8]
 
 
 def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
-    """The model of all obstacles of a scene: elements of a single link at the world's origin."""
+    """The model of all obstacles of a scene: elements on a single link at the world's origin."""
     parts = [(obstacle.geometries, obstacle.pose) for obstacle in obstacles]
     first = _starts([len(geometries) for geometries, _ in parts])
     shapes, bodies, placement = _bodies(
@@ -238,7 +238,7 @@ def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
 def _bodies(
     geometries: Sequence[Geometry], poses: Iterable[Array], first: Table
 ) -> tuple[tuple[Shape, ...], RefereeStruct, tuple[Array, Array, Array]]:
-    """Shapes, bodies as the kernels read them, on link 0, with their corners and trees, and their `placement`.
+    """Shapes, bodies on link 0 for the kernels with corners and trees, and their `placement`.
 
     Args:
         geometries: The shapes of all elements, in their frames.

@@ -1,4 +1,4 @@
-"""A scene for the referee, whichever arms move in it: models of its robots, names, and rules about contacts."""
+"""A scene for the referee, independent of which arms move: models of its robots, names, and rules about contacts."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from rr1plan.validation.referee_models import ArmTables, HeldThing, arm_tables, 
 
 
 class RefereeScene:
-    """A scene for the referee, whichever arms move in it.
+    """A scene for the referee, independent of which arms move.
 
     Attributes:
         scene: The scene.
         names, obstacles: Names of the arms and of the obstacles. Owners are numbered in this order.
-        models: The models of robots, and the last one of all obstacles.
+        models: Models of the robots; the last one is that of all obstacles.
         model_of: The model of each arm.
     """
 
@@ -61,11 +61,11 @@ class RefereeScene:
 
     @cached_property
     def _link_starts(self) -> list[int]:
-        """Elements before the links of each arm, before the obstacles and before the attached objects."""
+        """Number of elements before the links of each arm, before the obstacles and before the attached objects."""
         return [0, *accumulate(len(self.models[i].links) for i in self.model_of)]
 
     def elements(self, owner: int) -> Elements:
-        """The elements of an owner: an arm by its number, or after those an obstacle."""
+        """The elements of an owner: an arm by its number; higher numbers are obstacles."""
         arms = len(self.names)
         obstacles = self._link_starts[arms]
         if owner >= arms:
@@ -79,7 +79,7 @@ class RefereeScene:
         return Elements(name, {element: i for i, element in enumerate(names)}, np.array(order, dtype=np.int64))
 
     def element(self, owner: int, number: int) -> tuple[int, str, str]:
-        """Place among all elements of the scene, name and owner's name of an element of an owner."""
+        """Index among all elements of the scene, name and owner's name of an element of an owner."""
         arms = len(self.names)
         if owner >= arms:
             name = self.obstacles[owner - arms]
@@ -91,14 +91,14 @@ class RefereeScene:
         return self._link_starts[arms] + len(self.obstacles) + self._attachment_order[thing], thing, arm
 
     def model(self, arm: int) -> ArmTables:
-        """The model of an arm by its number."""
+        """The model of an arm, by its number."""
         return self.models[self.model_of[arm]]
 
     # ---- rules --------------------------------------------------------------------------------
 
     @cached_property
     def rules(self) -> dict[tuple[int, int], Array]:
-        """The distances to keep between the elements of two owners [m] that rules are about, by their numbers."""
+        """Distances to keep between the elements of two owners with rules [m], by the owners' numbers."""
         found: dict[tuple[int, int], Array] = {}
         if not (self.scene.allowed or self.scene.pair_padding):
             return found
@@ -127,7 +127,7 @@ class RefereeScene:
         return self._paddings(one, two, []) if found is None else found
 
     def _check_half_spaces(self) -> None:
-        """Refuse a pair of half-spaces that must not touch: their distance cannot be proven."""
+        """Reject pairs of half-spaces that must not touch: their distance cannot be proven."""
         arms = len(self.names)
         owners = [i for i in range(arms) if self.model(i).planes]
         for i in owners:
@@ -143,16 +143,16 @@ class RefereeScene:
 
     @cached_property
     def model_rows(self) -> NDArray[np.uint8]:
-        """The models as the kernels read them, a row of bytes each."""
+        """The models for the kernels, a row of bytes each."""
         rows = bytearray().join([bytes(model.struct.value) for model in self.models])
         return np.frombuffer(rows, np.uint8).reshape(len(self.models), -1)
 
 
 def referee_scene(scene: Scene) -> RefereeScene:
-    """The scene for the referee, kept with it.
+    """The scene for the referee, which the scene keeps.
 
     Raises:
-        InputError: two half-spaces to keep apart, or a joint that follows none that has a value.
+        InputError: two half-spaces that must not touch, or a joint that follows no joint with a value.
     """
     kept: RefereeScene | None = scene.kept.get("referee")
     if kept is None:

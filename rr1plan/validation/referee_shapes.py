@@ -1,7 +1,7 @@
-"""Shapes as the referee's kernels read them.
+"""Shapes for the referee's kernels.
 
-A mesh that is not convex is its triangles and what its closed parts enclose, a point cloud the union of the cells of
-its grid (an octree's leaves).
+A non-convex mesh consists of its triangles and the volume that its closed parts enclose. A point cloud is the union of
+the cells of its grid (an octree's leaves).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class PointBody(NamedTuple):
     """A mesh or a point cloud.
 
     Args:
-        core: What the kernels read of it besides its sizes.
+        core: Its kind and corners.
         row: Its sizes; see `core_row`.
-        tree: The tree of its parts; None for a convex one.
+        tree: The tree of its parts; None for a convex body.
     """
 
     core: Core
@@ -34,11 +34,11 @@ class PointBody(NamedTuple):
 
 
 def core_row(shape: Shape) -> tuple[float, ...]:
-    """A shape in its frame for the kernels, a `ShapeRow` of `referee_tables.h`.
+    """A shape in its own frame for the kernels, a `ShapeRow` of `referee_tables.h`.
 
     Returns:
-        14 numbers: kind, number of corners that are looked at one by one, columns of `corners`; half edges or what
-        stands for them (3), the radius around that, the radius of the ball around all, half edges (3) and middle (3) of
+        14 numbers: kind, number of corners to test one by one, number of columns of `corners`; half edges or the
+        values that replace them (3), rounding radius, radius of the bounding ball, half edges (3) and center (3) of
         the bounding box [m].
     """
     if isinstance(shape, Box):
@@ -62,13 +62,13 @@ def core_row(shape: Shape) -> tuple[float, ...]:
 
 @lru_cache(maxsize=512)
 def point_body(shape: Mesh | PointCloud) -> PointBody:
-    """A mesh or a point cloud as the kernels read it, made once."""
+    """A mesh or a point cloud for the kernels, made once."""
     if isinstance(shape, PointCloud):
         columns, tree = cell_parts(shape)
         core, half = Core(GRID_CELLS, columns.shape[1], columns), 0.5 * shape.resolution
         return PointBody(core, _bounded(core, columns[:3].T, half), tree)
     if shape.convex and not _is_flat(shape.vertices):
-        # A hull of the corners again: it holds the mesh even where the flag is wrong.
+        # Take the hull again: it contains the mesh even if the flag is wrong.
         core = hull_core(shape.vertices)
         return PointBody(core, _bounded(core, shape.vertices, 0.0), None)
     columns, tree = surface_parts(shape)
@@ -77,7 +77,7 @@ def point_body(shape: Mesh | PointCloud) -> PointBody:
 
 
 def _bounded(core: Core, points: Array, thickness: float) -> tuple[float, ...]:
-    """The sizes of points (n, 3), each a cube of half edge `thickness` [m]."""
+    """The row of points (n, 3), each a cube of half edge `thickness` [m]."""
     lower, upper = points.min(axis=0) - thickness, points.max(axis=0) + thickness
     center = 0.5 * (lower + upper)
     radius = float(np.linalg.norm(points - center, axis=1).max()) + math.sqrt(3.0) * thickness
@@ -86,6 +86,6 @@ def _bounded(core: Core, points: Array, thickness: float) -> tuple[float, ...]:
 
 
 def _is_flat(points: Array) -> bool:
-    """Whether points lie in a plane: a hull of such points has no inside."""
+    """Whether points lie in a plane: the hull of such points has no interior."""
     thickness = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return bool(thickness[-1] <= 1e-6 * thickness[0])

@@ -13,12 +13,12 @@ from rr1plan.validation.limit_checks import Findings
 
 _STEP = 1e-3
 _MOST_SAMPLES = 20_000
-# Rounding that a limit forgives, relative to it.
+# Rounding error tolerated at a limit, relative to it.
 _ROUNDING = 1e-9
 
 
 def check_torques(findings: Findings, trajectory: Trajectory, scene: Scene) -> None:
-    """Torques of all moving joints at the breaks and about every millisecond between them."""
+    """Check torques of all moving joints at the breaks and about every millisecond between them."""
     limits = scene.limits(trajectory.arms).effort
     if not np.isfinite(limits).any():
         findings.not_checked["torque"] = "no joint has a limit for it"

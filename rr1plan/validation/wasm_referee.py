@@ -1,7 +1,7 @@
 """The referee for JavaScript: `referee.wasm`, and memory for it.
 
-A page that plans by itself has its motions proven by the referee's kernels, as `validate` does: they share no code with
-those of the planners. `playback/viewer/page/referee.js` runs them.
+Pages with a planner prove its motions with the referee's kernels, as `validate` does; these share no code with those of
+the planners. `playback/viewer/page/referee.js` runs them.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ def referee_module() -> bytes:
 def referee_image(scene: Scene, joint_names: Sequence[str]) -> tuple[bytes, dict[str, object]]:
     """The memory image of a scene for motions of some joints, and the names of its elements.
 
-    Roots of the image: `search`, without a motion; `limits` of the columns; of the model of all obstacles
-    `obstacle_shapes`, `obstacle_frames` and `obstacle_poses`, with which `rr1_fill_bodies` moves them.
+    Roots of the image: `search`, without a motion; `limits` of the columns; `obstacle_shapes`, `obstacle_frames` and
+        `obstacle_poses` of the model of all obstacles, for moving them with `rr1_fill_bodies`.
 
     Args:
         scene: The scene.
-        joint_names: The columns of the motions, all joints of their arms.
+        joint_names: The columns of the motions: all joints of their arms.
 
     Returns:
-        The image, and plain values that JSON can hold.
+        The image, and plain values that JSON can represent.
 
     Raises:
         InputError: shapes that cannot be compared.
@@ -57,7 +57,7 @@ def referee_image(scene: Scene, joint_names: Sequence[str]) -> tuple[bytes, dict
     )
     obstacles = tables.models[-1]
     rows, frames, poses = obstacles.placement
-    # The rows of `search.models` are copies of these structs, so their targets have to be named.
+    # Rows of `search.models` are copies of these structs, so the targets of their pointers have to be named.
     models: dict[str, Root] = {f"model {i}": model.struct for i, model in enumerate(tables.models)}
     image = memory_image(
         SOURCES,

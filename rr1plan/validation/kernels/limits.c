@@ -1,13 +1,13 @@
-// Checks of a motion without its scene: that its numbers are finite and its times increase, and its limits.
+// Checks of a motion without its scene: its numbers are finite, its times increase, its limits hold.
 
-// Rounding that a limit forgives, relative to it.
+// Rounding error tolerated at a limit, relative to it.
 #define LIMIT_ROUNDING 1e-9
-// Jumps that rounding may leave at a break, and rates that count as rest [rad or m, per s].
+// Jumps at breaks that may be due to rounding, and rates that count as rest [rad or m, per s].
 #define POSITION_JUMP 1e-9
 #define VELOCITY_JUMP 1e-7
 #define ACCELERATION_JUMP 1e-6
 
-// Whether times are finite and strictly increase, and the terms of no column add up to more than `farthest` on a piece.
+// Whether times are finite and strictly increase, and each column's terms add up to at most `farthest` on each piece.
 EXPORT int64_t rr1_makes_motion(const double *breaks, int64_t break_count, const double *coefficients, int64_t pieces,
                                 int64_t terms, int64_t columns, double farthest) {
     if (!(fabs(breaks[0]) < INFINITY)) return 0;
@@ -31,7 +31,7 @@ static void tighten(Tightest *row, double ratio, int64_t column, double time) {
     if (ratio > row->ratio) *row = (Tightest){ratio, (double)column, time};
 }
 
-// The flaws of a column's positions: above `upper`, below `lower`.
+// Flags for a column's positions: above `upper`, below `lower`.
 static int64_t judge_position(const Peaks *peak, double lower, double upper, int64_t column, Tightest *row) {
     double half = 0.5 * (upper - lower), above = peak->high - upper, below = lower - peak->low;
     if (half > 0.0 && half < INFINITY) {
@@ -42,10 +42,11 @@ static int64_t judge_position(const Peaks *peak, double lower, double upper, int
            (below > LIMIT_ROUNDING * greater(1.0, fabs(lower)) ? FLAW_BELOW : 0);
 }
 
-// Hold extremes to limits.
+// Compare extremes with limits.
 //
-// A motion of no duration is at rest. `limits`: shape (LIMIT_ROWS, columns). `tightest` has TIGHTEST_ROWS rows. `allowed`: jumps of position, velocity and
-// acceleration that are no flaws, shape (3, columns). `flaws`: bits for each column. Returns those of all columns.
+// A motion of zero duration is at rest. `limits`: shape (LIMIT_ROWS, columns). `tightest` has TIGHTEST_ROWS rows.
+// `allowed`: tolerated jumps of position, velocity and acceleration, shape (3, columns). `flaws`: bits for each column.
+// Returns the union of all columns' bits.
 EXPORT int64_t rr1_judge_columns(int64_t break_count, const double *coefficients, int64_t pieces, int64_t terms,
                                  int64_t columns, const Peaks *peaks, const Jump *jumps, const double *end,
                                  const double *limits, Tightest *tightest, double *allowed, int64_t *flaws) {

@@ -1,6 +1,6 @@
 // The memory of a search, in one block that the caller allocates.
 
-// A block, and how much of it is taken [bytes]; without a block sizes are added up alone.
+// A block and its used part [bytes]; without a block, sizes are only added up.
 typedef struct {
     char *block;
     int64_t taken;
@@ -13,7 +13,7 @@ static void *take_room(Room *room, int64_t count, int64_t size) {
     return start;
 }
 
-// Count what is in the scene, and where the columns, links, joints, bodies and elements of each arm begin.
+// Count what the scene has, and find where the columns, links, joints, bodies and elements of each arm begin.
 static void count_arms(RefereeSearch *s) {
     int64_t arms = s->moving_count + s->stationary_count, columns = 0;
     s->link_count = s->joint_count = s->body_count = s->element_count = 0;
@@ -32,7 +32,7 @@ static void count_arms(RefereeSearch *s) {
     s->owner_count = arms + s->models[s->arm_models[arms]].element_count;
 }
 
-// Pairs of bodies in a chunk: at least those of any two owners, no more than there can be.
+// Capacity of a chunk in pairs of bodies: enough for any two owners, but not more than all pairs.
 static int64_t count_pairs(const RefereeSearch *s) {
     int64_t arms = s->moving_count + s->stationary_count, most = 0, all = 0;
     for (int64_t arm = 0; arm < arms; arm++) {
@@ -51,7 +51,7 @@ static int64_t count_pairs(const RefereeSearch *s) {
     return (two > pairs ? two : pairs) + 1;
 }
 
-// Set all pointers to memory in a block, or to NULL without one; how much there has to be [bytes].
+// Set all pointers to memory in a block, or to NULL without one. Returns the memory needed [bytes].
 static int64_t lay_out(RefereeSearch *s, char *block) {
     Room room = {block, 0};
     int64_t arms = s->moving_count + s->stationary_count, own_columns = 0, bodies = 0, columns = 0;
@@ -95,7 +95,7 @@ static int64_t lay_out(RefereeSearch *s, char *block) {
     return room.taken;
 }
 
-// How much memory a search of a motion in a scene needs [bytes].
+// Memory needed to search a motion in a scene [bytes].
 EXPORT int64_t rr1_size_search(RefereeSearch *s) {
     s->arms = NULL;
     count_arms(s);
@@ -103,7 +103,7 @@ EXPORT int64_t rr1_size_search(RefereeSearch *s) {
     return lay_out(s, NULL);
 }
 
-// Make a search of which the size was asked ready, in a block of that size.
+// Prepare a search in a block of the size that `rr1_size_search` returned.
 EXPORT void rr1_begin_search(RefereeSearch *s, double *block) {
     int64_t arms = s->moving_count + s->stationary_count, column = 0;
     lay_out(s, (char *)block);
@@ -138,7 +138,7 @@ static void compose(const double *A, const double *B, double T[12]) {
     }
 }
 
-// Fill the tables of bodies from their shapes; the number of columns that their corners take.
+// Fill the tables of bodies from their shapes. Returns the number of columns of their corners.
 //
 // frames: pose of each shape in the frame of its element, shape (4, 4) each; elements: pose of each element on its link;
 // first_body: the first body of each element, and one past the last.

@@ -1,16 +1,17 @@
-// Where the bodies are at one time of a motion, and how far they can get around it.
+// Poses of bodies at one time of a motion, and bounds of their displacements around it.
 //
-// Two bounds of how much nearer two bodies can come. The first counts for each joint between them how far it can carry a
-// body, in whatever direction. The second one only concerns the motion along the direction d that separates them. With the
-// joints at q + s t + r (s their speeds, |r| <= R, |q' - q| <= D), a point x of a body is carried along d by
+// Two bounds limit how much nearer two bodies can come. The first adds up how far each joint between them can carry a
+// body in any direction. The second considers motion along the separating direction d only. With the joints at q + s t
+// + r (s their speeds, |r| <= R, |q' - q| <= D), a point x of a body is carried along d by
 //
 //     t d . v(x) + e,   |e| <= sum_j rho_j (R_j + D_j^2 / 2 + D_j sum_(i<j) D_i)
 //
 // where v is the velocity field of the body under s, rho_j the largest distance of its points from axis j, and i runs
-// over the turning joints before j. (A turn by D moves a point by D times the velocity and at most D^2 rho / 2 beside it;
-// the turns before it tilt that by at most their sum.) The largest d . (x + t v(x)) over a body is a value of its support
-// function in a direction linear in t, so it is convex in t, and its two ends bound it on the whole interval. The error is
-// of second order: along a motion that slides past an obstacle, few intervals suffice.
+// over the turning joints before j. (A turn by D moves a point by D times the velocity, with an error of at most D^2
+// rho / 2; the turns before it tilt this motion by at most their sum.) The largest d . (x + t v(x)) over a body is a
+// value of its support function in a direction linear in t. It is therefore convex in t, and its values at both ends
+// bound it on the whole interval. The error is of second order, so a motion that slides past an obstacle needs few
+// intervals.
 
 // Rounding of the distances between axes and bodies [m].
 #define AXIS_ROUNDING 1e-7
@@ -19,7 +20,7 @@ static inline const RefereeModel *model_of(const RefereeSearch *s, int64_t arm) 
     return &s->models[s->arms[arm].model];
 }
 
-// Value, largest change, deviation from a steady speed and speed of a column of q within `half` of a local time.
+// Value, largest change, deviation from constant speed, and speed of a column of q within `half` of a local time.
 static ColumnMotion expand_column(RefereeSearch *s, int64_t c, int64_t piece, double at, double half) {
     int64_t degree = s->terms - 1, width = s->column_count;
     double *terms = s->terms_scratch;
@@ -48,23 +49,23 @@ static void set_chords(RefereeSearch *s) {
                 power *= half;
                 *(k % 2 ? &odd : &even) += terms[k] * power;
             }
-            // With x from -1 to 1, x^k is no farther than 1 from the line through its ends.
+            // For x from -1 to 1, x^k is within 1 of the line through its end points.
             s->chords[c * s->piece_count + i] =
                 (ColumnChord){column.value + even - odd, column.value + even + odd, column.rest};
         }
     }
 }
 
-// The columns of an arm at a local time, and what they do within `half` of it.
+// Values of an arm's columns at a local time, and their motion within `half` of it.
 static void expand_arm(RefereeSearch *s, int64_t arm, int64_t piece, double at, double half) {
     const int64_t *columns = s->arm_columns + s->arms[arm].first_column;
     int64_t count = s->arms[arm + 1].first_column - s->arms[arm].first_column;
     for (int64_t i = 0; i < count; i++) s->columns[columns[i]] = expand_column(s, columns[i], piece, at, half);
 }
 
-// Over several pieces: a steady speed that gets from one end of them to the other, and the largest deviation from that.
+// For several pieces: the constant speed between their ends, and the largest deviation from it.
 //
-// Between its ends a piece deviates from a straight line by no more than its chord does at one of them, and its bulge.
+// On a piece, the deviation from a straight line is at most that of its chord at one end, plus the bulge.
 static void span_pieces(RefereeSearch *s, int64_t arm, int64_t first, int64_t stop, double middle) {
     const int64_t *columns = s->arm_columns + s->arms[arm].first_column;
     int64_t count = s->arms[arm + 1].first_column - s->arms[arm].first_column;
@@ -140,12 +141,12 @@ static void move_links(RefereeSearch *s, int64_t arm) {
     }
 }
 
-// The state of a joint; of none, the one at rest.
+// The state of a joint; that of the stationary joint for no joint.
 static inline JointState *state_of(const RefereeSearch *s, int64_t joint) {
     return &s->states[joint < 0 ? s->joint_count : joint];
 }
 
-// Velocity of the bodies that each joint of an arm carries, under it and all joints before it.
+// Velocities of the bodies that each joint of an arm carries, due to this joint and all joints before it.
 static void add_velocities(RefereeSearch *s, int64_t arm) {
     const RefereeModel *model = model_of(s, arm);
     int64_t first = s->arms[arm].first_joint;
@@ -184,7 +185,7 @@ static void place_body(RefereeSearch *s, int64_t arm, int64_t b) {
     }
 }
 
-// How far a body reaches from each joint of its chain, and how far that joint and those after it carry it.
+// Distance that a body reaches from each joint of its chain, and how far that joint and later ones can carry the body.
 static void sweep_body(RefereeSearch *s, int64_t arm, int64_t b) {
     const RefereeModel *model = model_of(s, arm);
     const RefereeBody *body = &model->bodies->bodies[b];
@@ -202,18 +203,18 @@ static void sweep_body(RefereeSearch *s, int64_t arm, int64_t b) {
         double along = x * state->axis[0] + y * state->axis[1] + z * state->axis[2];
         double across = sqrt(greater(0.0, x * x + y * y + z * z - along * along)) + model->bodies->sizes[b].radius +
                         AXIS_ROUNDING;
-        // A chord is never longer than the arc, nor than the diameter.
+        // A chord is never longer than its arc or than the diameter.
         sweeps[i] = (Sweep){across, sweeps[i + 1].carried + lesser(state->change, 2.0) * across};
     }
 }
 
-// How far the joints of its chain from `shared` on carry a body [m].
+// How far the joints of its chain from `shared` on can carry a body [m].
 static inline double carried_by(const RefereeSearch *s, int64_t arm, int64_t b, int64_t shared) {
     if (arm >= s->moving_count) return 0.0;
     return s->sweeps[(s->arms[arm].first_body + b) * s->sweep_stride + shared].carried;
 }
 
-// What a body can move beside its steady velocity, by the joints of its chain from `shared` on [m].
+// Largest deviation of a body from its steady velocity, due to the joints of its chain from `shared` on [m].
 static double unsteadiness(const RefereeSearch *s, int64_t arm, int64_t b, int64_t shared) {
     if (arm >= s->moving_count) return 0.0;
     const RefereeModel *model = model_of(s, arm);
@@ -234,14 +235,14 @@ static double unsteadiness(const RefereeSearch *s, int64_t arm, int64_t b, int64
     return total;
 }
 
-// How far the origin of a body's frame gets along a direction, and that direction as the body sees it after it has turned.
+// Displacement of the origin of a body's frame along a direction, and the direction in the frame after its turn.
 typedef struct {
     double moved;
     Direction direction;
 } SteadyTurn;
 
-// What `time` at the steady velocity of a body changes along d: that under the joints up to the last that carries it, less
-// that under those up to `before`.
+// Effect of moving for `time` at the steady velocity of a body, along d: that of the joints up to `last`, which is the
+// last one that carries it, minus that of the joints up to `before`.
 static SteadyTurn steady_turn(const RefereeSearch *s, BodyView b, int64_t last, int64_t before, double time, Direction d) {
     const JointState *end = state_of(s, last), *begin = state_of(s, before);
     const double *p = b.placed->origin;
@@ -260,7 +261,7 @@ static SteadyTurn steady_turn(const RefereeSearch *s, BodyView b, int64_t last, 
     return (SteadyTurn){moved, turned};
 }
 
-// Support of a body along d, from its frame's origin, after `time` at its steady velocity; see `steady_turn`.
+// Support of a body along d, relative to its frame's origin, after `time` at its steady velocity; see `steady_turn`.
 static double steady_reach(const RefereeSearch *s, BodyView b, int64_t last, int64_t before, double time, Direction d) {
     SteadyTurn turn = steady_turn(s, b, last, before, time, d);
     return turn.moved + body_reach(b, turn.direction);

@@ -1,8 +1,8 @@
-// Trees of boxes around the parts of a body: halved at the median of the longest side until few parts are left.
+// Trees of boxes around the parts of a body: split at the median of the longest side until few parts are left.
 
 typedef struct {
     const double *low, *high;  // of the parts' boxes, shape (parts, 3) [m]
-    int64_t most;               // parts of a leaf
+    int64_t most;               // largest number of parts of a leaf
     int64_t *order;
     SurfaceBox *boxes;
     SurfaceNode *nodes;
@@ -13,7 +13,7 @@ static inline double part_middle(const TreeWork *w, int64_t i, int axis) {
     return w->low[3 * w->order[i] + axis] + w->high[3 * w->order[i] + axis];
 }
 
-// Order parts so that none before `middle` is farther along an axis than any after it (Hoare's selection).
+// Order parts so that those before `middle` are not farther along an axis than those after it (Hoare's selection).
 static void select_middle(TreeWork *w, int64_t begin, int64_t end, int64_t middle, int axis) {
     int64_t low = begin, high = end - 1;
     while (low < high) {
@@ -53,7 +53,7 @@ static void add_node(TreeWork *w, int64_t begin, int64_t end) {
     for (int k = 0; k < 3; k++) {
         double middle = 0.5 * (low[k] + high[k]), half = 0.5 * (high[k] - low[k]);
         w->boxes[node].center[k] = middle;
-        // Rounding of the middle and the half size.
+        // Covers the rounding of the middle and the half size.
         w->boxes[node].half[k] = half + 4e-16 * (fabs(middle) + half);
         if (most[k] - least[k] > most[axis] - least[axis]) axis = k;
     }
@@ -67,10 +67,10 @@ static void add_node(TreeWork *w, int64_t begin, int64_t end) {
     w->nodes[node] = (SurfaceNode){w->count, leaf ? begin : end, end};
 }
 
-// Make the tree of parts with boxes from `low` to `high`, shape (count, 3) each [m]; the number of its nodes, which is less
-// than twice that of the parts.
+// Build the tree of parts with boxes from `low` to `high`, shape (count, 3) each [m]. Returns the number of its nodes,
+// which is less than twice the number of parts.
 //
-// `order` becomes the parts in the order of the leaves. `boxes` and `nodes` have room for 2 * count.
+// `order` returns the parts in the order of the leaves. `boxes` and `nodes` have room for 2 * count.
 EXPORT int64_t rr1_build_tree(const double *low, const double *high, int64_t count, int64_t most, int64_t *order,
                               SurfaceBox *boxes, SurfaceNode *nodes) {
     TreeWork w = {low, high, most, order, boxes, nodes, 0};

@@ -1,14 +1,15 @@
-// How deep two convex bodies penetrate: the smallest overlap along any direction.
+// Penetration depth of two convex bodies: the smallest overlap along any direction.
 //
-// A polytope of points of the difference a - b grows by the farthest point along the normal of its face that is nearest
-// to the origin, until that point is on the face. Offsets of faces have signs, so the polytope need not hold the origin
-// at first. The overlap along any direction is an upper bound of the depth, whatever the polytope is.
+// A polytope inside the difference a - b grows (expanding polytope algorithm): in each step it gets the farthest point
+// along the normal of its face nearest to the origin, until that point lies on the face. Offsets of faces are signed,
+// so the polytope need not contain the origin at first. The overlap along any direction is an upper bound of the depth,
+// whatever the polytope is.
 //
 // van den Bergen (2001), Proximity queries and penetration depth computation on 3D game objects, Game Developers
 // Conference.
 
 enum { POLYTOPE_CORNERS = 96, POLYTOPE_FACES = 2 * POLYTOPE_CORNERS };
-// The depth is found to this [m], or this share of it.
+// Tolerance of the depth [m], and relative to it.
 #define DEPTH_TOLERANCE 1e-8
 #define DEPTH_SHARE 1e-6
 
@@ -30,7 +31,7 @@ typedef struct {
 
 static inline Direction minus(Direction a, Direction b) { return (Direction){a.x - b.x, a.y - b.y, a.z - b.z}; }
 
-// The farthest point of the difference of the bodies along a unit direction; the overlap along that is noted.
+// The farthest point of the difference of the bodies along a unit direction; updates the smallest overlap.
 static Direction farthest_difference(Polytope *p, Direction d) {
     PointPair pair;
     add_point(p->a, p->b, d, &pair);
@@ -56,7 +57,7 @@ static void add_face(Polytope *p, int i, int j, int k) {
     face->offset = dot_product(face->normal, at);
 }
 
-// Make the point that is farthest from the first corner, along a direction or against it, a corner; how far it is [m].
+// Add the point farthest from the first corner, along a direction or against it, as a corner. Returns its distance [m].
 static double add_farthest(Polytope *p, int corner, Direction normal) {
     double length = sqrt(dot_product(normal, normal)), far = 0.0;
     if (!(length > 0.0)) return 0.0;
@@ -71,7 +72,7 @@ static double add_farthest(Polytope *p, int corner, Direction normal) {
     return far;
 }
 
-// Begin with a tetrahedron of points far from each other; whether the difference is not flat.
+// Begin with a tetrahedron of points far from each other. Returns 0 if the difference is flat.
 static int begin_polytope(Polytope *p) {
     Direction axes[3] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}}, *c = p->corners;
     double longest = 0.0;
@@ -86,7 +87,7 @@ static int begin_polytope(Polytope *p) {
         c[0] = low;
         c[1] = high;
     }
-    // The farthest point from the line, along one of two directions across it, then from the plane.
+    // The point farthest from the line, along one of two directions across it, then the point farthest from the plane.
     Direction edge = minus(c[1], c[0]), across = {0.0, 0.0, 0.0};
     for (int i = 0; i < 3; i++) {
         Direction d = cross_product(edge, axes[i]);
@@ -105,7 +106,7 @@ static int begin_polytope(Polytope *p) {
     return 1;
 }
 
-// Replace the faces that a new corner is above by those between it and their outline; whether there was room.
+// Replace the faces below a new corner by faces between it and their outline. Returns 0 if there is no room.
 static int add_corner(Polytope *p, Direction at) {
     int edges = 0, kept = 0, corner = p->corner_count;
     for (int f = 0; f < p->face_count; f++) {
@@ -134,7 +135,7 @@ static int add_corner(Polytope *p, Direction at) {
     return 1;
 }
 
-// Depth of two bodies without their roundings, which touch [m].
+// Penetration depth of two bodies in contact, without their rounding radii [m].
 static double penetration(BodyView a, BodyView b) {
     Polytope p = {.a = a, .b = b};
     if (!begin_polytope(&p)) return greater(0.0, p.depth);

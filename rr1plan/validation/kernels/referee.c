@@ -23,5 +23,5 @@
 #include "referee_probes.c"  // for tests
 #endif
 #include "../../binding/cpu_level.c"
-// Offsets of all tables as this compiler has them; made by the build from the headers.
+// Offsets in all tables for this compiler; the build generates them from the headers.
 #include "layout.inc"

@@ -1,7 +1,7 @@
-// Which pairs of bodies can come near: upright boxes around elements and arms, at one time and over slices of the motion.
+// Broad phase: axis-aligned boxes around elements and arms, at one time and over slices of the motion.
 //
-// Owners are the arms that move, then those that stand still, then each obstacle. Owners are compared with all others, which
-// is a few additions for each two of them; nothing else is done for those that are far apart.
+// Owners are the moving arms, then the stationary arms, then each obstacle. Each pair of owners costs a few additions;
+// pairs that are far apart are not considered further.
 
 // Rounding of boxes [m].
 #define BOX_ROUNDING 1e-9
@@ -27,7 +27,7 @@ static inline Owner owner_of(const RefereeSearch *s, int64_t o) {
 // The middle of an interval.
 typedef struct {
     double time, half, width, finish;
-    int single;  // it is on a single piece
+    int single;  // the interval is on a single piece
     PieceTime at;
 } IntervalMiddle;
 
@@ -43,7 +43,7 @@ static IntervalMiddle middle_of(const RefereeSearch *s, const TimeInterval *inte
     return (IntervalMiddle){time, 0.5 * (finish - begin), finish - begin, finish, 0, {piece, time - breaks[piece]}};
 }
 
-// Where the links of an arm are in the middle of an interval, and what its joints do within it.
+// Pose the links of an arm in the middle of an interval, and bound the motion of its joints within it.
 static void pose_links(RefereeSearch *s, int64_t arm, const TimeInterval *interval, IntervalMiddle middle) {
     expand_arm(s, arm, middle.at.piece, middle.at.local, middle.single ? middle.half : 0.0);
     if (!middle.single) span_pieces(s, arm, interval->first, interval->stop, middle.time);
@@ -66,7 +66,7 @@ static inline void join_boxes(BoundingBox *box, const BoundingBox *other) {
     }
 }
 
-// A box around all places of a body that is carried by at most `carried` [m].
+// A box around a body displaced by at most `carried` [m].
 static BoundingBox body_box(BodyView body, double carried) {
     BoundingBox box;
     if (is_plane(body)) return (BoundingBox){{-INFINITY, -INFINITY, -INFINITY}, {INFINITY, INFINITY, INFINITY}};
@@ -81,9 +81,9 @@ static BoundingBox body_box(BodyView body, double carried) {
     return box;
 }
 
-// Boxes around the elements of an arm and around all of them, where its bodies are placed.
+// Boxes around the elements of an arm and around the whole arm, at the bodies' poses.
 //
-// `swept`: around all places that they reach on the interval of the last sweeps.
+// `swept`: around all poses on the interval of the last sweeps.
 static void box_arm(RefereeSearch *s, int64_t arm, int swept, BoundingBox *elements, BoundingBox *owners) {
     const RefereeModel *model = model_of(s, arm);
     int64_t arms = arm_count(s), first = s->arms[arm].first_element;
@@ -104,14 +104,14 @@ static void box_arm(RefereeSearch *s, int64_t arm, int swept, BoundingBox *eleme
     }
 }
 
-// A lower bound of the distance of what is in two boxes, along one axis [m]; below zero where they overlap.
+// A lower bound of the distance between the contents of two boxes, along one axis [m]; negative if the boxes overlap.
 static inline double axis_separation(const BoundingBox *a, const BoundingBox *b) {
     double gap = -INFINITY;
     for (int i = 0; i < 3; i++) gap = greater(gap, greater(a->low[i] - b->high[i], b->low[i] - a->high[i]));
     return gap;
 }
 
-// A lower bound of the distance of two boxes [m]; where they overlap minus the depth of that.
+// A lower bound of the distance between the contents of two boxes [m]; if the boxes overlap, minus the overlap.
 static inline double box_separation(const BoundingBox *a, const BoundingBox *b) {
     double square = 0.0, most = -INFINITY;
     for (int i = 0; i < 3; i++) {
@@ -122,7 +122,7 @@ static inline double box_separation(const BoundingBox *a, const BoundingBox *b) 
     return square > 0.0 ? sqrt(square) : most;
 }
 
-// ---- owners that stand still -------------------------------------------------------------------
+// ---- stationary owners -------------------------------------------------------------------------
 
 static int compare_lows(const void *a, const void *b) {
     const SortedOwner *one = a, *two = b;
@@ -135,7 +135,7 @@ static int compare_indices(const void *a, const void *b) {
     return (one > two) - (one < two);
 }
 
-// Sort the owners that stand still along x; half-spaces have no end and come after the others.
+// Sort the stationary owners along x; half-spaces are unbounded and come after the others.
 static void sort_owners(RefereeSearch *s) {
     int64_t last = s->owner_count - s->moving_count;
     s->sorted_count = 0;
@@ -143,7 +143,7 @@ static void sort_owners(RefereeSearch *s) {
     for (int64_t o = s->moving_count; o < s->owner_count; o++) {
         const BoundingBox *box = &s->owner_boxes[o];
         double width = box->high[0] - box->low[0];
-        // Nor has an owner without a body, which is near nothing, a begin.
+        // An owner without bodies is near nothing, and its box is not bounded either.
         int bounded = width < INFINITY;
         s->sorted[bounded ? s->sorted_count++ : --last] = (SortedOwner){box->low[0], o};
         if (bounded) s->widest = greater(s->widest, width);
@@ -151,8 +151,8 @@ static void sort_owners(RefereeSearch *s) {
     qsort(s->sorted, (size_t)s->sorted_count, sizeof(SortedOwner), compare_lows);
 }
 
-// Find the owners from `first` on, after a standing one, that are within a distance of it along each axis [m]; their
-// number. They are written to `near_owners` in order.
+// Find the owners from `first` on that are within a distance of a stationary owner along each axis [m]. They are
+// written to `near_owners` in order. Returns their number.
 static int64_t find_near_owners(RefereeSearch *s, int64_t owner, int64_t first, double distance) {
     const BoundingBox *box = &s->owner_boxes[owner];
     int64_t low = 0, high = s->sorted_count, count = 0, all = s->owner_count - s->moving_count;
@@ -175,14 +175,14 @@ static int64_t find_near_owners(RefereeSearch *s, int64_t owner, int64_t first, 
     return count;
 }
 
-// The boxes of an owner or element that moves differ from slice to slice; those of one that stands still are in the first.
+// Boxes of moving owners or elements differ from slice to slice; those of stationary ones are in the first slice.
 static inline const BoundingBox *slice_box(const BoundingBox *boxes, int64_t count, int64_t index, int moves,
                                            int64_t slice) {
     return &boxes[(moves ? slice * count : 0) + index];
 }
 
-// Of the slices in a mask those on which what is in two boxes comes within a distance [m]. `apart` becomes the smallest
-// distance on the others, if that is less.
+// The slices of a mask on which the contents of two boxes may come within a distance [m]. `apart` is lowered to the
+// smallest distance on the other slices.
 static int64_t near_slices(const RefereeSearch *s, const BoundingBox *boxes, int64_t count, int64_t a, int a_moves,
                            int64_t b, int b_moves, double distance, int64_t mask, double *apart) {
     int64_t near = 0;
@@ -201,7 +201,7 @@ static int64_t near_slices(const RefereeSearch *s, const BoundingBox *boxes, int
 
 // ---- rules -------------------------------------------------------------------------------------
 
-// The paddings between the elements of two owners, the first one no later than the second; NULL where no rule is about them.
+// The paddings between the elements of owners i <= j; NULL if there is no rule for them.
 static const double *find_paddings(const RefereeSearch *s, int64_t i, int64_t j) {
     int64_t key = i * s->owner_count + j, low = 0, high = s->rule_count;
     while (low < high) {
@@ -215,7 +215,7 @@ static const double *find_paddings(const RefereeSearch *s, int64_t i, int64_t j)
     return low < s->rule_count && s->rules[low].key == key ? s->paddings + s->rules[low].first : NULL;
 }
 
-// The distance to keep between two elements of owners [m]; below zero where contact is allowed.
+// The distance to keep between two elements of owners [m]; negative if contact is allowed.
 static inline double padding_between(const RefereeSearch *s, Owner one, int64_t ea, Owner two, int64_t eb,
                                      const double *paddings) {
     if (paddings) return paddings[ea * two.count + eb];
@@ -228,7 +228,7 @@ static inline double padding_between(const RefereeSearch *s, Owner one, int64_t 
 
 // ---- pairs -------------------------------------------------------------------------------------
 
-// Make a pair of two bodies in a place for one.
+// Set pair k to a pair of two bodies.
 static void set_pair(RefereeSearch *s, int64_t k, int64_t arm_a, int64_t a, int64_t arm_b, int64_t b, int64_t elements,
                      int64_t slices, double padding) {
     BodyView view_a = view_of(s, arm_a, a), view_b = view_of(s, arm_b, b);
@@ -262,7 +262,7 @@ static void set_pair(RefereeSearch *s, int64_t k, int64_t arm_a, int64_t a, int6
     s->directions[k].known = 0.0;
 }
 
-// Note that pairs of a group are no nearer than `bound` [m].
+// Note that pairs of a group are proven to be at least `bound` apart [m].
 static inline void note_proven(RefereeSearch *s, int64_t group, double bound) {
     s->proven[group] = lesser(s->proven[group], bound);
 }
@@ -271,7 +271,7 @@ static int encloses(BodyView body, BodyView surface);
 
 static void pose_arm_at(RefereeSearch *s, int64_t arm, PieceTime at);
 
-// Whether one of two bodies encloses the other where the motion begins.
+// Whether one of two bodies encloses the other at the start of the motion.
 static int begins_enclosed(RefereeSearch *s, int64_t arm_a, int64_t a, int64_t arm_b, int64_t b) {
     BodyView one = view_of(s, arm_a, a), two = view_of(s, arm_b, b);
     if (!is_compound(one) && !is_compound(two)) return 0;
@@ -307,7 +307,7 @@ static void add_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64
     s->elements[s->element_pair_count++] = pair;
 }
 
-// The slices on which an owner comes near one that is no earlier.
+// The slices on which owners i <= j come near each other.
 static int64_t near_owners(RefereeSearch *s, int64_t i, int64_t j, double need) {
     int a_moves = i < s->moving_count, b_moves = j < s->moving_count;
     int64_t mask = a_moves || b_moves ? ((int64_t)1 << s->slice_count) - 1 : 1;
@@ -324,7 +324,7 @@ static int64_t near_owners(RefereeSearch *s, int64_t i, int64_t j, double need) 
     return mask;
 }
 
-// Add the pairs of two owners that can come near to the chunk, the first owner no later than the second.
+// Add the pairs of owners i <= j that can come near each other to the chunk.
 static void add_pairs(RefereeSearch *s, int64_t i, int64_t j) {
     Owner one = owner_of(s, i), two = owner_of(s, j);
     int a_moves = i < s->moving_count, b_moves = j < s->moving_count;
@@ -355,7 +355,7 @@ typedef struct {
     int64_t a, b;
 } NearestElements;
 
-// Find a smaller clearance of two elements where all is posed, to about `tolerance`.
+// Look for a smaller clearance between two elements at the current poses, to about `tolerance`.
 static void find_nearest_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner two, int64_t eb, double padding, double time,
                                 double tolerance, NearestElements *best) {
     const RefereeModel *model_a = model_of(s, one.arm), *model_b = model_of(s, two.arm);
@@ -381,7 +381,7 @@ static void find_nearest_bodies(RefereeSearch *s, Owner one, int64_t ea, Owner t
     }
 }
 
-// The same of two owners, the first one no later than the second.
+// Likewise between owners i <= j.
 static void find_nearest_elements(RefereeSearch *s, int64_t i, int64_t j, double time, double tolerance,
                                   NearestElements *best) {
     const BoundingBox *box_a = &s->owner_boxes[i], *box_b = &s->owner_boxes[j];
@@ -400,9 +400,9 @@ static void find_nearest_elements(RefereeSearch *s, int64_t i, int64_t j, double
     }
 }
 
-// Find the smallest clearance below `best` of the owners from `first` to `stop` and all later ones.
+// Find the smallest clearance below `best` between the owners from `first` to `stop` and all later ones.
 //
-// The pair that was nearest so far comes first: most others are then too far away for a search.
+// The nearest pair so far comes first: most others are then too far away to need a search.
 static NearestElements find_nearest_others(RefereeSearch *s, int64_t first, int64_t stop, double time, double tolerance,
                                            NearestElements best) {
     int64_t k = nearest_pair(s, GROUP_OTHERS);

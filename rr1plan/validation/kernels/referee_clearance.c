@@ -1,14 +1,14 @@
-// How near two bodies can come on an interval of time: the cheap bounds first.
+// Bounds of the clearance of two bodies on an interval of time: the cheap bounds first.
 //
-// A pair is settled on an interval when it provably stays apart there, and no nearer than the smallest clearance seen in
-// its group less a tolerance.
+// A pair is settled on an interval if it is proven to stay apart there, at a distance not below the smallest clearance
+// seen in its group minus a tolerance.
 
-// While bodies can come this much nearer [m], an interval that no direction could settle is halved without a search.
+// If bodies can come nearer by this much [m], an interval that no direction could settle is halved without a search.
 #define COARSE 0.01
-// Rounding, relative to the sum of all coordinates that a distance is computed from.
+// Rounding error relative to the sum of all coordinates that a distance is computed from.
 #define RELATIVE_ROUNDING 2e-14
 
-// The piece of a time; the later one at a break.
+// The piece that contains a time; the later one at a break.
 static int64_t piece_at(const RefereeSearch *s, double time) {
     int64_t low = 0, high = s->piece_count;
     while (high - low > 1) {
@@ -22,7 +22,7 @@ static int64_t piece_at(const RefereeSearch *s, double time) {
     return low;
 }
 
-// A time of the motion, as its piece and the local time.
+// A time of the motion as a piece and a local time.
 typedef struct {
     int64_t piece;
     double local;
@@ -78,7 +78,7 @@ typedef struct {
     double rounding;  // of it
 } BallGap;
 
-// A lower bound of the clearance of two bodies by their bounding balls; a half-space comes second.
+// A lower bound of the clearance of two bodies from their bounding balls; a half-space comes second.
 static BallGap ball_gap(BodyView a, BodyView b, double padding) {
     double far = 0.0, square = 0.0;
     for (int i = 0; i < 3; i++) {
@@ -94,7 +94,7 @@ static BallGap ball_gap(BodyView a, BodyView b, double padding) {
     return (BallGap){sqrt(square) - radius_of(a) - radius_of(b) - padding - rounding, rounding};
 }
 
-// The same by one body's bounding box and the other's ball [m].
+// A lower bound of the clearance from one body's bounding box and the other's ball [m].
 static double box_gap(BodyView a, BodyView b, double padding) {
     if (is_plane(b)) return -1e300;
     double one = box_distance(a, b), two = box_distance(b, a), best = -1e300;
@@ -103,21 +103,21 @@ static double box_gap(BodyView a, BodyView b, double padding) {
     return best - padding;
 }
 
-// d . (origin of b - origin of a); of a half-space the height of the origin of a above it.
+// d . (origin of b - origin of a); for a half-space, the height of the origin of a above it.
 static double origin_gap(BodyView a, BodyView b, Direction d) {
     const double *p = a.placed->origin, *q = b.placed->origin;
     if (is_plane(b)) return plane_height(b, p);
     return d.x * (q[0] - p[0]) + d.y * (q[1] - p[1]) + d.z * (q[2] - p[2]);
 }
 
-// Clearance of a pair along a direction from a to b [m]: a lower bound of it.
+// A lower bound of the clearance of a pair [m], from a direction from a to b.
 static double gap_along(PairView v, Direction d, double padding) {
     double gap = origin_gap(v.a, v.b, d) - body_reach(v.a, d) - padding;
     if (is_plane(v.b)) return gap;
     return gap - body_reach(v.b, (Direction){-d.x, -d.y, -d.z});
 }
 
-// Least clearance along a direction while both bodies move at their steady velocities [m].
+// Smallest clearance along a direction while both bodies move at their steady velocities [m].
 static double steady_gap(const RefereeSearch *s, const RefereePair *pair, PairView v, double half, Direction d) {
     double least = 1e300;
     for (int end = 0; end < 2; end++) {
@@ -136,8 +136,8 @@ typedef struct {
 
 static ClearanceBounds compound_clearance(RefereeSearch *s, int64_t k, double base, double enough);
 
-// What a separation of two bodies says of their clearance, `off` less than the distance [m]; of bodies in contact minus
-// the depth.
+// The clearance that follows from a separation of two bodies and is smaller than the distance by `off` [m]; for bodies
+// in contact, minus the depth.
 static Separation sign_clearance(BodyView a, BodyView b, Separation found, double off, double touch) {
     if (!(found.upper - off > touch) && found.lower < -1e299) found.upper = found.lower = -penetration(a, b);
     found.upper -= off;
@@ -145,9 +145,9 @@ static Separation sign_clearance(BodyView a, BodyView b, Separation found, doubl
     return found;
 }
 
-// Bounds of the clearance of a pair [m], of one in contact minus the depth; the direction found is remembered.
+// Bounds of the clearance of a pair [m], or of minus the depth if it is in contact; the direction found is stored.
 //
-// They may differ by a quarter of the upper one's distance from `base`; the search ends above `enough`.
+// The bounds may differ by a quarter of the upper bound's distance from `base`; the search ends above `enough`.
 static ClearanceBounds bound_clearance(RefereeSearch *s, int64_t k, double base, double enough) {
     PairView v = view_pair(s, k);
     double padding = s->pairs[k].padding;
@@ -167,19 +167,19 @@ static ClearanceBounds bound_clearance(RefereeSearch *s, int64_t k, double base,
     return (ClearanceBounds){found.upper, found.lower};
 }
 
-// The least clearance of a group that has to be proven on an interval [m]: more than what cannot be told from contact.
+// The smallest clearance of a group that has to be proven on an interval [m]; one below `touch` counts as contact.
 static inline double needed_clearance(const RefereeSearch *s, int64_t group) {
     double smallest = s->smallest[group];
     if (!s->with_clearance) return s->touch;
     return smallest < INFINITY ? greater(s->touch, smallest - greater(s->tolerance, s->share * smallest)) : smallest;
 }
 
-// Where the nearest pair of a group is kept, behind the pairs of the chunk; and a place for a pair of the moment.
+// Index where the nearest pair of a group is stored, after the pairs of the chunk; and of a temporary pair.
 static inline int64_t nearest_pair(const RefereeSearch *s, int64_t group) { return s->pair_room + group; }
 
 static inline int64_t spare_pair(const RefereeSearch *s) { return s->pair_room + PAIR_GROUPS; }
 
-// Note a clearance of a pair; whether it is too small to be told from contact.
+// Note a clearance of a pair. Returns whether it is too small to be distinguished from contact.
 static int note_clearance(RefereeSearch *s, int64_t k, double value, double time) {
     RefereePair *pair = &s->pairs[k];
     ElementPair *elements = &s->elements[pair->elements];
@@ -191,7 +191,7 @@ static int note_clearance(RefereeSearch *s, int64_t k, double value, double time
     if (!(value > s->touch)) {
         elements->mark = PAIR_TOUCHES;
         elements->first = lesser(elements->first, time);
-        // With a contact to report, only contacts are looked for.
+        // Once there is a contact to report, search for contacts only.
         for (int group = 0; group < PAIR_GROUPS; group++) s->smallest[group] = lesser(s->smallest[group], 0.0);
         return 1;
     }
@@ -214,7 +214,7 @@ static int note_clearance(RefereeSearch *s, int64_t k, double value, double time
     return 0;
 }
 
-// The lower bound that the remembered direction of a pair proves [m].
+// The lower bound that the stored direction of a pair proves [m].
 static double known_bound(const RefereeSearch *s, int64_t k, PairView v, double half, double approach, double error,
                           double need) {
     const KnownDirection *known = &s->directions[k];
@@ -232,7 +232,7 @@ typedef struct {
 static IntervalClearance compound_interval(RefereeSearch *s, int64_t k, double time, double half, double approach,
                                            double error);
 
-// A lower bound of the clearance of a pair within `half` of the posed time, and whether that settles it.
+// A lower bound of the clearance of a pair within `half` of the posed time, and whether it settles the pair.
 static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double time, double half) {
     const RefereePair *pair = &s->pairs[k];
     PairView v = view_pair(s, k);
@@ -244,7 +244,7 @@ static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double 
     if (least > need) return (IntervalClearance){least, 1};
     least = greater(least, box_gap(v.a, v.b, pair->padding) - ball.rounding - approach);
     if (least > need) return (IntervalClearance){least, 1};
-    // No direction can prove more than the distance of two points of the bodies.
+    // No direction can prove more than the distance between some points of the bodies.
     double most = ball.gap + radius_of(v.a);
     if (!is_plane(v.b)) most += radius_of(v.b);
     double error = unsteadiness(s, pair->arm_a, pair->body_a, pair->shared) + ball.rounding +
@@ -267,14 +267,14 @@ static IntervalClearance interval_clearance(RefereeSearch *s, int64_t k, double 
     return (IntervalClearance){least, least > need};
 }
 
-// The clearance that no depth exceeds by more than the tolerance and a twentieth, of a pair in contact [m].
+// For a pair in contact, minus the largest depth seen, lowered by the tolerance or a twentieth of it [m].
 static inline double enough_depth(const RefereeSearch *s, const ElementPair *elements) {
     if (!(elements->seen < INFINITY)) return 1e300;
     return elements->seen - greater(s->tolerance, 0.05 * fabs(elements->seen));
 }
 
-// A lower bound of the clearance of a pair in contact within `half` of the posed time, and whether no depth is found there
-// that exceeds the largest one seen by the tolerance and a twentieth.
+// A lower bound of the clearance of a pair in contact within `half` of the posed time, and whether it excludes depths
+// that exceed the largest one seen by more than the tolerance and a twentieth.
 static IntervalClearance depth_interval(RefereeSearch *s, int64_t k, double time, double half) {
     const RefereePair *pair = &s->pairs[k];
     const ElementPair *elements = &s->elements[pair->elements];

@@ -10,11 +10,11 @@
 
 // Position, velocity, acceleration, jerk.
 enum { RATE_ORDERS = 4 };
-// What is not higher by this fraction of the highest value, or of a piece's largest coefficient, is not searched for.
+// Values that exceed the highest one by less than this fraction, of it or of a piece's largest coefficient, are skipped.
 #define RELATIVE_GAP 1e-13
 #define COEFFICIENT_ROUNDING 1e-15
 
-// The binomials i over k, divided by those of a degree: `shares`, shape (degree + 1, degree + 1).
+// The binomials i over k, divided by those of the degree: `shares`, shape (degree + 1, degree + 1).
 static void set_shares(int64_t degree, double *shares) {
     for (int64_t i = 0; i <= degree; i++) {
         double share = 1.0;
@@ -25,7 +25,7 @@ static void set_shares(int64_t degree, double *shares) {
     }
 }
 
-// Eight columns on a piece, side by side: `rows`, one for each power; those beyond the last column are zero.
+// Load eight columns of a piece into `rows`, one row for each power; columns beyond the last are zero.
 static void load_columns(const double *piece, int64_t terms, int64_t columns, int64_t first, eight_anywhere *rows) {
     int64_t count = columns - first < 8 ? columns - first : 8;
     for (int64_t k = 0; k < terms; k++) {
@@ -35,7 +35,7 @@ static void load_columns(const double *piece, int64_t terms, int64_t columns, in
     }
 }
 
-// Bernstein coefficients of a derivative of eight columns on [0, width]: `control`, a row for each; its degree.
+// Bernstein coefficients of a derivative of eight columns on [0, width], in rows of `control`. Returns the degree.
 static int64_t to_bernstein(const eight_anywhere *rows, int64_t terms, int64_t order, double width, const double *shares,
                             eight_anywhere *scaled, eight_anywhere *control) {
     if (order >= terms) {
@@ -58,14 +58,14 @@ static int64_t to_bernstein(const eight_anywhere *rows, int64_t terms, int64_t o
     return degree;
 }
 
-// An interval that is open, and the Bernstein coefficients there: rows of an array.
+// An open interval; its Bernstein coefficients are a row of an array.
 typedef struct {
     double start, width;
 } OpenSpan;
 
 // Raise `best` to the highest value on an interval, and note its time.
 //
-// `stack` has rows of degree + 1 numbers; its first one holds the Bernstein coefficients.
+// `stack` has rows of degree + 1 numbers; the first one holds the interval's Bernstein coefficients.
 static void climb(double begin, double width, int64_t degree, double rounding, double *best, double *when,
                   double *stack) {
     OpenSpan spans[EXTREMES_DEPTH];
@@ -88,7 +88,7 @@ static void climb(double begin, double width, int64_t degree, double rounding, d
             top--;
             continue;
         }
-        // The later half takes the place of both, the earlier one goes on top of it.
+        // The later half replaces the interval, the earlier half goes on top of it.
         double half = 0.5 * span.width, *earlier = row + count;
         for (int64_t k = 0; k <= degree; k++) {
             earlier[k] = row[0];
@@ -104,8 +104,8 @@ static void climb(double begin, double width, int64_t degree, double rounding, d
     }
 }
 
-// Raise `high` and lower `low` of a column to what its Bernstein coefficients, between `least` and `most`, reach on a piece,
-// and note the times.
+// Raise `high` and lower `low` of a column to its extremes on a piece, and note the times. The column's Bernstein
+// coefficients lie between `least` and `most`.
 static void climb_both(double begin, double width, int64_t degree, const eight_anywhere *control, int64_t lane, double least,
                        double most, Peaks *peak, double *stack) {
     double rounding = COEFFICIENT_ROUNDING * greater(fabs(most), fabs(least));
@@ -127,9 +127,9 @@ static inline eight choose_eight(eight_integers which, eight yes, eight no) {
 
 // Highest and lowest values of every column and its rates, jumps between pieces, and values at the end.
 //
-// `breaks`: shape (pieces + 1,), or (1,) for no duration; `coefficients`: shape (pieces, terms, columns), lowest power
-// first. `peaks` has shape (4, columns), `jumps` shape (3, columns), `end` shape (4, columns). `scratch` has room for
-// terms * (EXTREMES_DEPTH + 24 + 4 * terms) numbers.
+// `breaks`: shape (pieces + 1,), or (1,) for zero duration; `coefficients`: shape (pieces, terms, columns), lowest
+// power first. `peaks` has shape (4, columns), `jumps` shape (3, columns), `end` shape (4, columns). `scratch` has room
+// for terms * (EXTREMES_DEPTH + 24 + 4 * terms) numbers.
 EXPORT void rr1_find_extremes(const double *breaks, int64_t break_count, const double *coefficients, int64_t pieces,
                               int64_t terms, int64_t columns, Peaks *peaks, Jump *jumps, double *end, double *scratch) {
     eight_anywhere *rows = (eight_anywhere *)scratch, *scaled = rows + terms, *control = scaled + terms;
@@ -138,7 +138,7 @@ EXPORT void rr1_find_extremes(const double *breaks, int64_t break_count, const d
     for (int64_t n = 0; n < (RATE_ORDERS - 1) * columns; n++) jumps[n] = (Jump){0.0, 0.0};
     for (int64_t order = 0; order < RATE_ORDERS; order++)
         set_shares(order < terms ? terms - 1 - order : 0, shares + order * terms * terms);
-    // In the order of the coefficients, as there may be many of them.
+    // In the order in memory, as there may be many coefficients.
     for (int64_t i = 0; i < pieces; i++) {
         double width = break_count > 1 ? breaks[i + 1] - breaks[i] : 0.0;
         for (int64_t first = 0; first < columns; first += 8) {

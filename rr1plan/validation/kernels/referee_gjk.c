@@ -1,8 +1,8 @@
-// Two convex bodies and a direction along which they are apart.
+// Distance of two convex bodies, and a direction that separates them.
 //
-// Whatever direction is tried, the gap between the bodies along it is a lower bound of their distance: a proof rests on
-// that alone, so the search below may err without harm. Every point of the difference of the bodies is an upper bound.
-// The search ends when the two meet.
+// The gap between the bodies along any direction is a lower bound of their distance. Proofs rest on this alone, so
+// errors of the search below do no harm. Every point of the difference of the bodies gives an upper bound. The search
+// ends when the bounds meet.
 //
 // Gilbert, Johnson, Keerthi (1988), A fast procedure for computing the distance between complex objects in
 // three-dimensional space, IEEE J. Robotics and Automation 4.
@@ -34,13 +34,13 @@ static inline Direction in_frame(const PlacedBody *placed, Direction d) {
     };
 }
 
-// The row or column of a face that a coordinate in [-1, 1] belongs to: one of them even for NaN.
+// The row or column of a face that contains a coordinate in [-1, 1]; valid even for NaN.
 static inline int64_t face_step(double coordinate) {
     double step = (coordinate + 1.0) * (0.5 * SUPPORT_SIDE);
     return step < SUPPORT_SIDE ? (int64_t)step : SUPPORT_SIDE - 1;
 }
 
-// The cell of directions that a direction of any length belongs to.
+// The cell of directions that contains a direction of any length.
 static int64_t support_cell(Direction d) {
     double a = fabs(d.x), b = fabs(d.y), c = fabs(d.z), size, x, y;
     int64_t face;
@@ -68,7 +68,7 @@ typedef struct {
     int64_t first, stop;
 } CornerRange;
 
-// The corners among which the farthest one of a body along a direction in its frame is.
+// The range of corners that contains the farthest one along a direction in the body's frame.
 static CornerRange corners_along(const RefereeBodies *all, int64_t b, Direction d) {
     const RefereeBody *body = &all->bodies[b];
     int64_t first = body->first_corner;
@@ -96,7 +96,7 @@ static double corner_reach(const RefereeBodies *all, CornerRange range, Directio
     return best;
 }
 
-// Largest d . p over the points p of a body, from its frame's origin, for a world direction d of any length.
+// Largest d . p over the points p of a body, relative to its frame's origin, for a world direction d of any length.
 static double body_reach(BodyView view, Direction d) {
     const RefereeBodies *all = view.all;
     const BodySizes *size = &all->sizes[view.index];
@@ -115,7 +115,7 @@ static double body_reach(BodyView view, Direction d) {
     return best;
 }
 
-// The point of a body, without its rounding, that is farthest along a direction; both in its frame.
+// The farthest point of a body along a direction, without its rounding radius; both in the body's frame.
 static void farthest_point(const RefereeBodies *all, int64_t b, Direction d, double point[3]) {
     const BodySizes *size = &all->sizes[b];
     int64_t shape = all->bodies[b].shape;
@@ -150,7 +150,7 @@ static void farthest_point(const RefereeBodies *all, int64_t b, Direction d, dou
     point[2] = z[at];
 }
 
-// Point of a minus point of b in the world.
+// World coordinates of the point of a minus the point of b.
 static void set_difference(const PlacedBody *a, const PlacedBody *b, PointPair *pair) {
     for (int i = 0; i < 3; i++)
         pair->difference[i] = (a->origin[i] - b->origin[i]) + a->rotation[3 * i] * pair->in_a[0] +
@@ -167,7 +167,7 @@ static void add_point(BodyView a, BodyView b, Direction d, PointPair *pair) {
     set_difference(a.placed, b.placed, pair);
 }
 
-// Shares of the points of a simplex in the point of it that is nearest to the origin.
+// Barycentric coordinates of the point of a simplex that is nearest to the origin.
 typedef struct {
     double of[4];
 } Shares;
@@ -187,7 +187,7 @@ static inline Direction cross_product(Direction a, Direction b) {
     return (Direction){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-// The point of a simplex with these shares.
+// The point of a simplex with these barycentric coordinates.
 static Direction shared_point(const PointPair *p, int64_t count, const Shares *shares) {
     Direction sum = {0.0, 0.0, 0.0};
     for (int64_t i = 0; i < count; i++) {
@@ -198,10 +198,10 @@ static Direction shared_point(const PointPair *p, int64_t count, const Shares *s
     return sum;
 }
 
-// The point between two points nearest to the origin; its squared distance.
+// The point on a segment that is nearest to the origin. Returns its squared distance.
 //
-// Here and below all is reckoned from edges, which are short where the bodies are near each other, not from products of
-// positions: those cancel.
+// Here and below, all is computed from edges, which are short where bodies are near each other, rather than from
+// products of positions, which cancel.
 static double nearest_on_segment(const PointPair *p, int i, int j, Shares *shares) {
     Direction from = position_of(&p[i]), edge = edge_between(&p[i], &p[j]);
     double square = dot_product(edge, edge), t = square > 0.0 ? -dot_product(from, edge) / square : 0.0;
@@ -213,7 +213,7 @@ static double nearest_on_segment(const PointPair *p, int i, int j, Shares *share
     return dot_product(at, at);
 }
 
-// The same for a triangle: inside of it, or on the nearest of its sides.
+// Likewise for a triangle: the point is inside it, or on its nearest side.
 static double nearest_on_triangle(const PointPair *p, int i, int j, int k, Shares *shares) {
     Direction from = position_of(&p[i]), one = edge_between(&p[i], &p[j]), two = edge_between(&p[i], &p[k]);
     Direction normal = cross_product(one, two);
@@ -244,14 +244,14 @@ static double nearest_on_triangle(const PointPair *p, int i, int j, int k, Share
     return least;
 }
 
-// Six times the volume of the tetrahedron of the origin and a triangle, with a sign.
+// Six times the signed volume of the tetrahedron of the origin and a triangle.
 static inline double volume_below(const PointPair *p, int i, int j, int k) {
     return dot_product(position_of(&p[i]), cross_product(edge_between(&p[i], &p[j]), edge_between(&p[i], &p[k])));
 }
 
-// Whether a tetrahedron holds the origin, by its barycentric coordinates there.
+// Whether a tetrahedron contains the origin, by the origin's barycentric coordinates.
 //
-// Those of a thin one have few digits. They are trusted no further than the point goes that they lead to.
+// In a thin tetrahedron these have few digits, so the point that they represent has to be near the origin.
 static int holds_origin(const PointPair *p, Shares *shares) {
     *shares = (Shares){{volume_below(p, 1, 2, 3), -volume_below(p, 0, 2, 3), volume_below(p, 0, 1, 3),
                         -volume_below(p, 0, 1, 2)}};
@@ -266,9 +266,9 @@ static int holds_origin(const PointPair *p, Shares *shares) {
     return dot_product(at, at) <= CONTACT_DISTANCE * CONTACT_DISTANCE;
 }
 
-// The point of the hull of some points nearest to the origin; whether the hull contains the origin.
+// The point of the hull of some points that is nearest to the origin. Returns whether the hull contains the origin.
 //
-// The last of four points is beyond the triangle of the others, which the nearest point is then not on.
+// The last of four points is beyond the triangle of the others, so the nearest point is not on that triangle.
 static int nearest_on_simplex(const PointPair *p, int64_t count, Shares *shares) {
     static const int sides[3][3] = {{0, 1, 3}, {0, 2, 3}, {1, 2, 3}};
     *shares = (Shares){{1.0, 0.0, 0.0, 0.0}};
@@ -288,7 +288,7 @@ static int nearest_on_simplex(const PointPair *p, int64_t count, Shares *shares)
     return 0;
 }
 
-// The unit normal of a triangle on the side of the origin, of which `toward` is an estimate that cancellation may spoil.
+// The unit normal of a triangle toward the origin; `toward` is an estimate that may suffer from cancellation.
 static Direction inward_normal(const PointPair *p, Direction toward) {
     Direction n = cross_product(edge_between(&p[0], &p[1]), edge_between(&p[0], &p[2]));
     double length = sqrt(dot_product(n, n));
@@ -297,7 +297,7 @@ static Direction inward_normal(const PointPair *p, Direction toward) {
     return (Direction){n.x / length, n.y / length, n.z / length};
 }
 
-// Keep the points that have a share; their number.
+// Keep the points with positive coordinates. Returns their number.
 static int64_t drop_points(PointPair *p, int64_t count, Shares *shares) {
     int64_t kept = 0;
     for (int64_t i = 0; i < count; i++) {
@@ -316,17 +316,17 @@ static int is_known(const PointPair *p, int64_t count) {
     return 0;
 }
 
-// Bounds of the distance of two bodies without their roundings [m], and the direction that proves the lower one, which
-// is -1e300 where the two touch.
+// Bounds of the distance of two bodies without their rounding radii [m], and the direction that proves the lower bound,
+// which is -1e300 if the bodies touch.
 typedef struct {
     double upper, lower;
     Direction direction;
 } Separation;
 
-// Search for the direction from a to b along which the two are farthest apart.
+// Search for the direction from a to b with the largest gap.
 //
-// The bounds may differ by a quarter of the upper one's distance from `base`; the search ends when the lower one reaches
-// `enough`. It starts from the points of an earlier one, and leaves those it ends with.
+// The bounds may differ by a quarter of the upper bound's distance from `base`; the search ends when the lower bound
+// reaches `enough`. It starts from the points in `state`, and stores its last ones there.
 static Separation separate(BodyView a, BodyView b, GjkState *state, double base, double enough) {
     PointPair *p = state->points;
     int64_t n = state->count;

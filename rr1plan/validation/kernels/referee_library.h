@@ -1,5 +1,5 @@
-// What the referee needs of the C library. WebAssembly has none: square roots are instructions there, functions of angles
-// are imported from the page, and sorting is below.
+// Functions that the referee needs from the C library. WebAssembly has no library: square roots are instructions, the
+// page provides trigonometric functions, and sorting is below.
 #ifndef RR1_REFEREE_LIBRARY_H
 #define RR1_REFEREE_LIBRARY_H
 
@@ -18,7 +18,7 @@ __attribute__((import_module("math"), import_name("sin"))) double sin(double ang
 __attribute__((import_module("math"), import_name("cos"))) double cos(double angle);
 __attribute__((import_module("math"), import_name("atan2"))) double atan2(double y, double x);
 
-// Insertion sort of items of eight or sixteen bytes: owners along an axis are few, and nearly in order.
+// Insertion sort of items of eight or sixteen bytes: the owners along an axis are few and nearly sorted.
 static inline void qsort(void *items, size_t count, size_t size, int (*compare)(const void *, const void *)) {
     char *rows = items;
     for (size_t i = 1; i < count; i++)

@@ -1,6 +1,6 @@
 // Entries for tests: single steps of the search.
 
-// Where the bodies of arm 0 are at a local time of a piece, and how far they can get within `half` of it.
+// Poses of the bodies of arm 0 at a local time of a piece, and bounds of their motion within `half` of it.
 EXPORT void rr1_probe_interval(RefereeSearch *s, int64_t piece, double at, double half) {
     expand_arm(s, 0, piece, at, half);
     move_links(s, 0);
@@ -9,7 +9,7 @@ EXPORT void rr1_probe_interval(RefereeSearch *s, int64_t piece, double at, doubl
     for (int64_t b = 0; b < model_of(s, 0)->bodies->body_count; b++) sweep_body(s, 0, b);
 }
 
-// The same over several pieces.
+// Likewise over several pieces.
 EXPORT void rr1_probe_pieces(RefereeSearch *s, int64_t first, int64_t stop) {
     TimeInterval interval = {.first = first, .stop = stop};
     set_chords(s);
@@ -19,12 +19,12 @@ EXPORT void rr1_probe_pieces(RefereeSearch *s, int64_t first, int64_t stop) {
     for (int64_t b = 0; b < model_of(s, 0)->bodies->body_count; b++) sweep_body(s, 0, b);
 }
 
-// What a body of arm 0 moves beside its steady velocity.
+// Largest deviation of a body of arm 0 from its steady velocity.
 EXPORT double rr1_probe_unsteadiness(const RefereeSearch *s, int64_t b, int64_t shared) {
     return unsteadiness(s, 0, b, shared);
 }
 
-// How far a body of arm 0 reaches along d, from its frame's origin.
+// Support of a body of arm 0 along d, relative to its frame's origin.
 EXPORT double rr1_probe_steady_reach(const RefereeSearch *s, int64_t b, int64_t last, int64_t before, double time,
                                      const double d[3]) {
     return steady_reach(s, view_of(s, 0, b), last, before, time, (Direction){d[0], d[1], d[2]});
@@ -34,7 +34,7 @@ EXPORT double rr1_probe_reach(const RefereeBodies *all, const PlacedBody *placed
     return body_reach((BodyView){all, b, &placed[b]}, (Direction){d[0], d[1], d[2]});
 }
 
-// Upper and lower bound of the distance of two bodies without their roundings: `bounds`, shape (2,).
+// Upper and lower bound of the distance of two bodies without their rounding radii: `bounds`, shape (2,).
 EXPORT void rr1_probe_separation(const RefereeBodies *all, const PlacedBody *placed, int64_t a, int64_t b,
                                  GjkState *state, double base, double enough, double *bounds) {
     Separation found = separate((BodyView){all, a, &placed[a]}, (BodyView){all, b, &placed[b]}, state, base, enough);
@@ -42,8 +42,8 @@ EXPORT void rr1_probe_separation(const RefereeBodies *all, const PlacedBody *pla
     bounds[1] = found.lower;
 }
 
-// Distances to keep between all elements [m], below zero where contact is allowed: `table`, shape (elements, elements),
-// above the diagonal.
+// Distances to keep between all elements [m], negative where contact is allowed: `table`, shape (elements, elements),
+// upper triangle.
 EXPORT void rr1_probe_paddings(const RefereeSearch *s, double *table) {
     for (int64_t i = 0; i < s->owner_count; i++) {
         for (int64_t j = i; j < s->owner_count; j++) {

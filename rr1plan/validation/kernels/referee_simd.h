@@ -1,4 +1,4 @@
-// Numbers side by side for loops over corners.
+// SIMD vectors for loops over corners.
 #ifndef RR1_REFEREE_SIMD_H
 #define RR1_REFEREE_SIMD_H
 

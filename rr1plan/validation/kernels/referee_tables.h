@@ -1,5 +1,4 @@
-// What the referee's search reads and writes: a motion, models of robots, arms that are instances of them, and pairs of
-// convex bodies.
+// Input and output of the referee's search: a motion, models of robots, arms as instances of them, pairs of bodies.
 #ifndef RR1_REFEREE_TABLES_H
 #define RR1_REFEREE_TABLES_H
 
@@ -7,13 +6,13 @@
 
 // ---- models of robots --------------------------------------------------------------------------
 
-// What a robot is, wherever its base is: joints, bodies on the links, elements that are named in reports, and the pairs of
-// them that must not touch. All obstacles of a scene together are a model without joints. Link 0 is the base; joint j moves
-// link j + 1, and links that no joint moves against another one are part of that.
+// A robot, independent of where its base is: joints, bodies on the links, elements that reports name, and the pairs of
+// elements that must not touch. All obstacles of a scene together are a model without joints. Link 0 is the base; joint
+// j moves link j + 1. Links that are fixed to each other are one.
 
 enum { MOVE_TURNS, MOVE_SLIDES };
 
-// Joints come after those that carry them.
+// Joints come after the joints that carry them.
 typedef struct {
     int64_t parent;  // link that carries it
     int64_t move;
@@ -36,13 +35,13 @@ typedef struct {
 
 // ---- bodies ------------------------------------------------------------------------------------
 
-// A ball is a box without edges, a capsule one with a single edge, each with a rounding. The corners of a hull are
-// looked at one by one, those of a table by direction.
-// Of a surface each three corners are a triangle, of cells each corner is the center of a cube of half edge `half`; these
-// two have a tree of boxes around their parts.
+// A ball is a box without extent, a capsule a box with extent along one axis, both with a rounding radius. The corners
+// of a hull are tested one by one, those of a table by direction. For a surface, every three corners are a triangle;
+// for cells, each corner is the center of a cube of half edge `half`. Surfaces and cells have a tree of boxes around
+// their parts.
 enum { SHAPE_HULL, SHAPE_BOX, SHAPE_CYLINDER, SHAPE_PLANE, SHAPE_TABLE, SHAPE_SURFACE, SHAPE_CELLS };
-// Bits of a triangle of a surface: it is of a part that encloses something, the first one of its part, and the faces of
-// the surface do not agree about the outside.
+// Bits of a triangle of a surface: its part encloses a volume, it is the first one of its part, the orientations of the
+// surface's faces are inconsistent.
 enum { FACE_CLOSED = 1, FACE_FIRST = 2, FACE_MIXED = 4 };
 
 typedef struct {
@@ -55,13 +54,13 @@ typedef struct {
     int64_t first_node;   // of a surface, or of cells
 } RefereeBody;
 
-// Sizes of a body; of a half-space `half` is its normal and `rounding` its offset along it.
+// Sizes of a body; for a half-space, `half` is its normal and `rounding` its offset along the normal.
 typedef struct {
     double half[3];  // half edges of a box; radius, radius and half length of a cylinder [m]
-    double rounding;  // radius around that [m]
-    double radius;    // of the ball around all [m]
+    double rounding;  // rounding radius around the shape of `half` [m]
+    double radius;    // of the bounding ball [m]
     double box[3];    // half edges of the bounding box [m]
-    double center[3];  // of that in the link's frame [m]
+    double center[3];  // of the bounding box in the link's frame [m]
     double rotation[9];  // of the shape in the link's frame
     double origin[3];
 } BodySizes;
@@ -85,7 +84,7 @@ typedef struct {
     double middle[3];
 } PlacedBody;
 
-// Cells of directions: on each face of a cube SIDE by SIDE; see `hull_support.py`.
+// Cells of directions: SIDE x SIDE on each face of a cube; see `hull_support.py`.
 enum { SUPPORT_SIDE = 4, SUPPORT_CELLS = 96 };
 
 // The box around the parts of a node: triangles of a surface, or cells.
@@ -94,18 +93,18 @@ typedef struct {
     double half[3];
 } SurfaceBox;
 
-// A node, before the two below it and those below them; nodes and parts are counted from the first of the body.
+// A node, in depth-first order; nodes and parts are counted from the first of the body.
 typedef struct {
-    int64_t next;   // the next node that is not below it
-    int64_t first;  // part of a leaf, elsewhere equal to `last`
+    int64_t next;   // the next node outside its subtree
+    int64_t first;  // part of a leaf; equal to `last` in other nodes
     int64_t last;
 } SurfaceNode;
 
 typedef struct {
     const RefereeBody *bodies;
     const BodySizes *sizes;
-    // Rows x, y, z; and of a table where the corners of each cell begin, of a surface the bits of its triangle; shape
-    // (4, corner_count).
+    // Rows x, y, z, and a fourth one: for a table, where the corners of each cell begin; for a surface, the bits of its
+    // triangles. Shape (4, corner_count).
     const double *corners;
     const SurfaceBox *boxes;  // of all nodes
     const SurfaceNode *nodes;
@@ -122,13 +121,13 @@ typedef struct {
     const int64_t *chains;          // joints that carry each body, one body after the other
     const int64_t *element_bodies;  // first body of each element, shape (element_count + 1,)
     int64_t element_count;
-    int64_t base_element;        // that of the base link, which no obstacle is checked against; -1: none
-    const uint8_t *own_checked;  // which pairs of its elements must not touch, shape (element_count, element_count); or NULL
+    int64_t base_element;        // that of the base link, which is not checked against obstacles; -1: none
+    const uint8_t *own_checked;  // element pairs that must not touch, shape (element_count, element_count); or NULL
 } RefereeModel;
 
 // ---- the scene ---------------------------------------------------------------------------------
 
-// An instance of a model. Arms that move come first, then those that stand still, then the obstacles as a single one.
+// An instance of a model. Moving arms come first, then stationary arms, then the obstacles as one instance.
 typedef struct {
     int64_t model;
     int64_t first_column;  // of `arm_columns`
@@ -138,19 +137,19 @@ typedef struct {
     int64_t first_element;
 } RefereeArm;
 
-// Distances to keep between the elements of two owners that differ from the general one.
+// Distances to keep between the elements of two owners, where they differ from the general one.
 typedef struct {
     int64_t key;    // first owner times the number of owners, plus the second, which is no smaller
-    int64_t first;  // of `paddings`: a row for each element of the first owner; below zero where contact is allowed
+    int64_t first;  // of `paddings`: a row for each element of the first owner; negative where contact is allowed
 } PaddingRule;
 
-// Upright box.
+// Axis-aligned box.
 typedef struct {
     double low[3];
     double high[3];
 } BoundingBox;
 
-// An owner that stands still, by where it begins along x [m].
+// A stationary owner, by its lower end along x [m].
 typedef struct {
     double low;
     int64_t owner;
@@ -158,7 +157,7 @@ typedef struct {
 
 // ---- pairs -------------------------------------------------------------------------------------
 
-// Pairs in two groups, whose smallest clearances are reported apart: with the surroundings, and one arm's own.
+// Pairs are in two groups with separate smallest clearances: with the surroundings, and within an arm.
 enum { PAIR_GROUPS = 2, GROUP_OTHERS = 0, GROUP_OWN = 1 };
 
 // Two bodies of a pair of elements; a half-space comes second.
@@ -181,31 +180,31 @@ typedef struct {
 
 enum { PAIR_FREE, PAIR_TOUCHES, PAIR_UNDECIDED };
 
-// A pair of elements and what is found of it.
+// A pair of elements, and the results for it.
 typedef struct {
     int64_t a;
     int64_t b;
     int64_t mark;
     int64_t pair;  // of bodies, with the smallest clearance seen
-    double seen;   // that clearance [m]; below zero a depth
+    double seen;   // that clearance [m]; negative for a depth
     double when;   // its time [s]
     double first;  // first contact seen [s]; INFINITY: none
 } ElementPair;
 
-// A direction from a to b along which they are apart.
+// A direction from a to b along which the bodies are apart.
 typedef struct {
     double x, y, z;
     double known;  // 1 if there is one, 0 if not
 } KnownDirection;
 
-// Points of two bodies that are farthest along a direction and against it, and their difference in the world.
+// Points of two bodies that are farthest along a direction and against it, and their difference in world coordinates.
 typedef struct {
     double in_a[3];
     double in_b[3];
     double difference[3];
 } PointPair;
 
-// A search for a direction, to be started from where it ended last.
+// The state of a search for a direction, from which the next one starts.
 typedef struct {
     PointPair points[5];
     int64_t count;
@@ -213,10 +212,10 @@ typedef struct {
 
 // ---- extremes ----------------------------------------------------------------------------------
 
-// Intervals that are open at once.
+// Capacity for open intervals.
 enum { EXTREMES_DEPTH = 80 };
 
-// What a column reaches: highest value, its time, lowest value, its time.
+// Extremes of a column: highest value, its time, lowest value, its time.
 typedef struct {
     double high, high_time, low, low_time;
 } Peaks;
@@ -228,10 +227,10 @@ typedef struct {
 
 // ---- limits ------------------------------------------------------------------------------------
 
-// Rows of the table of limits, and of the largest shares of limits used; velocity, acceleration and jerk are rows 1 to 3.
+// Rows of the table of limits, and of the largest used fractions; velocity, acceleration and jerk are rows 1 to 3.
 enum { LIMIT_LOWER, LIMIT_VELOCITY, LIMIT_ACCELERATION, LIMIT_JERK, LIMIT_UPPER, LIMIT_ROWS };
 enum { TIGHTEST_POSITION, TIGHTEST_VELOCITY, TIGHTEST_ACCELERATION, TIGHTEST_JERK, TIGHTEST_ROWS };
-// What is wrong with a column: bits.
+// Flaws of a column: bits.
 enum {
     FLAW_ABOVE = 1,
     FLAW_BELOW = 2,
@@ -245,7 +244,7 @@ enum {
     FLAW_END = 512
 };
 
-// The largest share of a limit that is used, its column and its time.
+// The largest used fraction of a limit, its column and its time.
 typedef struct {
     double ratio;  // -inf where no column has a limit
     double column;
@@ -255,11 +254,11 @@ typedef struct {
 // ---- the search --------------------------------------------------------------------------------
 
 enum { SEARCH_START, SEARCH_STATIONARY, SEARCH_MOVING, SEARCH_DONE };
-// Pairs of an arm that moves with itself and all that stands still, and with other arms that move.
+// Pairs of a moving arm with itself and all stationary owners, and with other moving arms.
 enum { PASS_STATIONARY, PASS_MOVING };
-// Intervals that are open at once: with halving, one for each level.
+// Capacity for open intervals: with halving, one for each level.
 enum { SEARCH_DEPTH = 160 };
-// Pairs of bodies that are searched at once, unless those of two owners are more.
+// Pairs of bodies that are searched together, unless two owners have more.
 enum { SEARCH_CHUNK = 4096 };
 // The broad phase cuts the whole motion into at most this many intervals.
 enum { MOTION_SLICES = 8 };
@@ -294,13 +293,13 @@ typedef struct {
     double linear[3];
 } JointState;
 
-// A column of q on a piece: its values at both ends, and how far it gets from the straight line between them.
+// A column of q on a piece: its values at both ends, and its deviation from the straight line between them.
 typedef struct {
     double begin, end, bulge;
 } ColumnChord;
 
-// How far a body reaches from a joint of its chain (1 for a sliding joint), and how far that joint and those after it
-// carry it.
+// Distance that a body reaches from a joint of its chain (1 for a sliding joint), and how far that joint and those
+// after it can carry it.
 typedef struct {
     double reach;
     double carried;
@@ -317,88 +316,88 @@ typedef struct {
     // The scene. Owners are the arms, then each obstacle.
     const RefereeModel *models;
     const int64_t *arm_models;   // model of each arm, and that of the obstacles
-    const int64_t *columns_of_q;  // columns of each arm that moves, one after the other
-    const double *configurations;      // columns of the arms that stand still, one after the other [rad or m]
+    const int64_t *columns_of_q;  // columns of the moving arms, one arm after the other
+    const double *configurations;      // columns of the stationary arms, one arm after the other [rad or m]
     const double *base_poses;    // T_world_base of each arm, shape (arms, 4, 4)
-    const int64_t *own_arms;     // arms that stand still and whose own pairs no earlier one has in the same configuration
+    const int64_t *own_arms;     // stationary arms whose own pairs are checked: those without an equal earlier one
     int64_t own_arm_count;
-    int64_t moving_count;    // arms that move
-    int64_t stationary_count;  // arms that stand still
-    double padding;       // distance to keep where no rule says otherwise [m]
+    int64_t moving_count;    // moving arms
+    int64_t stationary_count;  // stationary arms
+    double padding;       // distance to keep without a rule [m]
     double most_padding;  // the largest one [m]
     const PaddingRule *rules;  // by ascending keys
     int64_t rule_count;
     const double *paddings;
-    // What is looked for.
-    int64_t with_clearance;  // whether the smallest clearances are, besides contacts
-    double tolerance;        // smallest clearances and largest depths are found within this [m],
-    double share;            // or this share of a clearance, and a twentieth of a depth, if that is more
+    // Options.
+    int64_t with_clearance;  // find smallest clearances as well as contacts
+    double tolerance;        // tolerance of smallest clearances and largest depths [m],
+    double share;            // or this fraction of a clearance, and a twentieth of a depth, if that is more
     double touch;            // a clearance up to this is a contact [m]
-    int64_t max_searches;    // of a chunk of pairs, before what is open is left undecided
-    // Counts that follow from these, and memory that the caller gives; see `memory.c`.
+    int64_t max_searches;    // for a chunk of pairs, before open pairs are left undecided
+    // Counts that follow from these, and memory provided by the caller; see `memory.c`.
     int64_t owner_count;
     int64_t element_count;
     int64_t joint_count;
     int64_t link_count;
     int64_t body_count;
     RefereeArm *arms;      // shape (arms + 1,)
-    int64_t *arm_columns;  // columns of each arm: of q, and those of arms that stand still after them
+    int64_t *arm_columns;  // columns of each arm: of q, then those of stationary arms
     LinkPose *bases;       // of each arm
     LinkPose *links;
-    ColumnMotion *columns;  // those of q, then the configurations of arms that stand still
+    ColumnMotion *columns;  // those of q, then the configurations of stationary arms
     ColumnChord *chords;    // shape (column_count, piece_count)
-    JointState *states;     // shape (joint_count + 1,): the last one is at rest
+    JointState *states;     // shape (joint_count + 1,): the last one is stationary
     PlacedBody *placed;
-    Sweep *sweeps;          // of bodies of arms that move, shape (bodies, sweep_stride)
+    Sweep *sweeps;          // of bodies of moving arms, shape (bodies, sweep_stride)
     int64_t sweep_stride;   // longest chain + 1
-    int64_t *placed_on;     // of the same bodies: number of the interval on which each was placed last
+    int64_t *placed_on;     // of these bodies: number of the interval on which each was last placed
     double *terms_scratch;  // shape (terms,)
     BoundingBox *element_boxes;  // at one time, shape (element_count,)
     BoundingBox *owner_boxes;    // shape (owner_count,)
     BoundingBox *element_slices;  // over each slice of the motion, shape (MOTION_SLICES, element_count)
     BoundingBox *owner_slices;    // shape (MOTION_SLICES, owner_count)
     BoundingBox *owner_sweeps;    // over the whole motion, shape (owner_count,)
-    SortedOwner *sorted;          // owners that stand still, shape (owner_count,)
-    int64_t sorted_count;         // without those that are not bounded, which come after them
+    SortedOwner *sorted;          // stationary owners, shape (owner_count,)
+    int64_t sorted_count;         // bounded ones; the others come after them
     double widest;                // the longest of the bounded ones along x [m]
     int64_t *near_owners;         // scratch, shape (owner_count,)
     TimeInterval *slices;         // shape (MOTION_SLICES,)
     int64_t slice_count;
     // A chunk of pairs: the bodies of an arm, or of two, that are near each other.
     RefereePair *pairs;  // shape (pair_room + PAIR_GROUPS + 1,): after the chunk the nearest of each group, and a spare one
-    ElementPair *elements;       // the same
-    GjkState *gjk;               // the same
-    KnownDirection *directions;  // the same
+    ElementPair *elements;       // likewise
+    GjkState *gjk;               // likewise
+    KnownDirection *directions;  // likewise
     int64_t *items;              // shape (pair_room * SEARCH_DEPTH,)
     TimeInterval *intervals;     // shape (SEARCH_DEPTH,)
     int64_t pair_room;
     int64_t pair_count;
     int64_t element_pair_count;
-    int64_t chunk_arms[2];  // arms of it that move, -1: none
+    int64_t chunk_arms[2];  // its moving arms, -1: none
     int64_t chunk_searches;
     int64_t chunk_depths;  // searches for depths of contacts
-    int64_t chunk_slices;  // mask of the slices that are to be searched
-    double chunk_work;     // what is to be decided of it: pairs of bodies times seconds
+    int64_t chunk_slices;  // mask of the slices left to search
+    double chunk_work;     // its work: pairs of bodies times seconds
     int64_t open;          // intervals that are open
-    // Where the search is.
+    // State of the search.
     int64_t stage;
-    int64_t arm;      // whose pairs are next
-    int64_t partner;  // owner that it is compared with next
+    int64_t arm;      // the arm whose pairs are next
+    int64_t partner;  // owner that is compared with it next
     int64_t pass;
-    // What is found.
+    // Results.
     ElementPair *marked;  // pairs of elements of the last chunks with a mark, shape (pair_room,)
     int64_t marked_count;
-    int64_t sharpened_count;  // contacts of which the worst depth is refined
-    int64_t interval_count;  // looked at so far
+    int64_t sharpened_count;  // contacts with a refined largest depth
+    int64_t interval_count;  // visited so far
     int64_t check_count;     // pairs on intervals
     int64_t search_count;    // for directions
     int64_t depth_count;     // those of them for depths of contacts
     int64_t has_nearest[2];  // whether a smallest clearance of each group is known
     double smallest[2];      // that clearance, or 0 with a contact to report [m]
     double proven[2];        // lower bound of it [m]
-    double refined[2];       // the one around whose time a smaller one was looked for last [m]
-    double decided;          // what is decided of the chunk: pairs of bodies times seconds
-    ElementPair ends[2];     // pair with the smallest clearance to the surroundings at the begin and at the end
+    double refined[2];       // the smallest clearance that was refined last [m]
+    double decided;          // decided work of the chunk: pairs of bodies times seconds
+    ElementPair ends[2];     // pair with the smallest clearance to the surroundings at the start and at the end
 } RefereeSearch;
 
 #endif

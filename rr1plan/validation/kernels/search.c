@@ -1,19 +1,20 @@
-// The search for the times at which two bodies come near.
+// The search for the times at which two bodies come near each other.
 //
-// Pairs are decided in chunks: those of an arm with itself and all that stands still, those of two arms that move, and
-// those of all that stands still. Of each chunk intervals of time are halved, depth first, with the pairs of bodies that
-// are still open on each. Of pairs in contact it goes on for the first moment of it and for the largest depth.
+// Pairs are decided in chunks: those of a moving arm with itself and all stationary owners, those of two moving arms,
+// and those of stationary owners. For each chunk, intervals of time are halved, depth first, each with the pairs of
+// bodies that are still open on it. For pairs in contact, the search continues to the first moment of contact and the
+// largest depth.
 //
 // Schwarzer, Saha, Latombe (2005), Adaptive dynamic collision checking, IEEE T-RO 21.
 
-// A first contact is found to this [s].
+// Tolerance of the time of first contact [s].
 #define CONTACT_STEP 1e-5
-// A smallest clearance or a largest depth is sharp when another look changes it by less than this share of the tolerance.
+// A smallest clearance or a largest depth is refined until it changes by less than this fraction of the tolerance.
 #define SHARP 1e-3
-// The smallest clearance of the arms' own pairs is searched for in the middle of every fourth slice.
+// The smallest clearance within arms is searched for in the middle of every fourth slice.
 enum { OWN_SLICES = 4 };
-// Contacts of which the largest depth is made sharp. Searches for depths: of a chunk, before those of all chunks count, and
-// the share of `max_searches` that they may take.
+// Number of contacts with a refined largest depth. Searches for depths: those that each chunk may make in any case, and
+// the divisor of `max_searches` that limits all of them.
 enum { MOST_SHARPENED = 64, CHUNK_DEPTHS = 500, DEPTHS_SHARE = 4 };
 
 // ---- single times ------------------------------------------------------------------------------
@@ -39,12 +40,12 @@ static double clearance_at(RefereeSearch *s, int64_t k, double time) {
     return value;
 }
 
-// A time and the clearance there.
+// A time, and the clearance at that time.
 typedef struct {
     double time, value;
 } TimedClearance;
 
-// The offset from the middle one of three points at which the parabola through them is lowest; 0 where it is not there.
+// Offset from the middle of three points to the minimum of the parabola through them; 0 if it has no minimum.
 static double lowest_of_parabola(TimedClearance low, TimedClearance at, TimedClearance high) {
     double left = at.time - low.time, right = high.time - at.time;
     double below = low.value - at.value, above = high.value - at.value, bend = above * left + below * right;
@@ -52,16 +53,17 @@ static double lowest_of_parabola(TimedClearance low, TimedClearance at, TimedCle
     return 0.5 * (below * right * right - above * left * left) / bend;
 }
 
-// The clearance of a pair at the time nearest to this one within the motion.
+// The clearance of a pair at a time, clamped to the motion.
 static TimedClearance clearance_near(RefereeSearch *s, int64_t k, double time) {
     time = lesser(greater(time, s->breaks[0]), s->breaks[s->break_count - 1]);
     return (TimedClearance){time, clearance_at(s, k, time)};
 }
 
-// Find the smallest clearance of a pair of bodies around the time it was seen.
+// Find the smallest clearance of a pair of bodies near the time it was seen.
 //
-// Of three times the middle one has the smallest clearance, after steps downhill; they close in on it until the outer ones
-// differ by less than `precision` [m], by the lowest points of parabolas where those are good, else by golden sections.
+// After steps downhill, the middle one of three times has the smallest clearance. The three close in on the minimum
+// until the clearances differ by less than `precision` [m]: by minima of parabolas where these are good, otherwise by
+// golden sections.
 static void refine_pair(RefereeSearch *s, int64_t k, double precision) {
     enum { STEPS = 8, ROUNDS = 60 };
     const RefereePair *pair = &s->pairs[k];
@@ -85,7 +87,7 @@ static void refine_pair(RefereeSearch *s, int64_t k, double precision) {
         if (round % 3 == 2 || move == 0.0) {
             move = 0.382 * wider * width;
         } else if (fabs(move) < 0.1 * width) {
-            // All but there: the farther end comes near.
+            // Near the minimum, move the farther end closer.
             move = wider * greater(4.0 * fabs(move), 1e-3 * width);
         }
         TimedClearance next = {at.time + move, 0.0};
@@ -101,7 +103,7 @@ static void refine_pair(RefereeSearch *s, int64_t k, double precision) {
     }
 }
 
-// Refine the smallest clearances that were seen since the last time.
+// Refine the smallest clearances that were found since the last call.
 static void refine_nearest(RefereeSearch *s) {
     for (int64_t group = 0; group < PAIR_GROUPS; group++) {
         int64_t k = nearest_pair(s, group);
@@ -113,7 +115,7 @@ static void refine_nearest(RefereeSearch *s) {
 
 // ---- intervals ---------------------------------------------------------------------------------
 
-// Cut an interval in two, near its middle in time.
+// Cut an interval in two near its middle.
 static void cut_interval(const RefereeSearch *s, const TimeInterval *whole, TimeInterval *earlier, TimeInterval *later) {
     const TimeInterval at = *whole;
     const double *breaks = s->breaks;
@@ -138,7 +140,7 @@ static TimeInterval whole_motion(const RefereeSearch *s) {
     return (TimeInterval){0, s->piece_count, 0, 0, 0.0, end};
 }
 
-// Put the later half of an interval, whose first open pairs end at `left`, in its place, and the earlier half on top.
+// Replace an interval, whose open pairs end at `left`, by its later half, and put the earlier half on top.
 static void halve_interval(RefereeSearch *s, int64_t top, int64_t left) {
     TimeInterval *later = &s->intervals[top], *earlier = later + 1, at = *later;
     for (int64_t i = at.low; i < left; i++) s->items[left + i - at.low] = s->items[i];
@@ -149,7 +151,7 @@ static void halve_interval(RefereeSearch *s, int64_t top, int64_t left) {
     s->open = top + 2;
 }
 
-// Place a body in the middle of the interval, and find how far it gets within it, if that is not done yet.
+// Place a body in the middle of the interval and bound its motion within it, unless this is done already.
 static inline void place_swept(RefereeSearch *s, int64_t arm, int64_t body) {
     int64_t index = s->arms[arm].first_body + body;
     if (arm >= s->moving_count || s->placed_on[index] == s->interval_count) return;
@@ -158,12 +160,12 @@ static inline void place_swept(RefereeSearch *s, int64_t arm, int64_t body) {
     sweep_body(s, arm, body);
 }
 
-// Whether searches for depths are left for the pairs of the chunk.
+// Whether the pairs of the chunk may make further searches for depths.
 static inline int has_depths_left(const RefereeSearch *s) {
     return s->chunk_depths < CHUNK_DEPTHS || s->depth_count * DEPTHS_SHARE < s->max_searches;
 }
 
-// Take the last open interval, settle the pairs that can be settled, and open its halves for the others.
+// Pop the last open interval, settle the pairs that can be settled, and open its halves for the others.
 static void visit_interval(RefereeSearch *s) {
     int64_t top = --s->open;
     const TimeInterval interval = s->intervals[top];
@@ -181,7 +183,7 @@ static void visit_interval(RefereeSearch *s) {
         int64_t k = s->items[i];
         const RefereePair *pair = &s->pairs[k];
         ElementPair *elements = &s->elements[pair->elements];
-        // What is earlier is searched first, so all before `begin` is decided.
+        // Earlier intervals are searched first, so everything before `begin` is decided.
         int in_depth = elements->mark == PAIR_TOUCHES && begin + 1e-4 * CONTACT_STEP >= elements->first;
         s->check_count++;
         place_swept(s, pair->arm_a, pair->body_a);
@@ -217,14 +219,14 @@ static void begin_chunk(RefereeSearch *s, int64_t one, int64_t two) {
     s->chunk_work = s->decided = 0.0;
 }
 
-// Open the next slice of the motion on which pairs of the chunk can come near; whether there was one.
+// Open the next slice on which pairs of the chunk can come near each other. Returns whether there was one.
 static int open_slice(RefereeSearch *s) {
     if (!s->chunk_slices) return 0;
     int64_t slice = 0, count = 0;
     while (!(s->chunk_slices >> slice & 1)) slice++;
     s->chunk_slices ^= (int64_t)1 << slice;
     s->intervals[0] = s->slices[slice];
-    // Where nothing moves, the first instant is enough.
+    // If nothing moves, the first instant is enough.
     if (s->chunk_arms[0] < 0) s->intervals[0] = (TimeInterval){0, 1, 0, 0, 0.0, 0.0};
     for (int64_t k = 0; k < s->pair_count; k++)
         if (s->pairs[k].slices >> slice & 1) s->items[count++] = k;
@@ -234,7 +236,7 @@ static int open_slice(RefereeSearch *s) {
     return 1;
 }
 
-// Hand over the pairs of elements of the chunk that have a mark.
+// Report the marked pairs of elements of the chunk.
 static void report_marks(RefereeSearch *s) {
     for (int64_t e = 0; e < s->element_pair_count; e++) {
         const ElementPair *elements = &s->elements[e];
@@ -254,7 +256,7 @@ static int64_t body_count_of(const RefereeSearch *s, int64_t o) {
     return bodies[owner.count] - bodies[0];
 }
 
-// Add the pairs of an owner with `partner` and later ones while there is room for them.
+// Add the pairs of an owner with `partner` and later owners while there is room.
 static void add_partners(RefereeSearch *s, int64_t owner) {
     int64_t bodies = body_count_of(s, owner);
     if (owner >= s->moving_count) {
@@ -265,7 +267,7 @@ static void add_partners(RefereeSearch *s, int64_t owner) {
             if (s->pair_count + bodies * body_count_of(s, s->partner) > s->pair_room) return;
             add_pairs(s, owner, s->partner);
         }
-        // Those that were passed over are farther away.
+        // The skipped owners are farther away.
         if (count < s->owner_count - first) note_proven(s, GROUP_OTHERS, need);
         s->partner = s->owner_count;
         return;
@@ -276,7 +278,7 @@ static void add_partners(RefereeSearch *s, int64_t owner) {
     }
 }
 
-// Pairs of arms that stand still, with each other, with obstacles, and of one such arm.
+// Pairs of stationary arms with each other and with obstacles, and pairs within one such arm.
 static void next_stationary_chunk(RefereeSearch *s) {
     int64_t arms = arm_count(s);
     begin_chunk(s, -1, -1);
@@ -285,7 +287,7 @@ static void next_stationary_chunk(RefereeSearch *s) {
         if (s->partner < s->owner_count) return;
         s->partner = ++s->arm + 1;
     }
-    // `arm` goes on over those whose own pairs count.
+    // From here on, `arm` counts the arms whose own pairs are checked.
     for (; s->arm - arms < s->own_arm_count; s->arm++) {
         int64_t arm = s->own_arms[s->arm - arms], bodies = body_count_of(s, arm);
         if (s->pair_count + bodies * bodies > s->pair_room) return;
@@ -295,9 +297,9 @@ static void next_stationary_chunk(RefereeSearch *s) {
     s->arm = s->partner = 0;
 }
 
-// Pairs of an arm that moves: with itself and all that stands still, then with each other one that moves.
+// Pairs of a moving arm: with itself and all stationary owners, then with each other moving arm.
 //
-// `partner` is the arm itself, then counts up from the first owner that stands still, then through the arms that move.
+// `partner` is the arm itself, then counts up from the first stationary owner, then through the moving arms.
 static void next_moving_chunk(RefereeSearch *s) {
     int64_t arm = s->arm, moving = s->moving_count;
     if (arm == moving) {
@@ -329,7 +331,7 @@ static void next_moving_chunk(RefereeSearch *s) {
 
 // ---- the search --------------------------------------------------------------------------------
 
-// Cut the whole motion into slices of about the same time.
+// Cut the whole motion into slices of about equal duration.
 static void cut_slices(RefereeSearch *s) {
     s->slices[0] = whole_motion(s);
     s->slice_count = 1;
@@ -343,7 +345,7 @@ static void cut_slices(RefereeSearch *s) {
     }
 }
 
-// Pose all arms that move at one time, and find boxes.
+// Pose all moving arms at one time, and compute their boxes.
 static void pose_movers_at(RefereeSearch *s, double time) {
     PieceTime at = locate_time(s, time);
     for (int64_t arm = 0; arm < s->moving_count; arm++) {
@@ -366,8 +368,8 @@ static void search_ends(RefereeSearch *s) {
     }
 }
 
-// Boxes around all that moves on each slice, and smallest clearances in the middle of it: the nearer they are known, the
-// less is left to prove.
+// Boxes around all moving arms on each slice, and smallest clearances in the middle of it: the better these are known,
+// the less is left to prove.
 static void search_slices(RefereeSearch *s) {
     for (int64_t slice = 0; slice < s->slice_count; slice++) {
         IntervalMiddle middle = middle_of(s, &s->slices[slice]);
@@ -411,8 +413,7 @@ static void start_search(RefereeSearch *s) {
     s->partner = s->arm + 1;
 }
 
-// Decide all pairs on all of a motion, or on about `budget` more intervals; it ends earlier with pairs that
-// are marked.
+// Decide all pairs over a whole motion, or on about `budget` further intervals; returns early with marked pairs.
 EXPORT void rr1_prove_motion(RefereeSearch *s, int64_t budget) {
     if (s->stage == SEARCH_START) start_search(s);
     for (; budget > 0 && s->stage != SEARCH_DONE; budget--) {

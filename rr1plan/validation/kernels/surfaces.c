@@ -1,20 +1,20 @@
 // Bodies of many convex parts: the triangles of a surface, the cells of a point cloud.
 //
-// Of a pair the second body is such a one, the first one may be. All is reckoned in the frame of the second. A stack holds
-// pairs of nodes whose boxes may come near each other; of two that are not leaves the larger one is opened. The search of
-// `referee_gjk.c` finds the distance of two parts, and what its direction proves holds for a whole interval. The planes that
-// separated the last parts separate most others.
+// The second body of a pair is of this kind, the first one may be. Everything is computed in the frame of the second
+// body. A stack holds pairs of nodes whose boxes may come near each other; of two inner nodes the larger one is opened.
+// The search of `referee_gjk.c` finds the distance of two parts, and the bound that its direction proves holds for a
+// whole interval. The planes that separated the last parts separate most others.
 
-// Planes that are kept, and pairs of nodes that wait: no more than both trees are deep, and those are halved at medians.
+// Planes that are stored; stacked pairs of nodes, at most the depths of both trees, which are split at medians.
 enum { MOST_PLANES = 4, WALK_DEPTH = 160 };
 
-// All points of a body are below `edge` along a unit direction [m]; that of a body of many parts is not known.
+// All points of a body are below `edge` along a unit direction [m]; for a body of many parts, `edge` is unknown.
 typedef struct {
     Direction normal;
     double edge;
 } BodyPlane;
 
-// A body of a pair in the frame of the second one, and the part of it that is looked at, which is all of a convex one.
+// A body of a pair in the frame of the second one, and its current part, which is the whole of a convex body.
 typedef struct {
     BodyView whole;  // in the world
     const RefereeBody *body;
@@ -24,7 +24,7 @@ typedef struct {
     BodySizes sizes;   // of the part
     PlacedBody placed;  // the part
     double origin[3];   // of the body
-    RefereeBodies all;  // that part alone, with the corners of the body
+    RefereeBodies all;  // the part alone, with the corners of the body
 } Side;
 
 typedef struct {
@@ -32,7 +32,7 @@ typedef struct {
     double off;       // rounding of the first body and distance to keep [m]
     double rounding;  // of coordinates [m]
     BodyPlane planes[MOST_PLANES];
-    int64_t plane_count;  // found so far; the last ones are kept
+    int64_t plane_count;  // found so far; the last ones are stored
 } CompoundPair;
 
 // A node or a part of each body; -1 for a convex one.
@@ -88,12 +88,12 @@ static void place_compound(PairView v, double padding, CompoundPair *pair) {
     pair->plane_count = 0;
 }
 
-// The corner of a body of cells or the first one of a triangle, in the frame of the body.
+// The center of a cell, or the first corner of a triangle, in the frame of the body.
 static inline void corner_of(const Side *side, int64_t corner, double point[3]) {
     for (int i = 0; i < 3; i++) point[i] = side->all.corners[i * side->all.corner_count + side->body->first_corner + corner];
 }
 
-// Look at a part of a body.
+// Select a part of a body.
 static void choose_part(Side *side, int64_t part) {
     if (!side->nodes) return;
     double at[3] = {0.0, 0.0, 0.0}, corner[3];
@@ -116,7 +116,7 @@ static void choose_part(Side *side, int64_t part) {
 
 static inline BodyView part_view(const Side *side) { return (BodyView){&side->all, 0, &side->placed}; }
 
-// Support of a part along a direction in the frame of its body, from the origin of that.
+// Support of a part along a direction in the frame of its body, relative to that frame's origin.
 static double part_reach(const Side *side, int64_t part, Direction own) {
     const RefereeBody *body = side->body;
     int cells = body->shape == SHAPE_CELLS;
@@ -132,7 +132,7 @@ static void add_plane(CompoundPair *pair, Direction d) {
     pair->planes[pair->plane_count++ % MOST_PLANES] = (BodyPlane){d, edge};
 }
 
-// Lower bound of the clearance of two parts by the planes known [m].
+// Lower bound of the clearance of two parts from the stored planes [m].
 static double beyond_planes(const CompoundPair *pair, TwoOf parts) {
     const Side *a = &pair->sides[0];
     double best = -1e300;
@@ -155,7 +155,7 @@ static inline SurfaceBox node_box(const Side *side, int64_t node) {
     return (SurfaceBox){{0.0, 0.0, 0.0}, {box[0], box[1], box[2]}};
 }
 
-// Lower bound of the clearance of two nodes [m]; where their boxes overlap minus that.
+// Lower bound of the clearance of two nodes [m]; if their boxes overlap, minus the overlap.
 static double node_clearance(const CompoundPair *pair, TwoOf nodes) {
     const Side *a = &pair->sides[0];
     const double *R = a->placed.rotation;
@@ -196,12 +196,12 @@ static double node_clearance(const CompoundPair *pair, TwoOf nodes) {
     return around - (pair->off - a->sizes.rounding) - pair->rounding;
 }
 
-// ---- the parts that come near ------------------------------------------------------------------
+// ---- parts near each other ---------------------------------------------------------------------
 
 typedef struct {
     TwoOf waiting[WALK_DEPTH];
     int64_t count;
-    TwoOf first, last, at;  // parts of two leaves, and the next two of them
+    TwoOf first, last, at;  // parts of two leaves, and the next pair of them
     double passed;           // smallest bound of the nodes and parts that were not searched [m]
 } Walk;
 
@@ -236,7 +236,7 @@ static void open_nodes(const CompoundPair *pair, Walk *walk, TwoOf nodes) {
     walk->waiting[walk->count++] = low;
 }
 
-// Find the next two parts that may be nearer than `limit`; whether there are any.
+// Find the next two parts that may be nearer than `limit`. Returns whether there are any.
 static int next_parts(const CompoundPair *pair, Walk *walk, double limit, TwoOf *parts) {
     const Side *sides = pair->sides;
     for (;;) {
@@ -269,7 +269,7 @@ static int next_parts(const CompoundPair *pair, Walk *walk, double limit, TwoOf 
 
 // ---- clearances --------------------------------------------------------------------------------
 
-// The numbers and the direction that are remembered of the nearest parts: that is where the next search begins.
+// Store the indices of the nearest parts and their direction, from which the next search starts.
 static void remember_parts(RefereeSearch *s, int64_t k, const CompoundPair *pair, TwoOf parts, Direction d) {
     double number = (double)parts.a * (double)pair->sides[1].body->corner_count + (double)parts.b;
     s->directions[k] = (KnownDirection){d.x, d.y, d.z, 1.0 + number};
@@ -293,7 +293,7 @@ static Separation part_clearance(CompoundPair *pair, TwoOf parts, double touch, 
 
 static int encloses(BodyView body, BodyView surface);
 
-// Bounds of the clearance of a pair [m]; see `bound_clearance`. The nearest parts are remembered.
+// Bounds of the clearance of a pair [m]; see `bound_clearance`. The nearest parts are stored.
 static ClearanceBounds compound_clearance(RefereeSearch *s, int64_t k, double base, double enough) {
     PairView v = view_pair(s, k);
     CompoundPair pair;
@@ -318,7 +318,7 @@ static ClearanceBounds compound_clearance(RefereeSearch *s, int64_t k, double ba
     return bounds;
 }
 
-// Support of a body of a pair, or of the part looked at, along a world direction after `time` at its steady velocity [m].
+// Support of a body of a pair, or of one part of it, along a world direction after `time` at its steady velocity [m].
 static double steady_part_reach(const RefereeSearch *s, const Side *side, int64_t part, int64_t last, int64_t before,
                                 double time, Direction d) {
     if (!side->nodes) return steady_reach(s, side->whole, last, before, time, d);
@@ -326,7 +326,7 @@ static double steady_part_reach(const RefereeSearch *s, const Side *side, int64_
     return turn.moved + part_reach(side, part, in_frame(side->whole.placed, turn.direction));
 }
 
-// Least clearance of two parts along a direction of the second body's frame, both bodies at their steady velocities [m].
+// Smallest clearance of two parts along a direction in the second body's frame, both at their steady velocities [m].
 static double steady_part_gap(const RefereeSearch *s, const RefereePair *of, const CompoundPair *pair, TwoOf parts,
                               double half, Direction local) {
     const Side *a = &pair->sides[0], *b = &pair->sides[1];
@@ -342,16 +342,16 @@ static double steady_part_gap(const RefereeSearch *s, const RefereePair *of, con
     return least - of->padding;
 }
 
-// The clearance of a pair within `half` of the posed time; see `interval_clearance`.
+// A bound of the clearance of a pair within `half` of the posed time; see `interval_clearance`.
 //
-// `approach` is what the distance can shrink, `error` what bodies can move beside their steady velocities.
+// `approach` is how much the distance can shrink, `error` how far bodies can deviate from their steady velocities.
 static IntervalClearance compound_interval(RefereeSearch *s, int64_t k, double time, double half, double approach,
                                            double error) {
     const RefereePair *of = &s->pairs[k];
     CompoundPair pair;
     Walk walk;
     place_compound(view_pair(s, k), of->padding, &pair);
-    // The parts that were nearest last come first: they are the most likely to leave the pair open.
+    // The previously nearest parts come first, as they are the most likely to leave the pair open.
     int known = s->directions[k].known > 0.0;
     TwoOf parts = remembered_parts(s, k, &pair);
     double least = INFINITY, nearest = INFINITY;
@@ -378,9 +378,9 @@ static IntervalClearance compound_interval(RefereeSearch *s, int64_t k, double t
     return (IntervalClearance){lesser(least, walk.passed - approach), 1};
 }
 
-// ---- inside ------------------------------------------------------------------------------------
+// ---- enclosure ---------------------------------------------------------------------------------
 
-// The corners of a triangle from a point.
+// The corners of a triangle relative to a point.
 typedef struct {
     Direction of[3];
 } Corners;
@@ -395,7 +395,7 @@ static double half_solid_angle(const Corners *c) {
     return atan2(volume, base);
 }
 
-// Whether a ray from the origin meets a triangle.
+// Whether a ray from the origin intersects a triangle.
 static int meets_ray(const Corners *c, Direction ray) {
     double sides[3], sum = 0.0;
     for (int i = 0; i < 3; i++) {
@@ -406,8 +406,8 @@ static int meets_ray(const Corners *c, Direction ray) {
     return through && dot_product(c->of[0], cross_product(c->of[1], c->of[2])) * sum > 0.0;
 }
 
-// Whether closed parts of a surface are around a point of its frame: they wind around it, or where their faces do not
-// agree about the outside one of three rays meets an odd number of them.
+// Whether closed parts of a surface enclose a point of its frame: by winding number or, if faces are inconsistently
+// oriented, if one of three rays intersects an odd number of triangles.
 static int surrounds(const RefereeBodies *all, const RefereeBody *of, const double point[3]) {
     static const Direction rays[3] = {{0.5257, 0.3141, 0.7905}, {-0.7071, 0.6612, 0.2503}, {0.1732, -0.866, -0.4691}};
     const double *x = all->corners + of->first_corner, *y = x + all->corner_count, *z = y + all->corner_count;
@@ -428,9 +428,9 @@ static int surrounds(const RefereeBodies *all, const RefereeBody *of, const doub
     return fabs(total) > 3.0 || met[0] % 2 || met[1] % 2 || met[2] % 2;
 }
 
-// Whether closed parts of a surface are around a part of a body, where both are placed.
+// Whether closed parts of a surface enclose a part of a body, at their current poses.
 //
-// A part that touches the surface at no time of the motion is inside always or never, and so are all of its points.
+// A part that never touches the surface during the motion is inside always or never, and so are all of its points.
 static int encloses(BodyView body, BodyView surface) {
     const RefereeBody *own = &body.all->bodies[body.index], *of = &surface.all->bodies[surface.index];
     if (of->shape != SHAPE_SURFACE || is_plane(body)) return 0;
