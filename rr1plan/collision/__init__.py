@@ -1,4 +1,4 @@
-"""Exact answers about configurations (Coal), certified answers about motions."""
+"""Exact results for configurations (Coal), certified results for motions."""
 
 from rr1plan.collision.checker import CollisionChecker, FirstContact
 from rr1plan.collision.coal_pairs import Contact, Nearest

@@ -1,6 +1,6 @@
-"""The convex bodies of arms and what they hold: of one arm in the frame of its base, and of those that move in a scene.
+"""The convex bodies of arms and the objects they hold: of one arm in its base frame, and of the moving arms of a scene.
 
-Every arm with the same bodies shares them; a scene has instances, each at its base and with its columns of q.
+Arms with the same bodies share them; a scene has instances, each with its own base pose and columns of q.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rr1plan.shapes import Shape
 
 _INTS = NDArray[np.int64]
 Pieces = Callable[[Shape], tuple[Shape, ...]]
-# The name of the only arm of the scene that a robot's model is made from.
+# The name of the single arm in the scene from which a robot's model is made.
 _ARM = "arm"
 _PREFIX = f"{_ARM}/"
 
@@ -33,7 +33,7 @@ class Solid:
     """One convex piece (or point cloud, or concave mesh) of one element, carried by a joint of the model.
 
     Args:
-        element: The element it is a part of.
+        element: The element that it is a part of.
         shape: A shape Coal takes as solid.
         joint: Index of the Pinocchio joint that carries it; 0 is the world.
         placement: T_joint_solid, shape (4, 4).
@@ -53,12 +53,12 @@ class ArmGeometry:
         robot: The robot, or one with equal content.
         arm_model: The arm alone, its base at the origin.
         solids: Its solids, those of links first; their elements are names of links and of held objects.
-        link_solids: How many of them are of links.
-        chains: Every set of joints that moves a solid, root first: those that a column of q drives. The first is empty.
-        groups: Index of each solid's in `chains`, shape (n,).
-        shared: How many joints two chains have in common, shape (len(chains), len(chains)).
+        link_solids: Number of solids that belong to links.
+        chains: Every set of driven joints that moves a solid, root first; the first one is empty.
+        groups: Index in `chains` of each solid's chain, shape (n,).
+        shared: Number of joints that two chains have in common, shape (len(chains), len(chains)).
         surfaceless: Which solids are half-spaces or point clouds.
-        kept: Tables that were made of it.
+        kept: Tables derived from it.
     """
 
     robot: Robot
@@ -72,14 +72,14 @@ class ArmGeometry:
     kept: dict[str, Any] = field(default_factory=dict)
 
     def elements(self, arm: str) -> list[str]:
-        """The element of each solid in a scene in which the arm has that name."""
+        """The element of each solid in a scene in which the arm has this name."""
         names = [solid.element for solid in self.solids]
         return [f"{arm}/{link}" for link in names[: self.link_solids]] + names[self.link_solids :]
 
 
 @dataclass(frozen=True)
 class _Content:
-    """The inputs of an arm's geometry, and the part of them that decides whether two are equal."""
+    """The inputs of an arm's geometry, compared by content."""
 
     robot: str
     held: tuple[tuple[str, str, bytes, tuple[tuple[Shape, bytes], ...]], ...]
@@ -88,11 +88,11 @@ class _Content:
 
 
 def arm_geometry(arm: Arm, attachments: Mapping[str, Attachment]) -> ArmGeometry:
-    """The geometry of an arm that holds some objects; arms with equal robots and objects share it.
+    """The geometry of an arm and the objects it holds; arms with equal robots and objects share it.
 
     Args:
         arm: The arm.
-        attachments: What it holds.
+        attachments: The objects it holds.
 
     Raises:
         InputError: a shape that cannot be made solid.
@@ -118,7 +118,7 @@ def _arm_geometry(content: _Content) -> ArmGeometry:
     number = {chain: i for i, chain in enumerate(dict.fromkeys([(), *(above[s.joint] for s in solids)]))}
     groups = np.array([number[above[s.joint]] for s in solids], dtype=np.int64)
     sets = [frozenset(chain) for chain in number]
-    # Two chains run together from the root until they part.
+    # Two chains coincide from the root until they part.
     shared = np.array([[len(a & b) for b in sets] for a in sets], dtype=np.int64)
     kinds = tuple(is_surfaceless(solid.shape) for solid in solids)
     chains, groups = tuple(number), read_only(groups)
@@ -131,7 +131,7 @@ def _held(arm_model: ArmModel, name: str, thing: Attachment) -> tuple[ElementGeo
 
 
 def solids_of(geometries: Iterable[ElementGeometry], pieces: Pieces = solid_pieces) -> list[Solid]:
-    """Shapes of elements as solids: convex ones, unless `pieces` makes others.
+    """Shapes of elements as solids: convex pieces, or those that `pieces` returns.
 
     Raises:
         InputError: a shape that cannot be made solid.
@@ -144,7 +144,7 @@ def solids_of(geometries: Iterable[ElementGeometry], pieces: Pieces = solid_piec
 
 
 def pieces_of(element: str, shape: Shape, pieces: Pieces) -> tuple[Shape, ...]:
-    """The solids of a shape; errors name its element."""
+    """The solids of a shape; error messages name its element."""
     try:
         return pieces(shape)
     except InputError as error:
@@ -159,15 +159,15 @@ class ArmInstances:
     """Arm geometries placed in the world; solids, joints and columns of q are numbered arm after arm.
 
     Args:
-        geometries: The geometry of each arm; arms with equal robots and held objects have the same.
+        geometries: The geometry of each arm; arms with equal robots and held objects share one.
         bases: T_world_base of each, shape (arms, 4, 4).
-        first_joint: For each arm how many joints come before its first; joint 0 is the world, shape (arms,).
-        first_column: For each arm its first column of q, shape (arms,).
-        chains: Every set of joints that moves a solid, root first. The first is empty.
-        groups: Index of each solid's in `chains`, shape (n,).
-        shared: How many joints two chains have in common, shape (len(chains), len(chains)).
+        first_joint: Number of joints before the first one of each arm; joint 0 is the world, shape (arms,).
+        first_column: First column of q of each arm, shape (arms,).
+        chains: Every set of joints that moves a solid, root first; the first one is empty.
+        groups: Index in `chains` of each solid's chain, shape (n,).
+        shared: Number of joints that two chains have in common, shape (len(chains), len(chains)).
         surfaceless: Which solids are half-spaces or point clouds.
-        kept: Tables that were made of them.
+        kept: Tables derived from them.
         unplaced: Tables independent of the bases, shared by all instances of these geometries.
     """
 
@@ -183,7 +183,7 @@ class ArmInstances:
     kept: dict[str, Any] = field(default_factory=dict)
 
     def solids(self, arms: Sequence[str]) -> tuple[Solid, ...]:
-        """The solids as Coal takes them, in arms of these names."""
+        """The solids for Coal, in arms with these names."""
         return tuple(
             _placed(solid, element, base, first)
             for geometry, arm, base, first in zip(
@@ -195,19 +195,19 @@ class ArmInstances:
 
 @lru_cache(maxsize=64)
 def arm_instances(geometries: tuple[ArmGeometry, ...], bases: tuple[bytes, ...]) -> ArmInstances:
-    """Geometries placed in the world; equal ones at equal places are made once.
+    """Geometries placed in the world; equal ones at equal poses are made once.
 
     Args:
         geometries: The geometry of each arm.
         bases: T_world_base of each as bytes, (4, 4).
     """
-    placed = np.frombuffer(b"".join(bases)).reshape(-1, 4, 4)  # read-only, as bytes are
+    placed = np.frombuffer(b"".join(bases)).reshape(-1, 4, 4)  # read-only, like the bytes
     return replace(_at_origin(geometries), bases=placed, kept={})
 
 
 @lru_cache(maxsize=64)
 def _at_origin(geometries: tuple[ArmGeometry, ...]) -> ArmInstances:
-    """Instances of which all bases are at the origin."""
+    """Instances with all bases at the origin."""
     joints = _first([len(g.arm_model.model.parents) - 1 for g in geometries])
     columns = _first([len(g.arm_model.joint_names) for g in geometries])
     groups, chains = [np.zeros(0, np.int64)], [()]
@@ -231,7 +231,7 @@ def _at_origin(geometries: tuple[ArmGeometry, ...]) -> ArmInstances:
 
 
 def _first(counts: Sequence[int]) -> _INTS:
-    """The number of items before each."""
+    """The number of items before each part."""
     return np.cumsum([0, *counts], dtype=np.int64)[:-1]
 
 

@@ -1,4 +1,4 @@
-"""Groups of arms that can meet, directly or through others, by what they can reach."""
+"""Groups of arms that may collide, directly or through others, judged by their reach."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rr1plan.scene import Scene
 
 
 def arms_in_reach(scene: Scene, arms: Iterable[str], margin: float) -> dict[str, frozenset[str]]:
-    """Of each arm those that it can meet, by balls that contain all an arm can reach.
+    """The arms that each arm may collide with, by balls that contain everything an arm can reach.
 
     Args:
         scene: The scene.
@@ -34,7 +34,7 @@ def interaction_groups(near: Mapping[str, Iterable[str]]) -> list[tuple[str, ...
     """Connected components, each in the order of the arms.
 
     Args:
-        near: Of each arm those that it can meet.
+        near: The arms that each arm may collide with.
     """
     groups, seen = [], set()
     order = {name: i for i, name in enumerate(near)}

@@ -1,8 +1,8 @@
 """The collision checker: configurations, and motions that are certified free as a whole, not sampled.
 
-The proof is in the kernels: straight edges and parabolas by `certify_edge.c`, other curves by `certify_curve.c`. It
-leaves no gap between samples for a thin obstacle to slip through. What passes at less than `tolerance` beyond the
-padding is not proven, so it is refused.
+The proof is in the kernels: straight edges and parabolas in `certify_edge.c`, other curves in `certify_curve.c`. A thin
+    obstacle cannot slip through between samples. Motions that pass at less than `tolerance` beyond the padding are not
+    proven, so they are rejected.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ from rr1plan.thread_locks import ExclusiveCache, exclusive
 from rr1plan.transforms import as_pose
 
 TOLERANCE = 1e-6
-_NEAR = 1e-9  # a gap that counts as one [m]
-_PRECISION = 1e-9  # of the fraction of an edge at which it is in contact first
+_NEAR = 1e-9  # smallest gap that counts as free [m]
+_PRECISION = 1e-9  # of the fraction of an edge at its first contact
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FirstContact(Value):
-    """Where an edge first touches something.
+    """First contact on an edge.
 
     Args:
-        fraction: The edge is certified free up to this part of it, 0..1.
+        fraction: The edge is certified free up to this fraction of it, 0..1.
         q: The configuration there, shape (nq,).
-        pair: The elements that touch.
+        pair: The elements in contact.
     """
 
     fraction: float
@@ -61,24 +61,24 @@ class FirstContact(Value):
 class CollisionChecker(CoalChecker):
     """Contacts and distances of a scene's elements at configurations, and proofs that edges and curves are free.
 
-    An edge is the straight line between two configurations; it is certified as a whole. Joint limits are another
-    question (`limit_violations`), and so is the shorter way round of a continuous joint.
+    An edge is the straight line between two configurations; it is certified as a whole. Joint limits are checked
+    separately (`limit_violations`), and an edge does not take the shorter way round of a continuous joint.
 
-    Threads may share an instance: each waits while another one uses it. Threads that are to check at the same time get
-    one each (they pickle, as what they were made from).
+    Threads may share an instance: each waits while another one uses it. For parallel checks, give each thread its own
+        instance (instances are pickled as their constructor arguments).
 
     Args:
         scene: The scene.
-        arms: The arms that move (default: all); the others stand in their configuration of the scene.
-        margin: Distance to keep beyond the scene's padding between elements that move against each other [m].
-        tolerance: Motions that pass at less than this beyond that are refused [m].
+        arms: The arms that move (default: all); the others keep their configuration of the scene.
+        margin: Distance to keep beyond the scene's padding between elements that move relative to each other [m].
+        tolerance: Motions that pass at less than this distance beyond padding and margin are rejected [m].
 
     Attributes:
         edges_checked: Edges and curves checked so far.
 
     Raises:
         UnknownNameError: no such arm.
-        InputError: no scene, one that cannot be checked, a margin below zero, or a tolerance that is not above zero.
+        InputError: not a scene, one that cannot be checked, a negative margin, or a tolerance that is not positive.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class CollisionChecker(CoalChecker):
         return f"CollisionChecker({self.scene.name!r}, arms={list(self.arms)}, {len(self.pairs)} pairs)"
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Pickles as what it was made from; the counters begin anew."""
+        """Pickle the constructor arguments; the counters start at zero."""
         return _rebuild, (self.scene, self.arms, self.margin, self.tolerance)
 
     @property
@@ -114,7 +114,7 @@ class CollisionChecker(CoalChecker):
             margin: Distance to keep beyond the scene's padding [m].
 
         Raises:
-            InputError: below zero, or so large or small that the set of nearby elements changes.
+            InputError: a negative margin, or one so different that the set of nearby elements changes.
         """
         margin = checked_margin(margin)
         if margin == self.margin:
@@ -131,8 +131,8 @@ class CollisionChecker(CoalChecker):
     def move_obstacle(self, name: str, pose: ArrayLike) -> None:
         """Move an obstacle in place: only its rows of the collision tables are rewritten.
 
-        Answers equal those of a new checker of the changed scene. In scenes of more than 64 obstacles, of which some
-        may be left out because they are out of reach, all tables are rebuilt.
+        Results equal those of a new checker of the changed scene. In scenes of more than 64 obstacles, where obstacles
+        out of reach may be omitted, all tables are rebuilt.
 
         Args:
             name: The obstacle.
@@ -140,7 +140,7 @@ class CollisionChecker(CoalChecker):
 
         Raises:
             UnknownNameError: no such obstacle.
-            InputError: no pose.
+            InputError: not a pose.
         """
         known_name("obstacle", name, self._scene.obstacles)
         T = as_pose(pose)
@@ -161,8 +161,8 @@ class CollisionChecker(CoalChecker):
             scene: The scene.
 
         Returns:
-            Whether that was possible: the pairs of solids and the padding are the same, and the obstacles of the same
-            kinds. Otherwise nothing has changed.
+            Whether that was possible: only if pairs of solids, padding and kinds of obstacles are the same. Otherwise
+                nothing has changed.
         """
         mine = self._scene
         same_padding = (scene.padding, scene.pair_padding) == (mine.padding, mine.pair_padding)
@@ -176,14 +176,14 @@ class CollisionChecker(CoalChecker):
         return True
 
     def _forget_places(self) -> None:
-        """Bring what the kernel does not read up to date with what stands elsewhere now."""
+        """Update the data for the current poses that the edge kernel does not read."""
         super()._forget_places()
         tables = self.tables
         self.fixed.place_bodies(tables.body_values, tables.poses, tables.centers)
         self._without.clear()
 
     def complete(self) -> CollisionChecker:
-        """A checker of the same scene and arms that leaves nothing out, so that pages can move all obstacles."""
+        """A checker of the same scene and arms that omits nothing, so that pages can move all obstacles."""
         other = CollisionChecker(self.scene, self.arms, margin=self.margin, tolerance=self.tolerance)
         other._use(collision_geometry(other.scene, other.arms, np.inf), other.margin)
         return other
@@ -192,8 +192,8 @@ class CollisionChecker(CoalChecker):
     def object_numbers(self) -> Mapping[str, int]:
         """The object index of each obstacle for `rr1_move_objects`, which pages call.
 
-        Above 64 obstacles, of which some may be left out, there are none, unless the checker is `complete`. The kernel
-        updates pairs that involve a moving arm; it does not check contacts with arms that stand still.
+        Empty above 64 obstacles, where some may be omitted, unless the checker is `complete`. The kernel updates pairs
+        that involve a moving arm; it does not check contacts with stationary arms.
         """
         complete = len(self._scene.obstacles) <= FEW_OBSTACLES or self.distance == np.inf
         names = self._scene.obstacles if complete else ()
@@ -206,7 +206,7 @@ class CollisionChecker(CoalChecker):
         self.__dict__ = vars(anew) | {"_lock": self._lock, "edges_checked": self.edges_checked}
 
     def warm_up(self) -> None:
-        """Build the collision tables, which the first query needs."""
+        """Build the collision tables that the first query needs."""
         _ = self._kernel, self.static_is_free
 
     @property
@@ -226,17 +226,17 @@ class CollisionChecker(CoalChecker):
 
     @exclusive
     def memory_image(self, **roots: Root) -> bytes:
-        """The collision tables and new scratch memory for `core.wasm`, with which pages certify edges.
+        """The collision tables and new scratch memory for `core.wasm`, in which pages certify edges.
 
-        Equal scenes have equal images. `rr1plan/kernels/core.js` places one in memory, with the names `scene` and
-        `scratch`; `padding` and `bare_padding`, what pairs of solids have to keep with and without the margin [m]; and
-        `pair_owner`, the index in `pairs` of each of them.
+        Equal scenes have equal images. `rr1plan/kernels/core.js` loads an image into memory. Its names are `scene` and
+        `scratch`; `padding` and `bare_padding`, the distances to keep between pairs of solids with and without the
+        margin [m]; and `pair_owner`, the index in `pairs` of each pair of solids.
 
         Args:
             **roots: Further structs and arrays for the image, by name.
 
         Raises:
-            InputError: two elements that do not move are in contact, which no kernel looks at.
+            InputError: two elements that do not move are in contact, which no kernel checks.
         """
         if not self.static_is_free:
             raise InputError(f"no edge is free: {' and '.join(self._names(-1))} are in contact, and neither moves")
@@ -271,14 +271,14 @@ class CollisionChecker(CoalChecker):
 
     @exclusive
     def is_free_ignoring(self, q: ArrayLike, arms: frozenset[str]) -> bool:
-        """Like `is_free`, ignoring pairs that involve some arms; the others keep at least a nanometer.
+        """Like `is_free`, ignoring pairs that involve some arms; the other pairs keep at least a nanometer.
 
         Args:
             q: Configuration [rad or m], shape (nq,).
-            arms: Those arms.
+            arms: Arms whose pairs are ignored.
 
         Raises:
-            InputError: wrong shape or not finite, or elements that cannot be measured against each other.
+            InputError: wrong shape or not finite, or elements whose distance cannot be measured.
         """
         q = self.checked(q)
         of_kind("arms", arms, frozenset)
@@ -287,7 +287,7 @@ class CollisionChecker(CoalChecker):
         return bool(arms) and self.static_is_free and self._kernel_without(arms).least_clearance(q, _NEAR) >= _NEAR
 
     def _kernel_without(self, arms: frozenset[str]) -> ExactKernel:
-        """The exact kernel of the pairs that involve none of some arms."""
+        """The exact kernel for the pairs that involve none of these arms."""
         if arms not in self._without:
             owner = self.scene.owner
             counts = np.array([owner(a) not in arms and owner(b) not in arms for a, b in self.pairs], np.bool_)
@@ -298,7 +298,7 @@ class CollisionChecker(CoalChecker):
         return self._without[arms]
 
     def edge_is_free(self, q0: ArrayLike, q1: ArrayLike) -> bool:
-        """Every configuration on the straight line from q0 to q1 is free.
+        """Whether every configuration on the straight line from q0 to q1 is free.
 
         Args:
             q0: Begin [rad or m], shape (nq,).
@@ -328,7 +328,7 @@ class CollisionChecker(CoalChecker):
 
     @exclusive
     def path_is_free(self, waypoints: Path | ArrayLike) -> bool:
-        """Every edge between consecutive waypoints is free; a single waypoint is an edge of length zero.
+        """Whether every edge between consecutive waypoints is free; a single waypoint is an edge of length zero.
 
         Args:
             waypoints: A `Path` of the moving arms, or configurations [rad or m], shape (n, nq).
@@ -353,7 +353,7 @@ class CollisionChecker(CoalChecker):
         return path.waypoints[:, [path.joint_names.index(name) for name in names]]
 
     def polynomial_is_free(self, coefficients: ArrayLike, duration: float) -> bool:
-        """Every configuration on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, is free.
+        """Whether every configuration on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, is free.
 
         Args:
             coefficients: c_k [rad/s^k or m/s^k], shape (k + 1, nq).
@@ -384,12 +384,12 @@ class CollisionChecker(CoalChecker):
 
     @exclusive
     def first_contact(self, q0: ArrayLike, q1: ArrayLike, *, precision: float = _PRECISION) -> FirstContact | None:
-        """The first contact on the straight line from q0 to q1, or None when it is free.
+        """The first contact on the straight line from q0 to q1, or None if it is free.
 
         Args:
             q0: Begin [rad or m], shape (nq,).
             q1: End [rad or m], shape (nq,).
-            precision: How much later than `fraction` the contact may be, as a share of the line.
+            precision: How much later than `fraction` the contact may be, as a fraction of the line.
 
         Raises:
             InputError: wrong shape or not finite.
@@ -399,7 +399,7 @@ class CollisionChecker(CoalChecker):
 
     @exclusive
     def first_contact_on(self, coefficients: ArrayLike, duration: float) -> FirstContact | None:
-        """The first contact on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, or None when it is free.
+        """The first contact on the curve q(t) = sum_k c_k t^k, 0 <= t <= duration, or None if it is free.
 
         Args:
             coefficients: c_k [rad/s^k or m/s^k], shape (k + 1, nq).
@@ -429,7 +429,7 @@ class CollisionChecker(CoalChecker):
         terms = getattr(coefficients, "shape", ())[:1]
         if is_plain(coefficients, (*terms, self.nq)) and terms != (0,) and type(duration) is float:
             count = len(coefficients)
-            # No number that is not finite passes.
+            # NaN and infinity fail both comparisons.
             if duration >= 0.0 and np.abs(coefficients).max() * count * max(1.0, duration) ** (count - 1) <= FARTHEST:
                 return coefficients, duration
         curve = finite_array("coefficients", coefficients, (None, self.nq))
@@ -440,13 +440,13 @@ class CollisionChecker(CoalChecker):
         return curve, duration
 
     def _certify(self, q0: Array, q1: Array) -> Answer:
-        """Status, where (0..1), and which pair of solids (-1: one that rests) of an edge that was checked for shape."""
+        """Status, fraction (0..1) and pair of solids (-1: a stationary one) of an edge whose shape was checked."""
         if not self.static_is_free:
             return CONTACT, 0.0, -1
         return self._kernel.certify_edge(q0, q1)
 
     def _certify_exactly(self, curve: Array, duration: float) -> Answer:
-        """The same of a curve, by the exact kernel alone."""
+        """Likewise for a curve, by the exact kernel alone."""
         self.edges_checked += 1
         if not self.static_is_free:
             return CONTACT, 0.0, -1
@@ -455,14 +455,14 @@ class CollisionChecker(CoalChecker):
     def _names(self, pair: int) -> tuple[str, str]:
         if pair < 0:
             return self.static_contacts[0]
-        # Not by way of `pairs`, all names of which take 10 ms for 16 arms.
+        # Not through `pairs`, whose names take 10 ms for 16 arms.
         rules = self.geometry.rules
         i, j = rules.checked[self.solid_owner[pair]].tolist()
         return rules.names[i], rules.names[j]
 
 
 def _check_reach(curve: Array, duration: float) -> None:
-    """Refuse a curve that may get too far for distances to be precise."""
+    """Reject a curve that may leave the range in which distances are precise."""
     with np.errstate(over="ignore", invalid="ignore"):
         reach = np.abs(curve[0])
         for k in range(1, len(curve)):
@@ -476,7 +476,7 @@ def _rebuild(scene: Scene, arms: tuple[str, ...], margin: float, tolerance: floa
 
 
 def shifted_polynomial(coefficients: Array, shift: float) -> Array:
-    """The coefficients of p(shift + t), shape (k + 1, nq) as those of p."""
+    """The coefficients of p(shift + t), shape (k + 1, nq) like those of p."""
     shifted = coefficients.copy()
     for first in range(len(shifted) - 1):
         for k in range(len(shifted) - 2, first - 1, -1):

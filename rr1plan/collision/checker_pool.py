@@ -1,7 +1,8 @@
-"""Collision checkers that are kept with their scene, so that many queries in one scene pay for one.
+"""Collision checkers that their scene keeps, so that many queries in one scene build only one.
 
-A scene that has none gets one of a scene with the same arms and the same kinds of obstacles elsewhere, if there are
-some: of those released last, the one that nobody has used for longest.
+A scene without an idle checker takes one of a scene with the same arms and the same kinds of obstacles at other poses,
+if
+there is one: among recently released checkers, the one unused for longest.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from rr1plan.collision.checker import CollisionChecker
 from rr1plan.collision.collision_geometry import collision_geometry, geometry_distance
 from rr1plan.scene import Scene
 
-# The checkers released last and the lists in which they wait; their scenes may be gone. Of those with the same pairs so
-# many are left alone, for callers who go back and forth between as many scenes.
+# Recently released checkers and the lists that hold them; their scenes may no longer exist. Of those with the same
+# pairs, the last `_LEFT_ALONE` are not taken, for callers that alternate between that many scenes.
 _last_released: dict[CollisionChecker, list[CollisionChecker]] = {}
 _lock = Lock()
 _MOST, _LEFT_ALONE = 8, 3
@@ -25,10 +26,10 @@ _MOST, _LEFT_ALONE = 8, 3
 def checker_from_pool(
     scene: Scene, arms: Sequence[str] | None = None, margin: float = 0.0
 ) -> Iterator[CollisionChecker]:
-    """A checker that no one else uses inside the block; its counters go on from earlier use.
+    """A checker for exclusive use inside the block; its counters continue from earlier use.
 
-    Checkers keep scratch memory, so each is used by one caller at a time: threads that plan at once in one scene
-    get one each. They live as long as the scene, which is immutable, and are neither pickled nor copied with it.
+    Checkers have scratch memory, so each is used by one caller at a time: threads that plan simultaneously in one scene
+        get one each. They live as long as the scene, which is immutable, and are neither pickled nor copied with it.
 
     Args:
         scene: The scene.
@@ -48,17 +49,17 @@ def checker_from_pool(
 
 
 def acquire_checker(scene: Scene, arms: tuple[str, ...], margin: float) -> CollisionChecker:
-    """A checker from the pool, to be released whatever happens; prefer `checker_from_pool`.
+    """A checker from the pool, which the caller has to release in any case; prefer `checker_from_pool`.
 
     Args:
         scene: The scene.
-        arms: The arms that move, as `Scene.arm_names` gives them.
+        arms: The arms that move, as returned by `Scene.arm_names`.
         margin: Distance to keep beyond the scene's padding [m].
 
     Raises:
         InputError: a scene that cannot be checked.
     """
-    # Appending to a list and taking from it are atomic.
+    # Appending to a list and popping from it are atomic.
     try:
         checker = _idle(scene, arms, geometry_distance(scene, margin)).pop()
     except IndexError:
@@ -86,7 +87,7 @@ def _idle(scene: Scene, arms: tuple[str, ...], distance: float) -> list[Collisio
 
 
 def _of_another_scene(scene: Scene, arms: tuple[str, ...], margin: float) -> CollisionChecker | None:
-    """An idle checker of another scene, changed to this one, which is faster than making one; None if there is none."""
+    """An idle checker of another scene, switched to this one, which is faster than a new one; None if there is none."""
     geometry = collision_geometry(scene, arms, geometry_distance(scene, margin))
     with _lock:
         alike = [(one, idle) for one, idle in _last_released.items() if one.pair_tables is geometry.pairs]

@@ -1,7 +1,7 @@
 """Clearance maps: lower bounds of the gap of two links over the one or two joints between them, made once for a robot.
 
-A clearance map depends on the two solids and the joints between them only: the place of the arm, its surroundings and
-the padding do not matter. Which cells are near for a given padding is read from it in microseconds.
+A clearance map depends only on the two solids and the joints between them, not on the arm's pose, its surroundings or
+the padding. The cells that are near for a given padding are read from it in microseconds.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from rr1plan.kernels.planner_kernels import constants, load_library
 from rr1plan.object_cache import kept_in
 
 _INTS = NDArray[np.int64]
-# Upper ends of the ranges of gaps that maps resolve [m]; a map takes the smallest that the padding allows.
+# Upper ends of the ranges of gaps that maps resolve [m]; a map uses the smallest one that the padding allows.
 _STEPS = (0.02, 0.06, 0.2)
-# Joints that turn without end have a map of a turn to both sides; one that slides, of as many meters.
+# Maps of continuous joints cover one turn to both sides; those of unlimited sliding joints as many meters.
 _TURN = 2.0 * np.pi
 _VERSION = "clearance-maps-1"
 CELLS = constants()["MAP_CELLS"]
@@ -33,13 +33,13 @@ CELLS = constants()["MAP_CELLS"]
 
 @dataclass(frozen=True, eq=False)
 class ClearanceMaps:
-    """Maps of some pairs; see `PaddedPairs`.
+    """Maps for some pairs; see `PaddedPairs`.
 
     Args:
-        places: The last four columns of its `body_pairs`, shape (m, 4).
-        counts: Its `maps`.
-        ranges: Its `map_ranges`, shape (m, 4).
-        groups: The last column of its `group_pairs`, shape (f,).
+        places: The last four columns of `PaddedPairs.body_pairs`, shape (m, 4).
+        counts: `PaddedPairs.maps`.
+        ranges: `PaddedPairs.map_ranges`, shape (m, 4).
+        groups: The last column of `PaddedPairs.group_pairs`, shape (f,).
     """
 
     places: _INTS
@@ -50,13 +50,13 @@ class ClearanceMaps:
 
 @dataclass(frozen=True, eq=False)
 class _Between:
-    """Two solids and the joints between them, alone in the world.
+    """Two solids and the joints between them, without any surroundings.
 
     Args:
-        columns: The columns of q that move them against each other, all of them.
-        ends: Low and high of the first and the last of those [rad or m], shape (2, 2).
-        tables: What the exact kernel knows of them.
-        key: Name of its map: the hash of all it depends on.
+        columns: All columns of q that move them relative to each other.
+        ends: Lower and upper end of the first and the last of these columns [rad or m], shape (2, 2).
+        tables: The exact kernel's tables of both.
+        key: Name of the map: the hash of its inputs.
     """
 
     columns: tuple[int, ...]
@@ -66,15 +66,16 @@ class _Between:
 
 
 def instance_maps(instances: ArmInstances, pairs: _INTS, least: Array, groups: _INTS) -> ClearanceMaps:
-    """Maps of those pairs of one arm's bodies that one or two columns of q move against each other.
+    """Maps for the pairs of bodies of one arm that one or two columns of q move relative to each other.
 
-    Pairs of two arms have none: every arm with a geometry uses the same maps, wherever it stands.
+    Pairs of two arms have none: all arms with equal geometry share maps, whatever their base pose.
 
     Args:
         instances: The arms that move.
-        pairs: Pairs of their solids that move against each other [index], sorted by the pair of groups, shape (m, 2).
-        least: The gap that a map has to prove of each [m], shape (m,).
-        groups: The first columns of its `group_pairs`, shape (f, 5).
+        pairs: Pairs of their solids that move relative to each other [index], sorted by the pair of groups, shape (m,
+            2).
+        least: The gap that a map has to prove for each pair [m], shape (m,).
+        groups: The first columns of `PaddedPairs.group_pairs`, shape (f, 5).
     """
     places, ranges = np.zeros((len(pairs), 4), np.int64), np.zeros((len(pairs), 4))
     places[:, 0] = -1
@@ -88,7 +89,7 @@ def instance_maps(instances: ArmInstances, pairs: _INTS, least: Array, groups: _
     for geometry, column, rows, families in zip(
         instances.geometries, instances.first_column.tolist(), rows_of, groups_of, strict=True
     ):
-        # Pairs of one group pair follow each other, here and among all.
+        # The pairs of one group pair are consecutive, here and among all pairs.
         ends = np.searchsorted(rows, groups[families, 3:])
         maps = _arm_maps(geometry, pairs[rows] - first, least[rows], ends)
         if maps not in begins:
@@ -112,12 +113,12 @@ def _rows_of(arms: _INTS, count: int) -> list[_INTS]:
     return np.split(order, np.searchsorted(arms[order], np.arange(count + 1)))[1:-1]
 
 
-# Sets of pairs and paddings of which an arm keeps its maps.
+# Sets of pairs and paddings for which an arm keeps its maps.
 _MOST_MAPS = 8
 
 
 def _arm_maps(geometry: ArmGeometry, pairs: _INTS, least: Array, groups: _INTS) -> ClearanceMaps:
-    """The maps of one arm; `groups` are first and last of the pairs that have one together, shape (f, 2)."""
+    """The maps of one arm; `groups` has first and last of the pairs that have a joint map, shape (f, 2)."""
     kept: dict[tuple[bytes, ...], ClearanceMaps] = geometry.kept.setdefault("maps", {})
     key = (pairs.tobytes(), least.tobytes(), groups.tobytes())
     return kept_in(kept, key, lambda: _new_maps(geometry, pairs, least, groups), _MOST_MAPS)
@@ -150,14 +151,14 @@ def _new_maps(geometry: ArmGeometry, pairs: _INTS, least: Array, groups: _INTS) 
 
 
 class _Counts:
-    """The kernel's `maps`, as they are added."""
+    """The kernel's `maps`, while they are added."""
 
     def __init__(self) -> None:
         self._parts = [np.zeros(0, np.int16)]
         self._end = 0
 
     def add(self, gaps: NDArray[np.float32], least: float) -> int:
-        """Where the counts of cells with less than the smallest gap begin."""
+        """Add the counts of cells with less than the smallest gap. Returns where they begin."""
         made = np.empty((gaps.shape[0] + 1, gaps.shape[1] + 1), np.int16)
         load_library().rr1_count_near_cells(gaps, *gaps.shape, least, made)
         self._parts.append(made.ravel())
@@ -165,7 +166,7 @@ class _Counts:
         return self._end - made.size
 
     def joined(self) -> NDArray[np.int16]:
-        """All of them."""
+        """All counts."""
         return np.concatenate(self._parts)
 
 
@@ -174,7 +175,7 @@ class _Counts:
 
 @dataclass(frozen=True)
 class _Named:
-    """A map of gaps by its name, and what to make it from."""
+    """A map of gaps: its name and its inputs."""
 
     name: str
     between: _Between = field(compare=False)
@@ -183,7 +184,7 @@ class _Named:
 
 @lru_cache(maxsize=512)
 def _gaps(named: _Named) -> NDArray[np.float32]:
-    """A bound of the gap in each cell [m], shape (n, n) or (n, 1)."""
+    """A lower bound of the gap in each cell [m], shape (n, n) or (n, 1)."""
     key = cache_key(_VERSION, named.name)
     width = CELLS if len(named.between.columns) == 2 else 1
     kept = load_cached(key)
@@ -210,7 +211,7 @@ class _Pair:
 
 @lru_cache(maxsize=4096)
 def _between(pair: _Pair) -> _Between | None:
-    """Two solids and the joints between them; None where more than two columns of q move one against the other."""
+    """Two solids and the joints between them; None if more than two columns of q move them relative to each other."""
     geometry = pair.geometry
     tables = arm_tables(geometry)
     shared = geometry.shared[tuple(geometry.groups[list(pair.solids)])]
@@ -227,14 +228,14 @@ def _between(pair: _Pair) -> _Between | None:
 def _range(low: float, high: float) -> tuple[float, float]:
     """The range of a map: the joint limits, or a turn to both sides."""
     low, high = max(low, -_TURN), min(high, _TURN)
-    # A joint at its limit is in the map, whatever the rounding.
+    # A joint at its limit is on the map in spite of rounding.
     return low - 1e-6, max(high, low) + 1e-6
 
 
 def _two_bodies(
     tables: ArmTables, solids: tuple[int, int], chains: list[tuple[int, ...]], columns: tuple[int, ...]
 ) -> ExactTables:
-    """Tables of two solids alone. Their world is the last joint above both."""
+    """Tables of two solids alone, in the frame of the last joint above both."""
     joints, values, poses = _joints_between(tables, [int(tables.bodies.bodies[s, 1]) for s in solids], columns)
     rows = tables.bodies
     bodies, body_values = rows.bodies[list(solids)], np.ascontiguousarray(rows.values[list(solids)])
@@ -278,7 +279,7 @@ def _two_bodies(
 
 @dataclass(frozen=True, eq=False)
 class _Joints:
-    """Joints between two bodies; `number` gives the row of each by its row in the whole table."""
+    """Joints between two bodies; `number` maps the row of each in the whole table to its row here."""
 
     rows: _INTS
     number: dict[int, int]
@@ -299,7 +300,7 @@ def _joints_between(tables: ArmTables, carriers: list[int], columns: tuple[int, 
     poses = np.tile(np.eye(4), (len(number), 1, 1))
     for joint, i in list(number.items())[1:]:
         parent, prismatic, column, _ = tables.joints[joint].tolist()
-        # All of them are placed anew for each configuration.
+        # All are placed anew for each configuration.
         rows[i] = number[parent], prismatic, columns.index(column) if column >= 0 else -1, 1
         values[i] = tables.joint_values[joint]
         poses[i] = poses[number[parent]] @ joint_motion(prismatic, values[i])

@@ -1,7 +1,7 @@
-"""Exact answers about one configuration, from Coal through Pinocchio's broad phase.
+"""Exact results for one configuration, from Coal through Pinocchio's broad phase.
 
-Every shape is solid. Two elements collide when their distance is at most their padding (0: when
-they touch). Joint limits are another question: see `CollisionChecker.limit_violations`.
+Every shape is solid. Two elements collide if their distance is at most their padding (with a padding of 0: if they
+touch). Joint limits are checked separately: see `CollisionChecker.limit_violations`.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ from rr1plan.thread_locks import ExclusiveCache, exclusive
 class CoalChecker:
     """Contacts and distances of the elements of a scene at a configuration; the base of `CollisionChecker`.
 
-    Coal's objects are made when they are first needed.
+    Coal's objects are created when they are first needed.
 
     Args:
         scene: The scene.
-        arms: The arms that move (default: all); the others stand in their configuration of the scene.
-        margin: Distance to keep beyond the scene's padding between elements that move against each other [m].
+        arms: The arms that move (default: all); the others keep their configuration of the scene.
+        margin: Distance to keep beyond the scene's padding between elements that move relative to each other [m].
 
     Attributes:
         arms: As given, in the order of the scene.
-        distance: What is proven to stay farther than this from every moving arm is left out [m].
+        distance: Elements that provably stay farther than this from every moving arm are omitted [m].
         pair_tables: The pairs of solids.
         solid_pairs: Pairs of solids [index] whose relative pose depends on q, shape (m, 2).
-        solid_owner: For each of those the index in `pairs`, shape (m,).
-        padding: The scene's padding of each of `pairs` [m], shape (n_pairs,).
-        solid_padding: Distance to keep between each of `solid_pairs`, the margin included [m], shape (m,).
+        solid_owner: Index in `pairs` of each of those, shape (m,).
+        padding: The scene's padding for each of `pairs` [m], shape (n_pairs,).
+        solid_padding: Distance to keep for each of `solid_pairs`, including the margin [m], shape (m,).
 
     Raises:
         UnknownNameError: no such arm.
-        InputError: a shape that cannot be made solid, or a margin below zero.
+        InputError: a shape that cannot be made solid, or a negative margin.
     """
 
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None, *, margin: float = 0.0) -> None:
@@ -58,7 +58,7 @@ class CoalChecker:
         self._lock = RLock()
         self._scene = scene
         self._moved: dict[str, Array] = {}
-        # A second time, as a scene may have no arms at all.
+        # The outer call is for scenes without arms.
         self.arms = scene.arm_names(scene.arm_names([arms] if isinstance(arms, str) else arms))
         margin = checked_margin(margin)
         self._use(collision_geometry(scene, self.arms, geometry_distance(scene, margin)), margin)
@@ -78,7 +78,7 @@ class CoalChecker:
 
     @property
     def scene(self) -> Scene:
-        """The scene, with all obstacles where they have been moved."""
+        """The scene, with all obstacles at their current poses."""
         if self._moved:
             self._place_moved()
         return self._scene
@@ -91,7 +91,7 @@ class CoalChecker:
 
     @property
     def geometry(self) -> CollisionGeometry:
-        """The solids of the moving arms and of all that can come near them, and their pairs."""
+        """The solids of the moving arms and of everything that can come near them, and their pairs."""
         return self._geometry or self._new_geometry()
 
     @exclusive
@@ -111,19 +111,19 @@ class CoalChecker:
         for name in ("omitted_clearance", "_whole", "_moving"):
             self.__dict__.pop(name, None)
 
-    # ---- what it is about ----------------------------------------------------------------
+    # ---- properties ----------------------------------------------------------------------
 
     @ExclusiveCache
     def model(self) -> SceneModel:
-        """The moving arms alone as one Pinocchio model; its joints are numbered like those of the solids."""
+        """The moving arms alone as one Pinocchio model; joints have the same numbers as in `solids`."""
         return SceneModel(Scene({name: self.scene.arms[name] for name in self.arms}))
 
     @ExclusiveCache
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of elements that must not touch, of which at least one belongs to a moving arm.
+        """Pairs of elements that must not touch, at least one of which belongs to a moving arm.
 
-        Pairs that are proven to stay more than 5 cm beyond the greatest padding apart, whatever q is, are left out,
-        arm by arm and obstacle by obstacle.
+        Pairs of arms or of an arm and an obstacle that provably stay more than 5 cm beyond the greatest padding apart
+        for all q are omitted.
         """
         names = self.geometry.rules.names
         return tuple((names[i], names[j]) for i, j in self.geometry.rules.checked.tolist())
@@ -145,19 +145,19 @@ class CoalChecker:
 
     @ExclusiveCache
     def static_is_free(self) -> bool:
-        """No two elements collide that do not move against each other, those of arms that stand still included."""
+        """Whether no elements with a fixed relative pose collide, including those of stationary arms."""
         own = self._static_clearance(ROUNDING) >= ROUNDING or not self._static.touching
         return own and not self._standing
 
     @property
     @exclusive
     def static_contacts(self) -> tuple[tuple[str, str], ...]:
-        """The pairs of elements that touch and do not move against each other."""
+        """The pairs of elements in contact that do not move relative to each other."""
         own = dict.fromkeys(self.pairs[owner] for owner, *_ in self._static.touching)
         return (*own, *((contact.a, contact.b) for contact in self._standing))
 
     def limit_violations(self, q: ArrayLike) -> tuple[tuple[str, float], ...]:
-        """Joints outside their position limits, each with how far [rad or m].
+        """Joints outside their position limits, with the excess of each [rad or m].
 
         Raises:
             InputError: q has the wrong shape or is not finite.
@@ -167,14 +167,14 @@ class CoalChecker:
         return tuple((self.joint_names[j], float(excess[j])) for j in np.flatnonzero(excess > 0.0))
 
     def within_limits(self, q: ArrayLike) -> bool:
-        """Every joint is within its position limits; `limit_violations` says which are not."""
+        """Whether every joint is within its position limits; `limit_violations` lists those that are not."""
         return not self.limit_violations(q)
 
     # ---- one configuration ---------------------------------------------------------------
 
     @exclusive
     def is_free_slowly(self, q: ArrayLike) -> bool:
-        """The answer of `is_free`, by Coal alone; tests hold that to it.
+        """The result of `is_free` from Coal alone; the reference in tests.
 
         Args:
             q: Configuration [rad or m], shape (nq,).
@@ -187,7 +187,7 @@ class CoalChecker:
 
     @exclusive
     def contacts(self, q: ArrayLike) -> tuple[Contact, ...]:
-        """All pairs of elements that touch or are nearer than their padding, the deepest first.
+        """All pairs of elements that touch or are nearer than their padding, deepest first.
 
         Args:
             q: Configuration [rad or m], shape (nq,).
@@ -211,7 +211,7 @@ class CoalChecker:
 
     @exclusive
     def distances(self, q: ArrayLike) -> Array:
-        """Distance of every checked pair [m], negative where they overlap, shape (n_pairs,).
+        """Distance of every checked pair [m], negative if they overlap, shape (n_pairs,).
 
         Args:
             q: Configuration [rad or m], shape (nq,).
@@ -245,17 +245,17 @@ class CoalChecker:
 
     @exclusive
     def clearance(self, q: ArrayLike, most: float = np.inf) -> float:
-        """The least distance of any checked pair beyond its padding [m], `most` at most.
+        """The smallest distance of any checked pair beyond its padding [m], at most `most`.
 
-        Where elements overlap it is below zero, and no more than that. It comes from the compiled kernel, which can
-        only understate a distance; Coal is not asked.
+        For overlapping elements only its sign is meaningful: it is negative. The compiled kernel computes it without
+            Coal, and never overestimates a distance.
 
         Args:
             q: Configuration [rad or m], shape (nq,).
-            most: What is more is not looked at [m].
+            most: Larger distances are not computed [m].
 
         Raises:
-            InputError: wrong shape or not finite, or elements that cannot be measured against each other.
+            InputError: wrong shape or not finite, or elements whose distance cannot be measured.
         """
         q = self.checked(q)
         most = most if type(most) is float and most > 0.0 else finite_number("most", most)
@@ -264,14 +264,14 @@ class CoalChecker:
 
     @exclusive
     def moving_clearance(self, q: ArrayLike, most: float = np.inf) -> float:
-        """Like `clearance`, of the pairs that move against each other.
+        """Like `clearance`, for the pairs that move relative to each other.
 
         Args:
             q: Configuration [rad or m], shape (nq,).
-            most: What is more is not looked at [m].
+            most: Larger distances are not computed [m].
 
         Raises:
-            InputError: wrong shape or not finite, or elements that cannot be measured against each other.
+            InputError: wrong shape or not finite, or elements whose distance cannot be measured.
         """
         q = self.checked(q)
         most = most if type(most) is float and most > 0.0 else finite_number("most", most)
@@ -282,18 +282,18 @@ class CoalChecker:
 
     @ExclusiveCache
     def fixed(self) -> FixedSolids:
-        """The links and obstacles that do not move, as compiled code puts them in place."""
+        """The links and obstacles that do not move, for compiled code that places them."""
         instances = self.geometry.instances
         return FixedSolids(self.geometry.obstacles, len(instances.groups), fixed_links(instances))
 
     @ExclusiveCache
     def tables(self) -> ExactTables:
-        """The exact kernel's tables of the pairs that move."""
+        """The exact kernel's tables for the pairs that move relative to each other."""
         return build_tables(self.geometry, self.fixed, self._kept_padding)
 
     @ExclusiveCache
     def exact_kernel(self) -> ExactKernel:
-        """The exact kernel of those pairs."""
+        """The exact kernel for these pairs."""
         like, static = arm_exact_struct(self.geometry.instances), len(self.pair_tables.static)
         return ExactKernel(self.tables, self.nq, like, static)
 
@@ -309,10 +309,10 @@ class CoalChecker:
 
     @exclusive
     def solid_distances(self, q: ArrayLike, pairs: NDArray[np.intp] | None = None) -> Array:
-        """Distance of every pair in `solid_pairs`, or of these of them [m], negative where they overlap, shape (m,).
+        """Distance of every pair in `solid_pairs`, or of the given ones [m], negative if they overlap, shape (m,).
 
         Raises:
-            InputError: wrong shape or not finite, or no pairs of these numbers.
+            InputError: wrong shape or not finite, or pair numbers that do not exist.
         """
         placed = self._placed(q)
         if pairs is None:
@@ -324,20 +324,20 @@ class CoalChecker:
 
     @exclusive
     def solid_distance(self, q: ArrayLike, pair: int) -> float:
-        """Distance of one pair in `solid_pairs` [m], negative where they overlap.
+        """Distance of one pair in `solid_pairs` [m], negative if they overlap.
 
         Raises:
-            InputError: wrong shape or not finite, or no pair of that number.
+            InputError: wrong shape or not finite, or a pair number that does not exist.
         """
         whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
         return self._placed(q).distance(pair)[0]
 
     @exclusive
     def solid_points(self, q: ArrayLike, pair: int) -> tuple[Array, Array]:
-        """The nearest points of one pair in `solid_pairs`, in the world [m], shape (3,) each.
+        """The nearest points of one pair in `solid_pairs`, in world coordinates [m], shape (3,) each.
 
         Raises:
-            InputError: wrong shape or not finite, or no pair of that number.
+            InputError: wrong shape or not finite, or a pair number that does not exist.
         """
         whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
         return self._placed(q).distance(pair)[1:]
@@ -356,12 +356,12 @@ class CoalChecker:
 
     @ExclusiveCache
     def omitted_clearance(self) -> float:
-        """Pairs that `pairs` omits keep more than this distance beyond their padding and the margin [m]."""
+        """Lower bound of the distances of omitted pairs beyond their padding and the margin [m]."""
         return self.geometry.least_gap - max((self.scene.padding, *self.scene.pair_padding.values())) - self.margin
 
     @ExclusiveCache
     def _whole(self) -> CoalChecker:
-        """A checker of the same arms that leaves nothing out."""
+        """A checker of the same arms that omits nothing."""
         other = CoalChecker(self.scene, self.arms, margin=self.margin)
         other._use(collision_geometry(self.scene, self.arms, np.inf), self.margin)
         return other
@@ -371,7 +371,7 @@ class CoalChecker:
         return CoalPairs(self.model, self.solids, self.solid_pairs, self.solid_padding)
 
     def _placed(self, q: ArrayLike) -> CoalPairs:
-        """Coal's view of the pairs that move, at q."""
+        """Coal's pairs that move relative to each other, placed at q."""
         q = self.checked(q)
         self._moving.place(q)
         return self._moving
@@ -381,7 +381,7 @@ class CoalChecker:
         return stationary_contacts(self.scene, self.arms) if len(self.arms) < len(self._scene.arms) else ()
 
     def _static_clearance(self, most: float) -> float:
-        """The least distance beyond their padding of pairs that do not move against each other [m], `most` at most."""
+        """The smallest distance beyond the padding of pairs with fixed relative poses [m], at most `most`."""
         if len(self.pair_tables.static) == 0:
             return most
         pairs = self.pair_tables
@@ -406,7 +406,7 @@ def checked_margin(margin: float) -> float:
     """A margin [m].
 
     Raises:
-        InputError: below zero or not finite.
+        InputError: negative or not finite.
     """
     margin = finite_number("margin", margin)
     if margin < 0.0:
@@ -415,5 +415,5 @@ def checked_margin(margin: float) -> float:
 
 
 def is_plain(given: ArrayLike, shape: tuple[int, ...]) -> TypeGuard[Array]:
-    """Whether it is an array of this shape as compiled kernels take it."""
+    """Whether `given` is an array of this shape that compiled kernels can read."""
     return type(given) is np.ndarray and given.dtype == np.float64 and given.shape == shape and given.flags.c_contiguous

@@ -1,4 +1,4 @@
-"""Coal's view of some pairs of solids, through Pinocchio's geometry model; what is true of pairs whatever q is."""
+"""Pairs of solids in Coal, through Pinocchio's geometry model; results for pairs that do not depend on q."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from rr1plan.model.arm_branches import ArmBranches
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.shapes import HalfSpace, Mesh, PointCloud, Shape
 
-# Coal's distances of cylinders are this sharp, not 1e-5 m as with its own default.
+# Accuracy of Coal's distances of cylinders, instead of 1e-5 m with Coal's default.
 _GJK_TOLERANCE = 1e-10
-# Where a core lies exactly in another surface, Coal may end with -1.8e308; a nanometer beside it, it does not.
+# If a core lies exactly on the other surface, Coal may return -1.8e308; a nanometer away it does not.
 _NO_DISTANCE = -1e300
 _NUDGE = np.array([0.7e-9, -0.5e-9, 0.6e-9])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Contact(Value):
-    """Two elements that touch, or come nearer than their padding.
+    """Two elements that touch or are nearer than their padding.
 
     Args:
         a, b: The elements.
-        depth: Padding less distance [m], >= 0.
+        depth: Padding minus distance [m], >= 0.
         point: Halfway between the two deepest points, in the world [m], shape (3,).
     """
 
@@ -45,11 +45,11 @@ class Contact(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Nearest(Value):
-    """The two elements that are nearest to each other.
+    """The nearest pair of elements.
 
     Args:
-        distance: Their distance [m], negative where they overlap; inf when no pair is checked.
-        pair: The elements; empty when no pair is checked.
+        distance: Their distance [m], negative if they overlap; inf if no pair is checked.
+        pair: The elements; empty if no pair is checked.
         point_a, point_b: The nearest points in the world [m], shape (3,).
     """
 
@@ -60,13 +60,13 @@ class Nearest(Value):
 
 
 class CoalPairs:
-    """Pairs of solids as Coal sees them: place them first, then ask.
+    """Pairs of solids in Coal: call `place` first, then the queries.
 
     Args:
-        model: The moving arms; None where nothing moves.
-        solids: Its solids.
-        pairs: Pairs of them [index], shape (m, 2).
-        padding: Distance at which a pair counts as touching [m], shape (m,).
+        model: The moving arms; None if nothing moves.
+        solids: The solids.
+        pairs: Pairs of solids [index], shape (m, 2).
+        padding: Distance at which a pair counts as in contact [m], shape (m,).
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class CoalPairs:
         self._geometry = _geometry_model(solids, pairs)
         self._scratch = _geometry_data(self._geometry, padding)
         self._manager = pin.BroadPhaseManager_NaiveCollisionManager(self._pinocchio, self._geometry, self._scratch)
-        # Solids of each branch: index, joint in its own model, placement in the frame of that joint.
+        # Solids of each branch: index, joint in the branch's model, placement in the frame of that joint.
         self._carried: list[list[tuple[int, int, pin.SE3]]] = [[] for _ in self._branches]
         last_joints = [branch.rows.stop for branch in self._branches]
         for k, (solid, shape) in enumerate(zip(solids, self._geometry.geometryObjects, strict=True)):
@@ -93,11 +93,11 @@ class CoalPairs:
         self._padding = padding
         self._hollow = {hollow.pair: hollow for hollow in _hollow_pairs(solids, pairs)}
         for pair in self._hollow:
-            # Coal's test of a surface overlooks shallow contacts; its distance does not.
+            # Coal's collision test of a surface misses shallow contacts; its distance does not.
             self._scratch.deactivateCollisionPair(pair)
 
     def place(self, q: Array) -> None:
-        """Move the solids to where they are at q (nq,)."""
+        """Place the solids at q (nq,)."""
         if self._model is None:
             return
         full, placed = self._model.full(q), self._scratch.oMg
@@ -125,10 +125,10 @@ class CoalPairs:
         return [i for i, found in results if (self._touches(i) if i in self._hollow else found.isCollision())]
 
     def distances(self) -> Array:
-        """Distance of every pair [m], negative where they overlap, shape (m,).
+        """Distance of every pair [m], negative if they overlap, shape (m,).
 
-        Where a body crosses the surface of a mesh that is not convex, it is minus the depth in one of the triangles;
-        where it is wholly inside, minus its distance from the surface.
+        If a body crosses the surface of a non-convex mesh, it is minus the depth in one of the triangles; if the body
+        is entirely inside, it is minus the distance from the surface.
         """
         pin.computeDistances(self._geometry, self._scratch)
         found = np.array([r.min_distance for r in self._scratch.distanceResults], dtype=np.float64)
@@ -137,7 +137,7 @@ class CoalPairs:
         return found
 
     def distance(self, pair: int) -> tuple[float, Array, Array]:
-        """Distance of one pair [m], and the nearest point of each in the world."""
+        """Distance of one pair [m], and the nearest point of each solid in world coordinates."""
         result = pin.computeDistance(self._geometry, self._scratch, pair)
         if result.min_distance < _NO_DISTANCE:
             placement = self._scratch.oMg[self._geometry.collisionPairs[pair].first]
@@ -151,22 +151,22 @@ class CoalPairs:
         return distance, np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
 
     def _touches(self, pair: int) -> bool:
-        """Whether a pair with a mesh that is not convex is nearer than its padding."""
+        """Whether a pair with a non-convex mesh is nearer than its padding."""
         return self.distance(pair)[0] <= float(self._padding[pair])
 
     def _is_inside(self, hollow: _Hollow) -> bool:
-        """Whether a point of the solid, so all of it unless it touches the surface, is inside the mesh."""
+        """Whether a point of the solid is inside the mesh, and thus the whole solid unless it touches the surface."""
         placed = self._scratch.oMg[hollow.surface].actInv(self._scratch.oMg[hollow.solid])
         return any(holds_point(hollow.mesh, placed.act(point)) for point in hollow.points)
 
 
 class _Hollow(NamedTuple):
-    """A pair of a solid and a mesh that is not convex.
+    """A pair of a solid and a non-convex mesh.
 
     Args:
-        pair: Its number.
+        pair: Number of the pair.
         solid: Number of the solid.
-        points: A point of each of its connected parts in its frame, shape (n, 3).
+        points: A point of each of the solid's connected parts, in its frame, shape (n, 3).
         surface: Number of the mesh among the solids.
         mesh: The mesh.
     """
@@ -187,7 +187,7 @@ def _hollow_pairs(solids: tuple[Solid, ...], pairs: NDArray[np.int64]) -> Iterat
 
 
 def _points_in(shape: Shape) -> Array:
-    """A point of a convex shape, of each cell of a cloud, and none of a half-space, which is never inside."""
+    """A point of a convex shape or of each cell of a cloud; none of a half-space, which is never inside."""
     match shape:
         case PointCloud():
             return occupied_cells(shape)
@@ -217,8 +217,8 @@ def _geometry_data(geometry: pin.GeometryModel, padding: Array) -> pin.GeometryD
         request.enable_signed_distance = True
     for request, distance in zip(data.collisionRequests, padding.tolist(), strict=True):
         request.security_margin = distance
-        # Without contacts Coal 3.0.3 answers "free" for balls and capsules whose core lies within
-        # its tolerance of the other shape's surface: centimeters deep, and not seen.
+        # With this flag off, Coal 3.0.3 reports balls and capsules as free if their core lies within its tolerance of
+        # the other shape's surface, even centimeters deep.
         request.enable_contact = True
     _forget_guesses(data.distanceRequests)
     _forget_guesses(data.collisionRequests)
@@ -226,26 +226,27 @@ def _geometry_data(geometry: pin.GeometryModel, padding: Array) -> pin.GeometryD
 
 
 def _forget_guesses(requests: coal.StdVec_DistanceRequest | coal.StdVec_CollisionRequest) -> None:
-    """Start every search afresh: a guess kept from the last one can be NaN, and then spoils all that follow."""
+    """Start every search without a guess: the guess kept from the last one can be NaN, which spoils all later ones."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # the successor of this switch does not turn it off
+        warnings.simplefilter("ignore", DeprecationWarning)  # its successor does not turn guesses off
         for request in requests:
             request.enable_cached_gjk_guess = False
 
 
-# ---- pairs that do not move against each other --------------------------------------------------------
+# ---- pairs with fixed relative poses ------------------------------------------------------------------
 
 _NONE = Nearest(np.inf, (), read_only(np.zeros(3)), read_only(np.zeros(3)))
 
 
 @dataclass(frozen=True, eq=False)
 class StaticPairs:
-    """Distances and contacts of pairs that do not move against each other, whatever q is.
+    """Distances and contacts of pairs that do not move relative to each other, for all q.
 
     Args:
-        distances: Distance of every checked pair [m], inf where its elements move, shape (n_pairs,).
-        touching: (index of the pair, padding - distance [m], point between them) of those that collide.
-        nearest: The nearest of them.
+        distances: Distance of every checked pair [m], inf for elements that move relative to each other, shape
+            (n_pairs,).
+        touching: (index of the pair, padding - distance [m], point between the elements) of each pair in contact.
+        nearest: The nearest of these pairs.
     """
 
     distances: Array
@@ -256,12 +257,12 @@ class StaticPairs:
 def measure_static(
     things: CoalPairs, pairs: tuple[tuple[str, str], ...], owner: NDArray[np.int64], padding: Array
 ) -> StaticPairs:
-    """Measure pairs that do not move against each other.
+    """Measure pairs that do not move relative to each other.
 
     Args:
-        things: Pairs of solids that do not move against each other, in place; at least one.
+        things: Placed pairs of solids that do not move relative to each other; at least one.
         pairs: Names of all checked pairs of elements.
-        owner: For each pair of solids the index in `pairs`, shape (m,).
+        owner: Index in `pairs` of each pair of solids, shape (m,).
         padding: Padding of each pair of solids [m], shape (m,).
     """
     distances, found = np.full(len(pairs), np.inf), things.distances()

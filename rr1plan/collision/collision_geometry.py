@@ -1,11 +1,13 @@
 """The collision geometry of a scene: instances of arms, obstacles near them, and the pairs to check.
 
-An arm that stands still is an obstacle. Arms and obstacles that a moving arm can never come near are left out (see
-`reach_broad_phase.py`), so that the size of everything built here grows with what is near, not with the scene.
+A stationary arm is an obstacle. Arms and obstacles that a moving arm can never come near are omitted (see
+`reach_broad_phase.py`), so the size of everything built here grows with the number of nearby objects, not with the
+scene.
 
-A geometry knows no padding, so scenes that differ in that alone share it as a whole; its parts are shared by content:
-an arm's geometry by all arms with equal robots and held objects, the pairs by all scenes that differ only in where
-things are.
+A geometry does not depend on padding, so scenes that differ only in padding share it as a whole. Its parts are shared
+by
+content: an arm's geometry by all arms with equal robots and held objects, the pairs by all scenes that differ only in
+    the poses of objects.
 """
 
 from __future__ import annotations
@@ -38,15 +40,15 @@ class CollisionGeometry:
     Args:
         scene: The scene.
         arms: The arms that move, in the order of the scene.
-        distance: What is proven to stay farther than this from every moving arm is left out [m].
+        distance: Elements that provably stay farther than this from every moving arm are omitted [m].
 
     Attributes:
         distance: As given.
         instances: The moving arms.
-        obstacles: What does not move: arms that stand still, then obstacles.
+        obstacles: Objects that do not move: stationary arms, then obstacles.
         rules: Which elements must not touch; its `names` are the elements.
         pairs: Which solids must not touch.
-        least_gap: What is left out stays at least this far from every moving arm [m]; inf when nothing is.
+        least_gap: Omitted elements stay at least this far from every moving arm [m]; inf if there are none.
 
     Raises:
         InputError: a shape that cannot be made solid.
@@ -88,10 +90,10 @@ class CollisionGeometry:
         return self.instances.solids(self._arms) + self.obstacles.solids
 
     def check_kinds(self) -> None:
-        """Refuse moving pairs of which neither has a surface to measure from.
+        """Reject moving pairs in which neither solid has a surface to measure from.
 
         Raises:
-            InputError: a half-space or a point cloud that would be checked against another one.
+            InputError: a half-space or a point cloud that would have to be checked against another one.
         """
         if self.pairs.has_unmeasurable:
             both = self.pairs.surfaceless[self.pairs.moving].all(axis=1)
@@ -123,12 +125,12 @@ def _layout(
     elements: tuple[str, ...],
     surfaceless: bytes,
 ) -> tuple[ArmInstances, ContactRules, SolidPairs]:
-    """The moving arms, which elements must not touch, and which solids: the same wherever obstacles are.
+    """The moving arms, and which elements and solids must not touch; independent of the poses of obstacles.
 
     Args:
         arms: The arms that move.
         bases: T_world_base of each of them, as bytes.
-        geometries: Those of these arms and of those that stand near them.
+        geometries: Geometries of these arms and of stationary arms near them.
         held: Name, arm, link and allowed links of each attached object of the scene.
         obstacles: The obstacles near them.
         allowed: Pairs of elements or arms that may touch.
@@ -143,7 +145,7 @@ def _layout(
     robots = [(name, geometry.robot) for name, geometry in geometries]
     rules = rules_of(
         RuleContent(
-            # Links of one arm are no near pair unless it moves.
+            # Links of one arm are a near pair only if the arm moves.
             tuple(
                 (name, robot.base, robot.solid_links, robot.disabled_collisions if name in arms else frozenset())
                 for name, robot in robots
@@ -167,13 +169,13 @@ class SolidPairs:
 
     Args:
         moving: Pairs of solids [index] whose relative pose depends on q, shape (m, 2).
-        moving_owner: For each of those the index in the `checked` of the rules, shape (m,).
-        moving_rows: The same pairs, a half-space or point cloud second, and how many driven joints move both;
+        moving_owner: Index in the `checked` of the rules of each of those, shape (m,).
+        moving_rows: The same pairs, a half-space or point cloud second, and the number of driven joints that move both;
             shape (m, 3).
-        static, static_owner, static_rows: The same of pairs that do not move against each other.
+        static, static_owner, static_rows: Likewise for pairs that do not move relative to each other.
         surfaceless: Which solids are half-spaces or point clouds, shape (n,).
-        has_unmeasurable: Whether both solids of some moving pair are.
-        kept: Tables that were made of them.
+        has_unmeasurable: Whether some moving pair consists of two such solids.
+        kept: Tables derived from them.
     """
 
     moving: _INTS
@@ -216,25 +218,25 @@ def _solid_pairs(
     return SolidPairs(pairs, owners, moving_rows, static, static_owners, static_rows, kinds, unmeasurable)
 
 
-# What lies nearer than this beyond the greatest padding is part of a geometry [m], in steps, so that scenes that differ
-# in padding by millimeters share it.
+# Elements within this distance beyond the greatest padding belong to a geometry [m]; the sum is rounded up to a
+# multiple of `_STEP`, so that scenes whose paddings differ by millimeters share a geometry.
 _NEAR = 0.05
 _STEP = 0.1
 
 
 def geometry_distance(scene: Scene, margin: float) -> float:
-    """How near things have to be to be part of a geometry that serves a margin beyond a scene's padding [m]."""
+    """Distance within which elements belong to a geometry for a scene with a margin beyond its padding [m]."""
     greatest = max((scene.padding, *scene.pair_padding.values())) + margin
     return _STEP * math.ceil((greatest + _NEAR) / _STEP)
 
 
 def collision_geometry(scene: Scene, arms: tuple[str, ...], distance: float) -> CollisionGeometry:
-    """The geometry of a scene and its moving arms, which is kept with the scene.
+    """The geometry of a scene and its moving arms, which the scene keeps.
 
     Args:
         scene: The scene.
         arms: The arms that move, in the order of the scene.
-        distance: See `geometry_distance`; infinite: leave nothing out.
+        distance: See `geometry_distance`; infinite: omit nothing.
     """
     key = ("collision geometry", arms, distance)
     return kept_in(scene.kept_for_any_padding, key, lambda: CollisionGeometry(scene, arms, distance))

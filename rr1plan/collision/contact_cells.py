@@ -1,22 +1,23 @@
-"""Cells of a plane of configurations in which one pair of convex solids provably stays in contact.
+"""Cells of a plane of configurations in which a pair of convex solids provably stays in contact.
 
 A cell is a rectangle of two joint values, c_j - h_j <= q_j <= c_j + h_j. Let A and B be a checked pair, x a point, and
-r_A, r_B the radii of the balls around x that lie in A and in B at the center c. Hold x still in the frame of the last
-joint that moves both. As q goes from c to any place of the cell, joint by joint, the farthest joint first, x moves in
-the frame of A by at most
+r_A, r_B the radii of the balls around x that lie in A and in B at the center c. Fix x in the frame of the last joint
+that moves both. As q goes from c to any point of the cell, one joint after the other, the farthest joint first, x moves
+in the frame of A by at most
 
     t_A = sum over the joints between that frame and A of w_j * rho_j,
 
-where w_j is how far the joint moves in half a cell, and rho_j the distance of x from its axis at c (1 for one that
-slides): each joint turns x about an axis that, seen from the joint's parent, is where it was at c. A rotation by w
-moves x by 2 rho sin(w / 2) <= w rho. A ball of radius r_A around x still holds x after A has moved by t_A <= r_A, and
-likewise for B. So r_A > t_A and r_B > t_B prove that x is in both solids, everywhere in the cell: they touch. A pair
-with padding p touches within p, so r_A + p > t_A will do, where a negative r_A is the distance of x from A. This is the
-bound of Schwarzer, Saha and Latombe, "Adaptive dynamic collision checking" (2005), turned round, at a point instead of
-a body. Whatever x is found, the proof is the two inequalities; `_SLACK` is far above their rounding.
+where w_j is the displacement of the joint in half a cell, and rho_j the distance of x from its axis at c (1 for a
+sliding joint): each joint turns x about an axis whose pose relative to the joint's parent is still that at c. A
+rotation by w moves x by 2 rho sin(w / 2) <= w rho. While t_A <= r_A, x stays in the ball of radius r_A, which moves
+with A, and likewise for B. So r_A > t_A and r_B > t_B prove that x is in both solids everywhere in the cell: they
+touch. A pair with padding p is in contact within p, so r_A + p > t_A suffices, where a negative r_A is minus the
+distance of x from A. This is the bound of Schwarzer, Saha and Latombe, "Adaptive dynamic collision checking" (2005),
+reversed, for a point instead of a body. However x is found, the two inequalities are the proof; `_SLACK` is far above
+their rounding.
 
-The point is searched by alternating projections onto A and B, each shrunk by its t (von Neumann; Bauschke and Borwein,
-"On projection algorithms for solving convex feasibility problems", 1996).
+The point is found by alternating projections onto A and B, each shrunk by its t (von Neumann; Bauschke and Borwein, "On
+projection algorithms for solving convex feasibility problems", 1996).
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ from rr1plan.collision.convex.interior_depth import Interior, interior_of
 from rr1plan.model.arm_model import joint_twist
 from rr1plan.model.scene_model import SceneModel
 
-_SLACK = 1e-6  # [m]; the motion checker takes gaps below as much for contacts
+_SLACK = 1e-6  # [m]; the motion checker counts smaller gaps as contacts
 _ROUNDS = 12
-_AIM = 1.5  # times the depth that is needed
+_AIM = 1.5  # times the required depth
 _RELAXATION = 1.6
-_FACES = 20  # take as long as everything else about a pair
+_FACES = 20  # cost of a pair's other operations, in faces
 Mask = NDArray[np.bool_]
 
 
@@ -46,15 +47,14 @@ class Placed:
     """The joints of a scene at n configurations.
 
     Args:
-        rotations, positions: Of each Pinocchio joint's frame in the world, (n or 1, 3, 3) and (n or 1, 3); 0 is the
-            world itself.
+        rotations, positions: World frame of each Pinocchio joint, (n or 1, 3, 3) and (n or 1, 3); 0 is the world.
     """
 
     rotations: list[Array]
     positions: list[Array]
 
     def rows(self, rows: NDArray[np.intp]) -> Placed:
-        """The same at some of the configurations."""
+        """The joints at some of the configurations."""
         return Placed(
             [R if len(R) == 1 else R[rows] for R in self.rotations],
             [p if len(p) == 1 else p[rows] for p in self.positions],
@@ -62,7 +62,7 @@ class Placed:
 
 
 class JointPlane:
-    """Two joints that move while the others rest: where that puts everything, and how far it moves across a cell.
+    """Two moving joints, all others fixed: poses, and displacements across a cell.
 
     Args:
         model: The scene's model.
@@ -82,7 +82,7 @@ class JointPlane:
         )
 
     def place(self, pairs: Array) -> Placed:
-        """The joints' frames at values of the two joints, shape (n, 2)."""
+        """The joint frames at values of the two joints, shape (n, 2)."""
         q = np.repeat(self._q[None], len(pairs), axis=0)
         q[:, self._columns] = pairs
         values, model = self.model.full(q), self.model.model
@@ -105,7 +105,7 @@ class JointPlane:
         return bool(self._gains[joint - 1].any())
 
     def joints_above(self, joint: int) -> tuple[int, ...]:
-        """The Pinocchio joints between the world and one, itself included, that the two joints move."""
+        """The Pinocchio joints from `joint` to the world that the two joints move."""
         chain = []
         while joint:
             chain += [joint] * self.moves(joint)
@@ -113,11 +113,11 @@ class JointPlane:
         return tuple(chain)
 
     def turn(self, joints: tuple[int, ...], half: Array) -> float:
-        """Largest rotation of these joints in half a cell (2,) [rad]."""
+        """Largest total rotation of these joints in half a cell (2,) [rad]."""
         return float(sum(np.abs(self._gains[j - 1]) @ half for j in joints if not self._slides[j - 1]))
 
     def travel(self, placed: Placed, joints: tuple[int, ...], points: Array, half: Array) -> Array:
-        """Largest motion of points of the world (n, 3) in half a cell (2,) of these joints, t in the proof, (n,)."""
+        """Largest displacement of world points (n, 3) by these joints in half a cell (2,), t in the proof, (n,)."""
         total = np.zeros(len(points))
         for j in joints:
             weight = float(np.abs(self._gains[j - 1]) @ half)
@@ -139,7 +139,7 @@ def _rotations(axis: Array, angles: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """One solid of a pair: its inside, its frame, and the joints that move it against the other one."""
+    """One solid of a pair: its interior, its frame, and the joints that move it relative to the other one."""
 
     interior: Interior
     joint: int
@@ -157,7 +157,7 @@ class _Body:
         placed: Their frames.
         half: Half a cell [rad or m], shape (2,).
         margin: A point this far outside still counts as inside [m].
-        rotation, position: Of the solid in the world, shapes (n, 3, 3) and (n, 3).
+        rotation, position: World pose of the solid, shapes (n, 3, 3) and (n, 3).
     """
 
     side: _Side
@@ -169,13 +169,13 @@ class _Body:
     position: Array
 
     def rows(self, rows: NDArray[np.intp]) -> _Body:
-        """The same at some of the configurations."""
+        """The solid at some of the configurations."""
         placed = self.placed.rows(rows)
         return replace(self, placed=placed, rotation=self.rotation[rows], position=self.position[rows])
 
     @property
     def center(self) -> Array:
-        """Of each, shape (n, 3)."""
+        """A point inside at each configuration, shape (n, 3)."""
         return np.asarray(self.position + self.rotation @ self.side.interior.center)
 
     def travel(self, points: Array) -> Array:
@@ -183,17 +183,17 @@ class _Body:
         return self.plane.travel(self.placed, self.side.joints, points, self.half)
 
     def most_travel(self) -> Array:
-        """The most that t can be anywhere in the solid [m], shape (n,)."""
+        """Upper bound of t for all points of the solid [m], shape (n,)."""
         turn = self.plane.turn(self.side.joints, self.half)
         return self.travel(self.center) + (turn * self.side.interior.radius if turn else 0.0)
 
     def holds(self, points: Array) -> Mask:
-        """Whether points (n, 3) are proven to stay inside all over their cells, shape (n,)."""
+        """Whether points (n, 3) provably stay inside throughout their cells, shape (n,)."""
         depths = self.side.interior.depths(self._local(points), self.margin)
         return np.asarray(depths + self.margin > self.travel(points) + _SLACK)
 
     def nearest(self, points: Array) -> Array:
-        """Points (n, 3) moved inside, deeper than they have to be: projections come to a border only in the limit."""
+        """Points (n, 3) moved inside, deeper than required, as projections reach a border only in the limit."""
         wanted = _AIM * self.travel(points) + 2.0 * _SLACK - self.margin
         local = self._local(points)
         inside = self.side.interior.nearest(local, np.maximum(wanted, 0.0))
@@ -210,10 +210,10 @@ class ContactCells:
     """Certifies cells of two joints in which some checked pair stays in contact.
 
     Args:
-        checker: Of the scene and the arm that moves.
-        q: The configuration of which two columns are replaced [rad or m], shape (nq,).
-        columns: Those two.
-        pairs: Indices of the checker's `solid_pairs` to look at (default: all).
+        checker: Collision checker of the scene and the moving arm.
+        q: The configuration in which two columns are replaced [rad or m], shape (nq,).
+        columns: These two columns.
+        pairs: Indices of the checker's `solid_pairs` to test (default: all).
     """
 
     def __init__(
@@ -235,12 +235,12 @@ class ContactCells:
 
     @property
     def pairs(self) -> int:
-        """Number of pairs of solids to look at."""
+        """Number of tested pairs of solids."""
         return len(self._pairs)
 
     @property
     def effort(self) -> Array:
-        """About how long each pair takes: 1 for round solids and boxes, more for meshes, shape (pairs,)."""
+        """Approximate relative cost of each pair: 1 for round solids and boxes, more for meshes, shape (pairs,)."""
         faces = [max(a.interior.faces, b.interior.faces) for a, b, _ in self._pairs]
         return np.asarray((_FACES + np.array(faces, dtype=np.float64)) / (_FACES + 1.0))
 
@@ -248,13 +248,13 @@ class ContactCells:
         """Certify cells.
 
         Args:
-            centers: Of the cells [rad or m], shape (n, 2).
+            centers: Centers of the cells [rad or m], shape (n, 2).
             half: Half their size [rad or m], shape (2,).
-            near: The pairs to look at, shape (n, pairs).
+            near: The pairs to test, shape (n, pairs).
 
         Returns:
-            Which cells are proven to be blocked, shape (n,); and of the pairs looked at those that may touch somewhere
-            in a cell, shape (n, pairs). That the others do not is an estimate, no proof.
+            Which cells are proven to be blocked, shape (n,); and which of the tested pairs may touch somewhere in a
+            cell, shape (n, pairs). That the others do not touch is an estimate, not a proof.
         """
         placed = self.plane.place(centers)
         blocked, still = np.zeros(len(centers), dtype=np.bool_), near.copy()
@@ -275,7 +275,7 @@ class ContactCells:
 
 
 def _look_at(a: _Body, b: _Body, reach: float) -> tuple[Mask, Mask]:
-    """Decide for each cell whether two solids are proven to stay in contact in all of it, and whether they may touch.
+    """Decide for each cell whether two solids provably stay in contact throughout, and whether they may touch at all.
 
     Args:
         a: One solid.
@@ -307,15 +307,15 @@ def _search(a: _Body, b: _Body, most: Array) -> tuple[Mask, Mask]:
             left = np.flatnonzero(~proven)
             rows, x, last, middle, gap = rows[left], x[left], last[left], middle[left], gap[left]
             a, b = a.rows(left), b.rows(left)
-    # Shrinking the solids by the depths aimed at has widened the gap between them.
+    # Shrinking the solids by the target depths has widened the gap between them.
     near = gap <= _AIM * _AIM * (a.travel(middle) + b.travel(middle)) + most[rows]
-    # Projections onto a solid that is not convex may end where another part of it is nearer.
+    # Projections onto a non-convex solid may end at a point although another part of the solid is nearer.
     may[rows] = near | ~(a.side.interior.convex and b.side.interior.convex)
     return certain, may
 
 
 def columns_between(checker: CoalChecker) -> list[frozenset[int]]:
-    """Of each of the checker's `solid_pairs` the columns of q that change the relative pose of the two."""
+    """For each of the checker's `solid_pairs`, the columns of q that change the relative pose of its solids."""
     chains, columns = _chains(checker), checker.model.columns
     return [
         frozenset(int(columns[joint - 1]) for joint in set(chains[a]) ^ set(chains[b]))
@@ -324,7 +324,7 @@ def columns_between(checker: CoalChecker) -> list[frozenset[int]]:
 
 
 def _chains(checker: CoalChecker) -> list[tuple[int, ...]]:
-    """The driven joints above each solid, root first; none above an obstacle."""
+    """The driven joints above each solid, root first; none for obstacles."""
     instances = checker.geometry.instances
     chains = [instances.chains[group] for group in instances.groups]
     return chains + [()] * (len(checker.solids) - len(chains))

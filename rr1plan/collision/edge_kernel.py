@@ -1,4 +1,4 @@
-"""The certified edge in C: a scene's tables handed over once, then edges and curves certified by one call each."""
+"""The certified edge in C: a scene's tables are passed once, then each edge or curve is certified by one call."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ _threads = threading.local()
 Answer = tuple[int, float, int]
 
 FREE, CONTACT = constants()["EDGE_FREE"], constants()["EDGE_CONTACT"]
-"""What an edge is found to be; grazing ones are neither."""
+"""Results for an edge; grazing edges are neither."""
 
 
 class EdgeCounters(NamedTuple):
     """Counters of collision checks.
 
     Args:
-        edges: Edges and curves certified or refused.
-        exact_edges: Those of them that spheres and directions could not decide.
+        edges: Edges and curves certified or rejected.
+        exact_edges: Those that spheres and directions could not decide.
         configurations: Configurations placed.
-        gaps: Distances of pairs computed finely.
+        gaps: Exact distances computed.
     """
 
     edges: int
@@ -51,9 +51,9 @@ class EdgeCounters(NamedTuple):
 
 
 class ExactKernel:
-    """Distances of pairs of convex bodies in one configuration.
+    """Distances of pairs of convex bodies at one configuration.
 
-    It writes scratch memory, so one thread uses it at a time: a checker calls it while it holds its lock.
+    It writes scratch memory, so only one thread may use it at a time: a checker calls it while holding its lock.
 
     Args:
         tables: The bodies and pairs.
@@ -68,17 +68,17 @@ class ExactKernel:
         self._least_clearance = load_library().rr1_least_clearance
 
     def of_pairs(self, tables: ExactTables) -> ExactKernel:
-        """The kernel of other pairs of the same bodies, no more than its memory serves, in the same memory."""
+        """The kernel for other pairs of the same bodies, as many as its memory allows, in the same memory."""
         other = copy(self)
         other.struct = exact_struct(tables, self.struct.value.column_count, self.struct)
         return other
 
     def least_clearance(self, q: Array, most: float) -> float:
-        """The least distance of any pair beyond its padding [m], `most` at most; -inf where bodies overlap deeply.
+        """The smallest distance of any pair beyond its padding [m], at most `most`; -inf for deep overlaps.
 
         Args:
             q: Configuration [rad or m], shape (nq,).
-            most: Greater distances are not computed [m].
+            most: Larger distances are not computed [m].
         """
         clearance: float = self._least_clearance(self.struct.address, self.scratch.address, q, most)
         return clearance
@@ -87,15 +87,15 @@ class ExactKernel:
 class EdgeKernel:
     """Edges and curves of a scene's moving arms, certified in C.
 
-    It writes scratch memory, so one thread uses it at a time: a checker calls it while it holds its lock.
+    It writes scratch memory, so only one thread may use it at a time: a checker calls it while holding its lock.
 
     Args:
-        tables: What the kernel knows of spheres, cores and pairs.
-        exact: The exact kernel of the same pairs.
+        tables: Spheres, cores and pairs for the kernel.
+        exact: The exact kernel for the same pairs.
         columns: Number of columns of q.
-        tolerance: Motions that pass at less than this beyond the padding are refused [m].
-        library: The compiled kernels (default: the fastest ones this processor can run).
-        fixed: What does not move, to move it; see `move_object`.
+        tolerance: Motions that pass at less than this distance beyond the padding are rejected [m].
+        library: The compiled kernels (default: the fastest ones that this processor can run).
+        fixed: Objects that do not move, for `move_object`.
     """
 
     def __init__(
@@ -122,13 +122,13 @@ class EdgeKernel:
 
     @property
     def context(self) -> tuple[int, int]:
-        """Addresses of the scene's tables and of the scratch memory, as kernels take them in the calling thread."""
+        """Addresses of the scene's tables and of the scratch memory, as arguments of kernels in the calling thread."""
         if self._thread != get_ident():
             self._take_lists()
         return self._context
 
     def _take_lists(self) -> None:
-        """Point lists to the memory of the calling thread; no call reads what an earlier one wrote there."""
+        """Point the lists to the memory of the calling thread; no call reads what an earlier one wrote there."""
         scratch, exact = self._scratch, self._exact.scratch
         size = scratch.room_size(**self._lists)
         both = size + exact.room_size(queue=self._queue)
@@ -152,10 +152,10 @@ class EdgeKernel:
         return rest
 
     def use_padding(self, pairs: PaddedPairs) -> None:
-        """Use another padding, after the padding array of the tables was changed in place.
+        """Switch to another padding, after the padding array of the tables was changed in place.
 
         Args:
-            pairs: The same pairs with clearance maps for it.
+            pairs: The same pairs with clearance maps for the new padding.
         """
         self._scene.set(pairs=pair_struct(pairs, self._scene.part("pairs").part("padding")))
         self._scene.set(max_padding=pairs.greatest)
@@ -170,14 +170,14 @@ class EdgeKernel:
         self._library.rr1_move_objects(*self.context, number, 1, pose)
 
     def certify_edge(self, q0: Array, q1: Array) -> Answer:
-        """Certify the straight line between two configurations; shapes and numbers have been checked.
+        """Certify the straight line between two configurations; shapes and values have been checked.
 
         Args:
             q0: Begin [rad or m], shape (nq,).
             q1: End [rad or m], shape (nq,).
 
         Returns:
-            FREE, CONTACT or GRAZING; where that is found (0..1); which pair (-1: free).
+            FREE, CONTACT or GRAZING; the fraction at which that is decided (0..1); the pair (-1: free).
         """
         self._ends[0], self._ends[1] = q0, q1
         if self._thread != get_ident():
@@ -205,7 +205,7 @@ class EdgeKernel:
             duration: End of the curve; it begins at 0.
 
         Returns:
-            See `certify_edge`, where in units of the duration.
+            See `certify_edge`; the second value is in units of the duration.
         """
         curve = np.ascontiguousarray(curve)
         scratch = self._exact.scratch
@@ -218,7 +218,7 @@ class EdgeKernel:
 
         Args:
             begins: Configurations [rad or m], shape (n, nq).
-            ends: The same.
+            ends: Likewise.
         """
         statuses = np.zeros(len(begins), np.int64)
         begins, ends = np.ascontiguousarray(begins), np.ascontiguousarray(ends)
@@ -234,7 +234,7 @@ class EdgeKernel:
         return memory_image(scene=self._scene, scratch=self._scratch, **roots)
 
     def scratch_bytes(self) -> bytes:
-        """All directions and frames that the last calls left behind, to compare libraries by."""
+        """All directions and frames that the last calls left behind, for comparing libraries."""
         parts = {**self._scratch.targets, **self._exact.scratch.targets}
         return b"".join(part.tobytes() for name, part in parts.items() if name not in (*self._lists, "queue", "exact"))
 

@@ -1,4 +1,4 @@
-"""Objects that do not move, and their convex solids: obstacles, arms that stand still."""
+"""Objects that do not move, and their convex solids: obstacles and stationary arms."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rr1plan.shapes import Mesh, PointCloud, Shape
 from rr1plan.transforms import identity
 
 _SIZE_NUMBERS = SOURCES.item_sizes["ShapeSize"] // 8
-# Shapes that are checked as others; see `obstacle_pieces`.
+# Shapes that are replaced for checking; see `obstacle_pieces`.
 _MADE_SOLID = (Mesh, PointCloud)
 
 
@@ -30,10 +30,10 @@ class ObstacleGeometry:
 
     Args:
         elements: The element that each solid is a part of.
-        shapes: The shape of each.
-        sizes: A `ShapeSize` of each.
-        frames: T_object_solid of each, (4, 4) after (4, 4).
-        counts: How many solids each object has.
+        shapes: The shape of each solid.
+        sizes: A `ShapeSize` for each solid.
+        frames: T_object_solid of each solid, (4, 4) after (4, 4).
+        counts: Number of solids of each object.
         poses: T_world_object of each object, (4, 4) after (4, 4).
     """
 
@@ -64,7 +64,7 @@ class ObstacleGeometry:
         )
 
     def at(self, pose: Array, elements: Sequence[str] | None = None) -> ObstacleGeometry:
-        """The only object elsewhere, with the same elements by default: T_world_object, shape (4, 4)."""
+        """The single object at another pose T_world_object, shape (4, 4), by default with the same elements."""
         elements = self.elements if elements is None else elements
         return ObstacleGeometry(elements, self.shapes, self.sizes, self.frames, self.counts, pose.tobytes())
 
@@ -121,7 +121,7 @@ def obstacle_geometry(obstacles: Mapping[str, Obstacle]) -> ObstacleGeometry:
 
 
 def stationary_arm_geometry(name: str, geometry: ArmGeometry, base: Array, q: Array) -> ObstacleGeometry:
-    """An arm that stands still as solids.
+    """A stationary arm as solids.
 
     Args:
         name: The arm.
@@ -138,9 +138,9 @@ class PlacedArm:
 
     Args:
         solids: Its solids; their elements are names of links and of held objects.
-        bodies: Center and radius of a ball around each of them [m], shape (n, 4).
-        elements: The same of each link and held object with a shape, shape (m, 4).
-        ball: The same of all of them, shape (4,).
+        bodies: Center and radius of a ball around each solid [m], shape (n, 4).
+        elements: Likewise for each link and held object with a shape, shape (m, 4).
+        ball: Likewise for all of them, shape (4,).
     """
 
     solids: ObstacleGeometry
@@ -149,7 +149,7 @@ class PlacedArm:
     ball: Array
 
 
-# Most configurations of an arm whose solids are cached.
+# Configurations of an arm for which placed solids are cached.
 _MOST_PLACED = 1024
 _RELATIVE, _ROUNDING = 1.0 + 1e-9, 1e-9
 
@@ -163,13 +163,13 @@ def placed_arm(geometry: ArmGeometry, q: bytes) -> PlacedArm:
 def _new_placed_arm(geometry: ArmGeometry, q: Array) -> PlacedArm:
     arm_model, tables = geometry.arm_model, arm_tables(geometry).bodies
     data = arm_model.model.createData()
-    # An arm may have no planning joint at all.
+    # An arm may have no planning joints.
     driven = q[np.maximum(arm_model.columns, 0)] if len(q) else 0.0
     pin.forwardKinematics(arm_model.model, data, np.array(arm_model.offsets + arm_model.gains * driven))
     joints = np.array([pose.homogeneous for pose in data.oMi])
     placements = np.array([solid.placement for solid in geometry.solids]).reshape(-1, 4, 4)
     poses = joints[[solid.joint for solid in geometry.solids]] @ placements
-    # Centers of the balls around bodies, in their own frames and where they are.
+    # Centers of the balls around bodies, in their own frames and in the base frame.
     R, t = tables.values[:, :9].reshape(-1, 3, 3), tables.values[:, 9:12]
     local = np.einsum("nji,nj->ni", R, tables.values[:, 12:15] - t)
     centers = np.einsum("nij,nj->ni", poses[:, :3, :3], local) + poses[:, :3, 3]
@@ -183,11 +183,11 @@ def _new_placed_arm(geometry: ArmGeometry, q: Array) -> PlacedArm:
 
 
 def _balls_around(balls: Array, begins: Sequence[int]) -> Array:
-    """A ball around each part of balls (n, 4), of which no part is empty, shape (len(begins), 4).
+    """A ball around each part of balls (n, 4), shape (len(begins), 4); parts are not empty.
 
     Args:
         balls: The balls.
-        begins: Where each part begins, which ends where the next one begins.
+        begins: Where each part begins; it ends where the next one begins.
     """
     if not begins:
         return np.zeros((0, 4))

@@ -1,4 +1,4 @@
-"""The broad phase between arms: who can ever come near a moving arm, by balls that contain all an arm can reach."""
+"""The broad phase between arms: what can ever come near a moving arm, by balls that contain everything it can reach."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from rr1plan.object_cache import kept_in
 from rr1plan.scene import Scene
 
 FEW_OBSTACLES = 64
-"""So many obstacles are never left out: scenes that differ in where these are share their pairs."""
-# Far above the rounding of the sums here, relative and absolute [m].
+"""Up to this many obstacles, none is omitted, so that scenes with obstacles at different poses share their pairs."""
+# Far above the rounding error of the sums here, relative and absolute [m].
 _RELATIVE, _ROUNDING = 1.0 + 1e-9, 1e-9
 
 
@@ -28,11 +28,11 @@ class Near:
     """Arms and obstacles that can come near the moving arms.
 
     Args:
-        arms: Arms that stand still.
+        arms: Stationary arms.
         obstacles: Obstacles.
-        near_pairs: Pairs of arms, and of arms and obstacles, that can come near each other; None: all moving arms
-            with each other and with all obstacles, and no arm stands still.
-        least_gap: All others stay at least this far apart [m].
+        near_pairs: Pairs of arms, and of arms and obstacles, that can come near each other. None: all pairs of moving
+            arms and all pairs of moving arms and obstacles, without stationary arms.
+        least_gap: All other pairs stay at least this far apart [m].
     """
 
     arms: tuple[str, ...]
@@ -52,8 +52,8 @@ def find_near(
 
     Args:
         scene: The scene.
-        geometries: Of its arms.
-        obstacles: Of its obstacles, in their order.
+        geometries: Geometries of its arms.
+        obstacles: Its obstacles, in their order.
         arms: The arms that move.
         distance: The distance [m].
     """
@@ -98,7 +98,7 @@ def bases_of(scene: Scene, arms: Sequence[str]) -> Array:
 def reach_ball(geometry: ArmGeometry) -> Array:
     """A ball that contains an arm in every configuration: center in the frame of its base and radius [m], shape (4,).
 
-    Its radius is infinite where a joint slides: the configurations that are checked need not be within limits.
+    The radius is infinite if a joint slides, because checked configurations need not be within limits.
     """
     return kept_in(geometry.kept, "reach", lambda: _reach_ball(geometry))
 
@@ -111,7 +111,7 @@ def _reach_ball(geometry: ArmGeometry) -> Array:
     if any(joints[joint][1] for joint in driven):
         return np.array([*origins[0], np.inf])
     above = {0: 0} | {joint: _carrier(joints, joints[joint][0]) for joint in driven}
-    # The origin of a joint stays where it is while it lies on the axes of all joints before it.
+    # The origin of a joint is fixed as long as it lies on the axes of all joints before it.
     axes = np.einsum("nij,nj->ni", poses[:, :9].reshape(-1, 3, 3), tables.joint_values[:, 12:15]).tolist()
     anchor = 0
     for joint in driven:
@@ -120,7 +120,7 @@ def _reach_ball(geometry: ArmGeometry) -> Array:
             before = above[before]
         anchor = joint if not before else anchor
     center = origins[anchor]
-    # The largest distance of each joint's origin from the center; two points on one link keep their distance.
+    # The largest distance of each joint's origin from the center; the distance of two points on one link is constant.
     origins[0], beyond = center, {0: 0.0, anchor: 0.0}
     for joint in driven:
         before = above[joint]
@@ -134,7 +134,7 @@ def _reach_ball(geometry: ArmGeometry) -> Array:
 
 
 def _carrier(joints: list[list[int]], joint: int) -> int:
-    """The driven joint that carries what hangs on a joint, 0 for the world."""
+    """The driven joint that carries a joint, 0 for the world."""
     while joint and joints[joint][2] < 0:
         joint = joints[joint][0]
     return joint
@@ -173,7 +173,7 @@ def near_balls(balls: Array, distance: float) -> NDArray[np.int64]:
     """Pairs of balls (n, 4) that are within a distance [m], ascending, shape (m, 2): sweep and prune along x."""
     low, high = balls[:, 0] - balls[:, 3] - distance - _ROUNDING, balls[:, 0] + balls[:, 3] + _ROUNDING
     order = np.argsort(low, kind="stable")
-    # Those whose interval begins before the end of another's, and after its begin.
+    # Those whose interval begins before the end of another one's, and after its begin.
     ends = np.searchsorted(low[order], high[order], side="right")
     counts = ends - np.arange(len(order)) - 1
     one = np.repeat(np.arange(len(order)), counts)

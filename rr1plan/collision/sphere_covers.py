@@ -1,7 +1,8 @@
-"""The spheres that contain links and held objects, to look at and to hand to other programs.
+"""Spheres that contain links and held objects, for display and for other programs.
 
-Three levels: one sphere around the whole, one around each of its convex bodies, and the few tight ones that fill each
-body. All spheres of a level together contain the whole, at every level. The compiled search asks the two finer ones.
+There are three levels: one sphere around the whole element, one around each of its convex bodies, and a few tight ones
+    that fill each body. At every level, all spheres together contain the whole element. The compiled search uses the
+    two finer levels.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from rr1plan.robot import Geometry, Robot
 from rr1plan.scene import Scene
 
 WHOLE, BODIES, PARTS = 0, 1, 2
-# Rounding of a sphere that is moved to where its body is, as a part of how far it is from the origin.
+# Rounding error of a moved sphere, relative to its distance from the origin.
 _ROUNDING = 1e-14
 
 
@@ -57,14 +58,14 @@ def cover_with_spheres(thing: Robot | Scene) -> dict[str, ElementCover]:
     """Spheres that provably contain the collision geometry of everything that moves.
 
     Args:
-        thing: A robot, or a scene with its arms and what they hold. Obstacles are checked as they are.
+        thing: A robot, or a scene with its arms and the objects they hold. Obstacles are checked as they are.
 
     Returns:
-        Of a robot: for each link, in the link's coordinates. Of a scene: for each "arm/link", in the link's
-        coordinates, and each held object, in the object's.
+        For a robot, each link's spheres in the link's coordinates. For a scene, those of each "arm/link" in the link's
+        coordinates, and of each held object in the object's.
 
     Raises:
-        InputError: neither a robot nor a scene, or a shape that cannot be carried.
+        InputError: neither a robot nor a scene, or a shape that an arm cannot carry.
         BackendError: a mesh could not be cut into convex pieces.
     """
     if isinstance(thing, Robot):
@@ -78,7 +79,7 @@ def cover_with_spheres(thing: Robot | Scene) -> dict[str, ElementCover]:
 
 
 def cover_geometries(name: str, geometries: Iterable[Geometry]) -> ElementCover:
-    """Spheres that contain the placed shapes of one rigid thing, which messages call by its name.
+    """Spheres that contain the placed shapes of one rigid element, whose name is used in messages.
 
     Raises:
         InputError: a half-space, a point cloud, or a mesh without volume.
@@ -97,7 +98,7 @@ def cover_geometries(name: str, geometries: Iterable[Geometry]) -> ElementCover:
 
 
 def _placed(made: SphereCover, T: Array) -> tuple[Array, Array]:
-    """The ball around a body, shape (4,), and its spheres, shape (n, 4), where a pose puts them."""
+    """The ball around a body, shape (4,), and its spheres, shape (n, 4), moved by a pose."""
     rows = np.concatenate([made.ball[None], np.column_stack([made.centers, made.radii])])
     centers = rows[:, :3] @ T[:3, :3].T + T[:3, 3]
     far = np.linalg.norm(rows[:, :3], axis=1) + np.linalg.norm(T[:3, 3])
@@ -106,9 +107,9 @@ def _placed(made: SphereCover, T: Array) -> tuple[Array, Array]:
 
 
 def _around(placed: list[tuple[Array, Array]]) -> Array:
-    """A sphere around all bodies, not much larger than the least, shape (4,).
+    """A sphere around all bodies, not much larger than the smallest one, shape (4,).
 
-    It holds each body by its ball or by its spheres, whichever it has to grow less for.
+    It contains each body's ball or all of its spheres, whichever needs the smaller radius.
     """
     parts = np.concatenate([rows for _, rows in placed])
     candidates = [enclosing_ball(parts)[:3], *(ball[:3] for ball, _ in placed)]

@@ -1,4 +1,4 @@
-"""Contacts among what stands still: they do not depend on which arms move, and are found once for a scene."""
+"""Contacts between stationary objects: independent of which arms move, so they are computed once for a scene."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def stationary_contacts(scene: Scene, moving: Sequence[str]) -> tuple[Contact, .
     """Pairs of stationary arms and obstacles that touch or are nearer than their padding, deepest first.
 
     Args:
-        scene: The scene; arms that stand still are in its configurations.
+        scene: The scene, with its stationary arms in their configurations.
         moving: The arms that move.
     """
     if set(scene.arms) <= set(moving):
@@ -68,18 +68,18 @@ def _contacts(scene: Scene) -> Iterator[Contact]:
     for i, j in near.tolist():
         yield from _contacts_between(scene, (names[i], names[j]), geometries)
     for i, j in np.argwhere(box_gaps(balls, boxes) <= padding).tolist():
-        # The base may touch what it stands on.
+        # The base may touch what it is mounted on.
         bodies = placed[i].bodies[_above_base(geometries[names[i]], scene.arms[names[i]])]
         own = placed_balls(bodies[None], scene.arms[names[i]].base[None])[0]
         if (box_gaps(own, boxes[j : j + 1]) <= padding).any():
             yield from _contacts_between(scene, (names[i], obstacles[j]), geometries)
 
 
-# Rounding of a gap that the kernel computed is far below this [m].
+# Far above the rounding error of gaps from the kernel [m].
 ROUNDING = 1e-9
-# Configurations of which an arm's contacts with itself are kept.
+# Configurations of an arm for which contacts with itself are cached.
 _MOST_KEPT = 1024
-# Pairs of parts that are measured at once.
+# Pairs of parts that are measured together.
 _CHUNK = 1 << 18
 
 
@@ -88,8 +88,8 @@ def _still_near(pairs: NDArray[np.int64], parts: Sequence[Array], bases: Array, 
 
     Args:
         pairs: Arms [index], shape (m, 2).
-        parts: Of each arm, balls in the frame of its base [m], shape (k, 4).
-        bases: T_world_base of each, shape (n, 4, 4).
+        parts: For each arm, balls in its base frame [m], shape (k, 4).
+        bases: T_world_base of each arm, shape (n, 4, 4).
         distance: The distance [m].
     """
     counts = np.array([len(balls) for balls in parts], np.int64)
@@ -120,7 +120,7 @@ def _above_base(geometry: ArmGeometry, arm: Arm) -> list[int]:
 
 
 def _own_contacts(scene: Scene, name: str, geometry: ArmGeometry) -> Iterator[Contact]:
-    """Contacts of one arm with itself: those in the frame of its base serve all arms with equal rules."""
+    """Contacts of one arm with itself; those in the base frame are shared by all arms with equal rules."""
     arm = scene.arms[name]
     rules = (*scene.allowed, *scene.pair_padding)
     if rules and any(both & {name, *geometry.elements(name)} for both in rules):
@@ -128,7 +128,7 @@ def _own_contacts(scene: Scene, name: str, geometry: ArmGeometry) -> Iterator[Co
         return
     held = {n: thing for n, thing in scene.attachments.items() if thing.arm == name}
     kept: dict[tuple[Any, ...], tuple[Contact, ...]] = geometry.kept.setdefault("own contacts", {})
-    # What a held object may touch is a rule, and no part of the geometry.
+    # What a held object may touch is a rule, not a part of the geometry.
     key = (arm.q.tobytes(), scene.padding, *(thing.touch for thing in held.values()))
     if key not in kept:
         if len(kept) >= _MOST_KEPT:
@@ -144,7 +144,7 @@ def _own_contacts(scene: Scene, name: str, geometry: ArmGeometry) -> Iterator[Co
 
 
 def _local(element: str, arm: str) -> str:
-    """The name of a link with the arm's left out."""
+    """The name of a link without the arm's name."""
     return element.removeprefix(arm) if "/" in element else element
 
 
@@ -171,7 +171,7 @@ def _contacts_between(
     tables = build_fixed_tables(things, near[chosen], padding)
     nothing = np.zeros(0)
     if tables is not None and ExactKernel(tables, 0).least_clearance(nothing, ROUNDING) >= ROUNDING:
-        return  # mostly, and Coal's objects would take milliseconds
+        return  # the usual case; Coal's objects would take milliseconds
     coal = CoalPairs(None, things.solids, near[chosen], padding)
     coal.place(nothing)
     deepest: dict[tuple[str, str], Contact] = {}

@@ -1,7 +1,7 @@
 """Edges in space and time: motions of some arms, certified among other arms that follow trajectories.
 
-The arms that the checker moves and everything that stands still are a question without time, which `certify_edge.c`
-answers. Pairs of bodies between those arms and the others are certified in continuous time by `certify_timed.c`.
+Pairs of the checker's arms and all stationary objects do not depend on time; `certify_edge.c` checks them. Pairs of
+these arms and the other arms are certified in continuous time by `certify_timed.c`.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from rr1plan.thread_locks import exclusive
 from rr1plan.trajectory import Trajectory
 
 _INTS = NDArray[np.int64]
-# Slices of a motion: their duration [s], and how many there are at most.
+# Slices of a motion: their duration [s], and their largest number.
 _SLICE, _MOST_SLICES = 0.1, 256
-# Lists of open pairs that fit into memory while intervals are halved.
+# Number of lists of open pairs that fit into memory while intervals are halved.
 _LISTS = 16
-_LATEST = 1e9  # times beyond it cost digits [s]
+_LATEST = 1e9  # later times lose precision [s]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TimedContact(Value):
-    """Where a motion first touches something.
+    """First contact of a motion.
 
     Args:
         time: The motion is certified free up to this time [s].
@@ -56,24 +56,25 @@ class TimedContact(Value):
 class TimedChecker:
     """Edges of a checker's arms in space and time, among other arms that follow trajectories.
 
-    Everything that involves the checker's arms counts: themselves, what stands still, and the arms with a trajectory;
-    contacts of those arms with each other or with obstacles do not. Answers are certified in continuous time, as those
-    of `CollisionChecker.edge_is_free`: what passes at less than the checker's tolerance beyond the padding is refused.
+    All pairs that involve the checker's arms are checked: among these arms, with stationary objects, and with the arms
+    that have a trajectory; contacts of those arms with each other or with obstacles are not. Results are certified in
+    continuous time, like those of `CollisionChecker.edge_is_free`: motions that pass at less than the checker's
+    tolerance beyond the padding are rejected.
 
-    An arm rests at the begin of its trajectory before, and at its end after. Times may be any, also before zero.
+    Before its trajectory an arm rests at its begin, and afterwards at its end. Times may be arbitrary, also negative.
 
-    It is made from the checker's scene, margin and tolerance as they are; later changes of the checker do not count.
-    Threads may share an instance, as those of `CollisionChecker`: each waits while another one uses it.
+    Scene, margin and tolerance are those of the checker at construction; later changes of the checker have no effect.
+    Threads may share an instance, like a `CollisionChecker`: each waits while another one uses it.
 
     Args:
         checker: The arms that move along edges, and their scene.
-        motions: Trajectories of other arms of the scene by name, each with all joints of its arm and no others.
-            All other arms stand in their configuration of the scene.
+        motions: Trajectories of other arms of the scene by name, each with exactly the joints of its arm. All other
+            arms keep their configuration of the scene.
 
     Attributes:
         arms: The arms that move along edges.
         joint_names: Names of the columns of q.
-        near_arms: Arms with a trajectory that the checker's arms can reach; the others never matter.
+        near_arms: Arms with a trajectory that the checker's arms can reach; the others are irrelevant.
 
     Raises:
         UnknownNameError: a trajectory of an arm that is not in the scene.
@@ -94,7 +95,7 @@ class TimedChecker:
         return f"TimedChecker(arms={list(self.arms)}, among {list(self._motions)})"
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Pickles as what it was made from."""
+        """Pickle the constructor arguments."""
         alone = self._alone
         return _rebuild, (self._scene, self.arms, alone.margin, alone.tolerance, self._motions)
 
@@ -114,13 +115,13 @@ class TimedChecker:
         return _MovingPairs(whole, self.arms, near)
 
     def edge_is_free(self, q_from: ArrayLike, q_to: ArrayLike, t_from: float, t_to: float) -> bool:
-        """Every configuration on the straight line from q_from at t_from to q_to at t_to, at constant speed, is free.
+        """Whether the straight line from q_from at t_from to q_to at t_to, at constant speed, is free.
 
         Args:
             q_from: Begin [rad or m], shape (nq,).
             q_to: End [rad or m], shape (nq,).
-            t_from: When the arms are at `q_from` [s].
-            t_to: When they are at `q_to` [s], not before `t_from`; equal only where both configurations are.
+            t_from: Time at `q_from` [s].
+            t_to: Time at `q_to` [s], not before `t_from`; equal to it only if both configurations are equal.
 
         Raises:
             InputError: wrong shape, not finite, or times in the wrong order.
@@ -132,7 +133,7 @@ class TimedChecker:
         return pairs is None or pairs.is_free(*_line(q_from, q_to, t_from, t_to), t_from, t_to)
 
     def first_contact(self, q_from: ArrayLike, q_to: ArrayLike, t_from: float, t_to: float) -> TimedContact | None:
-        """When an edge first touches something, or None when it is free.
+        """The first contact on an edge, or None if it is free.
 
         Args:
             q_from: As in `edge_is_free`.
@@ -153,7 +154,7 @@ class TimedChecker:
     def trajectory_is_free(
         self, trajectory: Trajectory, t_from: float | None = None, t_to: float | None = None
     ) -> bool:
-        """Every configuration of a trajectory of the checker's arms is free in an interval of time.
+        """Whether every configuration of a trajectory of the checker's arms is free in an interval of time.
 
         Args:
             trajectory: A motion of these arms; constant before and after its time span.
@@ -172,7 +173,7 @@ class TimedChecker:
     def first_contact_of(
         self, trajectory: Trajectory, t_from: float | None = None, t_to: float | None = None
     ) -> TimedContact | None:
-        """When a trajectory first touches something, or None when it is free.
+        """The first contact on a trajectory, or None if it is free.
 
         Args:
             trajectory: As in `trajectory_is_free`.
@@ -194,10 +195,10 @@ class TimedChecker:
     def _first(
         self, motion: tuple[Array, Array], t_from: float, t_to: float, still: TimedContact | None
     ) -> TimedContact | None:
-        """The earlier of a contact with what stands still and the first one with another arm."""
+        """The earlier of a contact with stationary objects and the first one with another arm."""
         if self._pairs is None:
             return still
-        # Nothing later than the contact is of interest.
+        # Contacts later than `still` do not matter.
         found = self._pairs.first_contact(*motion, t_from, t_to if still is None else still.time)
         if found is None:
             return still
@@ -235,7 +236,7 @@ def _rebuild(
 
 
 class _MovingPairs:
-    """The pairs of bodies between own arms and others, and the motions of the others, as the kernel reads them.
+    """The pairs of bodies between own arms and others, and the motions of the others, for the kernel.
 
     Args:
         whole: A checker of all of these arms together.
@@ -283,11 +284,11 @@ class _MovingPairs:
 
     @exclusive
     def is_free(self, breaks: Array, coefficients: Array, t_from: float, t_to: float) -> bool:
-        """The motion is free in the interval of time.
+        """Whether the motion is free in the interval of time.
 
         Args:
             breaks: Times [s], shape (m + 1,).
-            coefficients: Of the own arms, shape (m, k, nq).
+            coefficients: Coefficients of the own arms, shape (m, k, nq).
             t_from: Begin of the interval [s].
             t_to: End of the interval [s].
         """
@@ -318,7 +319,7 @@ class _MovingPairs:
 
 
 def _arm_of_body(instances: ArmInstances, count: int) -> _INTS:
-    """Of each body the index of its arm, -1 for obstacles, shape (count,)."""
+    """The arm index of each body, -1 for obstacles, shape (count,)."""
     arms = np.full(count, -1, np.int64)
     sizes = [len(geometry.solids) for geometry in instances.geometries]
     arms[: sum(sizes)] = np.repeat(np.arange(len(sizes)), sizes)
@@ -326,7 +327,7 @@ def _arm_of_body(instances: ArmInstances, count: int) -> _INTS:
 
 
 def _all_pairs(whole: CollisionChecker, arms: _INTS, is_own: NDArray[np.bool_]) -> TimedPairs:
-    """The pairs between own arms and others, bodies that no joint moves included; owners index `whole.pairs`."""
+    """The pairs between own arms and others, including bodies that no joint moves; owners index `whole.pairs`."""
     pairs = whole.pair_tables
     rows = np.concatenate([pairs.moving_rows, pairs.static_rows])
     owner = np.concatenate([pairs.moving_owner, pairs.static_owner])
@@ -338,7 +339,7 @@ def _all_pairs(whole: CollisionChecker, arms: _INTS, is_own: NDArray[np.bool_]) 
 def _arm_rows(
     whole: CollisionChecker, is_own: NDArray[np.bool_], motions: Mapping[str, Trajectory]
 ) -> tuple[_INTS, Array, Array, int]:
-    """The kernel's `TimedArm` rows, breaks and coefficients of all motions one behind the other, and all slices."""
+    """The kernel's `TimedArm` rows, breaks and coefficients of all motions one after the other, and all slices."""
     instances = whole.geometry.instances
     joints = [*instances.first_joint.tolist(), len(whole.tables.joints) - 1]
     columns = [*instances.first_column.tolist(), whole.nq]
@@ -366,7 +367,7 @@ def _arm_rows(
 
 
 def _near_arms(scene: Scene, arms: tuple[str, ...], others: tuple[str, ...], distance: float) -> tuple[str, ...]:
-    """The other arms that can come within a distance of the arms in any configurations."""
+    """The other arms that can come within a distance of the arms in any configuration."""
     geometries = geometries_of(scene)
     one, two = (
         placed_balls(np.array([reach_ball(geometries[a]) for a in names]).reshape(-1, 4), bases_of(scene, names))
@@ -405,7 +406,7 @@ def _checked_motions(scene: Scene, arms: tuple[str, ...], motions: Mapping[str, 
 
 
 def _in_order(what: str, trajectory: Trajectory, joints: tuple[str, ...]) -> tuple[Array, Array]:
-    """Breaks, at least two, and coefficients of a trajectory, its columns in the order of these joints."""
+    """Breaks, at least two, and coefficients of a trajectory with columns in the order of these joints."""
     if sorted(trajectory.joint_names) != sorted(joints):
         raise InputError(
             f"{what} has the joints {', '.join(trajectory.joint_names)}, expected {', '.join(joints)}; "
@@ -451,7 +452,7 @@ def _pieces(breaks: Array, coefficients: Array, t_from: float, t_to: float) -> I
             count += 1
             yield (first, shifted_polynomial(curve, first - low), last - first)
     if count == 0:
-        # At rest all the time, or an instant.
+        # At rest throughout, or a single instant.
         yield t_from, _position(breaks, coefficients, t_from)[None], 0.0
 
 

@@ -1,1 +1,1 @@
-"""Convex solids by themselves: hulls, support tables, bounding spheres; and triangle meshes in trees."""
+"""Single convex solids: hulls, support tables, bounding spheres; and trees of mesh triangles."""

@@ -1,11 +1,10 @@
 """Spheres that contain a solid: few, tight, and proven.
 
-A solid is cut into small cells. A sphere holds a cell when it holds the cell's corners, and the cells
-together are the solid, so spheres that hold every cell contain it. Candidates are centered at the cells, with radii
-slightly above the depth of the solid there; the one that holds most of the remaining cells is taken
-next (greedy set cover, Chvatal 1979). Capsules and long cylinders are chains of spheres along their
-axis. Each sphere also knows how large a ball about its center lies wholly inside the solid: what touches
-that ball touches the solid.
+A solid is cut into small cells. A sphere contains a cell if it contains the cell's corners, so spheres that contain
+every cell contain the solid. Candidates are centered at the cells, with radii slightly above the depth of the solid
+there; the one that contains most of the remaining cells is taken next (greedy set cover, Chvatal 1979). Capsules and
+long cylinders are chains of spheres along their axis. Each sphere also has the radius of a concentric ball inside the
+solid: what touches this ball touches the solid.
 """
 
 from __future__ import annotations
@@ -24,17 +23,17 @@ from rr1plan.files.disk_cache import cache_key, load_cached, store_cached
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.shapes.convex_hulls import convex_hull
 
-# How far a sphere may stand out of its solid [m], and how many a solid may have.
+# How far a sphere may protrude from its solid [m], and the largest number of spheres of a solid.
 EXCESS = 0.012
 MOST = 10
 
 _VERSION = "spheres-4"
-# A hull of more corners than this is covered by way of a simpler one around it.
+# Hulls with more corners are covered through a simpler hull around them.
 _MANY = 400
 _DIRECTIONS = 80
-# How much farther out the planes of the simpler one are than they have to be [m]: beyond all rounding.
+# Outward shift of the simpler hull's planes [m]: beyond all rounding.
 _OUTSIDE = 1e-7
-# Rounding in the corners of a part is far below this part of its radius.
+# Far above the rounding error of a part's corners, relative to its radius.
 _SAFETY = 1.0 + 1e-9
 _SIDES = 16
 _CUTS = 8
@@ -48,9 +47,8 @@ class SphereCover:
     Args:
         centers: Centers [m], shape (n, 3).
         radii: Radii [m], shape (n,).
-        inner: Radius of a ball about the same center that lies in the solid [m], shape (n,); -inf
-            where the center lies outside.
-        ball: A sphere that contains the solid: its center and its radius [m], shape (4,).
+        inner: Radius of a concentric ball inside the solid [m], shape (n,); -inf if the center is outside.
+        ball: A sphere that contains the solid: center and radius [m], shape (4,).
     """
 
     centers: Array
@@ -77,7 +75,7 @@ def cover(shape: Shape) -> SphereCover:
         case Cylinder(radius, length) if length > radius:
             return _cylinder(radius, length)
         case Cylinder(radius, length):
-            # Its corners are those of a prism around it: what is inside that may be outside the cylinder.
+            # The corners are those of a prism around it: a ball inside the prism may not be inside the cylinder.
             made = _polytope(_corners(shape))
             rim = radius - np.hypot(made.centers[:, 0], made.centers[:, 1])
             inner = np.minimum(rim, 0.5 * length - np.abs(made.centers[:, 2]))
@@ -101,7 +99,7 @@ def _frozen(centers: Array, radii: Array, inner: Array, ball: Array) -> SphereCo
 
 
 def _capsule(radius: float, length: float) -> SphereCover:
-    """Spheres along the core, the outermost at its ends, so that they are the round ends."""
+    """Spheres along the core; the outermost ones are the round ends."""
     widest = 2.0 * sqrt((radius + EXCESS) ** 2 - radius**2)
     count = min(1 + max(1, ceil(length / widest)), MOST)
     step = length / (count - 1)
@@ -122,7 +120,7 @@ def _cylinder(radius: float, length: float) -> SphereCover:
 
 
 def _corners(shape: Box | Cylinder | Mesh) -> Array:
-    """Points whose convex hull contains the shape: all but equal to it."""
+    """Points whose convex hull contains the shape and nearly equals it."""
     match shape:
         case Box(size):
             return np.array(np.meshgrid(*([-0.5 * s, 0.5 * s] for s in size))).reshape(3, -1).T
@@ -148,14 +146,14 @@ def _polytope(corners: Array) -> SphereCover:
 
 
 def _fill(corners: Array) -> SphereCover:
-    """The tightest spheres that are few enough."""
+    """The tightest spheres within the limit on their number."""
     planes, cells = _planes(corners), _cells(corners)
-    # Cells have different numbers of corners; the last one repeated changes nothing.
+    # Cells have different numbers of corners; repeating the last one changes nothing.
     count = max(len(cell) for cell in cells)
     points = np.array([np.concatenate([cell, np.repeat(cell[-1:], count - len(cell), axis=0)]) for cell in cells])
     centers = points.mean(axis=1)
     depth = -(centers @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-    # How large a sphere about each candidate has to be to hold each cell.
+    # Radius that a sphere about each candidate needs to contain each cell.
     needed = np.array([np.linalg.norm(points - center, axis=2).max(axis=1) for center in centers])
     excess = EXCESS
     while (taken := _choose(needed, depth + excess)) is None:
@@ -166,13 +164,13 @@ def _fill(corners: Array) -> SphereCover:
 
 
 def _fill_around(corners: Array) -> SphereCover:
-    """Spheres that contain a simpler hull around many corners; of balls inside nothing is known then."""
+    """Spheres that contain a simpler hull around many corners; balls inside are then unknown."""
     made = _fill(_simpler(corners))
     return _frozen(made.centers, made.radii, np.full(len(made.radii), -np.inf), made.ball)
 
 
 def _simpler(corners: Array) -> Array:
-    """Corners of a hull with few faces that contains the given points: what a set of planes leaves."""
+    """Corners of a hull with few faces around the given points: an intersection of half-spaces."""
     from scipy.spatial import HalfspaceIntersection, QhullError
 
     height = 1.0 - 2.0 * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
@@ -186,14 +184,14 @@ def _simpler(corners: Array) -> Array:
             HalfspaceIntersection(np.column_stack([normals, -offsets]), corners.mean(axis=0)).intersections
         )
     except QhullError:
-        # All but flat: the box along its own axes.
+        # Nearly flat: take the box along its own axes.
         high, low = offsets[-6:-3], -offsets[-3:]
         box = _corners(Box((1.0, 1.0, 1.0))) * (high - low) + 0.5 * (high + low)
         return np.asarray(box @ axes)
 
 
 def _choose(needed: Array, allowed: Array) -> tuple[Array, Array] | None:
-    """Candidates that together hold all cells, and the radius of each; None if there would be too many."""
+    """Candidates that together contain all cells, and their radii; None if there would be too many."""
     holds = needed <= allowed[:, None]
     if not holds.any(axis=0).all():
         return None
@@ -204,7 +202,7 @@ def _choose(needed: Array, allowed: Array) -> tuple[Array, Array] | None:
             return None
         chosen.append(int((holds & left).sum(axis=1).argmax()))
         left &= ~holds[chosen[-1]]
-    # Each cell goes to the sphere that has to grow least for it: the others shrink.
+    # Assign each cell to the sphere that needs the smallest growth, so that the others shrink.
     kept = np.array(chosen)
     owner = np.where(holds[kept], needed[kept] - allowed[kept][:, None], np.inf).argmin(axis=0)
     radii = np.array([needed[c, owner == i].max(initial=0.0) for i, c in enumerate(chosen)])
@@ -212,7 +210,7 @@ def _choose(needed: Array, allowed: Array) -> tuple[Array, Array] | None:
 
 
 def _cells(corners: Array) -> list[Array]:
-    """A polytope cut in halves across its main axes until its parts are small: their corners."""
+    """Corners of the small parts of a polytope that is halved across its main axes."""
     axes = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2]
     largest = float(np.ptp(corners @ axes.T, axis=0).max()) / _CUTS
     cells, left = [], [corners]
@@ -234,12 +232,12 @@ def _planes(corners: Array) -> Array:
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals = normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
-    # Of all corners, not of the face alone: slivers have poor normals.
+    # Over all corners, not those of the face alone: slivers have poor normals.
     return np.column_stack([normals, -(normals @ corners.T).max(axis=1)])
 
 
 def _cut(points: Array, height: Array) -> list[Array]:
-    """Corners of the two parts of a hull on both sides of a plane, of which the points have these heights."""
+    """Corners of the two parts of a hull on both sides of a plane, given the heights of the points above it."""
     above, below = points[height > 0.0], points[height <= 0.0]
     up, down = height[height > 0.0][:, None], height[height <= 0.0][None, :]
     # All segments across the plane, not only the edges: the others end inside.
@@ -251,7 +249,7 @@ def _cut(points: Array, height: Array) -> list[Array]:
 
 
 def _outline(points: Array) -> NDArray[np.intp]:
-    """Indices of the corners of the hull of points that lie in a plane."""
+    """Indices of the corners of the hull of coplanar points."""
     from scipy.spatial import ConvexHull, QhullError
 
     flat = points - points.mean(axis=0)

@@ -1,6 +1,6 @@
 """Shapes as Coal's collision geometries.
 
-All are solid except concave meshes of obstacles, which are surfaces to Coal; `coal_pairs.py` adds their interior.
+All are solid except concave meshes of obstacles, which are surfaces in Coal; `coal_pairs.py` adds their interior.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, 
 from rr1plan.shapes.convex_decomposition import convex_pieces
 from rr1plan.shapes.convex_hulls import convex_hull, is_own_hull
 
-# Octomap's keys have 16 bits: cells farther out would be dropped in silence.
+# Octomap's keys have 16 bits: it drops cells farther out silently.
 _OCTREE_REACH = 32_000
 
 
 def solid_pieces(shape: Shape) -> tuple[Shape, ...]:
-    """The shape as shapes that Coal treats as solid: itself, or the convex pieces of a mesh.
+    """The shape as solids for Coal: itself, or the convex pieces of a mesh.
 
     Raises:
         InputError: a mesh without volume, or a point cloud too far out for an octree.
@@ -37,7 +37,7 @@ def solid_pieces(shape: Shape) -> tuple[Shape, ...]:
 
 
 def obstacle_pieces(shape: Shape) -> tuple[Shape, ...]:
-    """The shape of an obstacle as what is checked: itself, or of a convex mesh its hull.
+    """The shape of an obstacle as it is checked: itself, or the hull of a convex mesh.
 
     Raises:
         InputError: a point cloud too far out for an octree.
@@ -53,7 +53,7 @@ def _obstacle_mesh(mesh: Mesh) -> tuple[Mesh, ...]:
 
 
 def is_concave(shape: Shape) -> TypeGuard[Mesh]:
-    """Whether it is a mesh that is checked triangle by triangle."""
+    """Whether a shape is a mesh that is checked triangle by triangle."""
     return isinstance(shape, Mesh) and not shape.convex
 
 
@@ -61,17 +61,16 @@ _SURFACELESS = (HalfSpace, PointCloud, Mesh)
 
 
 def is_surfaceless(shape: Shape) -> bool:
-    """Whether it is a half-space, a point cloud or a concave mesh: distances are measured to it, not from it."""
+    """Whether a shape is a half-space, a point cloud or a concave mesh: distances are measured to it, not from it."""
     return isinstance(shape, _SURFACELESS) and not (isinstance(shape, Mesh) and shape.convex)
 
 
 def cut_meshes(scene: Scene, progress: ProgressCallback) -> None:
-    """Make the convex pieces of all concave meshes that move, which may take long, ahead of their use.
+    """Decompose all concave meshes that move into convex pieces, which may take long, before they are used.
 
     Args:
         scene: The scene.
-        progress: Called about ten times a second, its fraction the share of the time allowed that is spent; False
-            cancels.
+        progress: Called about ten times a second, with the spent fraction of the allowed time; returns False to cancel.
 
     Raises:
         InputError: a mesh without volume, or one whose decomposition takes too long (both with its element's name).
@@ -96,7 +95,7 @@ def _cut(element: str, mesh: Mesh, progress: ProgressCallback) -> None:
 
 
 def _check_reach(cloud: PointCloud) -> None:
-    """Refuse a point cloud so large for its resolution that Coal's octree would lose cells."""
+    """Reject a point cloud so large for its resolution that Coal's octree would lose cells."""
     reach = float(np.abs(cloud.points).max()) / cloud.resolution
     if reach > _OCTREE_REACH:
         raise InputError(
@@ -107,7 +106,7 @@ def _check_reach(cloud: PointCloud) -> None:
 
 @dataclass(frozen=True)
 class _Whole:
-    """A mesh to be cut into pieces, and who is told how far that is."""
+    """A mesh to decompose, and the progress callback."""
 
     mesh: Mesh
     progress: ProgressCallback | None = field(default=None, compare=False)
@@ -150,7 +149,7 @@ def _coal_geometry(shape: Shape) -> coal.CollisionGeometry:
             return coal.Halfspace(np.array(normal), offset)
         case PointCloud():
             _check_reach(shape)
-            # The cells' centers, not the points: a point on a cell's face then cannot fall on either side.
+            # Centers of cells, not the points: a point on a face between two cells could be assigned to either.
             return coal.makeOctree(occupied_cells(shape), shape.resolution)
         case _:
             return _convex(shape) if shape.convex else surface_of(shape)
@@ -167,15 +166,15 @@ def _convex(mesh: Mesh) -> coal.CollisionGeometry:
 
 # ---- concave meshes ------------------------------------------------------------------------------------
 
-# Far below a micrometer, as a share of a mesh's size.
+# Far below a micrometer, relative to the size of a mesh.
 _A_LITTLE = 1e-12
 
 
 def surface_of(mesh: Mesh) -> coal.BVHModelOBBRSS:
-    """A mesh as Coal's hierarchy of triangles: a body wholly inside does not touch it."""
+    """A mesh as Coal's hierarchy of triangles: a body entirely inside does not touch it."""
     corners = mesh.vertices[mesh.faces]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    # A sphere is in contact with any triangle that has no area at all, says Coal.
+    # Coal reports a sphere in contact with any triangle of zero area.
     corners[areas == 0.0] += _A_LITTLE * float(np.abs(corners).max()) * np.eye(3)
     vertices, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     vertices.extend(list(corners.reshape(-1, 3)))
@@ -188,9 +187,9 @@ def surface_of(mesh: Mesh) -> coal.BVHModelOBBRSS:
 
 
 def holds_point(mesh: Mesh, point: Array) -> bool:
-    """Whether a point (3,) in the mesh's frame is inside its closed parts: they wind around it.
+    """Whether a point (3,) in the mesh's frame is inside its closed parts, by winding number.
 
-    The solid angle of each triangle: Van Oosterom, Strackee, The Solid Angle of a Plane Triangle, 1983.
+    Solid angle of each triangle: Van Oosterom, Strackee, The Solid Angle of a Plane Triangle, 1983.
     """
     low, high, triangles = _closed_triangles(mesh)
     if (point < low).any() or (point > high).any():
@@ -205,7 +204,7 @@ def holds_point(mesh: Mesh, point: Array) -> bool:
 
 @lru_cache(maxsize=64)
 def _closed_triangles(mesh: Mesh) -> tuple[Array, Array, Array]:
-    """Corners of the triangles of closed parts, shape (n, 3, 3), and the ends of the box around them."""
+    """Corners of the triangles of closed parts, shape (n, 3, 3), and the corners of the box around them."""
     turns = orientations_of(mesh)
     faces = np.where(turns[:, None] < 0, mesh.faces[:, ::-1], mesh.faces)[turns != 0]
     corners = mesh.vertices[faces]

@@ -1,4 +1,4 @@
-"""Points whose hull, widened by a radius, is a solid: what separating directions are measured with.
+"""Convex cores: points whose hull, widened by a radius, is a solid. Separating directions are tested on them.
 
 Large hulls have support tables: the few vertices that can be the lowest along the directions of a cell.
 """
@@ -23,16 +23,16 @@ _KIND = constants()
 
 
 class CoreTables(NamedTuple):
-    """Convex cores as `arm_geometry.h` has them.
+    """Convex cores as in `arm_geometry.h`.
 
     Args:
-        rows: Frame, first and last row of `points`, kind of core, first row of `blocks`, first of `lowest` and how
-            many corners share a bit there (0: no table); shape (c, 7).
-        values: A point in the core, the radius around the core, how far the core reaches from the point [m], and
-            the rotation, row by row, from the axes of `lowest`; shape (c, 14).
-        points: Corners of a core in its frame; of a cylinder center, axis, half length and radius; shape (p, 3).
+        rows: Frame, first and last row of `points`, kind of core, first row of `blocks`, first row of `lowest`, and
+            number of corners per bit there (0: no table); shape (c, 7).
+        values: A point in the core, the radius around the core, the distance that the core reaches from the point [m],
+            and the rotation from the axes of `lowest`, row by row; shape (c, 14).
+        points: Corners of a core in its frame; for a cylinder, center, axis, half length and radius; shape (p, 3).
         blocks: Ball around each block of corners of a core: center and radius; shape (n, 4).
-        lowest: Support tables: which corners can be the lowest along the directions of each cell.
+        lowest: Support tables: the corners that can be the lowest along the directions of each cell.
     """
 
     rows: _INTS
@@ -56,7 +56,7 @@ _NONE = np.zeros(0, np.int64)
 
 
 class Cores:
-    """Rows of the kernel's tables, as they are added."""
+    """Rows of the kernel's tables, while they are added."""
 
     def __init__(self) -> None:
         self._rows: list[tuple[int, ...]] = []
@@ -105,7 +105,7 @@ NO_CORES = Cores().tables()
 
 
 def joined_cores(parts: Sequence[CoreTables]) -> tuple[CoreTables, list[int]]:
-    """Tables as one, and how many cores come before those of each part."""
+    """Tables joined into one, and the number of cores before those of each part."""
     before, points, blocks, words = [0], 0, 0, 0
     full = []
     for part in parts:
@@ -130,22 +130,22 @@ def shape_core(shape: Shape) -> CoreTables:
 @lru_cache(maxsize=512)
 def _blocks(shape: Shape) -> tuple[Array, Array, _INTS]:
     points, balls = in_vertex_blocks(extremes(shape))
-    # Few corners are all looked at.
+    # Few corners are all tested.
     lowest = support_cells(points) if len(points) > _KIND["BLOCK_POINTS"] else _NONE
     return read_only(points), read_only(balls), read_only(lowest)
 
 
 def _placed_blocks(shape: Shape, rotate: Array, shift: Array) -> tuple[Array, Array, _INTS, int]:
-    """Points of a shape's core in blocks, and balls around these, in a frame; its lowest corners, and per bit."""
+    """Core points of a shape in blocks and balls around these, in a frame; its support table and corners per bit."""
     points, balls, lowest = _blocks(shape)
-    # The rounding of a product with a rotation and a sum.
+    # Rounding error of a product with a rotation and a sum.
     radii = balls[:, 3] + 1e-14 * (1.0 + float(np.abs(shift).max()))
     balls = np.column_stack([balls[:, :3] @ rotate.T + shift, radii])
     return points @ rotate.T + shift, balls, lowest, corners_per_bit(len(points)) if len(lowest) else 0
 
 
 def extremes(shape: Shape) -> Array:
-    """Points of a shape's core that no other point of it is farther out than, in its frame, shape (n, 3)."""
+    """Points of a shape's core, in its frame, whose hull contains the core, shape (n, 3)."""
     match shape:
         case Sphere():
             return np.zeros((1, 3))
@@ -154,7 +154,7 @@ def extremes(shape: Shape) -> Array:
         case Box(size):
             return _around(0.5 * np.array(size))
         case Cylinder(radius, length):
-            # The corners of its bounding box are farther out than any of its points.
+            # The corners of the bounding box, whose hull contains the cylinder.
             return _around(np.array([radius, radius, 0.5 * length]))
         case _:
             assert isinstance(shape, Mesh)
@@ -162,7 +162,7 @@ def extremes(shape: Shape) -> Array:
 
 
 def _around(half: Array) -> Array:
-    """Corners of a box of so much to both sides, shape (8, 3)."""
+    """Corners of a box with these half sizes, shape (8, 3)."""
     return np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
 
 
@@ -202,7 +202,7 @@ def in_vertex_blocks(points: Array) -> tuple[Array, Array]:
 
 
 def _split(points: Array) -> list[Array]:
-    """Points cut in halves across their longest side again and again, of whole blocks where there is more than one."""
+    """Points halved repeatedly across their longest side, into whole blocks where there is more than one."""
     if len(points) == 1:
         return [points[0]]
     order = np.argsort(points[:, np.ptp(points, axis=0).argmax()], kind="stable")
@@ -213,16 +213,16 @@ def _split(points: Array) -> list[Array]:
 
 # ---- support tables ------------------------------------------------------------------------------------
 
-# Directions are cells of two squares, one for each side of the third axis, as in an octahedron unfolded:
-# n / (|n_1| + |n_2| + |n_3|) without its third number. Within a cell that is linear, so a corner that is higher than
-# another one along the directions at the cell's ends is so along all of its directions, and cannot be the lowest.
+# Directions are cells of two squares, one for each side of the third axis, as in an unfolded octahedron: the first two
+# coordinates of n / (|n_1| + |n_2| + |n_3|). This map is linear within a cell, so a corner that is higher than another
+# one along the directions at the cell's corners is higher along all of its directions, and cannot be the lowest.
 
 DIRECTION_CELLS = _KIND["DIRECTION_CELLS"]
 """Cells of directions along each side of the two squares (`support_table.h`)."""
 WORD = 63
 """Bits of a word that are used."""
 _CELLS_VERSION = "lowest-corners-1"
-# Corners count as equally low within this part of the body's size: beyond all rounding.
+# Corners count as equally low within this fraction of the body's size: beyond all rounding.
 _EQUALLY_LOW = 1e-9
 
 
@@ -232,7 +232,7 @@ def corners_per_bit(count: int) -> int:
 
 
 def support_cells(points: Array) -> NDArray[np.int64]:
-    """Vertices that can be the lowest along the directions of each cell: a bit for each `corners_per_bit` of them.
+    """Vertices that can be the lowest along the directions of each cell, as bits for `corners_per_bit` vertices each.
 
     Args:
         points: Corners [m], shape (n, 3).
@@ -256,7 +256,7 @@ def _words(points: Array) -> NDArray[np.int64]:
     slack = _EQUALLY_LOW * float(np.abs(points - middle).max())
     words = np.empty(ends.shape[:2], np.int64)
     for row, (directions, beyond) in enumerate(zip(ends, counts, strict=True)):
-        # Ends that are not directions of the cell tell nothing: there all corners are the same.
+        # Cell corners beyond the octahedron are not directions of the cell: they must not exclude any vertex.
         heights = np.where(beyond, 0.0, directions @ (points - middle).T)
         kept = np.ones((heights.shape[0], heights.shape[2]), np.bool_)
         for rival in (*heights.argmin(axis=2).T, heights.sum(axis=1).argmin(axis=1)):
@@ -269,7 +269,7 @@ def _words(points: Array) -> NDArray[np.int64]:
 
 @cache
 def _ends() -> tuple[Array, NDArray[np.bool_]]:
-    """Directions at the four ends of the cells of each row, and which of them are beyond the octahedron."""
+    """Directions at the four corners of each cell, row by row, and which of them are beyond the octahedron."""
     at = np.linspace(-1.0, 1.0, DIRECTION_CELLS + 1)
     u, v = np.meshgrid(at, at, indexing="ij")
     height = 1.0 - np.abs(u) - np.abs(v)

@@ -33,5 +33,5 @@ def around_points(points: Array) -> Array:
 
 
 def ball_reach(balls: Array, center: Array) -> Array:
-    """How large a ball about a center (3,) has to be to hold each of some balls (n, 4) [m], shape (n,)."""
+    """Radius that a ball about a center (3,) needs to contain each of some balls (n, 4) [m], shape (n,)."""
     return np.array(np.linalg.norm(balls[:, :3] - center, axis=1) + balls[:, 3])

@@ -1,9 +1,10 @@
-"""How deep points lie inside a solid, for arrays of points.
+"""Depths of points inside a solid, for arrays of points.
 
-For each kind of solid two functions of points in its own frame. `depths` is the radius of the ball around a point that
-is known to fit into the solid; where it is negative, the solid is known to be that near. It may understate, never
-overstate, beyond rounding. `nearest` moves points to where the depth is at least a wanted one; it is where searches go
-next, and nothing is proven by it.
+Each kind of solid has two functions of points in its own frame. `depths` is a lower bound, up to rounding, of the
+signed
+depth: if it is positive, a ball of this radius around the point fits into the solid; if it is negative, the solid is
+    within this distance. `nearest` moves points to where the depth reaches a wanted value; it guides searches, and no
+    proof relies on it.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, 
 
 _TINY = 1e-300
 _ORIGIN = read_only(np.zeros(3))
-# Steps onto the most violated face of a polytope, per call.
+# Steps onto the most violated face of a polytope, for each call.
 _STEPS = 4
 
 
 class Interior(Protocol):
-    """The inside of a solid."""
+    """The interior of a solid."""
 
     @property
     def center(self) -> Array:
@@ -37,34 +38,34 @@ class Interior(Protocol):
 
     @property
     def radius(self) -> float:
-        """Every point of the solid is this near to `center` [m]; inf for a half-space."""
+        """All points of the solid are within this distance of `center` [m]; inf for a half-space."""
         ...
 
     @property
     def convex(self) -> bool:
-        """Whether a point nearest to another one is so everywhere."""
+        """Whether a locally nearest point is the globally nearest one."""
         ...
 
     @property
     def faces(self) -> int:
-        """Number of planes that are looked at for each point; 1 for round solids and boxes."""
+        """Number of planes that are tested for each point; 1 for round solids and boxes."""
         ...
 
     def depths(self, points: Array, margin: float) -> Array:
         """Lower bound of the signed depth of points (n, 3) [m], positive inside, shape (n,).
 
-        It may be coarse where a point is farther outside than `margin` [m].
+        It may be coarse for points farther outside than `margin` [m].
         """
         ...
 
     def nearest(self, points: Array, depth: Array) -> Array:
-        """Points (n, 3) moved to a wanted depth (n,) >= 0 [m], or as deep as the solid is, shape (n, 3)."""
+        """Points (n, 3) moved to a wanted depth (n,) >= 0 [m], or as deep as the solid allows, shape (n, 3)."""
         ...
 
 
 @lru_cache(maxsize=256)
 def interior_of(shape: Shape) -> Interior:
-    """The inside of a solid: one of the shapes that `solid_pieces` gives."""
+    """The interior of a solid: one of the shapes that `solid_pieces` returns."""
     match shape:
         case Sphere(radius):
             return _Round(radius, 0.0)
@@ -111,7 +112,7 @@ class _Round:
 
 
 def _box_depths(beyond: Array) -> Array:
-    """Depth below faces that meet at right angles, by how far points are beyond each (n, k), shape (n,)."""
+    """Depth below perpendicular faces, from the distances of points beyond each face (n, k), shape (n,)."""
     outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
     return np.asarray(np.where(outside > 0.0, -outside, -beyond.max(axis=1)))
 
@@ -200,7 +201,7 @@ class _PolytopeInterior:
         return np.asarray(depth)
 
     def _inside(self, points: Array) -> Array:
-        """Points pulled towards the center until they are inside."""
+        """Points pulled toward the center until they are inside."""
         room, rays = self._offsets - self._normals @ self.center, points - self.center
         reach = (rays @ self._normals.T / room).max(axis=1)
         return np.asarray(self.center + rays / np.maximum(reach, 1.0)[:, None])
@@ -215,7 +216,7 @@ class _PolytopeInterior:
 
 
 class _SurfaceInterior:
-    """A mesh that is not convex, by the nearest point of its surface."""
+    """A non-convex mesh, by the nearest point of its surface."""
 
     convex = False
 
@@ -236,7 +237,7 @@ class _SurfaceInterior:
 
     def nearest(self, points: Array, depth: Array) -> Array:
         found, vectors = self._measured(points)
-        # Inwards is towards the surface from outside, away from it from inside.
+        # Inward is toward the surface from outside, away from it from inside.
         share = (found - depth) / np.maximum(np.abs(found), _TINY)
         return np.asarray(
             points + np.where((found < depth) & (found != 0.0), share * np.sign(found), 0.0)[:, None] * vectors
@@ -244,7 +245,7 @@ class _SurfaceInterior:
 
 
 class _CloudInterior:
-    """A point cloud by the cell whose center is nearest to a point."""
+    """A point cloud, by the cell whose center is nearest to a point."""
 
     convex = False
 

@@ -1,11 +1,11 @@
-"""Triangle meshes that are not convex, as the kernels read them: triangles in the leaves of a tree of boxes.
+"""Non-convex triangle meshes for the kernels: triangles in the leaves of a tree of boxes.
 
-A node has eight children, whose boxes are tested at once. Triangles are put in order by halving across the longest side
-of their centroids, at whole leaves and whole nodes, so that eight neighbors in that order make a node, on every level.
+A node has eight children, whose boxes are tested at once. Triangles are sorted by halving across the longest side of
+their centroids, at whole leaves and whole nodes, so that on every level eight consecutive items make a node.
 
-What is inside is decided part by part, a part being triangles that are connected by edges which no third one has. Faces
-that disagree with their neighbors about the outside are turned round. Then each edge of a closed part is run along as
-often in one direction as in the other; any other part is open and has no inside.
+The interior is determined for each part; triangles belong to one part if they are connected by edges that no third
+triangle has. Faces whose orientation disagrees with their neighbors are reversed. Then a closed part uses each edge
+equally often in both directions; any other part is open and has no interior.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from rr1plan.shapes import Mesh
 
 _INTS = NDArray[np.int64]
 LANES = constants()["LANES"]
-# Where there is no child (`MESH_NOWHERE`).
+# The position of absent children (`MESH_NOWHERE`).
 _NOWHERE = 1e30
 
 
 @dataclass(frozen=True, eq=False)
 class MeshTree:
-    """Triangles under a tree of boxes, in the frame of the box around them; rows as in `mesh_tables.h`.
+    """Triangles in a tree of boxes, in the frame of the box around them; rows as in `mesh_tables.h`.
 
     Args:
-        ranges: Root, and 1 if some triangles enclose a volume, of each mesh, shape (m, 2).
+        ranges: For each mesh its root, and 1 if some triangles enclose a volume, shape (m, 2).
         nodes: Boxes of the children of each node, shape (n, 48).
         children: First child of each node, shape (n,).
         triangles: Corners of the triangles [m], shape (t, 9).
@@ -105,7 +105,7 @@ def joined_trees(parts: Sequence[MeshTree]) -> MeshTree:
 
 
 def _grouped(low: Array, high: Array, count: int) -> tuple[Array, Array, Array]:
-    """Boxes (n, 3) of which each eight make a node: the boxes of these, and their rows, shape (count, 48)."""
+    """Boxes (n, 3) in nodes of eight: the boxes of the nodes, and their rows, shape (count, 48)."""
     ends = np.full((2, count * LANES, 3), _NOWHERE)
     ends[0, : len(low)], ends[1, : len(high)] = low, high
     lows, highs = ends.reshape(2, count, LANES, 3)
@@ -115,7 +115,7 @@ def _grouped(low: Array, high: Array, count: int) -> tuple[Array, Array, Array]:
 
 
 def _in_order(points: Array) -> _INTS:
-    """An order of points in which neighbors follow each other, eight by eight, and eight of those by eight."""
+    """An order in which neighboring points are consecutive: groups of eight, groups of eight such groups, and so on."""
     done: list[_INTS] = []
     waiting = [np.arange(len(points))]
     while waiting:
@@ -133,7 +133,7 @@ def _in_order(points: Array) -> _INTS:
     return np.concatenate(done)
 
 
-# ---- inside ----------------------------------------------------------------------------------------
+# ---- interior --------------------------------------------------------------------------------------
 
 
 def orientations_of(mesh: Mesh) -> _INTS:
@@ -153,13 +153,13 @@ def orientations_of(mesh: Mesh) -> _INTS:
     links = triangle[shared]
     graph = coo_matrix((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(count, count))
     number, part = connected_components(graph, directed=False)
-    # Edges of each part, as several parts may meet in one.
+    # Edges of each part, as several parts may share an edge.
     _, edge = np.unique(part[triangle] * len(sharing) + edge, return_inverse=True)
     part_of_edge = np.zeros(edge.max() + 1, np.int64)
     part_of_edge[edge] = part[triangle]
 
     def closed(turns: _INTS) -> NDArray[np.bool_]:
-        """Parts that traverse each of their edges as often in one direction as in the other."""
+        """Parts that use each of their edges equally often in both directions."""
         balance = np.bincount(edge, weights=direction * turns[triangle])
         return np.asarray(np.bincount(part_of_edge, weights=balance != 0, minlength=number) == 0)
 
@@ -173,12 +173,12 @@ def orientations_of(mesh: Mesh) -> _INTS:
 
 
 def _turn_alike(turns: _INTS, links: _INTS, alike: _INTS) -> None:
-    """Turn triangles round so that neighbors face the same side, as far as that goes.
+    """Reverse triangles so that neighbors face the same side, as far as possible.
 
     Args:
-        turns: 1 or -1 for each triangle, written.
+        turns: 1 or -1 for each triangle, modified in place.
         links: Pairs of neighbors, shape (m, 2).
-        alike: 1 for those that face the same side, -1 for those that do not, shape (m,).
+        alike: 1 for pairs that face the same side, -1 for the others, shape (m,).
     """
     beside: dict[int, list[tuple[int, int]]] = {}
     for (a, b), same in zip(links.tolist(), alike.tolist(), strict=True):

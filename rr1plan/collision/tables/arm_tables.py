@@ -1,4 +1,4 @@
-"""The exact kernel's tables of the bodies that arms carry: of one arm, and of all that move in a scene."""
+"""The exact kernel's tables of the bodies that arms carry: of one arm, and of all moving arms of a scene."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _joined_tables(instances: ArmInstances) -> ArmTables:
 
 
 class _SharedCorners:
-    """Corners of bodies, once for each geometry."""
+    """Corners of bodies, stored once for each geometry."""
 
     def __init__(self) -> None:
         self._first: dict[ArmGeometry, int] = {}
@@ -139,7 +139,7 @@ class _SharedCorners:
 
 
 def moved(T: Array, poses: Array) -> Array:
-    """Poses as rows, rotation row by row and origin, (n, 12), moved by a transform (4, 4)."""
+    """Poses as rows (n, 12), each a rotation row by row and an origin, moved by a transform (4, 4)."""
     R = T[:3, :3]
     rotations = (R @ poses[:, :9].reshape(-1, 3, 3)).reshape(-1, 9)
     return np.concatenate([rotations, poses[:, 9:] @ R.T + T[:3, 3]], axis=1)
@@ -196,21 +196,21 @@ def _joint_tables(arm_model: ArmModel) -> tuple[_INTS, Array, Array]:
 
 
 def chain_reach(joints: _INTS, values: Array, poses: Array, chain: tuple[int, ...], center: Array) -> list[float]:
-    """For each joint of a chain how far the center of a body's ball, there at q = 0, can ever be from its axis [m]."""
+    """Bounds of the distance of a ball's center, given at q = 0, from the axis of each joint of a chain [m]."""
     point = center
     reach, beyond = [], 0.0
     for joint in chain[::-1]:
         axis = poses[joint, :9].reshape(3, 3) @ values[joint, 12:15]
         arm = point - poses[joint, 9:]
         reach.append(float(np.linalg.norm(_cross(axis, arm)) + beyond))
-        # A prismatic joint carries what hangs on it to any distance.
+        # A prismatic joint may move later joints any distance.
         beyond += FAR if joints[joint, 1] else float(np.linalg.norm(arm))
         point = poses[joint, 9:]
     return reach[::-1]
 
 
 def joint_motion(prismatic: bool, row: Array) -> Array:
-    """T_parent_joint (4, 4) of a joint at q = 0, by its row of `joint_values`."""
+    """T_parent_joint (4, 4) of a joint at q = 0, from its row of `joint_values`."""
     axis, rest = row[12:15], float(row[16])
     T, moved = np.eye(4), np.eye(4)
     T[:3, :3], T[:3, 3] = row[:9].reshape(3, 3), row[9:12]
@@ -222,5 +222,5 @@ def joint_motion(prismatic: bool, row: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """The cross product of two vectors; numpy's takes twenty times as long for one."""
+    """The cross product of two vectors; NumPy's takes twenty times as long for a single one."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -18,7 +18,7 @@ from rr1plan.collision.convex.mesh_trees import box_of_mesh
 from rr1plan.kernels.planner_kernels import CStruct, constants, load_library
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 
-# Stands for infinity where infinity times zero would be NaN.
+# Represents infinity where infinity times zero would be NaN.
 FAR = 1e12
 _INTS = NDArray[np.int64]
 _KIND = constants()
@@ -26,12 +26,12 @@ _BOX, _CYLINDER = _KIND["BODY_BOX"], _KIND["BODY_CYLINDER"]
 
 
 class BodyTables(NamedTuple):
-    """The tables of some bodies by themselves; columns as in `ExactTables`.
+    """The tables of some bodies alone; columns as in `ExactTables`.
 
     Args:
-        bodies, values, corners: As there, corners and chains counted from these bodies' first.
-        degrees, neighbors: How many edges leave each corner, and where they lead, corner after corner.
-        poses, centers: Where the bodies and the centers of their balls are at q = 0.
+        bodies, values, corners: As there, with corners and chains counted from the first of these bodies.
+        degrees, neighbors: Number of edges at each corner, and their other ends, corner after corner.
+        poses, centers: Poses of the bodies and centers of their balls at q = 0.
     """
 
     bodies: _INTS
@@ -94,11 +94,11 @@ class BodyCore(NamedTuple):
     """A shape as a core and a radius around it.
 
     Args:
-        kind: Of the exact kernel.
+        kind: Its kind for the exact kernel.
         ball: Center of the ball around it, in its frame [m].
         values: The ball's radius, the radius around the core, center and half sizes of its box, its size and its
             offset: 12 numbers.
-        points: Of the core, in its frame [m], shape (n, 3).
+        points: Points of the core, in its frame [m], shape (n, 3).
     """
 
     kind: int
@@ -141,15 +141,15 @@ def describe_solids(
     """Solids of objects as the kernels describe them.
 
     Args:
-        sizes: A `ShapeSize` of each solid.
-        frames: T_object_solid of each, (4, 4) after (4, 4).
-        counts: How many solids each object has.
+        sizes: A `ShapeSize` for each solid.
+        frames: T_object_solid of each solid, (4, 4) after (4, 4).
+        counts: Number of solids of each object.
         poses: T_world_object of each object, (4, 4) after (4, 4).
-        first_body: Row of the exact kernel's tables of the first solid.
-        links: The `FixedSolids` of links of arms that move, which come first (default: none).
+        first_body: Row of the first solid in the exact kernel's tables.
+        links: The `FixedSolids` of the moving arms' links, which come first (default: none).
 
     Returns:
-        Their `FixedSolids`; and how many are meshes or point clouds, whose `SolidShape` is zero.
+        Their `FixedSolids`; and the number of meshes and point clouds, whose `SolidShape` is zero.
     """
     links = links or _NO_SOLIDS
     count, objects = links.value.count + sum(counts), links.value.object_count + len(counts)
@@ -183,7 +183,7 @@ def _cells(cloud: PointCloud) -> BodyCore:
 
 
 def _surface(mesh: Mesh) -> BodyCore:
-    """The bounds of a mesh that is not convex; its triangles are in its `MeshTree`."""
+    """The bounds of a non-convex mesh; its triangles are in its `MeshTree`."""
     center, half = box_of_mesh(mesh)
     ball = float(np.linalg.norm(mesh.vertices[mesh.faces.ravel()] - center, axis=1).max()) * (1.0 + 1e-12)
     values = (ball, 0.0, *center.tolist(), *half.tolist(), 0.0, 0.0, 0.0, 0.0)
@@ -200,6 +200,6 @@ def _corners(mesh: Mesh) -> BodyCore:
 def _bounded(
     kind: int, center: Array, radius: float, low: Array, high: Array, size: tuple[float, ...], points: Array
 ) -> BodyCore:
-    """One without a radius around its core, its box from corner to corner."""
+    """A body without a radius around its core, whose box extends from `low` to `high`."""
     box = *(0.5 * (low + high)).tolist(), *(0.5 * (high - low)).tolist()
     return BodyCore(kind, tuple(center.tolist()), (radius, 0.0, *box, *size, 0.0), points)

@@ -1,4 +1,4 @@
-"""The tables of the certified edge: bodies that move, what they can touch, and the pairs to check."""
+"""The tables of the certified edge: moving bodies, the objects they can touch, and the pairs to check."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.object_cache import kept_in
 
 _INTS = NDArray[np.int64]
-# Intervals of one edge, and those left open, that are kept before the whole edge goes to the exact kernel.
+# Capacity for the intervals of one edge and for open ones; an edge with more goes to the exact kernel.
 _INTERVALS = 512
-# A joint's frame in eight lanes, that of the world: the diagonal of a rotation, row by row.
+# The world's joint frame in eight lanes: the diagonal of a rotation, row by row.
 _WORLD_FRAME = np.repeat(np.concatenate([np.eye(3).ravel(), np.zeros(9)]), 8).view(np.uint8)
 
 
@@ -31,11 +31,11 @@ class EdgeTables(NamedTuple):
     Args:
         instances: The arms that move.
         cores: The cores of their bodies and fixed links, then of each obstacle that has one.
-        obstacles: What does not move, fixed links and obstacles: their `ObstacleTables`.
+        obstacles: `ObstacleTables` of fixed links and obstacles.
         pairs: Which of them must not touch.
-        padding: Distance to keep of each pair [m], shape (p,).
-        rest: What must be left of a gap beyond everything else for a proof [m].
-        bare_rest: The same with all obstacles at the origin [m].
+        padding: Distance to keep for each pair [m], shape (p,).
+        rest: Part of a gap that has to remain for a proof, beyond everything else [m].
+        bare_rest: Likewise with all obstacles at the origin [m].
     """
 
     instances: ArmInstances
@@ -48,27 +48,27 @@ class EdgeTables(NamedTuple):
 
     @property
     def arm(self) -> LinkSpheres:
-        """The bodies that move."""
+        """The moving bodies."""
         return instance_spheres(self.instances)
 
 
 @dataclass(frozen=True, eq=False)
 class PaddedPairs:
-    """The pairs that move against each other, as the certified edge reads them (`pair_tables.h`).
+    """The pairs that move relative to each other, for the certified edge (`pair_tables.h`).
 
     Args:
         pair_of: Index of the pair of a body and an obstacle, -1 for none, shape (b, o).
-        obstacle_blocks, first_obstacle_block: Blocks of obstacles that have pairs with some body of each group: the
-            first of a block, and which of them as bits; shapes (k, 3) and (g + 1,).
-        group_blocks, first_group_block: The same of groups; the third column is the first of `group_pairs`.
-        body_pairs: Body, body, joints that move both, index of the pair, and if it has a map where that begins in
-            `maps` (else -1), the number of its columns of cells, and its two columns of q; shape (m, 8).
-        group_pairs: Groups with pairs of bodies: group, group, joints that move both, first and last of `body_pairs`,
-            and where a map of all of them together begins in `maps` (-1: none); shape (f, 6).
-        maps: For each clearance map how many cells before a corner are not free (`clearance_map.c`).
-        map_ranges: Low end and cells per rad or m, of both columns of q; shape (m, 4).
+        obstacle_blocks, first_obstacle_block: Blocks of obstacles that have pairs with some body of each group: first
+            obstacle of a block, and bits for its obstacles; shapes (k, 3) and (g + 1,).
+        group_blocks, first_group_block: Likewise for groups; the third column is the first of `group_pairs`.
+        body_pairs: Body, body, number of joints that move both, index of the pair, begin of its map in `maps` (-1: no
+            map), the map's number of columns of cells, and its two columns of q; shape (m, 8).
+        group_pairs: Groups with pairs of bodies: group, group, number of joints that move both, first and last of
+            `body_pairs`, and begin of a common map of all these pairs in `maps` (-1: no map); shape (f, 6).
+        maps: For each clearance map, the number of cells before a corner that are not free (`clearance_map.c`).
+        map_ranges: Low end and cells per rad or m, for both columns of q; shape (m, 4).
         greatest: The greatest padding [m].
-        kept: What was made of them.
+        kept: Values derived from them.
     """
 
     pair_of: _INTS
@@ -90,8 +90,8 @@ def build_edge_tables(geometry: CollisionGeometry, fixed: FixedSolids, padding: 
     Args:
         geometry: The moving arms and their pairs.
         fixed: The solids that do not move.
-        padding: Distance to keep of each pair that moves [m], shape (m,).
-        tolerance: Gaps beyond the padding smaller than this are no proof [m].
+        padding: Distance to keep for each moving pair [m], shape (m,).
+        tolerance: Smaller gaps beyond the padding do not count as proven [m].
     """
     instances, pairs = geometry.instances, _kernel_pairs(geometry)
     link_cores, numbers = _link_cores(instances)
@@ -103,7 +103,7 @@ def build_edge_tables(geometry: CollisionGeometry, fixed: FixedSolids, padding: 
 
 
 def _link_cores(instances: ArmInstances) -> tuple[CoreTables, _INTS]:
-    """Cores of the arms' bodies and of links that no joint moves, and the `core` of each solid of these; cached."""
+    """Cores of the arms' bodies and of fixed links, and the `core` of each solid of the latter; cached."""
 
     def make() -> tuple[CoreTables, _INTS]:
         links = fixed_links(instances)
@@ -119,14 +119,14 @@ def _link_cores(instances: ArmInstances) -> tuple[CoreTables, _INTS]:
 def scene_struct(
     tables: EdgeTables, exact: CStruct, columns: int, tolerance: float, fixed: CStruct | None = None
 ) -> CStruct:
-    """A scene's tables as C reads them.
+    """A scene's tables as a C struct.
 
     Args:
-        tables: What the kernel knows of spheres, cores and pairs.
-        exact: What the exact kernel knows of the same pairs.
+        tables: Spheres, cores and pairs.
+        exact: The exact kernel's tables for the same pairs.
         columns: Number of columns of q.
-        tolerance: Motions that pass at less than this beyond the padding are refused [m].
-        fixed: What does not move, which is needed to move it.
+        tolerance: Motions that pass at less than this distance beyond the padding are rejected [m].
+        fixed: The objects that do not move; needed only for moving them.
     """
     return CStruct(
         "SceneTables",
@@ -157,11 +157,11 @@ def _arm_struct(tables: EdgeTables) -> CStruct:
 
 
 def pair_struct(pairs: PaddedPairs, padding: Array) -> CStruct:
-    """Pairs as C reads them.
+    """Pairs as a C struct.
 
     Args:
         pairs: The pairs.
-        padding: Distance to keep of each [m], shape (p,).
+        padding: Distance to keep for each pair [m], shape (p,).
     """
 
     def make() -> CStruct:
@@ -183,10 +183,10 @@ def pair_struct(pairs: PaddedPairs, padding: Array) -> CStruct:
 
 
 def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:
-    """Memory that the kernel writes and keeps between calls; see `list_sizes` for the rest.
+    """Memory that the kernel writes and keeps between calls; `list_sizes` describes the rest.
 
     Args:
-        tables: What the kernel knows of spheres, cores and pairs.
+        tables: Spheres, cores and pairs.
         exact: Memory of the exact kernel.
         columns: Number of columns of q.
     """
@@ -205,17 +205,17 @@ def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:
         spheres=len(arm.spheres),
         seeds=len(tables.padding),
     )
-    # All others are placed for every batch.
+    # All others are computed for every batch.
     scratch.part("frames")[0] = _WORLD_FRAME
     return scratch
 
 
 def list_sizes(tables: EdgeTables) -> dict[str, int]:
-    """How many entries the lists of `Scratch` have, which every call writes before it reads them."""
+    """Number of entries in the lists of `Scratch`, which every call writes before it reads them."""
     arm, pairs = tables.arm, tables.pairs
     spheres, largest, obstacles = len(arm.spheres), arm.largest_group, pairs.pair_of.shape[1]
     return {
-        # One more than there are: what is not kept is written behind the last.
+        # One extra entry each: rejected items are written after the last one.
         "near_obstacles": obstacles + 1,
         "near_spheres": spheres + 1,
         "mesh_spheres": spheres,
@@ -229,7 +229,7 @@ def list_sizes(tables: EdgeTables) -> dict[str, int]:
 
 # ---- pairs -----------------------------------------------------------------------------------------
 
-# Paddings for which pairs are kept.
+# Number of paddings for which pairs are cached.
 _MOST_PADDINGS = 8
 
 
@@ -238,11 +238,11 @@ def padded_pairs(geometry: CollisionGeometry, padding: Array, tolerance: float, 
 
     Args:
         geometry: The geometry.
-        padding: Distance to keep of each of its pairs that move [m], shape (m,).
-        tolerance: Gaps beyond the padding smaller than this are no proof [m].
-        rest: What must be left of a gap for a proof [m].
+        padding: Distance to keep for each of its moving pairs [m], shape (m,).
+        tolerance: Smaller gaps beyond the padding do not count as proven [m].
+        rest: Part of a gap that has to remain for a proof [m].
     """
-    # Rounded up, so that maps serve scenes of other sizes too.
+    # Rounded up, so that maps can be shared with scenes of other sizes.
     rest = max(10.0 * tolerance, rest)
     kept: dict[tuple[bytes, float], PaddedPairs] = geometry.pairs.kept.setdefault("padded", {})
     key = (padding.tobytes(), rest)
@@ -270,12 +270,12 @@ class _KernelPairs:
     """Pairs of bodies and obstacles that must not touch; columns as in `PaddedPairs`.
 
     Args:
-        body_pairs, group_pairs: Their first columns there.
+        body_pairs, group_pairs: First columns of those in `PaddedPairs`.
         solids: The solids of `body_pairs`, shape (m, 2).
-        pair_of: As there.
-        obstacle_blocks, group_blocks: As there, with the first of each group.
-        places: Of each link that does not move, then of each solid of the obstacles, its column in `pair_of`; -1 where
-            nothing that moves must not touch it.
+        pair_of: As in `PaddedPairs`.
+        obstacle_blocks, group_blocks: As in `PaddedPairs`, with the first block of each group.
+        places: Column in `pair_of` of each fixed link, then of each obstacle solid; -1 if no moving body is checked
+            against it.
     """
 
     body_pairs: _INTS
@@ -288,7 +288,7 @@ class _KernelPairs:
 
 
 def _kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
-    """The pairs of a geometry as the kernel reads them; they are kept with its pairs of solids."""
+    """The pairs of a geometry for the kernel, cached with its pairs of solids."""
     return kept_in(geometry.pairs.kept, "kernel", lambda: _new_kernel_pairs(geometry))
 
 
@@ -300,7 +300,7 @@ def _new_kernel_pairs(geometry: CollisionGeometry) -> _KernelPairs:
     obstacles = library.rr1_number_obstacles(pairs.moving, count, body, len(body), place)
     columns = obstacles + -obstacles % LANES
     bodies, groups = len(spheres.bodies), len(spheres.groups)
-    # Room for as many as there can be: what is not used is never touched.
+    # Allocated for the largest possible number; unused memory is never touched.
     pair_of, room = np.empty((bodies, columns), np.int64), np.empty((count, 4), np.int64)
     body_pairs, solids, group_pairs = (np.empty((count, width), np.int64) for width in (4, 2, 5))
     obstacle_blocks = np.empty((min(count, groups * columns // LANES), 3), np.int64)

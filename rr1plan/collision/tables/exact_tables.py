@@ -1,4 +1,4 @@
-"""The plain arrays that the exact kernel reads: rows of the moving arms, then rows of solids that do not move.
+"""The arrays that the exact kernel reads: rows of the moving arms, then rows of solids that do not move.
 
 Rows of an arm are shared by all arms with its geometry, and a scene's tables by all margins.
 """
@@ -25,33 +25,34 @@ from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.object_cache import kept_in
 
 _INTS = NDArray[np.int64]
-# Pairs and intervals that the exact kernel keeps open at once, at least; a power of two.
+# Smallest capacity for open pairs and intervals of the exact kernel; a power of two.
 _QUEUE = 1 << 15
-# Coefficients of a curve there is room for until a longer one comes.
+# Initial capacity for the coefficients of a curve.
 _TERMS = 8
 
 
 class ExactTables(NamedTuple):
-    """Bodies and pairs as the exact kernel reads them (`exact_tables.h`).
+    """Bodies and pairs for the exact kernel (`exact_tables.h`).
 
     Args:
-        joints: Parent, 1 for prismatic, column (or -1), 1 if anything drives it or a joint above it; row 0 is the
-            world, shape (n, 4).
+        joints: Parent, 1 for prismatic, column (or -1), 1 if this joint or one above it is driven; row 0 is the world,
+            shape (n, 4).
         joint_values: T_parent_joint (12), axis (3), gain, offset; shape (n, 17).
-        bodies: Kind, joint, first and last corner (of a mesh its number), first and last entry of its chain;
-            shape (b, 6).
-        body_values: T_joint_body (12), center of its ball in the joint's frame (3), radius of the ball,
-            radius around the core, center (3) and half sizes (3) of its box in its own frame, size (3;
-            a half-space's normal), a half-space's offset; shape (b, 27).
+        bodies: Kind, joint, first and last corner (for a mesh its number), first and last entry of its chain; shape (b,
+            6).
+        body_values: T_joint_body (12), center of its ball in the joint's frame (3), radius of the ball, radius around
+            the core, center (3) and half sizes (3) of its box in its own frame, size (3; for a half-space its normal),
+            offset of a half-space; shape (b, 27).
         corners: Corner points of all bodies of kind BODY_CORNERS, centers of the cells of BODY_CELLS, shape (c, 3).
         links: Neighbors of corner i are links[links[i] : links[i + 1]].
         chain: Driven joints above each body, root first.
-        chain_reach: For each, how far the center of the body's ball can ever be from the joint's axis [m].
-        pairs: Body, body (the half-space or cloud, if there is one), how many joints their chains share;
-            shape (p, 3).
+        chain_reach: For each of these joints, bound of the distance of the body's ball center from the joint's axis
+            [m].
+        pairs: Body, body (the half-space or cloud, if there is one), number of joints that their chains share; shape
+            (p, 3).
         padding: Distance to keep [m], shape (p,).
         joint_poses: World poses of joints at q = 0: rotation row by row, then origin; shape (n, 12).
-        poses: The same of bodies, shape (b, 12).
+        poses: Likewise for bodies, shape (b, 12).
         centers: Centers of their balls, shape (b, 3).
         meshes: Triangles of all bodies of kind BODY_MESH.
     """
@@ -72,7 +73,7 @@ class ExactTables(NamedTuple):
     meshes: MeshTree
 
     def levers(self, body: int, travel: Array) -> Iterator[tuple[int, float]]:
-        """The column of each driven joint above a body, root first, and how far its change moves the body at most.
+        """The column of each driven joint above a body, root first, and the lever of its displacement at most.
 
         Args:
             body: Index of the body.
@@ -92,7 +93,7 @@ class ExactTables(NamedTuple):
             yield column, gain * (1.0 if slides else reach + radius)
 
     def _stretched(self, body: int, k: int, travel: Array) -> float:
-        """How far the center of a body's ball gets from joint k of the chain [m]: all that lies between, in a line."""
+        """Bound of the distance of a body's ball center from joint k of the chain [m]: all links between in a line."""
         behind = int(self.bodies[body, -1])
         reach = float(np.linalg.norm(self.body_values[body, 12:15]))
         for joint in self.chain[k + 1 : behind].tolist():
@@ -104,7 +105,7 @@ class ExactTables(NamedTuple):
         return reach
 
     def pair_levers(self, travel: Array) -> Array:
-        """For each pair, how far a change of each column moves its bodies against each other at most, shape (p, nq).
+        """Bounds of the relative displacement of each pair's bodies for a change of each column, shape (p, nq).
 
         Args:
             travel: Largest absolute value that each column of q takes [rad or m], shape (nq,).
@@ -116,34 +117,34 @@ class ExactTables(NamedTuple):
         for row, (first, second, shared) in zip(rows, self.pairs.tolist(), strict=True):
             for body in (first, second):
                 if 0 <= body < len(self.bodies):
-                    # Joints that both bodies hang on do not move them against each other.
+                    # Joints that carry both bodies do not move them relative to each other.
                     for column, lever in islice(self.levers(body, travel), shared, None):
                         row[column] += lever
         return rows
 
 
 def build_tables(geometry: CollisionGeometry, fixed: FixedSolids, padding: Array) -> ExactTables:
-    """Tables of the pairs that move against each other.
+    """Tables of the pairs that move relative to each other.
 
     Args:
         geometry: The moving arms and their pairs.
         fixed: The solids that do not move.
-        padding: Distance to keep of each pair [m], shape (m,).
+        padding: Distance to keep for each pair [m], shape (m,).
 
     Raises:
-        InputError: a half-space or a point cloud that would be checked against another one.
+        InputError: a half-space or a point cloud that would have to be checked against another one.
     """
     geometry.check_kinds()
     return _tables(geometry.instances, fixed, geometry.pairs.moving_rows, padding)
 
 
 def build_static_tables(tables: ExactTables, pairs: SolidPairs, padding: Array) -> ExactTables | None:
-    """Tables of the pairs that do not move against each other; None if the kernel cannot measure some of them.
+    """Tables of the pairs with a fixed relative pose; None if the kernel cannot measure some of them.
 
     Args:
-        tables: Those of the pairs that move.
+        tables: Tables of the moving pairs.
         pairs: All pairs.
-        padding: Distance to keep of each static pair [m], shape (m,).
+        padding: Distance to keep for each static pair [m], shape (m,).
     """
     if pairs.surfaceless[pairs.static].all(axis=1).any():
         return None
@@ -151,12 +152,12 @@ def build_static_tables(tables: ExactTables, pairs: SolidPairs, padding: Array) 
 
 
 def build_fixed_tables(things: ObstacleGeometry, pairs: _INTS, padding: Array) -> ExactTables | None:
-    """Tables of objects that do not move; None if some pairs cannot be measured by the kernel.
+    """Tables of objects that do not move; None if the kernel cannot measure some pairs.
 
     Args:
         things: The objects.
         pairs: Pairs of their solids, numbered object after object [index], shape (m, 2).
-        padding: Distance to keep of each [m], shape (m,).
+        padding: Distance to keep for each [m], shape (m,).
     """
     surfaceless = np.array(things.surfaceless, np.bool_)[pairs]
     if surfaceless.all(axis=1).any():
@@ -197,12 +198,12 @@ def _links(bodies: BodyTables) -> _INTS:
 
 
 def exact_struct(tables: ExactTables, columns: int, like: CStruct | None = None) -> CStruct:
-    """The exact kernel's tables as C reads them.
+    """The exact kernel's tables as a C struct.
 
     Args:
         tables: The tables.
         columns: Number of columns of q.
-        like: A struct of tables with the same arms, of which a changed copy is faster made.
+        like: A struct for the same arms; changing a copy of it is faster.
     """
     fields = {
         "body_count": len(tables.bodies),
@@ -235,13 +236,13 @@ def _no_meshes() -> CStruct:
 
 
 def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, pairs: int = 0) -> CStruct:
-    """Memory that the exact kernel writes, without the queue, which curves need: see `EdgeKernel`.
+    """Memory that the exact kernel writes, except the queue for curves; see `EdgeKernel`.
 
     Args:
-        tables: Its tables; the poses of fixed bodies are copied from them.
+        tables: The tables; the poses of fixed bodies are copied from them.
         columns: Number of columns of q.
-        terms: Coefficients of the longest curve.
-        pairs: Most pairs of other tables with these bodies that it has to serve too.
+        terms: Number of coefficients of the longest curve.
+        pairs: Most pairs of other tables with the same bodies for which the memory has to suffice.
     """
     stride = len(tables.joints) + 1
     scratch = CStruct(
@@ -265,7 +266,7 @@ def exact_scratch(tables: ExactTables, columns: int, terms: int = _TERMS, pairs:
 
 
 def arm_exact_struct(instances: ArmInstances) -> CStruct:
-    """The struct of moving arms that nothing stands around, which those of their scenes are like."""
+    """The struct of moving arms without surroundings, as a template for those of their scenes."""
 
     def make() -> CStruct:
         columns = sum(len(geometry.arm_model.joint_names) for geometry in instances.geometries)

@@ -1,4 +1,4 @@
-"""The sphere tables of the bodies that move: those of an arm made once for its geometry, joined for a scene's arms."""
+"""Sphere tables of the moving bodies: made once for an arm's geometry, and joined for the arms of a scene."""
 
 from __future__ import annotations
 
@@ -21,30 +21,31 @@ from rr1plan.transforms import rotation_about
 
 _INTS = NDArray[np.int64]
 _LANES = constants()["LANES"]
-# No ball inside: a ball around the whole body is no part of it.
+# No ball inside: a ball around the whole body is not inside it.
 _NOTHING = -1e12
-# More than what placing corners in a joint's frame rounds [m].
+# Above the rounding error of corners in a joint's frame [m].
 _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class LinkSpheres:
-    """Tables of the bodies that move, as `arm_geometry.h` has them.
+    """Tables of the moving bodies, as in `arm_geometry.h`.
 
     Args:
         joints: Parent (0: the world), 1 for prismatic, column; row 0 is the world, shape (j, 3).
         joint_values: T_parent_joint with z along the axis (12) and gain, shape (j, 13).
         bodies: Joint, first and last sphere (the first is the ball around all), group; shape (b, 4).
-        groups: Of bodies that one joint carries: joint, ball around all (of one, its own), first and last body, first
-            and last entry of the chain; shape (g, 6).
-        group_boxes: The box around each group in its joint's axes, low and high from the center of its ball [m],
-            shape (g, 6).
-        spheres: Center in the joint's frame, radius, radius of the ball inside, distance of the center from that of
-            the body's ball [m]; those of bodies, then the balls around groups; shape (s, 6).
+        groups: Groups of bodies that one joint carries: joint, ball around all of them (for a single body, its own),
+            first and last body, first and last entry of the chain; shape (g, 6).
+        group_boxes: The box around each group in its joint's axes, low and high corner relative to the center of its
+            ball [m], shape (g, 6).
+        spheres: Center in the joint's frame, radius, radius of the ball inside, distance of the center from that of the
+            body's ball [m]; those of bodies, then the balls around groups; shape (s, 6).
         chain: Joints above each group, root first.
-        chain_reach: For each, how far any of its points can be from the joint's axis, prismatic joints at zero [m].
+        chain_reach: For each, largest distance of the group's points from the joint's axis, prismatic joints at zero
+            [m].
         cores: The cores of the bodies, in their order.
-        body: Index in `bodies` of each solid of the arms, -1 where it does not move, shape (n,).
+        body: Index in `bodies` of each solid of the arms, -1 for fixed solids, shape (n,).
     """
 
     joints: _INTS
@@ -74,7 +75,7 @@ class LinkSpheres:
         return int((self.groups[:, 3] - self.groups[:, 2]).max(initial=0))
 
     def struct(self) -> CStruct:
-        """The tables as C reads them, with the cores of the bodies."""
+        """The tables as a C struct, with the cores of the bodies."""
         depths, blocks, reach = _chain_tables(self)
         return CStruct(
             "ArmGeometry",
@@ -117,7 +118,7 @@ def _chain_tables(tables: LinkSpheres) -> tuple[_INTS, _INTS, Array]:
 
 
 def instance_spheres(instances: ArmInstances) -> LinkSpheres:
-    """The tables of all arms that move, made once."""
+    """The tables of all moving arms, made once."""
     return kept_in(instances.kept, "spheres", lambda: _instance_spheres(instances))
 
 
@@ -140,7 +141,7 @@ def _joined_spheres(instances: ArmInstances) -> LinkSpheres:
     chains, reaches, body = [np.zeros(0, np.int64)], [np.zeros(0)], [np.zeros(0, np.int64)]
     cores, first_core = _SharedCores(), [np.zeros((0, 7), np.int64)]
     core_values = [np.zeros((0, 14))]
-    # Joints, bodies, groups, spheres and chain entries of the arms before.
+    # Joints, bodies, groups, spheres and chain entries of the previous arms.
     joint = row = group = sphere = link = 0
     for geometry, column in zip(instances.geometries, instances.first_column, strict=True):
         own = arm_spheres(geometry)
@@ -175,7 +176,7 @@ def _joined_spheres(instances: ArmInstances) -> LinkSpheres:
 
 
 class _SharedCores:
-    """Points of cores and what belongs to them, once for each geometry."""
+    """Points of cores with blocks and support tables, stored once for each geometry."""
 
     def __init__(self) -> None:
         self._first: dict[ArmGeometry, _INTS] = {}
@@ -203,7 +204,7 @@ class _SharedCores:
 
 
 def arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
-    """The tables of an arm's bodies that move, made once."""
+    """The tables of an arm's moving bodies, made once."""
     return kept_in(geometry.kept, "spheres", lambda: _arm_spheres(geometry))
 
 
@@ -211,8 +212,8 @@ def arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
 class _Joints:
     """The driven joints alone, each turning about or sliding along its z axis.
 
-    `carrier[j]` is the driven joint that carries joint j of the model (0: the world), and `offset[j]` the pose
-    of joint j in its frame.
+    `carrier[j]` is the driven joint that carries joint j of the model (0: the world), and `offset[j]` the pose of joint
+    j in the frame of that joint.
     """
 
     rows: _INTS
@@ -271,12 +272,12 @@ def _arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
 
 
 def group_rows(frames: list[int], chains: list[list[int]], reaches: list[list[float]]) -> tuple[_INTS, _INTS, Array]:
-    """Neighboring bodies of one joint put into groups.
+    """Groups of consecutive bodies on one joint.
 
     Args:
         frames: The joint that carries each body.
-        chains: Joints above each, root first.
-        reaches: For each of those, how far points of the body can be from its axis [m].
+        chains: Joints above each body, root first.
+        reaches: For each of those, largest distance of points of the body from the joint's axis [m].
 
     Returns:
         The kernel's `groups` without balls, its `chain` and its `chain_reach`.
@@ -295,7 +296,7 @@ def group_rows(frames: list[int], chains: list[list[int]], reaches: list[list[fl
 def _group(
     bodies: _INTS, spheres: Array, chains: list[list[int]], reaches: list[list[float]]
 ) -> tuple[_INTS, _INTS, Array, _INTS, Array]:
-    """Bodies with their groups, these, spheres with the balls around them, and the chains; see the kernel's `Cover`."""
+    """Bodies with their groups, the groups, spheres with the balls around groups, and the chains with their reach."""
     groups, chain, reach = group_rows(bodies[:, 0].tolist(), chains, reaches)
     rows = [spheres]
     for g, (_, _, first, last, _, _) in enumerate(groups.tolist()):
@@ -307,14 +308,14 @@ def _group(
         within = np.setdiff1d(np.arange(balls[0], bodies[last - 1, 2]), balls)
         groups[g, 1] = len(spheres) + len(rows) - 1
         ball = enclosing_ball(spheres[within, :4])
-        # The balls around the bodies are known to hold them too.
+        # The balls around the bodies contain them too.
         ball[3] = min(ball[3], ball_reach(spheres[balls, :4], ball[:3]).max() * (1.0 + 1e-9))
         rows.append(np.array([[*ball, _NOTHING, 0.0]]))
     return bodies, groups, np.concatenate(rows), chain, reach
 
 
 def _turn_from_z(axis: Array) -> Array:
-    """A rotation that takes z to an axis, shape (4, 4)."""
+    """A rotation that maps z to an axis, shape (4, 4)."""
     T = np.eye(4)
     cross = np.array([-axis[1], axis[0], 0.0])
     sine = float(np.linalg.norm(cross))

@@ -1,4 +1,4 @@
-"""The tables of solids that do not move: what they are as rows, put in place by compiled code (`place_solids.c`)."""
+"""The tables of solids that do not move: described as rows, and placed by compiled code (`place_solids.c`)."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from rr1plan.shapes import Mesh, Shape
 _INTS = NDArray[np.int64]
 LANES = constants()["LANES"]
 _CORE_MESH, _CORE_LEFT_OUT = constants()["CORE_MESH"], constants()["CORE_LEFT_OUT"]
-# Meshes of more corners are left to the exact kernel, which walks along edges instead of looking at all.
+# Meshes with more corners are left to the exact kernel, which walks along edges instead of testing all corners.
 _MOST_POINTS = 2000
 
 
 class FixedSolids:
-    """Solids of objects that do not move, as `fixed_solids.h` has them.
+    """Solids of objects that do not move, as in `fixed_solids.h`.
 
     Args:
         things: The objects.
-        first_body: Row of the exact kernel's tables of the first solid.
-        links: Those of links of arms that move, which come first: their rows and cores are with the arms'.
+        first_body: Row of the first solid in the exact kernel's tables.
+        links: Links of moving arms, which come first: their rows and cores are with the arms'.
 
     Attributes:
-        count: How many solids there are.
-        struct: All as C reads it.
+        count: Number of solids.
+        struct: All solids as a C struct.
     """
 
     def __init__(self, things: ObstacleGeometry, first_body: int = 0, links: FixedSolids | None = None) -> None:
@@ -46,7 +46,7 @@ class FixedSolids:
         self.struct: CStruct
         given = things.sizes, things.frames, things.counts, things.poses
         self.struct, special = describe_solids(*given, first_body, None if links is None else links.struct)
-        # Meshes and point clouds by their number among all solids, except those of links; and those with cores.
+        # Meshes and point clouds by their number among all solids, except links; and those with cores.
         self._special: list[tuple[int, Shape]] = []
         self._cores: list[tuple[int, CoreTables]] = []
         if special:
@@ -54,21 +54,21 @@ class FixedSolids:
 
     @property
     def solids(self) -> _INTS:
-        """A `FixedSolid` of each, shape (n, 8)."""
+        """A `FixedSolid` for each, shape (n, 8)."""
         return np.asarray(self.struct.part("solids").view(np.int64))
 
     def fit(self, things: ObstacleGeometry) -> bool:
-        """Whether other objects can take their place: solids of the same kinds, and where these have tables, shapes."""
+        """Whether other objects can replace these: same kinds of solids, and equal shapes where these have tables."""
         return np.array_equal(things.kinds, self._exact_kinds) and all(
             things.shapes[i - self._links] == shape for i, shape in self._special
         )
 
     def replace(self, things: ObstacleGeometry, tables: tuple[int, int]) -> None:
-        """Put other objects in their place, which `fit`.
+        """Replace the objects by others that `fit`.
 
         Args:
             things: The objects.
-            tables: Addresses of the `SceneTables` and the `Scratch` in which these solids are.
+            tables: Addresses of the `SceneTables` and the `Scratch` that contain these solids.
         """
         objects = self.struct.value.object_count - len(things.counts)
         replace = load_library().rr1_replace_solids
@@ -101,8 +101,8 @@ class FixedSolids:
         """Rows for the exact kernel after those of the arms, and the triangles of concave meshes.
 
         Args:
-            bodies: Those of the arms.
-            links: How many entries their chains have; what does not move has none.
+            bodies: Bodies of the arms.
+            links: Number of entries in their chains; fixed bodies have none.
         """
         first, total = len(bodies.bodies), len(bodies.bodies) + len(self._exact_kinds)
         rows, values = np.zeros((total, 6), np.int64), np.empty((total, 27))
@@ -132,7 +132,7 @@ class FixedSolids:
         return BodyTables(rows, values, *joined, poses, centers), joined_trees(meshes)
 
     def place_bodies(self, values: Array, poses: Array, centers: Array) -> None:
-        """Write the rows of `body_values`, `poses` and `centers` of `ExactTables` of all that have some."""
+        """Write the rows of fixed bodies in `body_values`, `poses` and `centers` of `ExactTables`."""
         load_library().rr1_place_bodies(self.struct, values, poses, centers)
 
     def place_cores(self, bodies: CoreTables, links: _INTS | None = None) -> CoreTables:
@@ -140,7 +140,7 @@ class FixedSolids:
 
         Args:
             bodies: The cores of the arms' bodies.
-            links: The `core` of each solid that is a link (default: there are none).
+            links: The `core` of each solid that is a link (default: no links).
         """
         if links is not None and self._links:
             self.solids[: self._links, 3] = links
@@ -153,11 +153,11 @@ class FixedSolids:
         return tables
 
     def place_obstacles(self, places: _INTS, count: int) -> tuple[CStruct, float]:
-        """The solids as obstacles, after their cores, and what rounding may take from a gap to them [m].
+        """The solids as obstacles, placed after their cores, and a bound of the rounding error of gaps to them [m].
 
         Args:
-            places: Where each solid is in the tables, -1: it is not, shape (n,). Other rows are nowhere.
-            count: How many rows there are.
+            places: Row of each solid in the tables, -1: none, shape (n,). Other rows are at no place.
+            count: Number of rows.
 
         Returns:
             Their `ObstacleTables`.
@@ -186,7 +186,7 @@ def balls_of(things: ObstacleGeometry) -> Array:
 
 
 def fixed_links(instances: ArmInstances) -> FixedSolids:
-    """The solids of the arms that no joint moves, an object for each arm; cached."""
+    """The solids of the arms that no joint moves, one object for each arm; cached."""
 
     def make() -> FixedSolids:
         arms = zip(instances.geometries, instances.bases, strict=True)
@@ -202,7 +202,7 @@ def fixed_links_of(geometry: ArmGeometry) -> ObstacleGeometry:
 
 def _fixed_links_of(geometry: ArmGeometry) -> ObstacleGeometry:
     fixed = np.flatnonzero(geometry.groups == 0).tolist()
-    # A joint that nothing drives may carry them.
+    # A joint that is not driven may carry them.
     poses, frames = arm_tables(geometry).bodies.poses[fixed], np.tile(np.eye(4), (len(fixed), 1, 1))
     frames[:, :3, :3], frames[:, :3, 3] = poses[:, :9].reshape(-1, 3, 3), poses[:, 9:]
     solids = [geometry.solids[i] for i in fixed]

@@ -1,4 +1,4 @@
-"""Tables of arms that move by themselves, and of the pairs between some of them and the others (`timed_arms.h`)."""
+"""Tables of arms that move independently, and of the pairs between some of them and the others (`timed_arms.h`)."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class TimedPairs(NamedTuple):
     """Pairs between the own arms and the others that must not touch.
 
     Args:
-        tables: The exact kernel's tables; behind the bodies come boxes around all bodies that one joint carries, and
-            behind the pairs of bodies those of boxes.
+        tables: The exact kernel's tables; boxes around all bodies that one joint carries come after the bodies, and
+            pairs of boxes after the pairs of bodies.
         rows: Own body, other arm, first and last pair of bodies of each pair, shape (p, 4).
-        owner: Of each pair of bodies the pair of solids that it is.
-        arm_of_body: Of each body, -1 where it belongs to none.
-        first_box: How many bodies are not boxes.
+        owner: The pair of solids of each pair of bodies.
+        arm_of_body: The arm of each body, -1 for none.
+        first_box: Number of bodies that are not boxes.
     """
 
     tables: ExactTables
@@ -42,15 +42,15 @@ def build_timed_pairs(
 
     Args:
         tables: The bodies.
-        pairs: Body, body, how many joints move both, shape (p, 3); others than those between an own arm and
-            another arm are left out.
-        padding: Distance to keep of each [m], shape (p,).
-        arms: Of each body the arm, -1 for none, shape (b,).
-        own: Which arms are own ones.
+        pairs: Body, body, number of joints that move both, shape (p, 3); only pairs between an own arm and another arm
+            are used.
+        padding: Distance to keep for each pair [m], shape (p,).
+        arms: The arm of each body, -1 for none, shape (b,).
+        own: Which arms are own arms.
     """
     boxes, box_of, chains = _boxes(tables, arms)
     one, two = arms[pairs[:, 0]], arms[pairs[:, 1]]
-    is_own = np.append(own, False)  # the last for bodies without an arm
+    is_own = np.append(own, False)  # the last entry is for bodies without an arm
     chosen = np.flatnonzero((one >= 0) & (two >= 0) & (is_own[one] != is_own[two]))
     one_is_own = is_own[one[chosen]]
     own_body = np.where(one_is_own, pairs[chosen, 0], pairs[chosen, 1])
@@ -81,7 +81,7 @@ def _boxes(tables: ExactTables, arms: _INTS) -> tuple[ExactTables, _INTS, _INTS]
     """The tables with a box around all bodies of an arm that one joint carries.
 
     Returns:
-        The tables; of each body the number of its box; of each box its arm.
+        The tables; the number of each body's box; the arm of each box.
     """
     kind = constants()["BODY_BOX"]
     bodies, values = tables.bodies, tables.body_values
@@ -97,7 +97,7 @@ def _boxes(tables: ExactTables, arms: _INTS) -> tuple[ExactTables, _INTS, _INTS]
         center, half = 0.5 * (lowest + highest), 0.5 * (highest - lowest) * _ROUNDING
         balls = values[members, 12:16]
         first, last = bodies[members[0], 4:].tolist()
-        # No farther from an axis than another center that the same joint carries can be, and their distance.
+        # At most as far from an axis as another center on the same joint can be, plus their distance.
         offset = float(np.linalg.norm(balls[0, :3] - center)) * _ROUNDING
         rows.append([kind, joint, 0, 0, len(chain), len(chain) + last - first])
         chain += tables.chain[first:last].tolist()
