@@ -1,8 +1,8 @@
 """Pinocchio models of single arms of a scene.
 
-Pinocchio's data have tensors of second derivatives, whose size grows with the cube of a model's joints: 67 MB for the
-128 joints of 16 arms, 16 GB for those of 100. The arms of a scene hang on the world and on nothing else, so what is
-computed for each by itself is the same.
+Pinocchio's data contain tensors of second derivatives, whose size grows with the cube of the number of joints: 67 MB
+for the 128 joints of 16 arms, 16 GB for 100 arms. The arms of a scene are attached only to the world, so results
+computed for each arm alone are the same.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class ArmBranch:
     Args:
         model: The `pinocchio.Model` of this arm alone.
         data: Pinocchio's data of this model.
-        rows: Its entries of the configuration of the whole model; a row is the index of a joint, less 1.
-        first_frame: Index in the whole model of its first frame, which has index 1 in its own.
+        rows: Its entries of the whole model's configuration; a row is the index of a joint, minus 1.
+        first_frame: Index in the whole model of its first frame, which has index 1 in the branch.
     """
 
     model: pin.Model
@@ -47,7 +47,7 @@ class ArmBranch:
 
 
 class ArmBranches:
-    """The arms of a `SceneModel`, each made when it is first needed; one thread's.
+    """The arms of a `SceneModel`, each built when it is first needed; not shared between threads.
 
     Args:
         scene_model: The arms as one model.
@@ -62,7 +62,7 @@ class ArmBranches:
         return kept_in(self._made, arm, lambda: self._branch(arm))
 
     def of_frame(self, index: int) -> ArmBranch:
-        """The branch that has a frame of the whole model, which is not that of the world."""
+        """The branch that contains a frame of the whole model other than that of the world."""
         arms, frames = tuple(self._begins), [frame for _, frame in self._begins.values()]
         return self.of_arm(arms[bisect_right(frames, index) - 1])
 

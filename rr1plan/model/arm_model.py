@@ -60,7 +60,7 @@ def hang(element: str, body: Body, geometries: Iterable[Geometry]) -> tuple[Elem
 
 @dataclass(frozen=True, eq=False)
 class ArmModel:
-    """The part of a `SceneModel` that depends only on the arms, which of them move, and the configuration of the rest.
+    """The part of a `SceneModel` that depends only on the arms, which of them move, and the other configurations.
 
     It is shared by scenes that agree in these, so its `model` must not be modified.
 
@@ -84,14 +84,14 @@ class ArmModel:
 
 @dataclass(frozen=True)
 class _Content:
-    """Cache key of a arm_model, and the data to build it."""
+    """Cache key of an `ArmModel`, and the data to build it."""
 
     key: tuple[tuple[str, str, bytes, bytes | None], ...]
     arms: Mapping[str, Arm] = field(compare=False)
 
 
 def arm_model_of(scene: Scene, arms: tuple[str, ...]) -> ArmModel:
-    """The arm_model of a scene with the given moving arms; cached for scenes with equal arms.
+    """The `ArmModel` of a scene with the given moving arms; cached for scenes with equal arms.
 
     Raises:
         InputError: a joint that is neither planned, locked nor mimics one that is.

@@ -1,6 +1,6 @@
 """Arms of two joints that move in a plane: forward and inverse kinematics in closed form.
 
-Positions in the plane are complex numbers. A joint that turns multiplies `rot` by exp(i sense q), one that slides adds
+Positions in the plane are complex numbers. A turning joint multiplies `rot` by exp(i sense q), a sliding joint adds
 `rot * slide * q`; after each joint its bar adds `rot * bar`.
 """
 
@@ -24,11 +24,11 @@ class FlatArm:
 
     Args:
         kinds: "RR", "RP", "PR" or "PP".
-        base: Where the first joint is at zero [m].
+        base: Position of the first joint at zero [m].
         height: z of the tool [m].
         bars: From the first joint to the second, and from there to the tool, with both joints at zero [m].
-        senses: For joints that turn 1.0 for counter-clockwise, -1.0 for clockwise.
-        slides: For joints that slide their directions at zero, of length 1.
+        senses: Senses of turning joints: 1.0 for counter-clockwise, -1.0 for clockwise.
+        slides: Directions of sliding joints at zero, of length 1.
     """
 
     kinds: str
@@ -55,15 +55,15 @@ class FlatArm:
         return np.stack([np.stack([z.real, z.imag], axis=-1) for z in found], axis=-2)
 
     def solutions(self, points: ArrayLike) -> Array:
-        """All joint values that put the tool at points of the plane, limits aside.
+        """All joint values that put the tool at points of the plane, ignoring limits.
 
         Args:
             points: Positions [m], shape (..., 2).
 
         Returns:
-            Shape (..., 2, 2): for each point two solutions of two joint values, angles within ±π. NaN where a point is
-            out of reach, and for the second solution of "PP", which has one. Where both solutions of a point are one
-            (at the rim of an annulus) they are equal.
+            Shape (..., 2, 2): for each point two solutions of two joint values, angles within ±π. NaN for points out of
+            reach, and for the second solution of "PP", which has only one. Both solutions are equal at points that have
+            only one (at the rim of an annulus).
         """
         xy = np.asarray(points, dtype=float)
         target = xy[..., 0] + 1j * xy[..., 1] - self.base
@@ -105,7 +105,7 @@ def _wrap(angle: Array) -> Array:
 
 
 def flat_arm(arm: Arm) -> FlatArm | None:
-    """The arm as two joints in a horizontal plane, or None if it is not that."""
+    """The arm as two joints in a horizontal plane, or None if it is not such an arm."""
     robot = arm.robot
     if robot.nq != 2:
         return None
@@ -131,7 +131,7 @@ def flat_arm(arm: Arm) -> FlatArm | None:
 
 
 def _moves_like(found: FlatArm, arm: Arm) -> bool:
-    """Whether the formulas put the tool where the arm has it, and can be inverted."""
+    """Whether the formulas agree with the arm's forward kinematics, and can be inverted."""
     for q in ((0.7, -1.1), (-0.4, 0.3)):
         there = (arm.base @ arm.robot.link_poses(q)[arm.robot.tool])[:2, 3]
         if np.abs(found.points(q)[2] - there).max() > _EXACT:

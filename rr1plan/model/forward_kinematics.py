@@ -1,7 +1,7 @@
 """Forward kinematics, Jacobians and inverse dynamics as functions of the planning q.
 
-Pinocchio computes, our affine map (`SceneModel.full`) takes q to its configuration and the results
-back, so mimic joints count in every Jacobian and torque and locked joints and resting arms are still.
+Pinocchio does the computation. Our affine map (`SceneModel.full`) takes q to its configuration and the results back, so
+mimic joints count in every Jacobian and torque, and locked joints and stationary arms are fixed.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Kinematics:
 
         Raises:
             UnknownNameError: no such arm or link.
-            InputError: no arm given where several move.
+            InputError: no arm given although several move.
         """
         if not isinstance(frame, str):
             raise InputError(f"frame is {shown(frame)}, expected a name")
@@ -100,7 +100,7 @@ class Kinematics:
 
         Raises:
             UnknownNameError: no such arm.
-            InputError: None where several arms move.
+            InputError: None although several arms move.
         """
         if arm is None and len(self.arms) != 1:
             raise InputError(f"{len(self.arms)} arms move ({', '.join(self.arms)}); say which one with option arm")
@@ -188,7 +188,7 @@ class Kinematics:
         return T.translation.copy(), T.rotation.copy(), np.asarray(J @ self.scene_model.selection[branch.rows])
 
     def manipulability(self, q: ArrayLike, frame: str = "tool") -> float:
-        """Yoshikawa's measure: the product of the Jacobian's singular values; 0 where the arm is singular.
+        """Yoshikawa's measure: the product of the Jacobian's singular values; 0 for singular configurations.
 
         For fewer than six joints it is sqrt(det(J^T J)).
         Source: Yoshikawa, Manipulability of robotic mechanisms, IJRR 1985.

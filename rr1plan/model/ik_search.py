@@ -43,13 +43,14 @@ class IkSearch:
     """Descents from seeds, then from random starts.
 
     Args:
-        chain: Moves the frame.
-        robot: Whose joints these are.
-        goal: Where the frame has to get.
-        seeds: Where to start first, within the limits, shape (k, nq), k >= 1. Of all copies of a solution that are
-            whole turns apart the nearest to the first seed counts.
-        state: Of the random numbers; it advances.
-        separation: Solutions count as distinct from this difference in some joint on [rad or m]; None: 0.001, and 0.2
+        chain: The kinematic chain of the frame.
+        robot: The robot with these joints.
+        goal: Goal of the frame.
+        seeds: First starts, within the limits, shape (k, nq), k >= 1. Of all copies of a solution modulo whole turns,
+            the nearest to the first seed counts.
+        state: State of the random numbers; it advances.
+        separation: Solutions are distinct if they differ by at least this in some joint [rad or m]; None: 0.001, or 0.2
+            if the arm has more joints than the goal needs.
             where the arm has more joints than the goal needs.
 
     Attributes:
@@ -58,7 +59,7 @@ class IkSearch:
         rejected: Rejected solutions so far.
 
     Raises:
-        InputError: a separation that is not above zero.
+        InputError: a separation that is not positive.
     """
 
     def __init__(
@@ -109,7 +110,7 @@ class IkSearch:
 
     @property
     def struct(self) -> CStruct:
-        """The search as the kernels read it, for pages that search by themselves."""
+        """The search as a struct of the kernels, for pages that search by themselves."""
         return self._struct
 
     @property

@@ -90,15 +90,16 @@ def solve_ik(
 ) -> IkResult:
     """Every distinct configuration found that brings a frame of an arm to its goal.
 
-    Solutions count as distinct from a difference of 0.001 rad (or m) in some joint on, of 0.2 where the arm has more
-    joints than the goal needs and solutions form a continuum. They use at most nine tenths of the goal's tolerance.
-    Where there is none, but a descent came near, a second attempt uses all of it.
+    Solutions are distinct if they differ by at least 0.001 rad (or m) in some joint, or by 0.2 if the arm has more
+    joints than the goal needs and solutions form a continuum. They use at most nine tenths of the goal's tolerance. If
+    there is none but a descent came near, a second attempt uses all of it.
 
     Args:
-        kinematics: Of one moving arm: of its scene, of the robot alone, or `kinematics.for_arm(name)` of several.
-        goal: A position, a full pose, or a box for the frame's origin. A random start aims at a
-            random point of the box, a seed at the nearest.
-        seeds: Where to start first [rad or m], shape (nq,) or (k, nq), clipped to the limits
+        kinematics: Kinematics of one moving arm: of its scene, of the robot alone, or `kinematics.for_arm(name)` of
+            several.
+        goal: A position, a full pose, or a box for the frame's origin. Random starts aim at a random point of the box,
+            seeds at the nearest one.
+        seeds: First starts [rad or m], shape (nq,) or (k, nq), clipped to the limits
             (default: the arm's configuration in the scene).
         accept: Called with each distinct solution (nq,); False rejects it, e.g. one that is in collision.
         attempts: Number of starts, seeds included; a second attempt has as many again.
@@ -109,7 +110,7 @@ def solve_ik(
 
     Raises:
         UnknownNameError: no such frame.
-        InputError: several arms, a goal of another kind, or numbers out of range.
+        InputError: several arms, a goal of another kind, or values out of range.
     """
     of_kind("kinematics", kinematics, Kinematics)
     own = kinematics.for_arm()

@@ -65,7 +65,7 @@ def copies_within_limits(robot: Robot, q: Array, near: Array, *, reach: float = 
             is always included.
 
     Raises:
-        InputError: no robot, wrong shapes, not finite, or a reach that is negative or too far.
+        InputError: not a robot, wrong shapes, not finite, or a reach that is negative or too large.
     """
     of_kind("robot", robot, Robot)
     q, near = finite_array("q", q, (robot.nq,)), finite_array("near", near, (robot.nq,))

@@ -40,7 +40,7 @@ def chain_of(arm_model: ArmModel, link: str, first: int = 0) -> Chain:
     Locked joints are merged into the fixed transforms between the others.
 
     Args:
-        arm_model: ArmModel of a scene.
+        arm_model: The `ArmModel` of a scene.
         link: "arm/link".
         first: Column of q that becomes column 0 of the chain.
     """

@@ -1,4 +1,4 @@
-"""Hints for an attached object that rests on an obstacle, a collision until the pair is allowed."""
+"""Hints for an attached object that rests on an obstacle, which counts as a collision until the pair is allowed."""
 
 from __future__ import annotations
 

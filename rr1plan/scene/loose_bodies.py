@@ -30,9 +30,9 @@ from rr1plan.transforms import as_pose, identity
 
 _log = logging.getLogger(__name__)
 _MOST_BODIES = 10_000
-# Nobody drops longer things; a file in millimeters was meant [m].
+# Longer objects suggest that the file was in millimeters [m].
 _HUGE = 20.0
-# A smaller share of the bounding box is not a volume.
+# A smaller fraction of the bounding box does not count as a volume.
 _FLAT = 1e-9
 
 
@@ -53,7 +53,7 @@ def load_body(
     Args:
         file: A mesh file, as `load_mesh` takes it.
         scale: Factor of all axes or of each one (a file in millimeters: 0.001).
-        convex: What touches other things: "hull" for the convex hull, or convex "pieces" of the mesh.
+        convex: Collision shape: "hull" for the convex hull, or convex "pieces" of the mesh.
         density: Mass per volume enclosed by the mesh [kg/m³].
         mass: Mass instead [kg]; then the mesh need not be closed.
         friction: Coulomb friction coefficient.
@@ -107,17 +107,17 @@ def stack_bodies(
 
     Args:
         body: The obstacle, with a mass or fixed; its rotation is kept, its position is not.
-        count: How many.
-        columns: How many in a layer along x and along y; layers are filled one after the other.
+        count: Number of copies.
+        columns: Number of copies in a layer along x and along y; layers are filled one after the other.
         gap: Distance between the bounding boxes of neighbors [m], one number or one for each axis.
         pose: Middle of the lower side of the stack in the world: (4, 4), or a position (3,) [m].
-        prefix: Their names are this and a number from 1 on, e.g. "body01".
+        prefix: Prefix of their names, followed by a number from 1 on, e.g. "body01".
 
     Returns:
         The obstacles by name, from the lowest layer to the highest.
 
     Raises:
-        InputError: no obstacle, none of them or too many, a gap below zero, or a half-space or point cloud.
+        InputError: not an obstacle, a count of zero or too many, a negative gap, or a half-space or point cloud.
     """
     of_kind("body", body, Obstacle)
     whole_number("count", count, 1, _MOST_BODIES)

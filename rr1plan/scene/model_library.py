@@ -29,13 +29,13 @@ from rr1plan.shapes.convex_decomposition import Convexity
 
 _MJCF_SUFFIXES = (".xml", ".mjcf")
 _SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml", *_MJCF_SUFFIXES)
-# Of an MJCF scene: contacts of each with each standing link are allowed one by one.
+# In an MJCF scene, contacts of each with each stationary link are allowed one by one.
 _MOST_SURROUNDINGS = 1000
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def models_folder() -> Path:
-    """The folder of the shipped models: inside an installed package, next to it in a source tree.
+    """The folder of the shipped models: inside an installed package, next to the package in a source tree.
 
     Raises:
         InstallationError: there is none.
@@ -92,41 +92,39 @@ def load_robot(
     for each of its robots, named after its first body: the driven hinges and slides on the way to the tool. Its
     keyframes are states, and its other joints are locked as in "home".
 
-    URDF knows no acceleration and no jerk: one that reaches the velocity in 0.25 s and a jerk that
-    reaches that in 0.1 s are taken. A velocity it does not give becomes 1 rad/s or 0.25 m/s.
-    Use `robot.with_limits` where you know better.
+    URDF has no acceleration and jerk limits: the defaults reach the velocity limit in 0.25 s and the acceleration limit
+        in 0.1 s. A missing velocity limit becomes 1 rad/s or 0.25 m/s. Set known limits with `robot.with_limits`.
 
-    "home" is the SRDF's state of that name, else "ready", else its first one; without an SRDF, zero or
-    the middle of the range if that is free of self-collision, else a free configuration near it.
+    "home" is the SRDF's state of that name, else "ready", else its first state; without an SRDF, zero or the middle of
+    the range if that is free of self-collision, else a free configuration near it.
 
-    Where no SRDF switches pairs of links off, neighbors and links that touch in each of 200 random
-    configurations are not checked against each other; see `propose_disabled_collisions`. Where no configuration
-    is free even so, links that touch at home are not checked either, as the log warns.
+    If no SRDF disables pairs of links, neighbors and links that touch in each of 200 random configurations are not
+    checked against each other; see `propose_disabled_collisions`. If no configuration is free even so, links that touch
+    at home are not checked either, with a warning in the log.
 
-    Files are read anew every time. If all that came of them equals a loaded robot still in use, that one is returned.
+    Files are read anew every time. If the result equals a loaded robot that is still in use, that one is returned.
 
     Args:
         name_or_file: One of `robot_names()`, one of `installed_robot_names()` (`pip install 'rr1plan[robots]'`), or a
             .urdf, .xacro or MJCF (.xml, .mjcf) file. A xacro file is a program: load only those you trust.
-        srdf: The SRDF; None looks beside the URDF and in ../srdf for one of the same name, False
-            takes none.
+        srdf: The SRDF; None looks beside the URDF and in ../srdf for one of the same name, False uses none.
         groups: The SRDF groups to plan for, as one: the joints of the first, then those of the next, e.g. one arm or
-            both arms of a robot. Where the SRDF has no such group, or there is none, give a chain: (base link, tip
-            link). The robot's tool is that of the first.
+            both arms of a robot. A group that no SRDF defines is given as a chain: (base link, tip link). The robot's
+            tool is that of the first group.
         joints: The joints to plan for, in this order.
-        package_dirs: Folders to look for `package://` meshes in, before those around the file; for MJCF,
-            folders besides its own in which meshes may be.
-        convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces"
-            (slow the first time, with a bar on a terminal; then kept on disk).
+        package_dirs: Folders in which to search for `package://` meshes before those around the file; for MJCF, folders
+            with meshes in addition to the file's own.
+        convex: Replacement of non-convex collision meshes: their "hull", or convex "pieces" (slow the first time, with
+            a progress bar on a terminal; then cached on disk).
         tool: The link that pose goals mean when they name none; by default the tip of the group's
             chain, or the last link of the subtree of the last planning joint. In MJCF files it is a body or a site, and
             the joints between the base and the tool are planned for; by default a site with a tool's name, or the body
             that holds the fingers.
-        xacro_arguments: Values of a xacro file's arguments; with some, or {}, a .urdf is expanded as well.
+        xacro_arguments: Values of a xacro file's arguments; if given, even {}, a .urdf is expanded as well.
 
     Raises:
         UnknownNameError: no such robot, group, joint or link.
-        FormatError: a file that cannot be read as what it claims to be.
+        FormatError: a file that is not in its format.
         InputError: joints that cannot be planned for.
         MissingPackageError: a xacro file, and xacrodoc is not installed.
     """
@@ -148,12 +146,12 @@ def load_robot(
     return _shared(robot if folder is None else folder.apply(robot))
 
 
-# Robots that were loaded and are in use, by the SHA-256 of all they consist of.
+# Loaded robots in use, by the SHA-256 of their whole content.
 _loaded: WeakValueDictionary[bytes, Robot] = WeakValueDictionary()
 
 
 def _shared(robot: Robot) -> Robot:
-    """An equal robot that is in use, or this one: what is computed from a robot is computed once for all its loads."""
+    """An equal robot that is in use, or this one, so that values derived from a robot are computed only once."""
     return _loaded.setdefault(sha256(pickle.dumps(robot, pickle.HIGHEST_PROTOCOL)).digest(), robot)
 
 
@@ -179,7 +177,7 @@ def _locate(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Path | 
 def _read_mjcf(
     file: Path, package_dirs: Sequence[str | Path], convex: Convexity, tool: str | None
 ) -> tuple[Tree, Semantics]:
-    # MuJoCo takes a fifth of a second to be imported.
+    # Importing MuJoCo takes a fifth of a second.
     from rr1plan.robot.mjcf import read_mjcf
 
     content = read_mjcf(file, package_dirs=package_dirs, convex=convex, tool=tool)
@@ -199,7 +197,7 @@ def _read_tree(
 def _semantics(
     srdf: str | Path | Literal[False] | None, beside: Path | None, tree: Tree, own: Semantics | None
 ) -> Semantics | None:
-    """What the given SRDF, or the one beside the robot's file, adds to that file."""
+    """The semantics that the given SRDF, or the one beside the robot's file, adds to that file."""
     if srdf is None:
         found = _semantics_beside(beside, tree)
     else:
@@ -239,9 +237,9 @@ def load_scene(name_or_file: str | Path) -> Scene:
 
     Args:
         name_or_file: A name of `scene_names`, or a scene file (.toml), a MoveIt scene (.scene), a MotionBenchMaker
-            scene (.yaml, .yml) or an MJCF file (.xml, .mjcf). MoveIt's and MotionBenchMaker's hold obstacles only: add
-            arms with `scene.with_arm`. Of an MJCF file the robot is the arm "arm", and all other bodies that hit
-            things are obstacles where they stand in its first keyframe.
+            scene (.yaml, .yml) or an MJCF file (.xml, .mjcf). MoveIt's and MotionBenchMaker's contain only obstacles:
+            add arms with `scene.with_arm`. The robot of an MJCF file is the arm "arm"; all other bodies with contacts
+            are obstacles, at their poses in its first keyframe.
 
     Raises:
         UnknownNameError: no shipped scene of that name.
@@ -268,7 +266,7 @@ def load_scene_file(name_or_file: str | Path) -> SceneFile:
 
 
 def _read_mjcf_scene(file: Path) -> Scene:
-    """The robot of an MJCF file as an arm, and what surrounds it as obstacles."""
+    """The robot of an MJCF file as an arm, and its surroundings as obstacles."""
     from rr1plan.robot.mjcf import read_mjcf
 
     content = read_mjcf(file)

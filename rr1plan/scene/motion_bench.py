@@ -11,8 +11,8 @@ boxes have full sides, cylinders radius and length, quaternions are xyzw, poses 
          "meshes": [[name, [[x, y, z], ...], [[corner, corner, corner], ...], [x, y, z], [qx, qy, qz, qw]], ...],
          "spheres": [[name, radius, [x, y, z]], ...]}, ...]}}
 
-Only joints, problems, start and goals have to be there; a problem without a number has that of its place, one
-with `"valid": false` is passed over. Lists by other names are refused: they may be obstacles.
+Only joints, problems, start and goals are required; a problem without a number gets that of its position, and one with
+`"valid": false` is skipped. Lists by other names are rejected: they may be obstacles.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ def read_problem_set(file: str | Path, robot: Robot) -> dict[str, Problem]:
 
     Args:
         file: The file.
-        robot: The robot they are for; its base is at the origin. Joints it does not plan for are held
-            as the file says, as far as their limits allow.
+        robot: Their robot; its base is at the origin. Joints that it does not plan for are locked at the file's values,
+            as far as their limits allow.
 
     Returns:
         Problems by name, "set/number", in the order of the file; the arm has the robot's name.
@@ -108,7 +108,7 @@ def read_problem_set(file: str | Path, robot: Robot) -> dict[str, Problem]:
 
 
 def problem_set_joints(file: str | Path) -> tuple[str, ...]:
-    """The joints that a set of problems (JSON) is about, for `load_robot`.
+    """The joints of a set of problems (JSON), for `load_robot`.
 
     Raises:
         FormatError: not JSON, or not such a set.
@@ -120,10 +120,10 @@ def problem_set_joints(file: str | Path) -> tuple[str, ...]:
 
 
 def hold(robot: Robot, values: Mapping[str, float]) -> Robot:
-    """The robot with the locked joints of `values` at their values; fixed and foreign joints are passed over.
+    """The robot with the locked joints of `values` at their values; fixed and unknown joints are skipped.
 
-    A value beyond a joint's limits is taken to the limit, with a warning in the log: the benchmark's
-    gripper opens a little farther than some descriptions of it allow.
+    A value beyond a joint's limits is clipped, with a warning in the log: the benchmark's gripper opens slightly
+    farther than some of its descriptions allow.
 
     Raises:
         InputError: a value that is not finite.
@@ -160,7 +160,7 @@ def _read_object(entry: Table, name: str) -> tuple[Geometry, ...]:
 def _read_primitive(entry: Table) -> list[Shape]:
     counts = {"box": 3, "sphere": 1, "cylinder": 2, "cone": 2}
     number = entry.raw("type")
-    # MoveIt's own files count them from one.
+    # MoveIt's own files count types from one.
     by_number = type(number) is int and 1 <= number <= len(counts)
     kind = list(counts)[number - 1] if by_number else entry.string("type")
     d = _numbers(entry, "dimensions")
@@ -214,7 +214,7 @@ def _numbers(entry: Table, key: str) -> list[float]:
 
 
 def _number(entry: Table, value: Any, key: str) -> float:
-    """A finite number; YAML 1.1 gives 1e3 as text, which is taken for the number it looks like."""
+    """A finite number; YAML 1.1 reads 1e3 as text, which is converted."""
     if isinstance(value, str | int | float) and not isinstance(value, bool):
         try:
             number = float(value)
@@ -240,7 +240,7 @@ def _read_problem(entry: Table, robot: Robot, order: list[int], name: str) -> Pr
         return Problem(scene, start, [JointGoal(goal) for goal in goals])
 
 
-# The length of a row, and the shapes it stands for.
+# The length of a row, and the shapes that it represents.
 _MAKERS: dict[str, tuple[int, Callable[[Sequence[Any]], list[Shape]]]] = {
     "boxes": (4, lambda row: [Box(row[1])]),
     "cylinders": (5, lambda row: [Cylinder(row[1], row[2])]),

@@ -7,7 +7,7 @@
     number of subframes      (missing in the older form) then for each: name, position, quaternion
     .                        the end
 
-Subframes are read over.
+Subframes are skipped.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def read_moveit_scene(file: str | Path) -> Scene:
         A scene without arms; add them with `scene.with_arm`.
 
     Raises:
-        FormatError: it ends too early, a number is not finite, an unknown type; names the line.
+        FormatError: it ends too early, a number is not finite, a type is unknown; names the line.
     """
     words = _Words(read_text(file), file)
     scene = Scene(name=words.line() or Path(file).stem)
@@ -75,7 +75,7 @@ class _Words:
         return line
 
     def peek_line(self) -> list[str]:
-        """The words of the next line that is not empty, without taking them."""
+        """The words of the next non-empty line, without consuming them."""
         found = re.compile(r"\s*(\S[^\n]*)").match(self.text, self.at)
         return found[1].split() if found else []
 
@@ -110,7 +110,7 @@ class _Words:
 
 
 def _read_object(words: _Words, name: str) -> Obstacle | None:
-    """One object, or None when it has no shapes."""
+    """One object, or None if it has no shapes."""
     newer = len(words.peek_line()) > 1
     T = _read_pose(words) if newer else pose()
     geometries: list[Geometry] = []
@@ -165,7 +165,7 @@ def cone(radius: float, length: float) -> Mesh:
     """A convex mesh around a cone along z with its tip at the top: its base circle is inscribed in a polygon.
 
     Raises:
-        InputError: a measure that is not finite or not above zero.
+        InputError: a dimension that is not finite or not positive.
     """
     base = Cylinder(radius, length)
     angles = 2.0 * np.pi * np.arange(_CONE_SIDES) / _CONE_SIDES

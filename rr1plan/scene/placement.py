@@ -44,18 +44,17 @@ def place_grid(
     """Place rows x columns arms on a grid, all with the same orientation.
 
     Args:
-        robot: The robot all of them are.
-        rows: How many along x.
-        columns: How many along y.
+        robot: The robot of all arms.
+        rows: Number of arms along x.
+        columns: Number of arms along y.
         spacing: Distance between neighbors [m], one number or (along x, along y).
-        pose: Middle of the grid in the world and how it is turned: (4, 4), or a position (3,) [m] (default: the
-            origin).
+        pose: Pose of the middle of the grid in the world: (4, 4), or a position (3,) [m] (default: the origin).
         q: Configuration of every arm: a configuration's name or numbers (nq,).
-        scene: The scene they are added to (default: an empty one).
-        prefix: Their names are this and a number from 1 on, e.g. "arm01".
+        scene: The scene to which they are added (default: an empty one).
+        prefix: Prefix of their names, followed by a number from 1 on, e.g. "arm01".
 
     Raises:
-        InputError: no rows or columns, a spacing that is not above zero, a name the scene has already.
+        InputError: no rows or columns, a spacing that is not positive, a name that the scene already has.
     """
     of_kind("robot", robot, Robot)
     _check_counts(rows=rows, columns=columns)
@@ -84,20 +83,20 @@ def place_ring(
     """Place arms evenly on a circle.
 
     Args:
-        robot: The robot all of them are.
-        count: How many.
+        robot: The robot of all arms.
+        count: Number of arms.
         radius: Radius of the circle of their bases [m].
-        facing: Where their fronts point: to the "center", "outward", or "along" the circle (counter-clockwise).
-        front: Which way the robot's front points in its base frame, shape (3,); (-1, 0, 0) for RR1.
-        pose: Middle of the circle in the world and how it is turned: (4, 4), or a position (3,) [m] (default: the
-            origin). The first arm stands on its x axis.
+        facing: Direction of their fronts: to the "center", "outward", or "along" the circle (counter-clockwise).
+        front: Direction of the robot's front in its base frame, shape (3,); (-1, 0, 0) for RR1.
+        pose: Pose of the middle of the circle in the world: (4, 4), or a position (3,) [m] (default: the origin). The
+            first arm is on its x axis.
         q: Configuration of every arm: a configuration's name or numbers (nq,).
-        scene: The scene they are added to (default: an empty one).
-        prefix: Their names are this and a number from 1 on, e.g. "arm01".
+        scene: The scene to which they are added (default: an empty one).
+        prefix: Prefix of their names, followed by a number from 1 on, e.g. "arm01".
 
     Raises:
-        InputError: no arms, a radius that is not above zero, a front without a horizontal direction, a name
-            the scene has already.
+        InputError: no arms, a radius that is not positive, a front without a horizontal direction, a name that the
+            scene already has.
         UnknownNameError: an unknown facing.
     """
     of_kind("robot", robot, Robot)

@@ -11,14 +11,14 @@ from rr1plan.robot import Geometry
 from rr1plan.shapes import Color, Mesh
 from rr1plan.shapes.convex_hulls import convex_hull
 
-_FLAT = 1e-9  # twice the area of corners in a line, relative to the square of the polygon's size
+_FLAT = 1e-9  # twice the area of collinear corners, relative to the square of the polygon's size
 _MOST = 1000
 
 
 def polygon_prism(corners: ArrayLike, height: float = 0.2, *, color: Color | None = None) -> tuple[Geometry, ...]:
     """A prism over any simple polygon, as convex pieces for `Scene.with_obstacle`.
 
-    A convex polygon is one piece; others are divided into triangles (by ear clipping), which together are the polygon.
+    A convex polygon is one piece; others are divided into triangles by ear clipping.
 
     Args:
         corners: The corners in order, clockwise or counter-clockwise [m], shape (n, 2), 3 to 1000 of them. The last
@@ -27,7 +27,7 @@ def polygon_prism(corners: ArrayLike, height: float = 0.2, *, color: Color | Non
         color: Its color (rgba, 0..1).
 
     Raises:
-        InputError: other corners, a polygon that crosses itself or has no area, or a height that is not above zero.
+        InputError: invalid corners, a polygon that crosses itself or has no area, or a height that is not positive.
     """
     points = near_array("corners", corners, (None, 2))
     if len(points) > 3 and (points[0] == points[-1]).all():  # closed, as other programs write polygons
@@ -53,7 +53,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _crosses_itself(points: Array) -> bool:
-    """Whether two edges that are no neighbors meet, or two neighbors fold back onto each other."""
+    """Whether two edges that are not neighbors meet, or two neighbors fold back onto each other."""
     n = len(points)
     a, b = points, np.roll(points, -1, axis=0)
     turn = [[_cross(b - a, p[k] - a) for k in range(n)] for p in (a, b)]

@@ -41,7 +41,7 @@ class JointGoal(Value):
 
     q: Array
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
 
         def __init__(self, q: str | ArrayLike) -> None: ...
 
@@ -70,7 +70,7 @@ class PoseGoal(Value):
     position_tolerance: float = 1e-4
     orientation_tolerance: float = 1e-3
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
 
         def __init__(
             self,
@@ -126,7 +126,7 @@ class RegionGoal(Value):
     _: KW_ONLY
     orientation_tolerance: float = 1e-3
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
 
         def __init__(
             self,
@@ -152,7 +152,7 @@ class RegionGoal(Value):
 
 Goal = JointGoal | PoseGoal | RegionGoal
 """Any goal of an arm."""
-# What a problem takes as the goal of an arm: a goal, a configuration's name or numbers, or a list of those.
+# Accepted goals of an arm: a goal, a configuration's name or numbers, or a list of those.
 GoalLike = Goal | ArrayLike | Sequence[Goal | ArrayLike]
 
 
@@ -161,7 +161,7 @@ class Problem(Value, NotebookView):
     """A planning problem.
 
     Args:
-        scene: The scene. Arms that do not move hold their configuration of the scene.
+        scene: The scene. Arms that do not move keep their configuration of the scene.
         start: Start of the moving arms: for one arm a configuration's name or numbers (nq,); for
             several a mapping by arm (a missing arm starts in its configuration of the scene).
             None: the configurations of the scene.
@@ -221,7 +221,7 @@ class Problem(Value, NotebookView):
         """The same problem with a margin of `distance` [m] added to the padding of pairs with relative motion.
 
         Raises:
-            InputError: below zero or not finite.
+            InputError: negative or not finite.
         """
         distance = finite_number("margin", distance)
         if distance < 0.0:

@@ -84,10 +84,10 @@ class Scene(SceneContent):
         return self.with_obstacles({name: Obstacle(posed_shapes(shape), as_pose(pose), mass, friction)})
 
     def with_obstacles(self, obstacles: Mapping[str, Obstacle]) -> Scene:
-        """A scene with more obstacles by name (or others of those names), such as those of `body_grid`.
+        """A scene with more obstacles by name (or others of those names), such as those of `stack_bodies`.
 
         Raises:
-            InputError: no mapping from names to obstacles.
+            InputError: not a mapping from names to obstacles.
         """
         of_kind("obstacles", obstacles, Mapping)
         return replace(self, obstacles={**self.obstacles, **obstacles})
@@ -101,7 +101,7 @@ class Scene(SceneContent):
 
         Raises:
             UnknownNameError: no such obstacle.
-            InputError: no pose.
+            InputError: not a pose.
         """
         thing = self.obstacles[known_name("obstacle", name, self.obstacles)]
         other = self.with_obstacles({name: replace(thing, pose=as_pose(pose))})

@@ -43,8 +43,8 @@ class Arm(Value):
 class Obstacle(Value):
     """A rigid object in the world, with one shape or several.
 
-    An obstacle with a mass is a loose body in simulations: it falls, is pushed and can be grasped. Planners take
-    it as fixed where it is.
+    An obstacle with a mass is a loose body in simulations: it falls, is pushed and can be grasped. For planners it is
+        fixed at its pose.
 
     Args:
         geometries: Its shapes, posed in the object's frame; convex ones for a loose body.
@@ -53,7 +53,7 @@ class Obstacle(Value):
         friction: Coulomb friction coefficient of a loose body; of two bodies that touch, the larger one counts.
 
     Raises:
-        InputError: no shape, a mass not above zero, a friction below zero, or a mass and a shape that cannot move.
+        InputError: no shape, a mass that is not positive, a negative friction, or a mass and a shape that cannot move.
     """
 
     geometries: tuple[Geometry, ...]
@@ -115,7 +115,7 @@ class Attachment(Value):
         link: The link it is fixed to.
         pose: T_link_object, shape (4, 4).
         touch: Links of that arm it may touch (always its own link).
-        mass: Its mass, which simulations add to the link [kg]; None: not known, weightless.
+        mass: Its mass, which simulations add to the link [kg]; None: unknown, treated as weightless.
         friction: Its Coulomb friction coefficient, as in `Obstacle`.
     """
 

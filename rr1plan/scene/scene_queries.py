@@ -62,12 +62,12 @@ def read_goal(entry: Table, key: str, frame: str = "tool") -> Any:
     """A goal, or a list of alternatives.
 
     Args:
-        entry: The table that has it.
+        entry: The table that contains it.
         key: Its key.
-        frame: The frame of poses and regions that name none.
+        frame: The frame of poses and regions that do not name one.
 
     Raises:
-        FormatError: it is not there, or is none.
+        FormatError: the key is missing, or its value is not a goal.
     """
     value = entry.required(key)
     if isinstance(value, list) and value and not all(is_number(v) for v in value):

@@ -207,7 +207,7 @@ def _read_points(table: Table, folder: Path) -> tuple[Shape, ...]:
 
 
 def _inside(entry: Table, folder: Path) -> Path:
-    """The file an entry names, which has to be in the scene file's folder or below it."""
+    """The file that an entry names, which has to be in the scene file's folder or below it."""
     name = entry.string("file")
     root = folder.resolve()
     with entry.blame("file"):

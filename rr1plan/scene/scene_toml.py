@@ -126,11 +126,11 @@ def scene_text(
     Args:
         scene: The scene. Meshes and point clouds are written into the file.
         problems: Named queries in that scene.
-        robots: Name or file of the robot of each arm (default: the robot's name); with a file go the planning joints
-            and the tool.
+        robots: Name or file of the robot of each arm (default: the robot's name); for a file, planning joints and tool
+            are written as well.
 
     Raises:
-        InputError: no scene, or a number that TOML has no form for.
+        InputError: not a scene, or a number that TOML cannot represent.
     """
     of_kind("scene", scene, Scene)
     data: dict[str, Any] = {"version": _VERSION, "name": scene.name, "description": scene.description}
@@ -244,7 +244,7 @@ def _with_limits(robot: Robot, entry: Table) -> Robot:
 
 
 def _locked_key(entry: Table) -> str:
-    """Files that were written before version 0.1 say `held`."""
+    """Files written before version 0.1 use the key `held`."""
     return entry.spelled("locked_joints", "held")
 
 

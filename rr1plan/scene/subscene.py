@@ -1,4 +1,4 @@
-"""Parts of scenes: some of the arms with what they hold."""
+"""Parts of scenes: some of the arms with the objects they hold."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from rr1plan.scene import Scene
 
 
 def subscene(scene: Scene, configurations: Mapping[str, Array | None], *, obstacles: bool = True) -> Scene:
-    """The part of a scene with some of its arms and what they hold.
+    """The part of a scene with some of its arms and the objects they hold.
 
     Args:
         scene: The scene.
-        configurations: The arms to keep; each with a configuration (nq,), or None for that of the scene.
+        configurations: The arms to keep, each with a configuration (nq,), or None for that of the scene.
         obstacles: Whether to keep the obstacles.
     """
     arms = {}

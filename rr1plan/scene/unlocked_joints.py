@@ -1,4 +1,4 @@
-"""Joints such as those of a gripper, locked or planning joints of other values of a robot or scene."""
+"""Conversion of joints, such as those of a gripper, between locked and planning joints of a robot or scene."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rr1plan.scene import Arm, Scene
 
 @lru_cache(maxsize=256)
 def unlocked_robot(robot: Robot, joints: tuple[str, ...]) -> Robot:
-    """The same robot with some locked joints as its last planning joints, at their present values."""
+    """The same robot with some locked joints as its last planning joints, at their current values."""
     rows = [robot.joint(name) for name in joints]
     values = [robot.locked_joints[name] for name in joints]
     return replace(
@@ -31,7 +31,7 @@ def unlocked_robot(robot: Robot, joints: tuple[str, ...]) -> Robot:
 
 
 def unlocked_scene(scene: Scene, joints: Mapping[str, tuple[str, ...]]) -> Scene:
-    """A scene in which some locked joints are planning joints, at their present values.
+    """A scene in which some locked joints are planning joints, at their current values.
 
     Args:
         scene: The scene.
@@ -63,7 +63,7 @@ def locked_robot(robot: Robot, joints: tuple[str, ...], values: tuple[float, ...
 
 
 def locked_scene(scene: Scene, joints: Mapping[str, tuple[str, ...]]) -> Scene:
-    """A scene in which some planning joints are locked at their present values.
+    """A scene in which some planning joints are locked at their current values.
 
     Args:
         scene: The scene.
