@@ -1,4 +1,4 @@
-"""The joints and the tool of an arm in a file that names neither: MJCF, or a URDF without an SRDF."""
+"""The joints and the tool of an arm in a file that specifies neither: MJCF, or a URDF without an SRDF."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Set
 from rr1plan.robot import Joint
 from rr1plan.robot.urdf import Tree
 
-# Names of tool frames, the most telling first, without prefixes ("left/") and the endings "_site" and "_frame".
+# Names of tool frames, the most specific first, without prefixes ("left/") and the endings "_site" and "_frame".
 _TOOLS = (
     "tcp", "link_tcp", "hand_tcp", "tool_center_point", "pinch", "grip", "grasp", "gripper", "gripperframe", "ee",
     "eef", "end_effector", "attachment", "tool", "tool0", "flange",
@@ -18,16 +18,16 @@ _GRIPPER = re.compile(r"finger|grip|jaw|claw|knuckle|thumb", re.IGNORECASE)
 
 
 class ArmFinder:
-    """Finds the arms in a tree: where their hands are, and which joints lead there.
+    """Finds the arms in a tree: their hands, and the joints that lead there.
 
     Args:
         tree: The links and joints of all robots of the file.
-        driven: The joints that have a motor; none if the file does not say.
+        driven: The joints that have a motor; empty if the file does not specify them.
         sites: Links that are sites.
 
     Attributes:
-        driven: The joints that an arm may consist of, at first those with a motor.
-        moving: All joints that move by themselves.
+        driven: The joints that an arm may consist of, initially those with a motor.
+        moving: All joints that can move independently.
     """
 
     def __init__(self, tree: Tree, driven: Set[str] = frozenset(), sites: Set[str] = frozenset()) -> None:
@@ -53,11 +53,11 @@ class ArmFinder:
         return found[::-1]
 
     def is_below(self, link: str, root: str) -> bool:
-        """Whether a link hangs on another one, or is it."""
+        """Whether a link is another one or a descendant of it."""
         return link == root or any(joint.parent == root for joint in self.chain(link))
 
     def named_tool(self, root: str) -> str | None:
-        """The site or body of a robot whose name says that it is the tool, behind at least one driven joint."""
+        """The site or body of a robot that has a tool's name and is behind at least one driven joint."""
         found = []
         for place, name in enumerate(self.above):
             word = re.split(r"[/:]", name)[-1].lower()
@@ -70,7 +70,7 @@ class ArmFinder:
         return min(found)[-1] if found else None
 
     def hand(self, root: str) -> str:
-        """The last body of the arm: where fingers branch off, or the last one with a joint that is not a gripper's."""
+        """The last body of the arm: where fingers branch off, or the last one whose joint is not a gripper's."""
         link, passed = root, sum(joint.kind != "fixed" for joint in self.chain(root))
         while True:
             branches = [j for j in self.below.get(link, ()) if self.reach.get(j.child, 0) + (j.kind != "fixed") > 0]
@@ -90,7 +90,7 @@ class ArmFinder:
         return link
 
     def _is_gripper(self, joint: Joint) -> bool:
-        """Whether a joint and all below it open and close a hand, by their names."""
+        """Whether a joint and all joints below it belong to a gripper, judged by their names."""
         waiting, names = [joint], []
         while waiting:
             at = waiting.pop()

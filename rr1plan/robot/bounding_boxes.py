@@ -1,4 +1,4 @@
-"""Boxes around posed shapes, with sides along the axes."""
+"""Axis-aligned boxes around posed shapes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _corners(geometry: Geometry, T: Array) -> Array:
             half = np.abs(R) @ shape.size / 2.0
         case Sphere():
             half = np.full(3, shape.radius)
-        case Cylinder():  # the shadow of a disk is narrower by the cosine of its tilt
+        case Cylinder():  # the projection of a disk onto an axis shrinks with its tilt
             half = np.abs(R[:, 2]) * shape.length / 2.0 + shape.radius * np.hypot(R[:, 0], R[:, 1])
         case Capsule():
             half = np.abs(R[:, 2]) * shape.length / 2.0 + shape.radius

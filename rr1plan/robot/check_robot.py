@@ -21,7 +21,7 @@ def check_robot(robot: Robot) -> Robot:
 
     Raises:
         InputError: an inconsistency; the message names it.
-        UnknownNameError: a name of no link or joint of the robot.
+        UnknownNameError: a name that no link or joint of the robot has.
     """
     _distinct("link", robot.link_names)
     _distinct("joint", [joint.name for joint in robot.joints])
@@ -40,7 +40,7 @@ def check_robot(robot: Robot) -> Robot:
 
 
 def _check_named_values(robot: Robot) -> None:
-    """Presets, locked joints and configurations are of the robot's joints."""
+    """Require that presets, locked joints and configurations refer to the robot's joints."""
     for name, limits in robot.presets.items():
         if len(limits) != robot.nq:
             raise InputError(f"preset {name!r} has limits for {len(limits)} of {robot.nq} joints")

@@ -1,7 +1,7 @@
 """Contact bands: intervals of one joint in which two links touch for all values of the other joints, by sampling.
 
-A band inside the joint's range separates the free space. In a real arm that is rare; most
-bands come from shapes that are larger than the links, for example the convex hull of a bent link.
+A band inside the joint's range separates the free space. For real arms that is rare; most bands are due to shapes that
+are larger than the links, for example the convex hull of a bent link.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from rr1plan.checks import Array
 from rr1plan.robot import Robot
 from rr1plan.robot.link_contacts import LinkBodies, Pair
 
-# Sampled values of a joint; narrower bands may be missed.
+# Number of sampled values of a joint; narrower bands may be missed.
 _GRID = 48
-# Random values of the other joints at each of them.
+# Number of random samples of the other joints at each of these values.
 _OTHERS = 16
 _BISECTIONS = 8
 # Most joints between two links of a band; with more joints bands are unlikely.
@@ -48,7 +48,7 @@ class ContactBand:
 def contact_bands(
     robot: Robot, pairs: Collection[Pair], generator: np.random.Generator, bodies: LinkBodies | None = None
 ) -> tuple[ContactBand, ...]:
-    """Bands of contact that split the range of a joint between two links with three joints at most between them.
+    """Bands of contact that split the range of a joint, for pairs of links with at most three joints between them.
 
     Args:
         robot: The robot; locked joints stay at their values.
@@ -88,7 +88,7 @@ class _Search:
     Args:
         robot: The robot.
         bodies: Its links.
-        others: Configurations to take the other joints' values from, shape (n, nq).
+        others: Configurations that provide the other joints' values, shape (n, nq).
     """
 
     def __init__(self, robot: Robot, bodies: LinkBodies, others: Array) -> None:

@@ -1,9 +1,8 @@
 """Pairs of links that need no collision check, found by sampling, for robots without an SRDF.
 
-The idea of MoveIt's setup assistant: links joined by a joint may always touch; two links that touch
-in every sample say nothing about a motion; two that touch in none probably never can. Only the
-first two kinds are left out when a robot without an SRDF is loaded, the third is for the user to
-judge. Shapes are compared by Coal directly.
+The idea is that of MoveIt's setup assistant: links connected by a joint may always touch; two links that touch in every
+sample carry no information about a motion; two that touch in no sample probably never can. When a robot without an SRDF
+is loaded, only the first two kinds are omitted; the third is for the user to judge. Coal compares the shapes.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from rr1plan.robot.link_contacts import LinkBodies, Pair
 
 Reason = Literal["Adjacent", "Always", "Never"]
 
-_HOME_SAMPLES = 300  # random configurations among which that at home is looked for
+_HOME_SAMPLES = 300  # random configurations among which the home configuration is chosen
 _MOST_SAMPLES = 1_000_000
 
 
@@ -37,7 +36,7 @@ def rigid_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
             body[joint.child] = members
         else:
             body[joint.child] = [joint.child]
-    bodies = {id(members): members for members in body.values()}  # each list is there once for each member
+    bodies = {id(members): members for members in body.values()}  # each list occurs once for each member
     return frozenset(frozenset(pair) for members in bodies.values() for pair in combinations(members, 2))
 
 
@@ -57,13 +56,13 @@ def adjacent_pairs(joints: Sequence[Joint]) -> frozenset[Pair]:
 
 @dataclass(frozen=True, eq=False)
 class PairProposal(Value, Mapping[Pair, Reason]):
-    """Pairs of links that need no check, each with the reason, and bands of contact to look at.
+    """Pairs of links that need no check, each with the reason, and contact bands to inspect.
 
     Args:
-        reasons: "Adjacent" for links that a joint joins, "Always" for links that touch in every sample, "Never" for
-            links that touch in none (a guess that grows with the samples).
-        bands: Pairs that touch whenever one joint is within an interval inside its range, which cuts the free space in
-            two. Where that comes from a shape larger than its link, the pair needs no check either.
+        reasons: "Adjacent" for links connected by a joint, "Always" for links that touch in every sample, "Never" for
+            links that touch in none (a guess that improves with the number of samples).
+        bands: Pairs that touch whenever one joint is within an interval inside its range, which splits the free space.
+            If this is due to a shape larger than its link, the pair needs no check either.
     """
 
     reasons: Mapping[Pair, Reason]
@@ -90,12 +89,12 @@ def propose_disabled_collisions(robot: Robot, *, samples: int = 1000, rng: Seed 
     """Pairs of links that need no check, each with the reason.
 
     Args:
-        robot: The robot; its `disabled_collisions` is not looked at.
-        samples: How many random configurations decide, grippers opened and closed at random too.
+        robot: The robot; its `disabled_collisions` is ignored.
+        samples: Number of random configurations; grippers are opened and closed at random too.
         rng: Generator or seed.
 
     Returns:
-        A mapping from pair to reason, with the pairs that touch in a band which splits a joint's range in `bands`.
+        A mapping from pair to reason; its `bands` are the pairs that touch in a band that splits a joint's range.
 
     Raises:
         InputError: `samples` below 1.
@@ -113,7 +112,7 @@ def sampled_reasons(
     """Pairs that need no check with the reason, and pairs that touch in some samples only.
 
     Raises:
-        InputError: no robot, or `samples` below 1 or above a million.
+        InputError: not a robot, or `samples` below 1 or above a million.
     """
     of_kind("robot", robot, Robot)
     whole_number("samples", samples, 1, _MOST_SAMPLES)
@@ -191,7 +190,7 @@ def touching_links(robot: Robot, q: Array, bodies: LinkBodies | None = None) -> 
 
 
 def _sample(robot: Robot, generator: np.random.Generator) -> dict[str, float]:
-    """Random values of all joints, held ones included."""
+    """Random values of all joints, including locked ones."""
     locked = {
         name: _between(robot.joint(name).lower, robot.joint(name).upper, generator) for name in robot.locked_joints
     }
@@ -203,7 +202,7 @@ def _random(robot: Robot, generator: np.random.Generator) -> Array:
 
 
 def _between(lower: float, upper: float, generator: np.random.Generator) -> float:
-    """A value between limits; a full turn where there are none."""
+    """A random value between limits; within a full turn if there are none."""
     if np.isfinite(upper - lower):
         return float(generator.uniform(lower, upper))
     return float(generator.uniform(-np.pi, np.pi))

@@ -1,8 +1,8 @@
 """The up axis of a robot's glTF meshes.
 
-In glTF files y is up. SAPIEN takes them as they are, and so the robots of ManiSkill and of other vendors have glTF
-files with z up: read by the specification, each mesh of such a robot is turned by 90 degrees about its x axis. The
-other shapes of the links and their centers of mass say which of both was meant.
+In glTF files y is up. SAPIEN ignores this, so the robots of ManiSkill and of other vendors have glTF files with z up:
+read by the specification, each mesh of such a robot is turned by 90 degrees about its x axis. The other shapes of the
+links and their centers of mass show which of both was meant.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from rr1plan.transforms import identity
 
 log = logging.getLogger(__name__)
 
-# Where the meshes of a robot are turned wrongly, the other way halves the misfit at least.
+# If the meshes of a robot are turned wrongly, the other way at least halves the misfit.
 _BETTER = 0.5
 
 
 def with_fitting_axes(links: Sequence[Link], gltf: Mapping[str, tuple[float, ...]], source: str) -> Sequence[Link]:
-    """The links, their glTF meshes with z up if these fit better; logs a warning then.
+    """The links, with z up in their glTF meshes if these then fit better, which is logged as a warning.
 
     Args:
         links: The links of one robot, their glTF meshes read with y up.
-        gltf: The scale of each shape that is from a glTF file, by its name.
+        gltf: The scale of each shape from a glTF file, by its name.
         source: Origin of the document, for the warning.
     """
 
@@ -49,7 +49,7 @@ def with_fitting_axes(links: Sequence[Link], gltf: Mapping[str, tuple[float, ...
         for k in links
     ]
     (shapes, masses), (turned_shapes, turned_masses) = _misfit(links), _misfit(turned)
-    # Where all shapes are glTF meshes they fit each other either way.
+    # If all shapes are glTF meshes, they fit each other either way.
     tells_nothing = np.isclose(shapes, turned_shapes)
     if turned_masses < _BETTER * masses if tells_nothing else turned_shapes < _BETTER * shapes:
         log.warning(
@@ -62,7 +62,7 @@ def with_fitting_axes(links: Sequence[Link], gltf: Mapping[str, tuple[float, ...
 
 
 def _misfit(links: Sequence[Link]) -> tuple[float, float]:
-    """How far visuals and collision shapes differ, and centers of mass from the middle of links, in sizes of links."""
+    """Misfit of visuals and collision shapes, and of centers of mass and the middle of links, relative to link size."""
     shapes = masses = 0.0
     for link in links:
         boxes = [bounding_box(solids, identity()) for solids in (link.visuals, link.collisions) if solids]

@@ -27,7 +27,7 @@ class Limits(Value):
         effort: Highest torque or force [Nm or N], shape (n,).
 
     Raises:
-        InputError: NaN, different lengths, lower above upper, another limit not above zero.
+        InputError: NaN, different lengths, lower above upper, or another limit that is not positive.
     """
 
     lower: Array
@@ -37,7 +37,7 @@ class Limits(Value):
     jerk: Array
     effort: Array
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
 
         def __init__(
             self,
@@ -75,10 +75,10 @@ class Limits(Value):
         return np.maximum(np.abs(self.lower), np.abs(self.upper))
 
     def scaled(self, *, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
-        """The same limits with velocity, acceleration and jerk multiplied by factors above zero.
+        """The same limits with velocity, acceleration and jerk multiplied by positive factors.
 
         Raises:
-            InputError: a factor that is not a number above zero.
+            InputError: a factor that is not a positive number.
         """
         velocity, acceleration = positive_number("velocity", velocity), positive_number("acceleration", acceleration)
         jerk = positive_number("jerk", jerk)

@@ -15,7 +15,7 @@ from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
 Pair = frozenset[str]
 _Placed = tuple[coal.CollisionGeometry, coal.Transform3s]
-# Bounding balls with a larger gap do not touch; rounding errors are below this [m].
+# Bounding balls with a larger gap do not touch; far above rounding errors [m].
 _SLACK = 1e-9
 
 
@@ -58,7 +58,7 @@ class LinkBodies:
         return [pairs[i] for i in np.flatnonzero(gaps <= _SLACK).tolist()]
 
     def _poses(self, values: Mapping[str, float], names: frozenset[str]) -> dict[str, Array]:
-        """T_base_link of links and of those before them, at the values of all movable joints."""
+        """T_base_link of links and their ancestors, at the values of all movable joints."""
         needed = frozenset[str]().union(*(self._above[name] for name in names))
         poses = {self._robot.base: np.eye(4)}
         for joint in self._robot.joints:

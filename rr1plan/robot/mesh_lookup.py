@@ -26,10 +26,10 @@ class MeshLookup:
 
     Args:
         package_dirs: Folders given by the user, first in the order.
-        file: The URDF, or None where it is not a file.
+        file: The URDF, or None if it is not from a file.
 
     Raises:
-        InputError: no list of folders.
+        InputError: not a list of folders.
     """
 
     def __init__(self, package_dirs: Sequence[str | Path], file: str | Path | None) -> None:
@@ -41,11 +41,11 @@ class MeshLookup:
         self._allowed = [resolved_path(folder) for folder in (*self._packages, *self._above)]
 
     def find(self, name: str) -> Path:
-        """The file a URDF calls `name`.
+        """The file that a URDF refers to as `name`.
 
         Raises:
-            FormatError: not a file name, an unknown suffix or scheme, a way out of the folders, or no such file;
-                the message lists every place that was tried.
+            FormatError: not a file name, an unknown suffix or scheme, a path that leaves the folders, or no such file;
+                the message lists every path that was tried.
         """
         check_suffix(name, SUFFIXES)
         return self.first(f"mesh {name!r}", self._places(name))
@@ -54,7 +54,7 @@ class MeshLookup:
         """The first of some places that is a regular file inside the robot's folders.
 
         Args:
-            what: What is looked for, for messages.
+            what: What is searched for, for messages.
             places: Paths in the order in which they are tried.
 
         Raises:
@@ -110,7 +110,7 @@ class MeshLookup:
 
 
 def check_suffix(name: str, suffixes: Sequence[str]) -> None:
-    """Refuse the name of a mesh that no file can have, or with a suffix that is not read.
+    """Reject the name of a mesh that no file can have, or with an unsupported suffix.
 
     Raises:
         FormatError: such a name.
@@ -126,8 +126,8 @@ def check_suffix(name: str, suffixes: Sequence[str]) -> None:
 def _folders_above(folder: Path) -> list[Path]:
     """The URDF's folder and those above it that may hold its meshes.
 
-    Up to the folder that holds the URDF's package (its package.xml), or five levels where there is
-    none, but never the home folder, the file system's root or what holds them.
+    Up to the folder that contains the URDF's package (its package.xml), or five levels without one, but never the home
+    folder, the root of the file system or a folder that contains them.
     """
     home = Path.home().resolve()
     found = [folder]

@@ -1,9 +1,9 @@
-"""MJCF: MuJoCo's own format, read by MuJoCo and held to the same rules as URDF.
+"""MJCF, MuJoCo's own format: parsed by MuJoCo, and subject to the same rules as URDF.
 
 The base is the file's world frame, bodies are links and named sites are frames. Joints keep MuJoCo's values: one with a
-`ref` has that value where its body stands as written. Several joints on a body, or joints beside its origin, get frames
-between. Bodies that no driven joint moves (tables, cubes, doors) are not part of the robot, and neither are the shapes
-of the world; `read_mjcf` returns them separately.
+`ref` has that value in the pose that the file describes. Between several joints on a body, and for joints away from its
+origin, frames are inserted. Bodies that no driven joint moves (tables, cubes, doors) are not part of the robot, and
+neither are the shapes of the world; `read_mjcf` returns them separately.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ class Surrounding:
     """A body of the file that is not part of the robot.
 
     Args:
-        name: Its name, or that of its geom where it is a shape of the world.
+        name: Its name; for a shape of the world, the name of its geom.
         pose: T_world_body, shape (4, 4).
-        geometries: Its shapes that hit things, in its frame.
-        stands: It cannot move.
+        geometries: Its collision shapes, in its frame.
+        stands: Whether it cannot move.
     """
 
     name: str
@@ -58,11 +58,11 @@ class MjcfContent:
     """The content of an MJCF file.
 
     Args:
-        tree: The links and joints of its robots, hung on the world.
+        tree: The links and joints of its robots, attached to the world.
         semantics: One group for each of its robots, named after its first body, the configurations of its keyframes,
             and the pairs of bodies that it excludes from contact.
-        surroundings: The other bodies that have a shape, where they stand at first.
-        standing: Links of the robots that hit things and cannot move.
+        surroundings: The other bodies with a shape, at their initial poses.
+        standing: Links of the robots that have collision shapes and cannot move.
     """
 
     tree: Tree
@@ -71,7 +71,7 @@ class MjcfContent:
     standing: tuple[str, ...]
 
     def warn_of_surroundings(self) -> None:
-        """Say what a caller leaves out who takes the robots only."""
+        """Log what is lost if only the robots are used."""
         if self.surroundings:
             log.warning(
                 "%s: not part of the robot, left out: %s; rr1plan.load_scene makes them obstacles",
@@ -91,13 +91,13 @@ def read_mjcf(
 
     Args:
         file: The file; its outermost element is <mujoco>.
-        package_dirs: Folders besides its own in which meshes may be.
-        convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces".
-        tool: The body or site that the first group's chain leads to; by default a site named like a tool, or the body
-            that the gripper's fingers are on.
+        package_dirs: Folders with meshes in addition to the file's own.
+        convex: Replacement of non-convex collision meshes: their "hull", or convex "pieces".
+        tool: The body or site at the end of the first group's chain; by default a site with a tool's name, or the body
+            that carries the gripper's fingers.
 
     Raises:
-        FormatError: anything that is not a sound description of robots with hinges and slides.
+        FormatError: anything but a valid description of robots with hinges and slides.
         UnknownNameError: an unknown `convex` or `tool`.
     """
     known_name("convex", convex, CONVEXITIES)
@@ -108,7 +108,7 @@ def read_mjcf(
 
 
 class _Reader:
-    """Turns one compiled model into links and joints."""
+    """Converts one compiled model into links and joints."""
 
     def __init__(self, compiled: CompiledDocument, convex: Convexity, tool: str | None) -> None:
         self.compiled = compiled
@@ -126,7 +126,7 @@ class _Reader:
         for site, body in enumerate(self.model.site_bodyid.tolist()):
             if body in self.bodies and self.model.site(site).name:
                 self.sites.setdefault(body, []).append(site)
-        # The world is shared by everything that stands in it.
+        # The world is shared by all robots and surroundings.
         self.links: list[Link] = [Link(BASE)]
         self.tree_joints: list[Joint] = []
         self.link_of: dict[int, str] = {0: BASE}
@@ -150,7 +150,7 @@ class _Reader:
     # ---- robots and other things ----------------------------------------------------------
 
     def _roots(self) -> list[int]:
-        """The first body of each robot: those whose joints are driven, or all with joints where nothing is driven."""
+        """The first body of each robot: those with driven joints, or with any joints if none is driven."""
         model = self.model
         moved: dict[int, list[int]] = {}
         for joint in range(model.njnt):
@@ -195,7 +195,7 @@ class _Reader:
         for body in range(model.nbody):
             if body in self.bodies:
                 continue
-            # A hidden shape that hits nothing is a mark here, such as the zone of a task.
+            # A hidden shape without collisions is a mark here, such as the zone of a task.
             solid = [g for g in self.shapes.colliding_geoms(body) if not self.compiled.uses[g].switched_off]
             geometries = [self.shapes.geometry(geom) for geom in solid]
             if body == 0:
@@ -246,7 +246,7 @@ class _Reader:
         self.tree_joints.append(Joint(joint, "fixed", parent, child, read_only(pose)))
 
     def _drop_mimics_of_others(self) -> None:
-        """A joint that follows one of a body which is not the robot's is held."""
+        """Lock a joint that follows a joint of a body outside the robot."""
         moving = {joint.name for joint in self.tree_joints if joint.kind != "fixed"}
         for index, joint in enumerate(self.tree_joints):
             if joint.mimic is not None and joint.mimic.joint not in moving:
@@ -255,7 +255,7 @@ class _Reader:
                 self.tree_joints[index] = replace(joint, mimic=None)
 
     def _unused(self, name: str) -> str:
-        """A name that no body and no frame has."""
+        """A name that is not used by a body or a frame."""
         while name in self.taken:
             name += "_"
         self.taken.add(name)
@@ -264,7 +264,7 @@ class _Reader:
     # ---- groups, configurations, pairs ----------------------------------------------------
 
     def _keyframes(self) -> dict[str, Array]:
-        """The configurations that keyframes give, by name, each (nq,)."""
+        """The configurations of the keyframes by name, each (nq,)."""
         keys = self.compiled.spec.keys
         named = {(key.name or f"key{i}"): i for i, key in enumerate(keys) if len(key.qpos)}
         return {name: np.array(self.model.key_qpos[index]) for name, index in named.items()}
@@ -308,7 +308,7 @@ class _Reader:
         )
         found: dict[str, tuple[tuple[str, ...], str]] = {}
         for joints in (finder.driven, finder.moving):
-            finder.driven = joints  # all of them where only grippers are driven
+            finder.driven = joints  # all joints if only grippers are driven
             for root in roots if not found else ():
                 wanted = tool if tool is not None and finder.is_below(tool, root) else None
                 tip = wanted or finder.named_tool(root) or finder.hand(root)
@@ -319,7 +319,7 @@ class _Reader:
     # ---- warnings -------------------------------------------------------------------------
 
     def _warn(self) -> None:
-        """Say once what the file has and the robot has not."""
+        """Log once which content of the file is missing in the robot."""
         if self.compiled.document.not_read:
             log.warning("%s: left out, not read: %s", self.file, ", ".join(self.compiled.document.not_read))
         assumed = self.shapes.assumed_masses(list(self.bodies))
@@ -339,7 +339,7 @@ class _Reader:
             )
 
     def _warn_of_loops(self) -> None:
-        """Closed loops and tendons couple joints in a way that is not modelled."""
+        """Warn of closed loops and tendons, whose coupling of joints is not modeled."""
         model = self.model
         loops = [
             model.eq(e).name or f"equality {e}"

@@ -1,10 +1,10 @@
-"""An MJCF document as one checked text for MuJoCo's parser: it opens no file, whatever it says.
+"""An MJCF document as one checked text for MuJoCo's parser, which opens no files.
 
-MuJoCo's parser is native code that follows includes, loads meshes and textures and expands macros. So the elements are
-read here first, within bounds. Includes are resolved and stay inside the robot's folders, mesh files become names that
-`mjcf_model` reads with the package's own readers, and all that says nothing about kinematics, masses, shapes or
-contacts is left out. Each element has its own line in the text, so that MuJoCo's messages can be given the line of the
-file.
+MuJoCo's parser is native code that follows includes, loads meshes and textures and expands macros. Therefore the
+elements are read here first, within bounds. Includes are resolved and stay inside the robot's folders, mesh files
+become names that `mjcf_model` reads with the package's own readers, and everything that does not affect kinematics,
+masses, shapes or contacts is omitted. Each element has its own line in the text, so that MuJoCo's messages can refer to
+the line of the file.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from rr1plan.files.file_access import is_regular, read_bytes
 from rr1plan.files.xml_reader import MAX_BYTES, MAX_DEPTH, Element, parse_xml, root_tag
 from rr1plan.robot.mesh_lookup import MeshLookup
 
-# Elements once includes and replicas are in place. The largest hands and humanoids have some 3,000.
+# Elements after expansion of includes and replicas. The largest hands and humanoids have some 3,000.
 MAX_ELEMENTS = 20_000
 MAX_FILES = 100
 
-# What says nothing about where the robot is and what it hits. Some of it would open files or plugins.
+# Content that affects neither kinematics nor contacts. Some of it would open files or plugins.
 _LEFT_OUT = {
     "": ("option", "size", "visual", "statistic", "custom", "sensor", "extension"),
     "asset": ("texture", "skin"),
@@ -35,23 +35,23 @@ _LEFT_OUT = {
     "actuator": ("plugin",),
 }
 _LEFT_OUT_ANYWHERE = ("camera", "light", "plugin")
-# Soft or generated bodies and height fields, left out with a warning.
+# Soft or generated bodies and height fields, omitted with a warning.
 _NOT_READ = ("composite", "flexcomp", "deformable", "flex", "hfield")
 _ATTRIBUTES_LEFT_OUT = {
     "compiler": ("meshdir", "texturedir", "assetdir", "strippath", "fusestatic", "discardvisual"),
     "material": ("texture",),
     "mesh": ("file", "content_type"),
 }
-# A keyframe is the configuration it names.
+# A keyframe only provides the configuration that it names.
 _KEY_ATTRIBUTES = ("name", "qpos")
 _BODIES = ("worldbody", "body", "frame", "replicate")
-# Attributes that hold names or words, which may read "nan".
+# Attributes with names or words, which may be "nan".
 _WORDS = re.compile(r"name|class|childclass|body[12]?|geom[12]?|joint[12]?|site[12]?|mesh|material|tendon[12]?|model")
 
 
 @dataclass(frozen=True)
 class MeshFile:
-    """A mesh asset with a file: its element, and where the file may be."""
+    """A mesh asset with a file: its element, and the places where the file may be."""
 
     element: Element
     name: str
@@ -64,11 +64,11 @@ class Document:
 
     Args:
         file: The main file.
-        root: Its outermost element, includes in place.
+        root: Its outermost element, with includes expanded.
         text: The document.
         lines: The element that begins in each line of the text, or None.
         meshes: The mesh assets that have a file, by name.
-        not_read: Kinds of elements that are left out though they may matter, in order.
+        not_read: Kinds of omitted elements that may matter, in order.
     """
 
     file: Path
@@ -79,21 +79,21 @@ class Document:
     not_read: tuple[str, ...]
 
     def error(self, message: str, line: int | None = None) -> FormatError:
-        """A `FormatError` about the file, at the element of a line of the text where one is given."""
+        """A `FormatError` about the file, at the element of a line of the text if one is given."""
         element = self.lines[line - 1] if line is not None and 0 < line <= len(self.lines) else None
         return FormatError(message, self.file) if element is None else element.error(message)
 
 
 def read_document(file: Path, lookup: MeshLookup) -> Document:
-    """Read an MJCF file and what it includes.
+    """Read an MJCF file and its includes.
 
     Args:
         file: The file.
         lookup: The robot's folders.
 
     Raises:
-        FormatError: a file that is not MJCF, is too large or leads out of its folders, a number that is not finite, or
-            a part of another model file.
+        FormatError: a file that is not MJCF, is too large or leaves its folders, a number that is not finite, or a part
+            of another model file.
     """
     data = read_bytes(file, MAX_BYTES)
     root = parse_xml(data, None, file)
@@ -111,7 +111,7 @@ def read_document(file: Path, lookup: MeshLookup) -> Document:
 
 
 class _Includes:
-    """Puts the elements of included files where they are included, each file once, as MuJoCo does."""
+    """Inserts the elements of included files, each file once, as MuJoCo does."""
 
     def __init__(self, file: Path, lookup: MeshLookup, size: int) -> None:
         self.folder = file.parent
@@ -156,7 +156,7 @@ class _Includes:
 
 
 def _check_size(root: Element) -> None:
-    """Refuse what is nested too deep or expands to too many elements."""
+    """Reject documents that are nested too deep or expand to too many elements."""
     count = 0
     waiting = [(root, 1, 1)]
     while waiting:
@@ -200,7 +200,7 @@ def _mesh_folder(root: Element) -> _MeshFolder:
 
 @dataclass(eq=False)
 class _Writer:
-    """Writes the elements that matter, each in its line."""
+    """Writes the relevant elements, each in its own line."""
 
     file: Path
     lookup: MeshLookup
@@ -221,7 +221,7 @@ class _Writer:
             return
         self.texts.append(f"<{element.tag}{written}>")
         if depth == 0:
-            # Static bodies and shapes without contact stay, and no muscle is simulated to find its lengths.
+            # Static bodies and shapes without contact are kept, and no muscle is simulated to find its lengths.
             self._add('<compiler fusestatic="false" discardvisual="false"><lengthrange mode="none"/></compiler>')
         for child in children:
             self.write(child, element.tag, depth + 1)
@@ -236,7 +236,7 @@ class _Writer:
         skipped = (*_LEFT_OUT.get(section, ()), *_LEFT_OUT_ANYWHERE)
         for child in element.children:
             if element.tag == "default" and child.tag != "plugin":
-                yield child  # what a default class says of elements that are left out does no harm
+                yield child  # defaults for omitted elements do no harm
             elif child.tag in ("attach", "model") and element.tag in (*_BODIES, "asset"):
                 raise child.error(
                     f"<{child.tag}> takes a part of another model file, which is not read; save the model as one file: "
@@ -260,10 +260,10 @@ class _Writer:
         return attributes
 
     def _mesh_name(self, element: Element) -> str:
-        """The name of a mesh asset, whose file is remembered."""
+        """The name of a mesh asset; its file is recorded."""
         written = element.text("file").replace("\\", "/")
         name = element.attributes.get("name") or PurePosixPath(written).stem
-        if name not in self.meshes:  # a name twice is refused by MuJoCo
+        if name not in self.meshes:  # MuJoCo rejects duplicate names
             inside = PurePosixPath(written).name if self.mesh_folder.strip_path else written
             folders = (self.file.parent, *self.lookup.packages)
             try:
@@ -277,7 +277,7 @@ class _Writer:
 
 
 def _check_finite(element: Element, name: str, value: str) -> None:
-    """Refuse NaN and infinity, which MuJoCo reads as numbers."""
+    """Reject NaN and infinity, which MuJoCo accepts as numbers."""
     if "n" not in value.lower():
         return
     for word in value.split():
@@ -290,7 +290,7 @@ def _check_finite(element: Element, name: str, value: str) -> None:
 
 
 def is_mjcf(file: Path) -> bool:
-    """Whether a file that is named like XML says that it is MJCF.
+    """Whether a file that is named like XML contains MJCF.
 
     Raises:
         FormatError: the file cannot be read, or not as XML.

@@ -1,4 +1,4 @@
-"""The joints of a compiled MJCF model: what moves a body, how far, how hard, and what follows what."""
+"""The joints of a compiled MJCF model: kinds, limits, efforts, actuators and couplings."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class JointReader:
 
     Args:
         compiled: The model.
-        rest: Configuration of all of it that joints are held at, shape (nq,).
+        rest: Configuration of the whole model that provides the values of locked joints, shape (nq,).
 
     """
 
@@ -57,7 +57,7 @@ class JointReader:
     # ---- names, values -------------------------------------------------------------------
 
     def _names(self) -> dict[int, str]:
-        """A name for each joint, those without one named after their body."""
+        """A name for each joint; joints without one are named after their body."""
         model = self.model
         given = {model.joint(j).name for j in range(model.njnt)}
         names: dict[int, str] = {}
@@ -74,30 +74,30 @@ class JointReader:
         return float(qpos[self.model.jnt_qposadr[joint]])
 
     def rest_value(self, joint: int) -> float:
-        """The value that a joint is held at, within its limits."""
+        """The value at which a joint is locked, within its limits."""
         value = self.constants.get(joint, self.value(joint, self.rest))
         lower, upper = self._limits(joint)
         return min(max(value, lower), upper)
 
     def is_driven(self, joint: int) -> bool:
-        """Whether an actuator drives a joint, directly or over a tendon."""
+        """Whether an actuator drives a joint, directly or through a tendon."""
         return joint in self.actuated or joint in self.by_tendon
 
     # ---- joints --------------------------------------------------------------------------
 
     def joint(self, index: int, parent: str, child: str, before: Array) -> Joint:
-        """A joint; a slide without a range is a fixed one, with a warning.
+        """A joint; a slide without a range becomes a fixed joint, with a warning.
 
         Args:
             index: Its number in the model.
             parent: The link above it.
-            child: The link below it, whose frame stands where the joint's anchor is.
+            child: The link below it, whose frame is at the joint's anchor.
             before: T_parent_body with all of the body's earlier joints at zero, shape (4, 4).
         """
         model, name = self.model, self.names[index]
         slides = int(model.jnt_type[index]) == SLIDE
         axis = np.array(model.jnt_axis[index])
-        # MuJoCo's bodies stand as written where a joint is at its reference value.
+        # In MuJoCo, bodies have the poses of the file when a joint is at its reference value.
         zero = _motion(slides, axis, -float(model.qpos0[model.jnt_qposadr[index]]))
         origin = before @ _translation(model.jnt_pos[index]) @ zero
         lower, upper = self._limits(index)
@@ -138,7 +138,7 @@ class JointReader:
     # ---- actuators -----------------------------------------------------------------------
 
     def _actuated(self) -> tuple[dict[int, list[int]], set[int]]:
-        """The actuators of each joint, and the joints that actuators move over fixed tendons."""
+        """The actuators of each joint, and the joints that actuators move through fixed tendons."""
         model = self.model
         direct: dict[int, list[int]] = {}
         over: set[int] = set()
@@ -154,7 +154,7 @@ class JointReader:
         return direct, over
 
     def _effort(self, joint: int) -> float:
-        """The largest torque or force of a joint's actuators, inf where nothing limits it [Nm or N]."""
+        """The largest torque or force of a joint's actuators, inf if it is unlimited [Nm or N]."""
         model = self.model
         efforts = [self._actuator_effort(actuator) for actuator in self.actuated.get(joint, ())]
         effort = sum(efforts) if efforts else np.inf
@@ -185,7 +185,7 @@ class JointReader:
     # ---- equality constraints ------------------------------------------------------------
 
     def _equations(self) -> tuple[list[_Equation], dict[int, float]]:
-        """The couplings of joints that can be followed, and values that joints are fixed at."""
+        """The couplings of joints that can be modeled, and values at which joints are fixed."""
         taken: list[_Equation] = []
         constants: dict[int, float] = {}
         for number, equation in self._coupled():
@@ -209,7 +209,7 @@ class JointReader:
         return taken, constants
 
     def _coupled(self) -> Iterator[tuple[int, _Equation | float]]:
-        """Each active coupling, or the constant a joint is fixed at, with the number of the joint that it is about."""
+        """For each active coupling, the number of the joint and its equation or fixed value."""
         model = self.model
         for e in range(model.neq):
             if int(model.eq_type[e]) != _COUPLES_JOINTS or not model.eq_active0[e]:
@@ -231,7 +231,7 @@ class JointReader:
                 yield follower, _Equation(follower, leader, a1, y0 + a0 - a1 * x0)
 
     def _can_follow(self, equation: _Equation, taken: list[_Equation]) -> bool:
-        """Whether a joint follows nothing yet, and its leader not it."""
+        """Whether a joint is not coupled yet, and its leader does not follow it."""
         leaders = {other.follower: other.leader for other in taken}
         if equation.follower in leaders or not self._moves(equation.leader) or not self._moves(equation.follower):
             return False
@@ -248,7 +248,7 @@ class JointReader:
 
 
 def _smaller_side(lower: float, upper: float) -> float:
-    """The largest effort in both directions; inf where a range leaves out one of them."""
+    """The largest effort available in both directions; inf if a range excludes one of them."""
     return min(-float(lower), float(upper)) if lower < 0.0 < upper else np.inf
 
 

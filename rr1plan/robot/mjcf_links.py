@@ -23,9 +23,9 @@ log = logging.getLogger(__name__)
 
 _GEOM = mujoco.mjtGeom
 PLANE, MESH = int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_MESH)
-# MuJoCo's color of a geom without one: its material counts then.
+# MuJoCo's color of a geom without one; then its material's color is used.
 _NO_COLOR = (0.5, 0.5, 0.5, 1.0)
-# A moment between minus and plus this part of the largest is zero, written in rounded numbers.
+# Moments within this fraction of the largest one from zero are rounded zeros.
 _ROUNDING = 1e-9
 # MuJoCo's frames of meshes come from eigenvectors, whose last bits differ between machines.
 _DECIMALS = 12
@@ -36,7 +36,7 @@ class LinkReader:
 
     Args:
         compiled: The model.
-        convex: What a collision mesh that is not convex becomes.
+        convex: Replacement of non-convex collision meshes.
 
     """
 
@@ -51,7 +51,7 @@ class LinkReader:
         """The link of a body.
 
         Raises:
-            FormatError: a plane, a height field or a signed distance field on it, or a mesh without volume.
+            FormatError: a plane, a height field or a signed distance field on the body, or a mesh without volume.
         """
         visuals: list[Geometry] = []
         collisions: list[Geometry] = []
@@ -97,7 +97,7 @@ class LinkReader:
         return [Geometry(n, s, pose) for n, s in zip(names, shapes, strict=True)]
 
     def geometry(self, geom: int) -> Geometry:
-        """A geom as one shape with its color; meshes as they are.
+        """A geom as one shape with its color; meshes are unchanged.
 
         Raises:
             FormatError: as `shape`.
@@ -107,7 +107,7 @@ class LinkReader:
         return Geometry(name, shape, pose, self._color(geom))
 
     def shape(self, geom: int, name: str) -> tuple[Shape, Array]:
-        """The shape of a geom and its pose in its body (4, 4); meshes as they are.
+        """The shape of a geom and its pose in its body (4, 4); meshes are unchanged.
 
         Raises:
             FormatError: a height field, a signed distance field, or a size that no shape can have.
@@ -141,7 +141,7 @@ class LinkReader:
         return shape, read_only(pose)
 
     def _mesh(self, geom: int) -> tuple[Mesh, Array]:
-        """The mesh of a geom as written, and where the file puts it."""
+        """The mesh of a geom as in the file, and its pose there."""
         model, number = self.model, int(self.model.geom_dataid[geom])
         T_mesh = self.compiled.pose(model.mesh_pos[number], model.mesh_quat[number])
         T_body = self.compiled.pose(model.geom_pos[geom], model.geom_quat[geom]) @ np.linalg.inv(T_mesh)
@@ -155,7 +155,7 @@ class LinkReader:
         return mesh, read_only(T_body)
 
     def _color(self, geom: int) -> Color | None:
-        """The color of a geom, or of its material where the geom has none; None without both."""
+        """The color of a geom, or of its material if the geom has none; None without both."""
         rgba = tuple(self.model.geom_rgba[geom].tolist())
         material = int(self.model.geom_matid[geom])
         if rgba == _NO_COLOR:
@@ -171,7 +171,7 @@ class LinkReader:
     # ---- masses ---------------------------------------------------------------------------
 
     def _inertial(self, body: int) -> Inertial | None:
-        """Mass, center and inertia of a body in its axes; assumed where a moving one has MuJoCo's default density."""
+        """Mass, center and inertia of a body in its axes; assumed if a moving body has MuJoCo's default density."""
         model = self.model
         mass = float(model.body_mass[body])
         if mass == 0.0:

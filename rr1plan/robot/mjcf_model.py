@@ -1,7 +1,7 @@
 """An MJCF document, compiled by MuJoCo, whose meshes this package has read.
 
-MuJoCo resolves default classes, frames, angles, replicas, shapes fitted to meshes and masses of shapes. It is given
-vertices instead of mesh files, and geoms that take part in no contact, so that it makes no hulls.
+MuJoCo resolves default classes, frames, angles, replicas, shapes fitted to meshes and masses of shapes. It gets
+vertices instead of mesh files, and geoms without contacts, so that it computes no hulls.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from rr1plan.transforms import rotation_from_quaternion
 log = logging.getLogger(__name__)
 
 SUFFIXES = (".stl", ".obj")
-# Of all meshes together: MuJoCo copies each.
+# For all meshes together, as MuJoCo copies each of them.
 MAX_FACES = 5_000_000
-# Geoms of groups 0 to 2 are seen in MuJoCo's viewer, until others are switched on.
+# MuJoCo's viewer initially shows the geoms of groups 0 to 2.
 _SEEN_GROUPS = 3
-# MuJoCo's default, of water [kg/m³].
+# MuJoCo's default density, that of water [kg/m³].
 _DENSITY = 1000.0
 _LENGTHS = ("body_pos", "body_ipos", "jnt_pos", "jnt_range", "site_pos", "qpos0", "key_qpos", "eq_data")
 _NUMBERS = (
@@ -48,9 +48,9 @@ class GeomUse:
 
     Args:
         collides: It may be in contact: by its bits, by a pair, or as a shape of a hidden group.
-        switched_off: It collides here although its bits say that it does not.
-        looks: It is seen.
-        given_mass: Its mass or density is written in the file, not MuJoCo's default.
+        switched_off: It collides here although its bits disable contacts.
+        looks: It is visible.
+        given_mass: The file specifies its mass or density.
     """
 
     collides: bool
@@ -61,15 +61,15 @@ class GeomUse:
 
 @dataclass(frozen=True, eq=False)
 class CompiledDocument:
-    """A document as MuJoCo compiled it.
+    """A document compiled by MuJoCo.
 
     Args:
         document: The document.
         spec: Its editable model.
         model: Its compiled model. No geom has contact bits.
         geoms: The editable geoms, by geom id.
-        uses: What each of them is for.
-        meshes: The meshes that were read, by name, as the file says they are placed and scaled.
+        uses: The purpose of each geom.
+        meshes: The loaded meshes by name, placed and scaled as in the file.
     """
 
     document: Document
@@ -99,7 +99,7 @@ def compile_document(document: Document, lookup: MeshLookup) -> CompiledDocument
         lookup: The robot's folders.
 
     Raises:
-        FormatError: what MuJoCo refuses, ranges and keyframes that it passes over, or a mesh that cannot be read.
+        FormatError: errors from MuJoCo, ranges and keyframes that it ignores, or a mesh that cannot be read.
     """
     with mujoco_warnings() as said, warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always")
@@ -133,7 +133,7 @@ def _parsed(document: Document) -> mujoco.MjSpec:
 
 
 def _refusal(document: Document, error: Exception) -> FormatError:
-    """MuJoCo's message at the element that it is about."""
+    """MuJoCo's error at the element that it refers to."""
     text = str(error)
     lines = _LINE.findall(text)
     message = text.split("\nElement")[0].removeprefix("XML Error: ").removeprefix("Error: ").strip()
@@ -141,7 +141,7 @@ def _refusal(document: Document, error: Exception) -> FormatError:
 
 
 def _use(geom: mujoco.MjsGeom, paired: Container[str]) -> GeomUse:
-    """The purpose of a geom; `paired` are the names of those that are in a pair."""
+    """The purpose of a geom; `paired` are the names of geoms in contact pairs."""
     hidden = geom.group >= _SEEN_GROUPS
     touches = bool(geom.contype or geom.conaffinity) or (bool(geom.name) and geom.name in paired)
     weighed = np.isfinite(geom.mass) or geom.density != _DENSITY
@@ -153,11 +153,11 @@ def _use(geom: mujoco.MjsGeom, paired: Container[str]) -> GeomUse:
     )
 
 
-# ---- what MuJoCo passes over ------------------------------------------------------------------
+# ---- content that MuJoCo ignores ---------------------------------------------------------------
 
 
 def _check_ranges(document: Document, spec: mujoco.MjSpec) -> None:
-    """Refuse ranges that MuJoCo takes for none."""
+    """Reject ranges that MuJoCo treats as absent."""
     automatic = mujoco.mjtLimited.mjLIMITED_AUTO
     for joint in spec.joints:
         lower, upper = joint.range
@@ -178,7 +178,7 @@ def _check_keyframes(document: Document, spec: mujoco.MjSpec, model: mujoco.MjMo
 
 
 def _check_numbers(document: Document, model: mujoco.MjModel) -> None:
-    """Refuse a model with a number that is not finite, such as 1e200 squared, or a length beyond all reason."""
+    """Reject a model with a number that is not finite, such as 1e200 squared, or an unreasonable length."""
     for name in _NUMBERS:
         if not np.isfinite(getattr(model, name)).all():
             raise FormatError(f"gives MuJoCo a number that is not finite ({name})", document.file)
@@ -193,7 +193,7 @@ def _check_numbers(document: Document, model: mujoco.MjModel) -> None:
 
 
 class _Meshes:
-    """Reads the meshes that geoms use, and gives them to MuJoCo."""
+    """Reads the meshes that geoms use, and passes them to MuJoCo."""
 
     def __init__(self, document: Document, lookup: MeshLookup, spec: mujoco.MjSpec) -> None:
         self.document = document
@@ -202,10 +202,10 @@ class _Meshes:
         self.faces = 0
 
     def read(self, uses: Iterable[tuple[mujoco.MjsGeom, GeomUse]]) -> dict[str, Mesh]:
-        """The meshes with files that are used, by name; geoms whose mesh is only looked at and not there are deleted.
+        """The meshes with files that are used, by name; geoms with a missing mesh that is only visual are deleted.
 
         Raises:
-            FormatError: a mesh that collides or gives mass and cannot be read, or more triangles than are read.
+            FormatError: a mesh for collision or mass that cannot be read, or too many triangles.
         """
         users: dict[str, list[tuple[mujoco.MjsGeom, GeomUse]]] = {}
         for geom, use in uses:
@@ -243,7 +243,7 @@ class _Meshes:
 
 
 def _matters(geom: mujoco.MjsGeom, use: GeomUse) -> bool:
-    """Whether a robot without this geom would hit or weigh something else."""
+    """Whether the robot's contacts or masses depend on this geom."""
     weightless = geom.mass == 0.0 or geom.parent.explicitinertial or geom.parent.name == "world"
     return use.collides or geom.type != mujoco.mjtGeom.mjGEOM_MESH or not weightless
 

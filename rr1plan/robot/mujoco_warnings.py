@@ -12,7 +12,7 @@ import mujoco
 def mujoco_warnings() -> Iterator[list[str]]:
     """Collect MuJoCo's warnings, which it otherwise writes to MUJOCO_LOG.TXT in the working directory.
 
-    A handler that the caller has installed stays, and gets them instead.
+    A handler that the caller has installed is kept, and gets them instead.
     """
     found: list[str] = []
     before = mujoco.get_mju_user_warning()

@@ -23,7 +23,7 @@ PLANAR_KINDS = ("RR", "RP", "PR", "PP")
 _DARK: Color = (0.2, 0.2, 0.22, 1.0)
 _ORANGE: Color = (1.0, 0.55, 0.05, 1.0)
 _ALUMINUM: Color = (0.66, 0.68, 0.7, 1.0)
-# Of joints that turn and that slide: highest speed, acceleration, jerk, torque or force.
+# Highest speed, acceleration, jerk, and torque or force of turning and sliding joints.
 _DYNAMICS = {"R": (2.0, 8.0, 80.0, 50.0), "P": (1.0, 4.0, 40.0, 200.0)}
 _CLEARANCE = 4.0  # of a gantry's beam above the plane, in widths
 _X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
@@ -40,21 +40,21 @@ def planar_arm(
     """An arm of two joints in the plane z = 0, for lessons and first experiments.
 
     "RR" is the 2R arm of textbooks. "RP" turns a sleeve of the first length, from which a rod slides out. "PR" slides
-    along x and carries a link that turns. "PP" is a gantry: its beam slides along x, above the plane, and its tool, a
-    round rod, along y. Base and carriage are below the plane, the gantry's beam is above it, so that obstacles of up to
-    three widths in height, centered at z = 0, meet links and rod alone. The arm does not touch itself.
+    along x and carries a turning link. "PP" is a gantry: its beam slides along x, above the plane, and its tool, a
+    round rod, along y. Base and carriage are below the plane, the gantry's beam is above it, so obstacles centered at z
+    = 0 with a height of up to three widths can only touch links and rod. The arm does not touch itself.
 
     Args:
         joints: "RR", "RP", "PR" or "PP".
-        lengths: Of a joint that turns the length of its link, of one that slides its travel [m], shape (2,).
+        lengths: For a turning joint the length of its link, for a sliding joint its travel [m], shape (2,).
         width: Width of the links, diameter of the gantry's rod [m].
-        limits: For each joint its lowest and highest value [rad or m], or None: a joint that turns has no limits, and
-            one that slides has 0 to its length.
+        limits: For each joint its lowest and highest value [rad or m], or None: turning joints then have no limits, and
+            sliding joints a range from 0 to their length.
         name: Name of the robot (default: "planar_rr" and so on).
 
     Raises:
         UnknownNameError: other joints.
-        InputError: a length or a width that is not above zero, or limits that are no range.
+        InputError: a length or a width that is not positive, or limits that are not a range.
     """
     known_name("pair of joints", joints, PLANAR_KINDS)
     sizes = items_of("lengths", lengths, "two lengths [m]")
@@ -112,7 +112,7 @@ def _range(number: int, kind: str, length: float, limit: ArrayLike | None) -> tu
 
 
 class _Parts(NamedTuple):
-    """Of base and two links shapes and masses [kg]; where joints and tool are in the link before; axes of slides."""
+    """Shapes and masses [kg] of base and two links; poses of joints and tool in the previous link; axes of slides."""
 
     bodies: tuple[tuple[Geometry, ...], ...]
     masses: tuple[float, float, float]
@@ -140,7 +140,7 @@ def _parts(joints: str, first: float, second: float, width: float) -> _Parts:
         return _Parts(bodies, (1.0, 1.0, 2 * second), ((0, 0, 0), (0, 0, 0), (second, 0, 0)), (_X, _X))
     sleeve = _bar(0.0, first, w, _DARK)
     if joints == "RP":
-        # Pushed in, the rod is inside the sleeve.
+        # When retracted, the rod is inside the sleeve.
         bodies = ((stand,), (sleeve,), (_bar(-second, 0.0, 0.7 * w, _ORANGE),))
         return _Parts(bodies, (1.0, 2 * first, second), ((0, 0, 0), (first, 0, 0), (0, 0, 0)), (_X, _X))
     bodies = ((stand,), (sleeve,), (_bar(0.0, second, w, _ORANGE),))

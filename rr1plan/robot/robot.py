@@ -47,10 +47,10 @@ class Robot(Value, NotebookView):
         configurations: Named configurations of the planning joints, each (nq,); has "home".
         locked_joints: Values of the actuated joints that are not planned for (a gripper), by name.
         disabled_collisions: Pairs of links that may touch or never can (SRDF `disable_collisions`).
-        tool: The link whose frame pose goals mean when they name none.
+        tool: The link whose frame is used for pose goals that do not name one.
         presets: Other limits by name, e.g. "sim" and "hardware".
         locked_joint_states: Named values of locked joints, e.g. {"open": {"finger_joint": 0.0}}.
-        source: Where the description came from, for messages.
+        source: Origin of the description, for messages.
     """
 
     name: str
@@ -152,7 +152,7 @@ class Robot(Value, NotebookView):
         """A joint by name.
 
         Raises:
-            UnknownNameError: there is no such joint.
+            UnknownNameError: no such joint.
         """
         return self._joints[known_name("joint", name, self._joints)]
 
@@ -160,7 +160,7 @@ class Robot(Value, NotebookView):
         """A link by name.
 
         Raises:
-            UnknownNameError: there is no such link.
+            UnknownNameError: no such link.
         """
         return self._links[known_name("link", name, self._links)]
 
@@ -216,7 +216,7 @@ class Robot(Value, NotebookView):
 
         Raises:
             UnknownNameError: no preset of that name.
-            InputError: neither, or limits of another number of joints.
+            InputError: neither of them, or limits for another number of joints.
         """
         if not isinstance(limits, Limits | str):
             raise InputError(f"limits is {shown(limits)}, expected Limits or the name of a preset")

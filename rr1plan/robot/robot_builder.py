@@ -34,9 +34,9 @@ class Choice:
     """Options of a robot; None selects the default from the files.
 
     Args:
-        groups: What to plan for, as one: names of SRDF groups, or chains as (base link, tip link).
+        groups: The groups to plan for, as one: names of SRDF groups, or chains as (base link, tip link).
         joints: The joints to plan for, in this order.
-        tool: The link whose frame goals mean.
+        tool: The link whose frame is used for goals.
     """
 
     groups: Sequence[str | Sequence[str]] | None = None
@@ -54,7 +54,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
 
     Raises:
         UnknownNameError: no such group, joint or link.
-        InputError: no joint to plan for, or one that cannot be.
+        InputError: no joint to plan for, or one that cannot be planned for.
     """
     known, chosen = _chosen_groups(tree, semantics or Semantics(), choice.groups)
     if known.is_partial and len(known.groups) > 1 and choice.groups is None and choice.joints is None:
@@ -99,7 +99,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
 
 
 def _warn_of_other_joints(tree: Tree, robot: Robot, tool: str | None) -> None:
-    """Say that fingers, wheels or a second arm are planned for, and which chain leaves them out."""
+    """Log that fingers, wheels or a second arm are planned for, and which chain omits them."""
     finder = ArmFinder(tree)
     tip = tool or finder.named_tool(robot.base) or finder.hand(robot.base)
     if not finder.arm_joints(tip):  # a hand
@@ -131,7 +131,7 @@ def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robo
     if at_home and (has_rules or keeps_home):
         log.warning("%s: links touch each other at home: %s; start elsewhere", robot.name, at_home)
     elif at_home:
-        # As MoveIt's setup assistant has it; without this no configuration of the robot would be free.
+        # As in MoveIt's setup assistant; otherwise no configuration of the robot would be free.
         log.warning("%s: touching at home and nearly everywhere, not checked: %s", robot.name, at_home)
         never |= found.at_home
     return replace(robot, disabled_collisions=never, configurations={**robot.configurations, "home": found.home})
@@ -142,7 +142,7 @@ def _listed(pairs: Iterable[frozenset[str]]) -> str:
 
 
 def _limited_by_followers(tree: Tree, names: Sequence[str]) -> Tree:
-    """The tree with planning joints limited so that the joints that mimic them keep their own limits."""
+    """The tree with tighter limits of planning joints, so that the joints that mimic them keep their own limits."""
     given = {joint.name: joint for joint in tree.joints}
     limited = dict(given)
     for follower in tree.joints:
@@ -161,7 +161,7 @@ def _limited_by_followers(tree: Tree, names: Sequence[str]) -> Tree:
             log.warning("%s: joint %r follows %r beyond its limits", tree.name, follower.name, leader.name)
             continue
         if joint.kind == "continuous" and (np.isfinite(joint.upper - joint.lower) or not gain.is_integer()):
-            # Not the same after a turn.
+            # Not equivalent after a turn.
             turns = max(joint.lower, -2.0 * np.pi), min(joint.upper, 2.0 * np.pi)
             joint = replace(joint, kind="revolute", lower=turns[0], upper=turns[1])
         if (joint.lower, joint.upper, joint.velocity) != (before.lower, before.upper, before.velocity):
@@ -173,8 +173,8 @@ def _limited_by_followers(tree: Tree, names: Sequence[str]) -> Tree:
 def urdf_limits(joints: Sequence[Joint]) -> Limits:
     """The limits of joints, with conservative defaults for those that URDF lacks.
 
-    A velocity that is missing becomes 1 rad/s (0.25 m/s); the acceleration is what reaches the
-    velocity in 0.25 s, the jerk what reaches that acceleration in 0.1 s.
+    A missing velocity limit becomes 1 rad/s (0.25 m/s); the acceleration limit reaches the velocity in 0.25 s, the jerk
+    limit reaches this acceleration in 0.1 s.
     """
     velocity = np.array([j.velocity if np.isfinite(j.velocity) else UNKNOWN_VELOCITY[j.kind] for j in joints])
     unknown = [j.name for j in joints if not np.isfinite(j.velocity)]
@@ -273,7 +273,7 @@ def _is_below(tree: Tree, names: Sequence[str], link: str) -> bool:
 
 
 def _states(known: Semantics, groups: tuple[str, ...], names: tuple[str, ...]) -> dict[str, Array]:
-    """The named states that fix every planning joint, each (nq,): of one group, or of all chosen groups together."""
+    """The named states that define every planning joint, each (nq,): of one group, or of all chosen groups together."""
     own_first = sorted(known.states.items(), key=lambda item: item[0][0] not in groups)
     together: dict[str, dict[str, float]] = {}
     for (group, state), values in known.states.items():
@@ -287,7 +287,7 @@ def _states(known: Semantics, groups: tuple[str, ...], names: tuple[str, ...]) -
 
 
 def _configurations(name: str, states: Mapping[str, Array], limits: Limits) -> dict[str, Array]:
-    """The named states of all planning joints; "home" may be another of them."""
+    """The named states of all planning joints; "home" may be a copy of another one."""
     found = dict(states)
     inside: dict[str, Array] = {}
     for state, q in states.items():
@@ -301,7 +301,7 @@ def _configurations(name: str, states: Mapping[str, Array], limits: Limits) -> d
 
 
 def _middle(limits: Limits) -> Array:
-    """Zero where it is well inside a joint's range, else the middle of the range."""
+    """Zero if it is well inside a joint's range, else the middle of the range."""
     with np.errstate(invalid="ignore"):
         middle = 0.5 * (limits.lower + limits.upper)
     inside = (limits.lower < 0.0) & (limits.upper > 0.0)

@@ -1,13 +1,13 @@
-"""`robot.toml`: what a shipped robot's folder says beyond its URDF and SRDF.
+"""`robot.toml`: settings of a shipped robot beyond its URDF and SRDF.
 
 Keys, all but the first optional:
 
 - `urdf`, `srdf`: files in the folder.
 - `tool`, `group`: as in `load_robot`.
-- `limits`: the preset a robot starts with.
+- `limits`: the initial preset of limits.
 - `locked_joints`: values of joints that are not planned for [rad or m].
 - `presets.<preset>.<joint>`: lower, upper, velocity, acceleration, jerk and effort of a planning
-  joint; what is missing is the URDF's.
+  joint; missing values are those of the URDF.
 - `about`: title, licence, provenance and notes, free text.
 """
 
@@ -49,7 +49,7 @@ class RobotFolder:
         """The robot with this folder's locked joints, presets and first limits.
 
         Raises:
-            FormatError: a joint the robot does not have, or limits that cannot be.
+            FormatError: a joint that the robot does not have, or invalid limits.
         """
         locked = {name: value for name, value in self.locked_joints.items() if name not in robot.joint_names}
         try:
@@ -96,7 +96,7 @@ def _rows(preset: Table) -> Rows:
 
 
 def _limits(robot: Robot, rows: Rows) -> Limits:
-    """A preset's limits in the order of the planning joints; rows of other joints do not matter."""
+    """A preset's limits in the order of the planning joints; rows of other joints are ignored."""
     values = {name: np.array(getattr(robot.limits, name)) for name in _LIMITS}
     movable = [joint.name for joint in robot.joints if joint.kind != "fixed"]
     for joint, row in rows.items():

@@ -1,4 +1,4 @@
-"""Robots of the package example-robot-data, by name: what the extra `robots` installs."""
+"""Robots of the package example-robot-data by name, which the extra `robots` installs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PACKAGE = "example-robot-data"
 
 
 class InstalledRobot(NamedTuple):
-    """The files of a robot: its URDF, and its SRDF where it has one."""
+    """The files of a robot: its URDF, and its SRDF if it has one."""
 
     urdf: Path
     srdf: Path | None
@@ -22,17 +22,17 @@ class InstalledRobot(NamedTuple):
 
 @cache
 def installed_robots() -> Mapping[str, InstalledRobot]:
-    """The robots by name, sorted; none where the package is not installed.
+    """The robots by name, sorted; empty if the package is not installed.
 
-    A robot is called as its URDF without "_robot" at the end, so that ur5_robot.urdf is "ur5"; where several have one
-    name, as their folders without "_description".
+    A robot is named after its URDF without "_robot" at the end, so ur5_robot.urdf is "ur5"; if several have the same
+    name, they are named after their folders without "_description".
     """
     try:
         root = importlib.metadata.distribution(PACKAGE).locate_file(f"cmeel.prefix/share/{PACKAGE}/robots")
     except importlib.metadata.PackageNotFoundError:
         return MappingProxyType({})
     files = sorted(Path(str(root)).glob("*/*/*.urdf"))
-    # A file that ends in "_robot" is the whole one, where there is another of that name in the folder.
+    # Of two files in a folder that differ only in this ending, the one with "_robot" is the complete robot.
     whole = {file.with_stem(_short(file)) for file in files if _short(file) != file.stem}
     files = [file for file in files if file not in whole]
     count = Counter(map(_short, files))
@@ -46,6 +46,6 @@ def _short(file: Path) -> str:
 
 
 def _srdf(urdf: Path, name: str) -> Path | None:
-    """The SRDF of a robot: the one of its name, or the only one there is."""
+    """The SRDF of a robot: the one with its name, or the only one."""
     found = {file.stem: file for file in sorted((urdf.parents[1] / "srdf").glob("*.srdf"))}
     return found.get(urdf.stem) or found.get(name) or (next(iter(found.values())) if len(found) == 1 else None)

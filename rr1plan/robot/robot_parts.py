@@ -101,7 +101,7 @@ class Joint(_ReadOnlyArrays):
         effort: Highest torque or force [Nm or N].
         damping: Viscous friction [Nm s/rad].
         friction: Coulomb friction [Nm].
-        mimic: The joint this one follows, or None.
+        mimic: The leading joint and the relation to it, or None.
     """
 
     name: str

@@ -40,9 +40,9 @@ class SelfContacts:
     """Result of sampling.
 
     Args:
-        always: Pairs that need no check: those that touch wherever the robot is, and without rules links that a joint
-            joins, and those of a gripper that touch as it is held.
-        home: A configuration free of other contacts, at or near the one that was asked for, shape (nq,).
+        always: Pairs that need no check: those that touch in every configuration; without rules also links connected by
+            a joint, and pairs of a gripper that touch with its joints locked.
+        home: A configuration without other contacts, at or near the requested one, shape (nq,).
         at_home: Pairs that touch even there.
     """
 
@@ -56,8 +56,8 @@ def self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContac
 
     Args:
         robot: The robot.
-        has_rules: Its `disabled_collisions` comes from an SRDF.
-        keeps_home: Its home is given, not to be moved.
+        has_rules: Whether its `disabled_collisions` comes from an SRDF.
+        keeps_home: Whether its home is given and must not change.
     """
     rules = f"{_VERSION} {version('coal')} {SAMPLES} {has_rules} {keeps_home}"
     key = cache_key(rules, robot.content_hash, np.array(robot.home))

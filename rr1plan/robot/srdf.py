@@ -1,8 +1,8 @@
 """SRDF: groups of joints, named states, end effectors and pairs of links that need no check.
 
-A strict reader: a value that is not a number or a group that contains itself is an error with file and line. A link or
-joint that the robot does not have and an undefined group are ignored with a warning, and so is a robot
-name that differs: many files serve several variants of a robot.
+A strict reader: a value that is not a number or a group that contains itself is an error with file and line. Links and
+joints that the robot does not have, undefined groups and a different robot name are ignored with a warning: many files
+    serve several variants of a robot.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class EndEffector:
-    """A gripper: its group, the link it sits on and the group of the arm that carries it."""
+    """A gripper: its group, the link that it is mounted on and the group of the arm that carries it."""
 
     name: str
     group: str
@@ -38,12 +38,12 @@ class Semantics:
     Args:
         groups: Names of the movable joints of each group, in the robot's order.
         chains: (base link, tip link) of each group that is one chain.
-        states: Joint values of each named state, by group ("" where the file names none) and state.
+        states: Joint values of each named state, by group ("" if the file names none) and state.
         end_effectors: The grippers.
         passive: Passive joints.
         disabled: Pairs of links with disabled collision checks.
         default_positions: Values of joints that are not planned for (default: zero, or the limit nearest to it).
-        is_partial: Neighbors and links that always touch need no check either, though `disabled` does not name them.
+        is_partial: Whether neighbors and links that always touch need no check either, although `disabled` omits them.
     """
 
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -61,11 +61,11 @@ def read_srdf(source: str | bytes | Path, tree: Tree, *, file: str | Path | None
 
     Args:
         source: A file's path, or the document itself: bytes, or text starting with "<".
-        tree: The robot it is about.
-        file: Where a document given as text came from, for messages.
+        tree: The robot that it describes.
+        file: Origin of a document given as text, for messages.
 
     Raises:
-        FormatError: a group that is there twice or contains itself, a value that is not a number, or bad XML.
+        FormatError: a duplicate group or one that contains itself, a value that is not a number, or malformed XML.
     """
     if isinstance(source, bytes) or (isinstance(source, str) and source.lstrip().startswith("<")):
         root = parse_xml(source.encode() if isinstance(source, str) else source, "robot", file)
@@ -163,7 +163,7 @@ class _Reader:
         return found
 
     def _members(self) -> dict[str, tuple[str, ...]]:
-        """The movable joints of each group, those of its subgroups included."""
+        """The movable joints of each group, including those of its subgroups."""
         inner = {
             n: [e.text("name") for e in group.all("group") if self._has_group(e, "name")]
             for n, group in self.groups.items()

@@ -1,10 +1,9 @@
 """URDF: a strict reader of links, joints and shapes.
 
-Errors that lenient parsers ignore or repair silently (a box of size NaN, a zero axis, inverted
-limits, an unknown mimic joint) raise an error with file, line and name. Defects that do not affect
-kinematics or collision are warnings: a visual shape or color, a physically impossible
-inertia, a mobile base. Elements that do not describe the arm (transmission, gazebo,
-sensor, ...) are skipped.
+Errors that lenient parsers ignore or repair silently (a box of size NaN, a zero axis, inverted limits, an unknown mimic
+joint) raise an error with file, line and name. Defects that do not affect kinematics or collision cause warnings: a
+visual shape or color, a physically impossible inertia, a mobile base. Elements that do not describe the arm
+(transmission, gazebo, sensor, ...) are skipped.
 
 Beyond URDF 1.0 the reader supports `<capsule radius length>` (the length of the segment, without the
 round ends) and `<origin quat_xyzw>`, like urdfdom from version 1.1.
@@ -25,7 +24,7 @@ from rr1plan.robot.urdf_joints import read_joint
 from rr1plan.robot.urdf_links import LinkReader
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity
 
-# All pairs of them are compared.
+# All pairs of links are compared.
 MAX_LINKS = 1000
 
 
@@ -57,9 +56,9 @@ def read_urdf(
 
     Args:
         source: A file's path, or the document itself: bytes, or text starting with "<".
-        package_dirs: Folders to look for `package://` meshes in, before all others.
-        convex: What a collision mesh that is not convex becomes: its "hull", or convex "pieces".
-        file: Where a document given as text came from: meshes are looked up beside it.
+        package_dirs: Folders in which to search for `package://` meshes first.
+        convex: Replacement of non-convex collision meshes: their "hull", or convex "pieces".
+        file: Origin of a document given as text: meshes are searched beside it.
 
     Raises:
         FormatError: not a valid description of a tree of links.
@@ -99,7 +98,7 @@ def _refuse_xacro(root: Element) -> None:
 
 
 def _by_name(root: Element, tag: str) -> dict[str, Element]:
-    """The elements of a tag by their name; a name twice is an error."""
+    """The elements of a tag by their name; a duplicate name is an error."""
     found: dict[str, Element] = {}
     for element in root.all(tag):
         name = element.text("name")

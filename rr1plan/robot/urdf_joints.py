@@ -20,7 +20,7 @@ _KINDS: dict[str, JointKind] = {
     "continuous": "continuous",
     "prismatic": "prismatic",
     "fixed": "fixed",
-    # A base that floats or rolls stands still while its arm moves.
+    # A floating or rolling base does not move with its arm.
     "floating": "fixed",
     "planar": "fixed",
 }
@@ -30,7 +30,7 @@ def read_joint(element: Element) -> Joint:
     """One joint; floating and planar joints and those without a range become fixed, with a warning.
 
     Raises:
-        FormatError: an unknown type, a missing or inverted limit, a zero axis, a rate not above zero.
+        FormatError: an unknown type, a missing or inverted limit, a zero axis, or a rate that is not positive.
     """
     name = element.text("name")
     kind = _kind(element, name)
@@ -66,7 +66,7 @@ def read_joint(element: Element) -> Joint:
 
 
 def read_origin(element: Element) -> Array:
-    """The transform of an element's `<origin>`, shape (4, 4); identity where there is none.
+    """The transform of an element's `<origin>`, shape (4, 4); identity if there is none.
 
     Raises:
         FormatError: not three finite numbers, angles that look like degrees, or a quaternion without a direction.
@@ -108,7 +108,7 @@ def _axis(element: Element, name: str) -> Array:
 
 
 def _limit(element: Element, name: str, kind: JointKind) -> tuple[float, float, float, float]:
-    """Lower, upper, velocity and effort; files write 0 where the velocity is unknown, and 0 or -1 for the effort."""
+    """Lower, upper, velocity and effort; files use 0 for an unknown velocity, and 0 or -1 for an unknown effort."""
     limit = element.child("limit")
     if limit is None:
         if kind != "continuous":

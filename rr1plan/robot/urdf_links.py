@@ -18,7 +18,7 @@ from rr1plan.shapes.mesh_files import GLTF, MeshPart, read_mesh
 
 log = logging.getLogger(__name__)
 
-# Moments within this share of the largest from zero count as rounded zeros.
+# Moments within this fraction of the largest one from zero are rounded zeros.
 _ROUNDING = 1e-9
 _SHAPES = ("box", "sphere", "cylinder", "capsule", "mesh")
 
@@ -28,8 +28,8 @@ class LinkReader:
 
     Args:
         root: The document, for its shared materials.
-        lookup: Where meshes may be.
-        convex: What a collision mesh that is not convex becomes.
+        lookup: Finds mesh files.
+        convex: Replacement of non-convex collision meshes.
 
     Attributes:
         gltf: Shapes of glTF files by name, with the scale of the file, shape (3,).
@@ -171,10 +171,10 @@ def _primitive(element: Element) -> Shape:
 
 
 def _inertial(element: Element, link: str) -> Inertial | None:
-    """Mass, center and inertia, turned into the link's axes; a mass of zero marks a mere frame.
+    """Mass, center and inertia, turned into the link's axes; a mass of zero marks a pure frame.
 
-    An inertia that is zero in all is that of a point; any other has to be positive definite, which one
-    of a rod or written with few digits may miss by rounding. One that misses it by more makes the link a point.
+    An inertia that is zero throughout is that of a point. Any other has to be positive definite; that of a rod, or one
+    written with few digits, may miss this by rounding. An inertia that misses it by more makes the link a point.
     """
     pose = read_origin(element)
     mass = element.required("mass").number("value")

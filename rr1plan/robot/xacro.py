@@ -1,8 +1,8 @@
 """Xacro: a robot written as macros, expanded to URDF by the optional package xacrodoc.
 
-A xacro file is a program: it reads files and evaluates expressions. Load only those you trust. It is expanded in
-a process with bounds of time and memory, so that one that does not end (`${10**10**10}`) is an error. It may include
-regular files only.
+A xacro file is a program: it reads files and evaluates expressions. Load only those you trust. It is expanded in a
+    process with limits of time and memory, so that an endless one (`${10**10**10}`) is an error. Includes must be
+    regular files.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ def expand_xacro(
 
     Args:
         file: The xacro file. It is trusted code.
-        package_dirs: Folders of packages, or folders that hold them, for `$(find package)`.
+        package_dirs: Folders of packages, or folders that contain them, for `$(find package)`.
         arguments: Values of its `xacro:arg`.
         seconds: Time limit [s].
 
     Raises:
         MissingPackageError: xacrodoc is not installed (`pip install 'rr1plan[xacro]'`).
-        InputError: arguments that are no mapping of names to values.
-        FormatError: the file cannot be read or expanded, or not within the time limit and 4 GiB of memory.
+        InputError: arguments that are not a mapping from names to values.
+        FormatError: the file cannot be read or expanded within the time limit and 4 GiB of memory.
         BackendError: there is no Python interpreter to start (in a frozen program).
     """
     if importlib.util.find_spec("xacro") is None or importlib.util.find_spec("xacrodoc") is None:
@@ -94,7 +94,7 @@ def _texts(arguments: Mapping[str, str] | None) -> dict[str, str]:
 
 
 def _answer(file: Path, request: dict[str, Any], seconds: float) -> dict[str, str]:
-    """Response of the worker process."""
+    """The response of the worker process."""
     if getattr(sys, "frozen", False) or not sys.executable:
         raise BackendError("a frozen program has no Python to expand xacro files with; try the URDF: xacro FILE > URDF")
     try:

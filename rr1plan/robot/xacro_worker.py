@@ -15,9 +15,9 @@ from typing import Any
 
 
 def main() -> None:
-    """Read a request (JSON) from standard input and write the URDF, or what went wrong, to standard output."""
+    """Read a request (JSON) from standard input and write the URDF, or the error, to standard output."""
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # what the file prints goes to the log
+    os.dup2(2, 1)  # output of the file goes to the log
     request = json.loads(sys.stdin.buffer.read())
     _bound(request["bytes"], request["seconds"])
     try:
@@ -29,7 +29,7 @@ def main() -> None:
 
 
 def _bound(memory: int, seconds: float) -> None:
-    """Bound memory [bytes] and processor time [s], where the system can."""
+    """Limit memory [bytes] and processor time [s], if the system can."""
     try:
         import resource
     except ImportError:
@@ -46,20 +46,20 @@ def _expand(request: dict[str, Any]) -> str:
 
     sys.addaudithook(_refuse_special_files)
     packages.update_package_cache(request["packages"])
-    xacro.init_stacks(request["file"])  # what it includes by a plain name is beside it
+    xacro.init_stacks(request["file"])  # relative includes are relative to it
     file = Path(request["file"])
     document = xacrodoc.XacroDoc.from_file(file, subargs=request["arguments"], resolve_packages=False)
     return str(document.dom.toxml())
 
 
 def _refuse_special_files(event: str, arguments: tuple[object, ...]) -> None:
-    """Refuse to open a FIFO or device, which a file may include or load: reading it may never end."""
+    """Reject opening of FIFOs and devices, which a file may include or load: reading them may never end."""
     if event != "open" or not isinstance(arguments[0], str | bytes):
         return
     try:
         mode = Path(os.fsdecode(arguments[0])).stat().st_mode
     except (OSError, ValueError):
-        return  # what opens it says why it cannot
+        return  # the caller's open reports the error
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise OSError(errno.EINVAL, "is a FIFO or device, expected a regular file", os.fsdecode(arguments[0]))
 
