@@ -8,7 +8,7 @@ import time
 
 from rr1plan.interrupts import INTERRUPTED, leaving_at_once
 
-# The start-up of the interpreter is measured by its processor time, which is close to its wall time.
+# The interpreter's start-up time is estimated by its processor time, which is close to its wall time.
 _STARTED = time.perf_counter() - time.process_time()
 
 
@@ -31,8 +31,8 @@ def main() -> None:
         code = INTERRUPTED
     # Ctrl-C during the interpreter's shutdown would print a traceback.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    # Otherwise the interpreter collects the objects of all libraries at shutdown, for a quarter of a second.
-    # OMPL's binding reports remaining objects as leaks, so they are collected.
+    # Otherwise the interpreter collects the objects of all libraries at shutdown, which takes a quarter of a second.
+    # OMPL's binding reports remaining objects as leaks, so with OMPL they are collected.
     if "ompl" not in sys.modules:
         gc.freeze()
     sys.exit(code)

@@ -1,9 +1,8 @@
 """Batches of problems over processes, with separate seeds and ordered results.
 
-Problem i gets the i-th seed of `problem_seeds(rng, n)`, so results do not depend
-on the number of workers. Consecutive problems are sent in chunks, so that shared values (a scene)
-are pickled once. If a worker process dies, the problems of its chunks are planned again, each
-alone, and only a problem that kills its process again fails.
+Problem i gets the i-th seed of `problem_seeds(rng, n)`, so results do not depend on the number of workers. Consecutive
+problems are sent in chunks, so that shared values (a scene) are pickled once. If a worker process dies, the problems of
+its chunks are planned again one by one, and only a problem that kills its process again fails.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ _POLL = 0.1
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlanFailure(Value):
-    """Result of a problem that raised, whose process died, or that was cancelled.
+    """Result of a problem that raised an exception, whose process died, or that was cancelled.
 
     Args:
         problem: The problem.
@@ -89,7 +88,7 @@ class PlanFailure(Value):
 
 
 Answer = MotionPlan | PlanResult | PlanFailure
-"""The answer of `plan_many` to one problem."""
+"""The result of `plan_many` for one problem."""
 
 
 def plan_many(
@@ -112,28 +111,28 @@ def plan_many(
 
     Args:
         problems: The problems. Those in one scene should share one `Scene` object and be consecutive.
-        executor: Any `concurrent.futures.Executor` to use instead, e.g. of a Dask client
-            (`client.get_executor()`) or of mpi4py. It is not shut down.
-        workers: How many processes (default: the processors this process may use); with an executor, how
-            many it has.
-        full: Plan, shorten, retime and validate, as `plan_motion`; or only plan, as `plan`.
-        planner: A name of `planner_names()`, "many_arms" as for `plan_motion`, or an instance of `Planner`, which is
+        executor: Any `concurrent.futures.Executor` to use instead, e.g. of a Dask client (`client.get_executor()`) or
+            of mpi4py. It is not shut down.
+        workers: Number of processes (default: the processors that this process may use); with an executor, the number
+            of its workers.
+        full: Plan, shorten, retime and validate, as in `plan_motion`; or only plan, as in `plan`.
+        planner: A name of `planner_names()`, "many_arms" as in `plan_motion`, or an instance of `Planner`, which is
             sent to the processes by pickle.
         retiming: A name of `retiming_names()`.
-        budget: When the planner has to stop, for each problem (default: 10 s).
+        budget: When to stop the planner, for each problem (default: 10 s).
         rng: Seed of the batch; problem i gets seed i of `problem_seeds(rng, n)`.
-        progress: Called for each problem that is done, with the fraction that is; it may return False to cancel. With
-            an executor it learns of problems when the whole chunk that they travel in is done.
+        progress: Called for each finished problem, with the finished fraction; it may return False to cancel. An
+            executor's problems are reported when the whole chunk that contains them is finished.
 
     Returns:
-        The results in the order of the problems: a `MotionPlan` (or `PlanResult` if not `full`), or a
-        `PlanFailure` if the problem raised, its process died, or the batch was cancelled.
+        The results in the order of the problems: a `MotionPlan` (or `PlanResult` if not `full`), or a `PlanFailure` if
+        the problem raised an exception, its process died, or the batch was cancelled.
 
     Raises:
         UnknownNameError: no such planner or retiming.
-        InputError: something that is not a problem, no worker, a seed below zero, a planner that cannot be pickled,
+        InputError: something that is not a problem, no worker, a negative seed, a planner that cannot be pickled,
             "many_arms" with retiming "ruckig_direct" or without `full`.
-        BackendError: the processes do not even start.
+        BackendError: the processes do not start.
         KeyboardInterrupt: Ctrl-C, after the processes have ended.
     """
     known_name("retiming", retiming, retiming_names())
@@ -170,7 +169,7 @@ def problem_seeds(rng: Seed, count: int) -> list[int]:
 
 
 def _sent_planner(planner: str | Planner, executor: Executor | None) -> str | Planner:
-    """The planner as processes receive it: a name that is known everywhere, or the planner itself.
+    """The planner as it is sent to processes: a name that is known everywhere, or the planner itself.
 
     Raises:
         InputError: a planner that cannot be sent.
@@ -371,7 +370,7 @@ def _pool(workers: int, board: _Board) -> Iterator[Executor]:
             ) from error
         yield pool
     finally:
-        # A process that is still starting needs resources that end with this process.
+        # A starting process needs resources that disappear with this process.
         with _interrupts_blocked():
             stop.set()
             pool.shutdown(wait=True, cancel_futures=True)

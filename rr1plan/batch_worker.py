@@ -60,7 +60,7 @@ def begin_worker(stop: Any, ended: Any) -> None:
     """
     global _should_stop, _ended
     _should_stop, _ended = stop.is_set, ended
-    # Ctrl-C reaches the whole group; the first process decides what happens
+    # Ctrl-C reaches the whole process group; the parent process decides what to do.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
@@ -92,7 +92,7 @@ def _run(task: Task, settings: Settings) -> Any:
             rng=task.seed,
             progress=_go_on,
         )
-        # Found here, in parallel, rather than by whoever reads the reports.
+        # Computed here, in parallel, rather than when a report is read.
         return motion.with_clearances()
     except Exception as error:
         return raised(error)

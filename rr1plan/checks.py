@@ -18,7 +18,7 @@ from rr1plan.errors import shown as shown
 
 Array = NDArray[np.float64]
 """Any array of float64."""
-# Beyond this [m] distances are less accurate than a micrometer, and Coal returns wrong ones (or none).
+# At larger distances [m], errors exceed a micrometer, and Coal returns wrong distances (or none).
 FARTHEST = 1e4
 # A whole turn [rad], rounded up.
 _TURN = 6.2832
@@ -58,7 +58,7 @@ def _rest(value: Sized, most: int) -> str:
 
 
 def number_array(name: str, value: object) -> Array:
-    """A new float64 array of `value`, of any shape; infinities and NaN may be in it.
+    """A new float64 array of `value`, of any shape, possibly with infinities and NaN.
 
     Raises:
         InputError: not numbers.
@@ -85,7 +85,7 @@ def finite_array(name: str, value: Any, shape: tuple[int | None, ...]) -> Array:
 
     Args:
         name: Name of the value, for messages.
-        value: Anything NumPy can convert to numbers.
+        value: Anything that NumPy can convert to numbers.
         shape: Expected shape; None stands for any length.
 
     Raises:
@@ -122,7 +122,7 @@ def turn_angles(name: str, value: object, shape: tuple[int | None, ...]) -> Arra
     """`finite_array` of angles of a rotation [rad] within one turn.
 
     Raises:
-        InputError: not numbers, wrong shape, not finite, or beyond a turn: degrees, most likely.
+        InputError: not numbers, wrong shape, not finite, or beyond a turn, which suggests degrees.
     """
     array = finite_array(name, value, shape)
     if float(np.abs(array).max(initial=0.0)) > _TURN:
@@ -145,7 +145,7 @@ def finite_number(name: str, value: Any) -> float:
 
 
 def positive_number(name: str, value: Any) -> float:
-    """`value` as a finite float above zero.
+    """`value` as a finite positive float.
 
     Raises:
         InputError: not a number, NaN, infinite, zero or negative.
@@ -169,7 +169,7 @@ def number_from_zero(name: str, value: object) -> float:
 
 
 def positive_length(name: str, value: Any) -> float:
-    """`value` as a length above zero and at most 10 km [m].
+    """`value` as a positive length of at most 10 km [m].
 
     Raises:
         InputError: not a number, NaN, zero, negative or too long.

@@ -2,19 +2,19 @@
 
     Rr1PlanError
     ├── InputError (ValueError)       a wrong call: says what, got, expected, what to try
-    │   ├── UnknownNameError          a name nobody knows; lists the near ones
-    │   └── FormatError               a file that cannot be read as what it claims to be
-    ├── NoPlanError                   "no answer", only when asked for as an exception
-    ├── RetimingError                 a path that cannot be given times under the limits
-    ├── CancelledError                a progress callback ended work that has no answer without its end
+    │   ├── UnknownNameError          an unknown name; lists similar ones
+    │   └── FormatError               a file that is not valid in its format
+    ├── NoPlanError                   no path was found; raised only on request
+    ├── RetimingError                 a path that cannot be timed under the limits
+    ├── CancelledError                a progress callback cancelled work without partial results
     ├── MissingPackageError (ImportError)   an optional package; names the extra to install
-    ├── InstallationError (ImportError)     a part of rr1plan that the build makes is missing or broken
-    ├── PlannerError                  a planner of the caller's own raised something, or its answer is none
-    ├── ControllerError              a controller raised something, or returned no set-points
-    ├── HardwareError                 an arm that does not do what it was sent
+    ├── InstallationError (ImportError)     a compiled part of rr1plan is missing or invalid
+    ├── PlannerError                  a caller's planner raised an exception, or returned an invalid result
+    ├── ControllerError               a controller raised an exception, or returned no set-points
+    ├── HardwareError                 an arm that does not execute its commands
     │   ├── SerialLineError           a serial line that stops, or carries garbage
     │   └── StalledJointError         a joint that does not follow its steps
-    └── BackendError                  a library failed in a way we did not foresee
+    └── BackendError                  a library failed unexpectedly
 
 A failed search is a value (`PlanResult.status`), an invalid argument is an exception.
 """
@@ -98,19 +98,19 @@ class NoPlanError(Rr1PlanError):
 
 
 class PlannerError(Rr1PlanError):
-    """A planner of the caller's own raised something, or returned a path that is no answer to the problem."""
+    """A caller's planner raised an exception, or returned a path that does not solve the problem."""
 
 
 class ControllerError(Rr1PlanError):
-    """A controller of a simulation raised something, or returned what is not a set-point."""
+    """A controller of a simulation raised an exception, or returned something other than a set-point."""
 
 
 class HardwareError(Rr1PlanError):
-    """A real arm is not where it should be, or does not do what it was sent; nothing more is sent to it."""
+    """A real arm is not where it should be, or does not execute its commands; nothing more is sent to it."""
 
 
 class SerialLineError(HardwareError):
-    """A serial line that stops, takes only part of a frame, or carries bytes that are no frame."""
+    """A serial line that stops, accepts only part of a frame, or carries bytes that are not a frame."""
 
 
 class StalledJointError(HardwareError):

@@ -1,7 +1,7 @@
 """Ctrl-C during the import of the command line and its libraries: the process exits with one line.
 
-No work is lost at that time, and some libraries turn a KeyboardInterrupt into other errors, or abort. This
-module is imported before all others, so it imports few modules.
+No work is lost at that time, and some libraries turn a KeyboardInterrupt into other errors, or abort. This module is
+imported before all others, so it imports few modules itself.
 """
 
 from __future__ import annotations

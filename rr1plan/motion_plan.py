@@ -43,18 +43,17 @@ class _Content(TypedDict):
 class MotionPlan(NotebookView):
     """Result of `plan_motion`: the planner's result, path, trajectory and report.
 
-    Asking a plan that failed for its path, trajectory or report raises `NoPlanError` with the
-    planner's reason; look at `found`, `valid` and `status` first.
+    Path, trajectory and report of a failed plan raise `NoPlanError` with the planner's reason; check `found`, `valid`
+    and `status` first.
 
     Args:
         problem: The planning problem; None for a motion from a file without a problem.
         result: The planner's result.
-        seconds: Wall time of each stage [s], in order: "imports" (lazy imports of `rr1plan` before the first query
-            of the process), "set up" (compiled code and collision tables, once), "plan", "shorten", "retime",
-            "validate".
+        seconds: Wall time of each stage [s], in order: "imports" (lazy imports of `rr1plan` before the first query of
+            the process), "set up" (compiled code and collision tables, once), "plan", "shorten", "retime", "validate".
         margin: Distance kept beyond the scene's padding while planning [m].
         changes: For a motion from a file: differences between the scene it was planned in and `scene`.
-        many_arms: Result of the planner "many_arms": paths by arm, stages, makespan. There is no composite `path` then.
+        many_arms: Result of the planner "many_arms": paths by arm, stages, makespan; without a composite `path`.
     """
 
     problem: Problem | None
@@ -85,12 +84,12 @@ class MotionPlan(NotebookView):
 
     @property
     def found(self) -> bool:
-        """The planner found a path; whether its motion is `valid` is another matter."""
+        """Whether the planner found a path; its motion may still not be `valid`."""
         return self.result.found
 
     @property
     def valid(self) -> bool:
-        """There is a trajectory, and its report is valid: the referee found no violation."""
+        """Whether there is a trajectory and the referee found no violation."""
         return self._report is not None and self._report.valid
 
     def __bool__(self) -> bool:
@@ -109,7 +108,7 @@ class MotionPlan(NotebookView):
 
     @property
     def report(self) -> Report:
-        """The referee's report on the trajectory; its smallest clearances are found when it is read first."""
+        """The referee's report on the trajectory; its smallest clearances are computed when it is first read."""
         return _present(self._whole_report, self.result)
 
     @cached_property
@@ -119,7 +118,7 @@ class MotionPlan(NotebookView):
         return self._judge(self.trajectory, self.scene, self.problem)
 
     def with_clearances(self) -> MotionPlan:
-        """The same plan with the smallest clearances in its report, which are else found when the report is read."""
+        """The same plan with the smallest clearances in its report, otherwise computed when the report is read."""
         return replace(self, _report=self._whole_report, _judge=None)
 
     def __repr__(self) -> str:
@@ -193,12 +192,12 @@ class MotionPlan(NotebookView):
         """The coordination diagram of two arms of a plan of many arms, with their schedules.
 
         Args:
-            one: An arm that moves.
+            one: A moving arm.
             two: Another one.
 
         Raises:
             UnknownNameError: no such arm moves.
-            InputError: the same arm twice, arms that only move as one, or a motion that has no schedules.
+            InputError: the same arm twice, arms that only move as one, or a motion without schedules.
             NoPlanError: there is no timed motion.
         """
         from rr1plan.multi.timing.waits import pair_timing
@@ -220,7 +219,7 @@ class MotionPlan(NotebookView):
         return CoordinationDiagram(names, (numbers[one], numbers[two]), **vars(pair_timing(first, second)))
 
     def _page_options(self, options: ViewOptions | None) -> ViewOptions:
-        """The options of a page, with the planner's tree; a plan of many arms has its time line beside it."""
+        """The options of a page, with the planner's tree; for a plan of many arms also with its time line."""
         from rr1plan.playback.viewer.view_options import checked_options, with_panel
 
         options = checked_options(options)
@@ -235,7 +234,7 @@ class MotionPlan(NotebookView):
 
         Args:
             file: The file.
-            embed: Put large meshes into the file, not into the folder "geometry" beside it; see `save_motion`.
+            embed: Put large meshes into the file instead of the folder "geometry" beside it; see `save_motion`.
         """
         from rr1plan.export.plan_files import save_motion
 
@@ -253,7 +252,7 @@ class MotionPlan(NotebookView):
         )
 
     def _path_if_any(self) -> Path | None:
-        """The path, or None for a motion from a file that holds a trajectory alone."""
+        """The path, or None for a motion from a file with only a trajectory."""
         path = self._path if self._path is not None else self.result.path
         if path is None:
             _present(self._trajectory, self.result)

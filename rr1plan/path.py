@@ -26,7 +26,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import InputError
 
-# More samples than this do not fit into memory.
+# More samples do not fit into memory.
 MOST_SAMPLES = 10_000_000
 
 
@@ -35,10 +35,10 @@ def check_joint_names(joint_names: Any, *, empty: bool = True) -> tuple[str, ...
 
     Args:
         joint_names: The names.
-        empty: Whether there may be none.
+        empty: Whether the names may be empty.
 
     Raises:
-        InputError: not strings, a duplicate, or none where there may not be none.
+        InputError: not strings, a duplicate, or no names although `empty` is False.
     """
     names = items_of("joint_names", joint_names, "names")
     if not names and not empty:
@@ -60,13 +60,13 @@ class Path(Value):
         waypoints: Configurations [rad or m], shape (n, nq), n >= 1.
 
     Raises:
-        InputError: shapes that do not fit, NaN, no waypoint, a name twice.
+        InputError: inconsistent shapes, NaN, no waypoint, a duplicate name.
     """
 
     joint_names: tuple[str, ...]
     waypoints: Array
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
 
         def __init__(self, joint_names: Sequence[str], waypoints: ArrayLike) -> None: ...
 

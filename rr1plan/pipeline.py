@@ -52,35 +52,33 @@ def plan_motion(
 ) -> MotionPlan:
     """Plan, shorten, retime and validate, in that order.
 
-    If the referee rejects the trajectory (a blend that grazes an obstacle too closely to decide), the path
-    is timed again with a stop at each waypoint, which stays on the certified edges.
+    If the referee rejects the trajectory (for example because a blend is too close to an obstacle to decide), the path
+    is timed again with a stop at each waypoint, so that it stays on the certified edges.
 
     Args:
         problem: The problem.
-        planner: A name of `planner_names()`, an instance of `Planner`, or (by `plan_many_arms`) "many_arms"
-            plans a path for each arm and schedules them, "many_arms_anytime" improves the motion until the budget
-            ends. Default: "rrt_connect" for one or two
-            arms and for retiming "ruckig_direct", else "many_arms".
+        planner: A name of `planner_names()`, an instance of `Planner`, or a planner of `plan_many_arms`: "many_arms"
+            plans a path for each arm and schedules them, "many_arms_anytime" improves the motion until the budget ends.
+            Default: "rrt_connect" for one or two arms and for retiming "ruckig_direct", else "many_arms".
         retiming: A name of `retiming_names()`. Only the `ruckig` methods limit jerk, at the price of a stop at each
             waypoint; with the others the report names jerk as not checked.
-        shorten: Whether to shorten the path; that of a planner that `keeps_shape`, such as the Cartesian one, is left
-            as it is.
-        margin: Distance to keep beyond the scene's padding [m] (default: that of the problem, or 2 mm where it has
-            none), for an arm with tracking errors of a fraction of a millimeter. It is halved until the clearance of
-            start and goal is twice as large, and is zero if no configuration found for a goal pose has it.
+        shorten: Whether to shorten the path; paths of planners with `keeps_shape` (such as the Cartesian one) are not.
+        margin: Distance to keep beyond the scene's padding [m] (default: that of the problem, or 2 mm if it has none),
+            for an arm with tracking errors of a fraction of a millimeter. It is halved until the clearance of start and
+            goal is twice as large, and is zero if no configuration found for a goal pose has it.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
-        budget: When the planner has to stop (default: 10 s).
+        budget: When to stop the planner (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
-        progress: Called about ten times a second during planning and convex decomposition of moving meshes,
-            and once at the beginning of each other stage; False cancels.
+        progress: Called about ten times a second during planning and convex decomposition of moving meshes, and once at
+            the beginning of each other stage; returns False to cancel.
 
     Returns:
         A `MotionPlan`; `found` says whether there is a path, `valid` whether its timed motion is proven.
 
     Raises:
         UnknownNameError: an unknown planner or retiming.
-        PlannerError: a planner of your own raised something, or returned a path that is no answer.
-        InputError: a margin below zero, or no problem at all.
+        PlannerError: a planner of your own raised an exception, or returned a path that does not solve the problem.
+        InputError: a negative margin, or something other than a problem.
         RetimingError: the path cannot be timed under the limits (a torque limit below gravity).
     """
     imports = import_clock.read_once()
@@ -143,10 +141,10 @@ def default_planner(problem: Problem, retiming: str) -> str:
 
 
 def check_many_arms_retiming(planner: str, retiming: str) -> None:
-    """Refuse a retiming that is impossible for the planners of many arms.
+    """Reject a retiming that is impossible for the planners of many arms.
 
     Raises:
-        InputError: it leaves the paths, where nothing is certified between the arms.
+        InputError: it leaves the paths, and nothing else is certified between the arms.
     """
     if retiming == _LEAVES_PATHS:
         raise InputError(
@@ -239,7 +237,7 @@ def affordable_margin(problem: Problem, margin: float) -> float:
     their configurations are not known yet. Elements that do not move relative to each other do not count.
 
     Raises:
-        InputError: below zero or not finite.
+        InputError: negative or not finite.
     """
     margin = finite_number("margin", margin)
     if margin < 0.0:

@@ -80,7 +80,7 @@ def _is_above_zero(value: object, kind: type[Any]) -> bool:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SearchTree(Value):
-    """The graph a planner explored.
+    """The graph that a planner explored.
 
     Args:
         vertices: Configurations [rad or m], shape (n, nq).
@@ -112,12 +112,12 @@ class PlanResult:
     Args:
         status: How it ended; a path exists exactly for FOUND.
         path: The path, every edge certified free, start exact, end at a goal; or None.
-        reason: Why there is none, in words (which links touch what, which joint is out by how much).
+        reason: Why there is no path, in words (which links touch what, which joint is out by how much).
         planner: Name of the planner.
         seed: Seed that reproduces this result under the same budget of iterations.
         seconds: Wall time [s].
         iterations: Termination checks made.
-        edges_checked: Edges given to the collision checker.
+        edges_checked: Edges checked by the collision checker.
         cost_history: (seconds, path length) whenever the best path improved.
         tree: The explored graph, if requested.
     """
@@ -141,11 +141,11 @@ class PlanResult:
 
     @property
     def found(self) -> bool:
-        """There is a path."""
+        """Whether there is a path."""
         return self.status is PlanStatus.FOUND
 
     def __bool__(self) -> bool:
-        """The same as `found`."""
+        """Same as `found`."""
         return self.found
 
     def path_or_raise(self) -> Path:
@@ -166,8 +166,8 @@ class Wait:
     Args:
         arm: The arm.
         begin: When it stops [s], or 0.
-        end: When it goes on [s].
-        others: The arms that it lets pass; none where it rests for no such reason.
+        end: When it continues [s].
+        others: The arms that it lets pass; empty if it rests for another reason.
     """
 
     arm: str
@@ -206,13 +206,13 @@ def check_question(problem: object, budget: object, progress: object) -> None:
 class Planner(ABC):
     """Base class of planners: settings in the constructor, the problem in `plan`.
 
-    A planner keeps no state that changes its answers: the same problem, seed and budget of iterations give the same
-    path. Pass an instance wherever a planner's name is taken, or make it known by a name with `register_planner`.
+    A planner has no state that changes its results: the same problem, seed and budget of iterations give the same path.
+    Pass an instance wherever a planner's name is accepted, or register a name for it with `register_planner`.
 
     Attributes:
-        name: What results and messages call it; one line.
-        keeps_shape: The shape of its paths is part of the answer, as a straight line of the tool is: `plan_motion` does
-            not shorten them.
+        name: Its name in results and messages; one line.
+        keeps_shape: The shape of its paths is part of the result, such as a straight line of the tool: `plan_motion`
+            does not shorten them.
     """
 
     name: str
@@ -227,16 +227,15 @@ class Planner(ABC):
         rng: Seed = None,
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
-        """Answer a problem.
+        """Solve a problem.
 
-        `rr1plan.plan` checks what a planner of yours returns: a `PlanResult` whose path, if the status is `FOUND`,
-        starts at `problem.start`, ends at a goal, and has edges that are free by `CollisionChecker(problem.scene,
-        problem.arms, margin=problem.margin)`.
+        `rr1plan.plan` checks what your planner returns: a `PlanResult` whose path, if the status is `FOUND`, starts at
+        `problem.start`, ends at a goal, and has edges that are free by `CollisionChecker(problem.scene, problem.arms,
+        margin=problem.margin)`.
 
         Args:
-            problem: The question.
+            problem: The planning problem.
             budget: When to stop; None: the default `Budget()`.
-            rng: Generator or seed of everything random.
-            progress: Called about ten times a second with a `Progress`; when it returns False, the status is
-                `CANCELLED`.
+            rng: Generator or seed of all random numbers.
+            progress: Called about ten times a second with a `Progress`; if it returns False, the status is `CANCELLED`.
         """

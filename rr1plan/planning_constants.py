@@ -1,7 +1,7 @@
 """Constants of the default pipeline: RRT-Connect, shortcuts, blends, timing.
 
-They are in one place because two programs follow them, `plan_motion` and pages that plan by themselves
-(`playback/viewer/page/planner.js`), and the same seed has to give both the same motion.
+They are in one place because two programs use them, `plan_motion` and pages with their own planner
+(`playback/viewer/page/planner.js`), and the same seed has to give the same motion in both.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ class TreeConstants(NamedTuple):
 
     Args:
         margin: Distance to keep beyond the scene's padding [m].
-        margin_halvings: Number of halvings of a margin that start and goal do not afford, before it becomes zero.
+        margin_halvings: Number of halvings of a margin that start and goal do not allow, before it becomes zero.
         step: Longest edge of a tree, as a share of the diagonal of the joint space.
         domain: Sampling radius around vertices with a blocked edge, as a share of the diagonal.
     """

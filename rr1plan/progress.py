@@ -14,10 +14,10 @@ class Progress:
     """The progress of a long computation.
 
     Args:
-        stage: What is being done: a planner's name, "shorten", "validate", "simulate", ...
+        stage: The current task: a planner's name, "shorten", "validate", "simulate", ...
         seconds: Wall time so far [s].
-        fraction: Of the work or of the budget, 0 to 1.
-        best_cost: Length of the best path so far, of planners that improve theirs.
+        fraction: Fraction of the work or of the budget, 0 to 1.
+        best_cost: Length of the best path so far, for planners that improve theirs.
     """
 
     stage: str
@@ -27,7 +27,7 @@ class Progress:
 
 
 ProgressCallback = Callable[[Progress], bool | None]
-"""Called with the state of long work; False cancels it."""
+"""Called with the state of long work; returns False to cancel it."""
 
 
 def fraction_callback(stage: str, progress: ProgressCallback | None) -> Callable[[float], None] | None:

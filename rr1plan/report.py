@@ -39,7 +39,7 @@ class Violation:
         time: Time of the worst violation [s], or None if no time applies.
         value: Worst value, in the unit of the rule; for a collision the signed distance, negative in penetration [m].
         limit: Allowed value, in the unit of the rule.
-        message: Description for people.
+        message: Description in words.
     """
 
     kind: ViolationKind
@@ -85,8 +85,7 @@ class Report(Value):
             "clearance_end" to obstacles and other arms, "self_clearance" between the links of one arm
             and its held objects [m], both with their proven lower bounds ("clearance_proven",
             "self_clearance_proven"); "position", "velocity", "acceleration", "jerk" and "torque" as
-            the ratio to the limit (1 is the limit). If one of the two clearances is a contact, the other
-            is omitted.
+            the ratio to the limit (1 is the limit). If one of the two clearances is a contact, the other is omitted.
         checked: The rules that were checked.
         not_checked: The rules that were not checked, each with the reason.
         duration: Duration of the trajectory [s].
@@ -115,7 +114,7 @@ class Report(Value):
         return self.valid and "collision" in self.checked
 
     def __bool__(self) -> bool:
-        """The same as `valid`."""
+        """Same as `valid`."""
         return self.valid
 
     def __repr__(self) -> str:

@@ -41,12 +41,12 @@ def load_motion(
         topic: The topic of a bag (default: the only one with a JointTrajectory).
         torque_limits: Check torques too.
         jerk_limits: Check jerk limits too.
-        progress: Called during the collision certificate.
+        progress: Called during the collision proof.
 
     Raises:
         FormatError: a truncated, modified or unsupported file, a file without a motion, or a motion that does not fit
             the scene: the message names unknown or missing joints.
-        InputError: no scene, neither in the file nor given; or a topic for a file that is not a bag.
+        InputError: no scene given or in the file, or a topic for a file that is not a bag.
         UnknownNameError: the bag has no such topic.
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
     """

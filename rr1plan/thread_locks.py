@@ -24,9 +24,9 @@ def exclusive(method: _Method) -> _Method:
 class ExclusiveCache(cached_property[_T]):
     """A cached property that is computed and stored while the lock of its object is held, see `exclusive`.
 
-    What is computed from an object that another thread then changes is not stored after the change. The lock of
-    `cached_property` itself, which all objects of a class share in Python 3.11, is not used: two threads could each
-    hold one of both locks and wait for the other.
+    If another thread changes the object, values computed before the change are not stored after it. The lock of
+    `cached_property` itself, which all objects of a class share in Python 3.11, is not used: with it, two threads could
+    each hold one of both locks and wait for the other.
     """
 
     @overload

@@ -55,7 +55,7 @@ class Trajectory(Value, NotebookView):
     breaks: Array
     coefficients: Array
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
 
         def __init__(self, joint_names: Sequence[str], breaks: ArrayLike, coefficients: ArrayLike) -> None: ...
 
@@ -97,10 +97,10 @@ class Trajectory(Value, NotebookView):
 
     @staticmethod
     def rest(joint_names: tuple[str, ...], q: ArrayLike, *, start: float = 0.0, duration: float = 0.0) -> Trajectory:
-        """Standing still at q (nq,) for `duration` [s].
+        """A stationary motion at q (nq,) for `duration` [s].
 
         Raises:
-            InputError: inconsistent shapes, not finite, a duration below zero.
+            InputError: inconsistent shapes, not finite, a negative duration.
         """
         names = check_joint_names(joint_names)
         q = finite_array("q", q, (len(names),))
@@ -129,8 +129,8 @@ class Trajectory(Value, NotebookView):
             qdd: Accelerations [rad/s² or m/s²], shape (n, nq), or None.
 
         Raises:
-            InputError: inconsistent shapes, numbers that are not finite, times that do not increase, samples so
-                close together that derivatives between them overflow, or accelerations without velocities.
+            InputError: inconsistent shapes, values that are not finite, times that do not increase, samples so close
+                together that derivatives between them overflow, or accelerations without velocities.
         """
         names = check_joint_names(joint_names)
         times = finite_array("times", times, (None,))
@@ -201,7 +201,7 @@ class Trajectory(Value, NotebookView):
         return Trajectory(self.joint_names, np.append(breaks[:1], breaks[1:][lasts]), kept)
 
     def cut(self, begin: float, end: float) -> Trajectory:
-        """The motion between two times; where it has not begun or has ended, it rests.
+        """The motion between two times; before its begin and after its end it rests.
 
         Args:
             begin: First instant [s].
@@ -276,7 +276,7 @@ class Trajectory(Value, NotebookView):
         return value.reshape(*times.shape, len(self.joint_names))
 
     def derivative_coefficients(self, derivative: int) -> Array:
-        """Local coefficients of a derivative, lowest power first, shape (m, degree + 1 - derivative or 1, nq).
+        """Local coefficients of a derivative, lowest power first, shape (m, max(degree + 1 - derivative, 1), nq).
 
         Raises:
             InputError: a derivative that is negative or above 100.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rr1plan.binding.c_sources import KernelSources, Prototype
 
-# Vectors across two lines of the processor's cache take twice as long.
+# Vectors that cross a cache line of the processor take twice as long.
 _LINE = 64
 _NATIVE: dict[str, object] = {"void": None, "int64_t": ctypes.c_int64, "double": ctypes.c_double}
 _DTYPES: dict[str, np.dtype[Any]] = {
@@ -25,13 +25,13 @@ _DTYPES: dict[str, np.dtype[Any]] = {
     "int8_t": np.dtype(np.int8),
     "uint8_t": np.dtype(np.uint8),
 }
-# Where a numpy array holds the address of its data: first behind the header that all Python objects have.
+# Offset of the data pointer in a NumPy array: first after the header of all Python objects.
 _DATA = object.__basicsize__
 _pointer_at: Callable[[int], ctypes.c_size_t] = ctypes.c_size_t.from_address
 
 
 class CStruct:
-    """A C struct that keeps the targets of its pointers alive. Subclasses say which sources declare it.
+    """A C struct that keeps the targets of its pointers alive. Subclasses specify the sources that declare it.
 
     Args:
         name: Name of the struct.
@@ -40,7 +40,7 @@ class CStruct:
     Attributes:
         sources: Sources that declare it.
         value: The struct itself.
-        address: Where it is.
+        address: Its address.
 
     Raises:
         TypeError: an array of another type than declared.
@@ -53,7 +53,7 @@ class CStruct:
         self.value = self.sources.classes[name]()
         self.address = ctypes.addressof(self.value)
         self._targets: dict[str, object] = {}
-        # The memory of each set of fields that `give_room` was called for.
+        # Memory for each set of fields for which `give_room` was called.
         self._rooms: dict[tuple[str, ...], tuple[dict[str, _Part], NDArray[Any]]] = {}
         self.set(**fields)
 
@@ -68,17 +68,17 @@ class CStruct:
             kind = pointers.get(key)
             if kind is None:
                 setattr(value, key, given)
-            elif given is not targets.get(key):  # unlike what a copy shares with the struct it was made of
+            elif given is not targets.get(key):  # a copy shares its targets with the original
                 setattr(value, key, address_of(self.sources, given, kind))
                 targets[key] = given
 
     def give_room(self, room: NDArray[np.uint8] | None = None, *, unset: bool = False, **counts: int) -> None:
-        """Point fields to memory, aligned for vectors, in which data used together share pages and cache lines.
+        """Point fields to memory aligned for vectors, in which data used together share pages and cache lines.
 
         Args:
-            room: The memory, of `room_size` bytes at least (default: new memory).
-            unset: Whether new memory may hold anything; otherwise it is zeroed.
-            **counts: Of each field how many items it leads to.
+            room: The memory, at least `room_size` bytes (default: new memory).
+            unset: Whether new memory may be uninitialized; otherwise it is zeroed.
+            **counts: Number of items for each field.
         """
         layout, size = _layout(self.sources, self.name, tuple(counts.items()))
         if room is None:
@@ -90,7 +90,7 @@ class CStruct:
         self._rooms[tuple(counts)] = layout, room[first:]
 
     def room_size(self, **counts: int) -> int:
-        """Bytes that `give_room` needs."""
+        """The number of bytes that `give_room` needs."""
         return _layout(self.sources, self.name, tuple(counts.items()))[1]
 
     def copied(self, **fields: Any) -> Self:
@@ -154,12 +154,12 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
 def bound(sources: KernelSources, function: Any, prototype: Prototype) -> Callable[..., Any]:
     """An exported function that takes numbers, and for each pointer an array, a `CStruct`, bytes or an address.
 
-    Arguments are converted before `ctypes` sees them: it turns any exception meanwhile, also that of Ctrl-C, into an
-    ArgumentError. Its attribute `native` is the function that takes numbers and addresses only, in less time.
+    Arguments are converted before `ctypes` gets them, because it turns any exception during conversion, including that
+    of Ctrl-C, into an ArgumentError. The attribute `native` is the faster function for numbers and addresses only.
 
     Args:
         sources: Sources that declare it.
-        function: The function as `ctypes` found it in a library.
+        function: The function from a library loaded by `ctypes`.
         prototype: Its declaration.
     """
     pointers = [(i, kind.removesuffix("*")) for i, kind in enumerate(prototype.arguments) if kind.endswith("*")]
@@ -183,9 +183,9 @@ class _Part:
     """Part of a block of memory.
 
     Args:
-        offset, size: Where it begins, and its bytes.
+        offset, size: Its begin and size [bytes].
         item: Bytes of an item.
-        dtype: Of numbers; None of structs, of which each is a row of bytes.
+        dtype: Type of numbers; None for structs, each of which is a row of bytes.
     """
 
     offset: int
@@ -201,7 +201,7 @@ class _Part:
 
 @lru_cache(maxsize=256)
 def _layout(sources: KernelSources, name: str, counts: tuple[tuple[str, int], ...]) -> tuple[dict[str, _Part], int]:
-    """Parts for items of some pointers of a struct, one behind the other, and bytes enough for any alignment."""
+    """Parts for items of some pointers of a struct, one after the other, and a size sufficient for any alignment."""
     parts, end = {}, 0
     for field, count in counts:
         kind = sources.pointers(name)[field]

@@ -1,10 +1,9 @@
 """Structs, constants and exported functions, parsed from C sources.
 
-The sources are the only declarations. Headers use a subset of C that is parsed here: structs of
-numbers, arrays of numbers, pointers and earlier structs, and enums. The build compiles the C compiler's offsets of
-all fields and a checksum of the sources into the library, and `compiled_library.py` rejects a library in which they
-differ. A WebAssembly module, whose pointers have four bytes, contains all declarations as JSON, for a binding in
-JavaScript.
+The sources are the only declarations. Headers use a subset of C that is parsed here: structs of numbers, arrays of
+numbers, pointers and earlier structs, and enums. The build compiles the C compiler's offsets of all fields and a
+checksum of the sources into the library, and `compiled_library.py` rejects a library in which they differ. A
+WebAssembly module, whose pointers have four bytes, contains all declarations as JSON, for a binding in JavaScript.
 """
 
 from __future__ import annotations
@@ -103,7 +102,7 @@ class KernelSources:
 
     @cached_property
     def wasm_item_sizes(self) -> dict[str, int]:
-        """The same in the layout of WebAssembly."""
+        """Likewise in the layout of WebAssembly."""
         return {kind: ctypes.sizeof(made) for kind, made in (_NUMBERS | self.wasm_classes).items()}
 
     def layout(self) -> list[int]:
@@ -123,8 +122,9 @@ class KernelSources:
     def declarations(self) -> str:
         """All declarations as JSON, structs in the layout of WebAssembly.
 
-        Entries: `structs`, by name: `size`, and of each of the `fields` its kind, offset, count and whether it is a
-        pointer; `functions`, by name: kinds of the result and of the arguments; `constants`; and a `digest` of those.
+        Entries: `structs`, by name: `size`, and for each of the `fields` its kind, offset, count and whether it is a
+            pointer; `functions`, by name: types of the result and of the arguments; `constants`; and a `digest` of
+            these.
         """
         structs = {}
         for name, fields in self.structs.items():

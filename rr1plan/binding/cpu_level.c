@@ -1,4 +1,4 @@
-// Which of the x86-64 microarchitecture levels the processor and the operating system support.
+// The x86-64 microarchitecture level that the processor and the operating system support.
 #if defined(__x86_64__)
 #include <cpuid.h>
 

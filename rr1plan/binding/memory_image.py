@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rr1plan.binding.c_memory import CStruct, address_of
 from rr1plan.binding.c_sources import KernelSources
 
-# Vectors of eight numbers have 64 bytes.
+# Vectors of eight doubles have 64 bytes.
 _ALIGNMENT = 64
 
 Root = CStruct | tuple[str, NDArray[Any]]
@@ -80,7 +80,7 @@ class _Region:
 
 
 def _collect(sources: KernelSources, root: Root, regions: dict[int, _Region]) -> tuple[str, int, int]:
-    """Add a root and all targets of its pointers to `regions` by address; type, address and count of the root."""
+    """Add a root and all targets of its pointers to `regions`. Returns type, address and count of the root."""
     kind, given = (root.name, root) if isinstance(root, CStruct) else root
     address = address_of(sources, given, kind)
     data = bytes(given.value) if isinstance(given, CStruct) else given.tobytes()
@@ -91,7 +91,7 @@ def _collect(sources: KernelSources, root: Root, regions: dict[int, _Region]) ->
             pointers = sources.pointers(kind)
             for field, target in given.targets.items():
                 if not isinstance(target, CStruct) and target.size == 0:
-                    # NumPy does not keep the address of a part without items.
+                    # NumPy does not keep the address of an empty part.
                     at = getattr(given.value, field)
                     regions.setdefault(at, _Region(pointers[field], at, b""))
                     continue

@@ -1,8 +1,8 @@
 """Calibration from measured tool positions: sign, zero and scale of every joint by nonlinear least squares.
 
 Signs are searched; zeros and scales follow from Levenberg-Marquardt, at first with a loss that outliers hardly affect.
-What the poses do not determine is found from the singular values of the Jacobian, as in the calibration of kinematic
-parameters (Hollerbach, Khalil, Gautier: Model identification, Springer Handbook of Robotics).
+Parameters that the poses do not determine are found from the singular values of the Jacobian, as in the calibration of
+kinematic parameters (Hollerbach, Khalil, Gautier: Model identification, Springer Handbook of Robotics).
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ _MOST_NOISE = 1.0  # [m]
 _UNDETERMINED = 0.2
 # Parameters that share an undetermined direction: those with at least this fraction of its largest component.
 _SHARE = 0.1
-# An outlier is farther off than this many standard deviations of a coordinate; by chance 1 measurement in 7000 is.
+# An outlier exceeds this many standard deviations of a coordinate; by chance 1 measurement in 7000 does.
 _OUTLIER = 4.5
 # Signs are accepted at once if half of the coordinates are within this many of the stated standard deviations.
 _GOOD = 3.0
 # A fit has failed if half of the measurements are farther off than this fraction of their spread.
 _FAILED = 0.1
 _ROUNDS = 10
-# Smallest standard deviation of a coordinate that is believed, as a fraction of the stated one.
+# Smallest plausible standard deviation of a coordinate, as a fraction of the stated one.
 _FLOOR = 0.01
 # Singular values below this fraction of the largest are rounding errors.
 _RANK = 1e-9
 # Median of the absolute value of a normal variable with a standard deviation of 1.
 _MEDIAN = 0.6745
-# A joint whose readings have to be scaled by less than this does not follow them.
+# The readings of a joint have no effect if they have to be scaled by less than this.
 _NO_EFFECT = 1e-2
-# Evaluations of a fit, at most, and of one with signs that may be wrong: right ones take 20 to 36, most wrong ones 100.
+# Largest numbers of evaluations of a fit, and of one with trial signs: right signs take 20 to 36, most wrong ones 100.
 _EVALUATIONS, _EVALUATIONS_OF_SIGNS = 100, 40
 
 
@@ -62,26 +62,26 @@ def calibrate(
     """Estimate the sign, zero and scale of every joint from measured positions of a point of the tool.
 
     About 20 poses suffice (`propose_calibration_poses`). The point should be away from the axis of the last joint,
-    which otherwise does not move it: hold a pointer across, for example. Links are assumed to be as described.
+    which otherwise does not move it: use a transverse pointer, for example. Links are assumed to be as described.
 
     Args:
         robot: The robot.
         readings: Readings of the planning joints, shape (m, nq), in the unit of `start`.
         positions: Measured positions of the point in the frame of the robot's base [m], shape (m, 3).
-        start: Values to start from (default: positive signs, readings in rad); signs may be wrong, zeros by about
-            30 degrees, and scales by a fifth.
+        start: Initial values (default: positive signs, readings in rad); signs may be wrong, zeros by about 30 degrees,
+            and scales by a fifth.
         point: The point in the frame of the robot's tool [m], shape (3,), or one for each row, shape (m, 3).
-        noise: Expected standard deviation of a measured coordinate [m]; used in the search of signs. The uncertainty
-            of the result comes from the residuals.
-        free_base: Positions are in another frame, whose pose is estimated too. The zero of a first joint is
-            then not determined, and stays that of `start`.
+        noise: Expected standard deviation of a measured coordinate [m], for the search of signs. The uncertainty of the
+            result comes from the residuals.
+        free_base: Positions are in another frame, whose pose is estimated too. The zero of the first joint is then not
+            determined, and remains that of `start`.
 
     Returns:
-        The calibration, with residuals, outliers and what the poses do not determine in `fit`. Undetermined values
-        have a standard deviation of inf; as few as possible of them are those of `start`.
+        The calibration; `fit` has residuals, outliers and the values that the poses do not determine. Undetermined
+        values have a standard deviation of inf; as few of them as possible are fixed at those of `start`.
 
     Raises:
-        InputError: arguments of wrong shapes or kinds, fewer measurements than unknowns, poses that determine nothing,
+        InputError: arguments of wrong shapes or types, fewer measurements than unknowns, poses that determine no joint,
             or no signs, zeros and scales near the start that explain the measurements.
     """
     of_kind("robot", robot, Robot)
@@ -125,12 +125,12 @@ def calibrate(
 
 @dataclass(frozen=True, eq=False)
 class _Estimate:
-    """Parameters on their way to the result.
+    """An intermediate estimate of the parameters.
 
     Args:
         parameters: The parameters.
-        free: Those that are estimated, shape (p,); the others are those of the start.
-        undetermined: Those that the poses do not determine, shape (p,).
+        free: Estimated parameters, shape (p,); the others are those of the start.
+        undetermined: Parameters that the poses do not determine, shape (p,).
         kept: Measurements that are used, shape (m,).
     """
 
@@ -148,7 +148,7 @@ def _fitted(
     loss: float | None,
     evaluations: int = _EVALUATIONS,
 ) -> Parameters:
-    """Least squares by some parameters over some rows; with a `loss` [m], larger residuals count linearly."""
+    """Least squares for some parameters over some rows; with a `loss` [m], larger residuals count linearly."""
 
     def at(values: Array) -> Parameters:
         full = begin.values.copy()
@@ -157,7 +157,7 @@ def _fitted(
 
     @lru_cache(maxsize=1)
     def both(values: bytes) -> tuple[Array, Array]:
-        """Residuals and Jacobian, which the solver wants one after the other."""
+        """Residuals and Jacobian, which the solver requests one after the other."""
         off, jacobian = data.with_jacobian(at(np.frombuffer(values)))
         return off[rows].ravel(), jacobian[rows][:, :, free].reshape(-1, int(free.sum()))
 
@@ -174,7 +174,7 @@ def _fitted(
 
 
 def _search_signs(data: MeasuredPoints, begin: Parameters, noise: float) -> Parameters:
-    """The signs with the best fit, or the first good ones, in the order of their fit at the start."""
+    """The signs with the best fit, or the first good ones, tried in the order of their fit at the start."""
     every, rows = np.ones(len(begin.values), dtype=bool), np.ones(len(data.positions), dtype=bool)
     loss = _GOOD * noise
     signs = [begin.signs * flips for flips in itertools.product((1.0, -1.0), repeat=len(begin.signs))]
@@ -193,11 +193,11 @@ def _search_signs(data: MeasuredPoints, begin: Parameters, noise: float) -> Para
 
 
 def _hold_undetermined(data: MeasuredPoints, begin: Parameters, found: Parameters, noise: float) -> _Estimate:
-    """Find what the poses do not determine, and hold as few parameters at the start as make the others unique."""
+    """Find undetermined parameters, and fix as few parameters at the start as make the others unique."""
     count, joints = len(begin.values), len(begin.signs)
     kept = np.ones(len(data.positions), dtype=bool)
     residuals, jacobian = data.with_jacobian(found)
-    # In rad: of the zero, and of the angle at the reading that is farthest from zero.
+    # In rad: units of the zero, and of the angle at the reading farthest from zero.
     units = np.ones(count)
     farthest = np.abs(data.turns).max(axis=0)
     units[joints : 2 * joints] = np.where(farthest > 0.0, farthest, 1.0)
@@ -211,7 +211,7 @@ def _hold_undetermined(data: MeasuredPoints, begin: Parameters, found: Parameter
         parts = np.zeros(count)
         parts[free] = np.abs(directions[-1])
         undetermined |= parts > _SHARE * parts.max()
-        # Rather a scale than a zero; the pose of a free base is not held.
+        # Prefer fixing a scale to a zero; the pose of a free base is not fixed.
         parts[joints : 2 * joints] *= 1.0 + _SHARE
         parts[2 * joints :] = 0.0
         free[int(np.argmax(parts))] = False
@@ -229,7 +229,7 @@ def _robust_std(residuals: Array, unknowns: int) -> float:
 
 
 def _without_outliers(data: MeasuredPoints, estimate: _Estimate, noise: float) -> _Estimate:
-    """Leave out measurements that are too far off, fit again, and repeat until these stay the same."""
+    """Remove measurements that are too far off, fit again, and repeat until the selection is stable."""
     unknowns = int(estimate.free.sum())
     for _ in range(_ROUNDS):
         residuals = data.residuals(estimate.parameters)

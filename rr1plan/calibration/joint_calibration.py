@@ -1,4 +1,4 @@
-"""Calibrations: how readings of encoders or motors become joint positions, with their uncertainty, and their files.
+"""Calibrations: conversion of encoder or motor readings to joint positions, with uncertainty, and their files.
 
 The position of a joint is `zero + sign * reading / scale`. A file is TOML:
 
@@ -63,7 +63,7 @@ _MAX_BYTES = 1024 * 1024
 
 @dataclass(frozen=True)
 class JointCalibration:
-    """How the readings of one joint become its position: zero + sign * reading / scale.
+    """Conversion of one joint's readings to its position: zero + sign * reading / scale.
 
     Args:
         sign: 1 if readings grow with the position, -1 if they fall.
@@ -73,7 +73,8 @@ class JointCalibration:
         scale_std: Standard deviation of the scale, in its unit; inf for a value that is assumed.
 
     Raises:
-        InputError: another sign, a number that is not finite, a scale not above zero, a negative standard deviation.
+        InputError: another sign, a value that is not finite, a scale that is not positive, a negative standard
+            deviation.
     """
 
     sign: int
@@ -104,8 +105,8 @@ class CalibrationFit(Value):
     """How a calibration was estimated.
 
     Args:
-        residuals: Distance of each measured position from where the calibrated arm has the point [m], shape (m,).
-        outliers: Rows of measurements that were left out.
+        residuals: Distance of each measured position from the predicted one [m], shape (m,).
+        outliers: Rows of measurements that were excluded.
         noise: Standard deviation of a measured coordinate, from the residuals without outliers [m].
         undetermined: Values that the poses do not determine, by joint: any of "sign", "zero" and "scale".
         T_measured_base: Pose of the base in the frame of the measurements, shape (4, 4).
@@ -133,11 +134,11 @@ class CalibrationFit(Value):
 
 @dataclass(frozen=True)
 class ZeroShift:
-    """How far the zero of a joint is from that of an earlier calibration.
+    """Change of the zero of a joint since an earlier calibration.
 
     Args:
         joint: The joint.
-        shift: Later zero less earlier zero [rad or m].
+        shift: Later zero minus earlier zero [rad or m].
         std: Standard deviation of the shift [rad or m].
     """
 
@@ -147,7 +148,7 @@ class ZeroShift:
 
     @property
     def significance(self) -> float:
-        """The shift in standard deviations; 0 where one of the zeros is not known."""
+        """The shift in standard deviations; 0 if one of the zeros is unknown."""
         return abs(self.shift) / self.std if self.std > 0.0 else math.inf if self.shift else 0.0
 
     def __str__(self) -> str:
@@ -160,11 +161,11 @@ class Calibration(Value):
 
     Args:
         robot: Name of the robot.
-        joints: The joints that are calibrated, by name.
-        unit: What readings count: "steps" of motors, "counts" of encoders, or "rad".
-        date: When it was measured, any text.
-        source: How it was measured, any text.
-        fit: How it was estimated; None for one from a file.
+        joints: The calibrated joints, by name.
+        unit: Unit of readings: "steps" of motors, "counts" of encoders, or "rad".
+        date: Date of the measurement, any text.
+        source: Method of the measurement, any text.
+        fit: Data of the estimation; None for a calibration from a file.
 
     Raises:
         InputError: no joints, another unit, a value of another type.
@@ -192,12 +193,12 @@ class Calibration(Value):
 
     @staticmethod
     def assumed(robot: Robot, scale: float | Mapping[str, float] = 1.0, *, unit: str = "rad") -> Calibration:
-        """Nominal values to start from: positive signs, zeros at zero, and given scales, all of unknown accuracy.
+        """Nominal initial values: positive signs, zeros at zero, and given scales, all of unknown accuracy.
 
         Args:
             robot: The robot.
             scale: Readings per radian or meter, one number or one by joint name; negative ones give negative signs.
-            unit: What readings count.
+            unit: Unit of readings.
 
         Raises:
             InputError: a scale that is zero, not finite or missing, another unit.
@@ -270,10 +271,10 @@ class Calibration(Value):
         return finite_array(name, values, (count,) if len(shape_of(values)) == 1 else (None, count))
 
     def zero_shifts(self, earlier: Calibration) -> tuple[ZeroShift, ...]:
-        """How far zeros have moved since an earlier calibration, most significant first.
+        """Changes of zeros since an earlier calibration, most significant first.
 
-        A zero that is more than about four standard deviations off has moved: a slipped belt, or an encoder that was
-        zeroed elsewhere.
+        A zero that differs by more than about four standard deviations has changed: a belt has slipped, or an encoder
+        was zeroed elsewhere.
 
         Raises:
             InputError: a calibration of another robot, or of other joints.
@@ -323,7 +324,7 @@ def load_calibration(file: str | pathlib.Path) -> Calibration:
     robot, unit = table.string("robot"), units.string("reading")
     date, source = table.string("date", ""), table.string("source", "")
     rows = {name: _joint(joints.table(name)) for name in joints.names()}
-    table.raw("control_box")  # that of `load_control_box`
+    table.raw("control_box")  # read by `load_control_box`
     for part in (units, table):
         part.finish()
     with table.blame():

@@ -17,7 +17,7 @@ def point_jacobians(kinematics: Kinematics, frame: int, configurations: Array, p
     """Positions of points of a frame, and their Jacobians.
 
     Args:
-        kinematics: Of one arm.
+        kinematics: Kinematics of one arm.
         frame: Pinocchio's index of the frame.
         configurations: Configurations [rad or m], shape (m, nq).
         points: The point in the frame at each [m], shape (m, 3).
@@ -33,13 +33,13 @@ def point_jacobians(kinematics: Kinematics, frame: int, configurations: Array, p
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """What the residuals depend on.
+    """Parameters of the residuals.
 
     Args:
         signs: Sign of each joint, shape (nq,).
-        values: Zeros [rad or m] and factors on the scales of the start, and with a free base its rotation vector
-            [rad] and its shift [m], shape (2 nq,) or (2 nq + 6,).
-        T_measured_base: Pose of the base in the measuring frame, which rotation vector and shift change.
+        values: Zeros [rad or m] and factors of the start's scales; for a free base also its rotation vector [rad] and
+            its shift [m]; shape (2 nq,) or (2 nq + 6,).
+        T_measured_base: Pose of the base in the measurement frame, to which rotation vector and shift are applied.
     """
 
     signs: Array
@@ -48,11 +48,11 @@ class Parameters:
 
 
 class MeasuredPoints:
-    """Readings, and where a point of the tool was measured at them.
+    """Readings, and the measured positions of a point of the tool.
 
     Args:
         robot: The robot.
-        start: Values to start from, for all of its planning joints.
+        start: Initial values for all of its planning joints.
         readings: Readings, shape (m, nq).
         positions: Measured positions [m], shape (m, 3).
         points: The measured points in the frame of the tool [m], shape (m, 3).
@@ -71,19 +71,19 @@ class MeasuredPoints:
         self._frame = self._kinematics.scene_model.frame_id(self._kinematics.frame("tool"))
 
     def begin(self, *, free_base: bool) -> Parameters:
-        """Parameters of the start; a free base is put where the measurements fit best."""
+        """Parameters of the start; a free base is placed where the measurements fit best."""
         values = np.concatenate([self.zeros, np.ones(len(self.signs)), np.zeros(6 if free_base else 0)])
         return self.with_signs(Parameters(self.signs, values, np.eye(4)), self.signs)
 
     def with_signs(self, parameters: Parameters, signs: Array) -> Parameters:
-        """The same with other signs; a free base is put where the measurements fit best."""
+        """The same parameters with other signs; a free base is placed where the measurements fit best."""
         changed = replace(parameters, signs=signs)
         if len(parameters.values) == 2 * len(signs):
             return changed
         return replace(changed, T_measured_base=_fitted_pose(self._points_in_base(changed)[0], self.positions))
 
     def base_pose(self, parameters: Parameters) -> Array:
-        """Pose of the base in the measuring frame, shape (4, 4)."""
+        """Pose of the base in the measurement frame, shape (4, 4)."""
         T = np.eye(4)
         added = parameters.values[2 * len(parameters.signs) :]
         if len(added):
@@ -91,7 +91,7 @@ class MeasuredPoints:
         return np.asarray(T @ parameters.T_measured_base)
 
     def residuals(self, parameters: Parameters) -> Array:
-        """Predicted less measured positions [m], shape (m, 3)."""
+        """Predicted minus measured positions [m], shape (m, 3)."""
         return self.with_jacobian(parameters)[0]
 
     def with_jacobian(self, parameters: Parameters) -> tuple[Array, Array]:
@@ -136,7 +136,7 @@ def _left_jacobian(vector: Array) -> Array:
 
 
 def _fitted_pose(points: Array, targets: Array) -> Array:
-    """The pose that takes points to targets with least squares, by the singular value decomposition (Kabsch)."""
+    """The pose that maps points to targets with least squares, by singular value decomposition (Kabsch)."""
     center, aim = points.mean(axis=0), targets.mean(axis=0)
     u, _, vt = np.linalg.svd((points - center).T @ (targets - aim))
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))])

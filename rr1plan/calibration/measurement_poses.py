@@ -19,7 +19,7 @@ from rr1plan.scene import Scene
 _CANDIDATES = 500
 _DRAWS_EACH = 100
 _ROUNDS = 5
-# Prior information, which keeps determinants above zero: 1 rad of standard deviation beside 1 mm of noise.
+# Prior information that keeps determinants positive: a standard deviation of 1 rad, compared with 1 mm of noise.
 _PRIOR = 1e-6
 
 
@@ -33,21 +33,21 @@ def propose_calibration_poses(
 ) -> Array:
     """Poses that determine the zeros and scales of an arm's joints well: D-optimal among random free configurations.
 
-    Move from one to the next with planned motions: the poses are free of collision, straight lines between them may not
-    be. Compared to random poses, standard deviations become about a third smaller.
+    Move between them with planned motions: the poses are free of collision, but straight lines between them may not be.
+    Compared to random poses, standard deviations become about a third smaller.
 
     Args:
         scene: The arm and its surroundings.
-        count: How many.
+        count: Number of poses.
         arm: The arm (default: the only one).
         point: The point that will be measured, in the frame of the tool [m], shape (3,).
         rng: Generator or seed.
 
     Returns:
-        Configurations [rad or m], each next to the one before, shape (count, nq).
+        Configurations [rad or m], each followed by a near one, shape (count, nq).
 
     Raises:
-        InputError: a wrong count or point, several arms and none named, or no free configurations found.
+        InputError: a wrong count or point, several arms and no name, or no free configurations found.
         UnknownNameError: no such arm.
     """
     of_kind("scene", scene, Scene)
@@ -67,7 +67,7 @@ def propose_calibration_poses(
 
 
 def _free_configurations(scene: Scene, arm: str, rng: np.random.Generator) -> Array:
-    """Random configurations of an arm without collision, among the others as the scene has them, shape (n, nq)."""
+    """Random free configurations of an arm, with the other arms as in the scene, shape (n, nq)."""
     checker = CollisionChecker(scene, [arm])
     lower, upper = sampling_bounds(scene.arms[arm].robot)
     found: list[Array] = []
@@ -85,7 +85,7 @@ def _d_optimal(rows: Array, count: int) -> list[int]:
 
     Args:
         rows: Derivatives of the measurement of each candidate by the parameters, shape (n, 3, p).
-        count: How many to choose.
+        count: Number of candidates to choose.
     """
     information = rows.transpose(0, 2, 1) @ rows
     total = _PRIOR * np.eye(rows.shape[2])
@@ -112,7 +112,7 @@ def _best(rows: Array, total: Array, taken: list[int]) -> int:
 
 
 def _in_short_order(configurations: Array, start: Array) -> Array:
-    """The same rows, the nearest one next, from a configuration on."""
+    """The same rows in greedy nearest-neighbor order, beginning near a configuration."""
     left, ordered, now = list(configurations), [], start
     while left:
         i = int(np.argmin([np.abs(q - now).max() for q in left]))

@@ -1,8 +1,8 @@
 """The collision checker: configurations, and motions that are certified free as a whole, not sampled.
 
 The proof is in the kernels: straight edges and parabolas in `certify_edge.c`, other curves in `certify_curve.c`. A thin
-    obstacle cannot slip through between samples. Motions that pass at less than `tolerance` beyond the padding are not
-    proven, so they are rejected.
+obstacle cannot slip through between samples. Motions that pass at less than `tolerance` beyond the padding are not
+proven, so they are rejected.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class CollisionChecker(CoalChecker):
     separately (`limit_violations`), and an edge does not take the shorter way round of a continuous joint.
 
     Threads may share an instance: each waits while another one uses it. For parallel checks, give each thread its own
-        instance (instances are pickled as their constructor arguments).
+    instance (instances are pickled as their constructor arguments).
 
     Args:
         scene: The scene.
@@ -162,7 +162,7 @@ class CollisionChecker(CoalChecker):
 
         Returns:
             Whether that was possible: only if pairs of solids, padding and kinds of obstacles are the same. Otherwise
-                nothing has changed.
+            nothing has changed.
         """
         mine = self._scene
         same_padding = (scene.padding, scene.pair_padding) == (mine.padding, mine.pair_padding)

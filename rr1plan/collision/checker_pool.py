@@ -1,8 +1,7 @@
 """Collision checkers that their scene keeps, so that many queries in one scene build only one.
 
 A scene without an idle checker takes one of a scene with the same arms and the same kinds of obstacles at other poses,
-if
-there is one: among recently released checkers, the one unused for longest.
+if there is one: among recently released checkers, the one unused for longest.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ def checker_from_pool(
     """A checker for exclusive use inside the block; its counters continue from earlier use.
 
     Checkers have scratch memory, so each is used by one caller at a time: threads that plan simultaneously in one scene
-        get one each. They live as long as the scene, which is immutable, and are neither pickled nor copied with it.
+    get one each. They live as long as the scene, which is immutable, and are neither pickled nor copied with it.
 
     Args:
         scene: The scene.

@@ -248,7 +248,7 @@ class CoalChecker:
         """The smallest distance of any checked pair beyond its padding [m], at most `most`.
 
         For overlapping elements only its sign is meaningful: it is negative. The compiled kernel computes it without
-            Coal, and never overestimates a distance.
+        Coal, and never overestimates a distance.
 
         Args:
             q: Configuration [rad or m], shape (nq,).

@@ -1,8 +1,8 @@
 """Spheres that contain links and held objects, for display and for other programs.
 
 There are three levels: one sphere around the whole element, one around each of its convex bodies, and a few tight ones
-    that fill each body. At every level, all spheres together contain the whole element. The compiled search uses the
-    two finer levels.
+that fill each body. At every level, all spheres together contain the whole element. The compiled search uses the two
+finer levels.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class Table:
         data: The parsed mapping.
         file: The file, for messages.
         path: Keys from the top to this table.
-        text: The file's text, to find lines in.
+        text: The file's text, in which lines are searched.
     """
 
     def __init__(self, data: Any, file: str | Path, path: tuple[str, ...] = (), text: str = "") -> None:
@@ -66,14 +66,14 @@ class Table:
         return self._data[key] if key in self else default
 
     def spelled(self, key: str, earlier: str) -> str:
-        """The key, or its earlier name where the file has that one instead."""
+        """The key, or its earlier name if the file uses that one."""
         return earlier if earlier in self._data and key not in self._data else key
 
     def required(self, key: str) -> Any:
         """The value as parsed.
 
         Raises:
-            FormatError: it is not there.
+            FormatError: it is missing.
         """
         if key not in self:
             raise self.error(f"has no {key!r}, which is required{self._misspelt((key,))}")
@@ -91,7 +91,7 @@ class Table:
         value = self.required(key) if default is None else self.raw(key, default)
         if not is_number(value):
             raise self.error(f"expected a number, got {shown(value)}", key)
-        if not abs(value) <= sys.float_info.max:  # so that NaN is refused too
+        if not abs(value) <= sys.float_info.max:  # also rejects NaN
             raise self.error(f"expected a finite number, got {shown(value)}", key)
         return float(value)
 
@@ -117,35 +117,35 @@ class Table:
         return values.astype(np.int32)
 
     def strings(self, key: str) -> tuple[str, ...]:
-        """A list of texts, empty when it is not there."""
+        """A list of texts, empty if it is missing."""
         value = self.raw(key, [])
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
             raise self.error(f"expected a list of texts, got {shown(value)}", key)
         return tuple(value)
 
     def rows(self, key: str) -> list[Any]:
-        """A list of anything, empty when it is not there."""
+        """A list of anything, empty if it is missing."""
         value = self.raw(key, [])
         if not isinstance(value, list):
             raise self.error(f"expected a list, got {shown(value)}", key)
         return value
 
     def table(self, key: str) -> Table:
-        """A table within this one, empty when it is not there."""
+        """A table within this one, empty if it is missing."""
         return Table(self.raw(key, {}), self.file, (*self.path, key), self.text)
 
     def wrapped(self, key: str, data: Mapping[str, object]) -> Table:
-        """Other data in the place of an entry."""
+        """Other data in place of an entry."""
         self._asked.add(key)
         return Table(data, self.file, (*self.path, key), self.text)
 
     def tables(self, key: str) -> list[Table]:
-        """A list of tables, empty when it is not there."""
+        """A list of tables, empty if it is missing."""
         rows = enumerate(self.rows(key))
         return [Table(item, self.file, (*self.path, f"{key}[{i}]"), self.text) for i, item in rows]
 
     def one_of(self, kinds: Mapping[str, Any]) -> str:
-        """The single key of `kinds` that is there.
+        """The single key of `kinds` that is present.
 
         Raises:
             FormatError: none of them or several.
@@ -241,7 +241,7 @@ def line_of(text: str, place: tuple[str, ...]) -> int | None:
 
 
 def _nth_header(text: str, header: str, last: str) -> re.Match[str] | None:
-    """The header of a table; of an array of tables that of the one with the index in the last part of its path."""
+    """The header of a table; for an array of tables, the one with the index in the last part of its path."""
     index = re.search(r"\[(\d+)\]$", last)
     if index is None:
         return re.search(rf"^\s*\[\[?\s*{header}\s*\]", text, re.MULTILINE)

@@ -1,7 +1,7 @@
 """TOML, JSON and YAML files as tables, bounded in size, depth and expansion.
 
-The parsers' own bounds do not suffice: a TOML key of 100,000 dots takes tomllib hours, YAML's merge keys and
-aliases of aliases make 2 ** n entries of n lines, and each of them ends in a `RecursionError` somewhere.
+The parsers' own bounds do not suffice: a TOML key of 100,000 dots takes tomllib hours, YAML's merge keys and aliases of
+aliases make 2 ** n entries from n lines, and deep nesting ends in a `RecursionError` in each parser.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rr1plan.files.checked_tables import Table
 from rr1plan.files.file_access import MAX_BYTES, read_text
 
 MAX_DEPTH = 100
-# Strings (up to their end or the line's) and comments; keys with dots in what is left. Both take linear time.
+# Strings (up to their end or that of the line) and comments; keys with dots in the rest. Both take linear time.
 _QUOTED = re.compile(r""" "(?:\\.|[^"\\])*+(?:"|$) | '[^']*+(?:'|$) | \#.* """, re.VERBOSE)
 _DOTTED = re.compile(r"[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++)*+")
 
@@ -33,7 +33,7 @@ def read_toml(file: str | Path, max_bytes: int = MAX_BYTES) -> Table:
 
 
 def parse_toml(text: str, file: str | Path) -> Table:
-    """The outermost table of a TOML document; `file` is where it came from, for messages.
+    """The outermost table of a TOML document; `file` is its origin, for messages.
 
     Raises:
         FormatError: it is not TOML, or is nested deeper than 100.
@@ -78,14 +78,14 @@ def _parse(text: str, file: str | Path, kind: str, parse: Callable[[str], object
         data = parse(text)
     except RecursionError as error:
         raise FormatError(f"is nested deeper than {MAX_DEPTH}", file) from error
-    except Exception as error:  # PyYAML's constructors raise whatever they run into
+    except Exception as error:  # PyYAML's constructors raise many types of errors
         raise FormatError(f"is not {kind}: {error}", file, _line(error)) from error
     _check_nesting(data, len(text), file)
     return data
 
 
 def _line(error: Exception) -> int | None:
-    """The line [1-based] that a parser found its error in."""
+    """The line [1-based] of a parser's error."""
     mark = getattr(error, "problem_mark", None)
     if mark is not None:
         return int(mark.line) + 1
@@ -94,7 +94,7 @@ def _line(error: Exception) -> int | None:
 
 
 def _check_nesting(data: object, most: int, file: str | Path) -> None:
-    """Refuse nests that are too deep, or that have more entries than the text they are from has characters."""
+    """Reject nesting that is too deep, or more entries than the text has characters."""
     level, entries, depth = [data], 0, 0
     while level:
         inner: list[object] = []
@@ -111,7 +111,7 @@ def _check_nesting(data: object, most: int, file: str | Path) -> None:
 
 def _bounded_toml(text: str) -> Any:
     for number, line in enumerate(text.splitlines(), 1):
-        # No line of a common file comes here, unless it is a list of numbers.
+        # Lines of common files do not get here, except lists of numbers.
         if line.count(".") <= MAX_DEPTH:
             continue
         for key in _DOTTED.finditer(_QUOTED.sub("s", line)):
@@ -121,11 +121,11 @@ def _bounded_toml(text: str) -> Any:
 
 
 def _bounded_yaml(text: str) -> list[object]:
-    # Most scenes are not YAML, and the parser takes its time to load.
+    # Most scenes are not YAML, and importing the parser takes time.
     import yaml
 
     class Loader(yaml.SafeLoader):
-        """PyYAML's, which would copy merged mappings into each other."""
+        """PyYAML's loader, without copying of merged mappings into each other."""
 
         def flatten_mapping(self, node: yaml.MappingNode) -> None:
             for key, _ in node.value:

@@ -29,14 +29,14 @@ _KINDS = {stat.S_IFDIR: "folder", stat.S_IFIFO: "FIFO", stat.S_IFCHR: "device", 
 
 
 def read_bytes(file: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
-    """The content of a regular file, unpacked when its name ends in ".gz".
+    """The content of a regular file, decompressed if its name ends in ".gz".
 
     Args:
         file: The file.
-        max_bytes: Largest size, packed or unpacked.
+        max_bytes: Largest size, compressed or decompressed.
 
     Raises:
-        InputError: no file name at all.
+        InputError: not a file name.
         FormatError: not there, not a regular file, not readable, too large, or a damaged archive.
     """
     path = file_path(file)
@@ -95,11 +95,11 @@ def check_writable(file: str | os.PathLike[str], *suffixes: str) -> Path:
 
     Args:
         file: The file.
-        suffixes: What its name has to end in, in small or capital letters (default: anything).
+        suffixes: Accepted endings of its name, in lower or upper case (default: any).
 
     Raises:
-        InputError: no file name at all, that of a folder or device, one in a folder that is not there or not
-            writeable, or another suffix.
+        InputError: not a file name, that of a folder or device, one in a folder that is missing or not writeable, or
+            another suffix.
     """
     path = file_path(file)
     try:
@@ -119,8 +119,7 @@ def make_folder(folder: str | Path, file: str) -> Path:
         folder: The folder.
         file: Name of a file that will be written there.
 
-    Raises:
-        InputError: it cannot be made, or the file could not be written.
+    InputError: it cannot be created, or the file could not be written.
     """
     path = file_path(folder)
     try:
@@ -139,7 +138,7 @@ def _refuse_to_replace(path: Path) -> None:
 
 
 def _not_written(path: Path, error: OSError) -> InputError:
-    """Why a file cannot be written."""
+    """The error for a file that cannot be written."""
     missing = error.errno == errno.ENOENT and not resolved_path(path).parent.exists()
     return InputError(f"cannot write {path}: {f'there is no folder {path.parent}' if missing else error.strerror}")
 
@@ -148,8 +147,8 @@ def write_bytes(file: str | os.PathLike[str], data: bytes) -> Path:
     """Write a file atomically and return its path.
 
     Raises:
-        InputError: no file name at all, a folder's or a device's, or the folder is not there or not writeable; an old
-            file is left as it was.
+        InputError: not a file name, that of a folder or device, or the folder is missing or not writeable; an old file
+            is unchanged.
     """
     path = file_path(file)
     target = resolved_path(path)

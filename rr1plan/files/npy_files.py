@@ -32,7 +32,7 @@ def parse_array(data: bytes) -> NDArray[Any]:
     """The array of a .npy file.
 
     Raises:
-        ValueError: the data is something else, damaged, or holds Python objects.
+        ValueError: the data is not an array, damaged, or contains Python objects.
     """
     try:
         array = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
@@ -45,7 +45,7 @@ def parse_archive(data: bytes) -> Arrays:
     """The arrays of a .npz file by name.
 
     Raises:
-        ValueError: the data is something else, damaged, holds Python objects, or is larger than 256 MiB unpacked.
+        ValueError: the data is not an archive, damaged, contains Python objects, or exceeds 256 MiB when decompressed.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:

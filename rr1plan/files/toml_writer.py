@@ -13,10 +13,10 @@ _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 
 
 def to_toml(data: Mapping[str, object]) -> str:
-    """TOML text of nested mappings, lists, texts, numbers and truth values.
+    """TOML text of nested mappings, lists, texts, numbers and booleans.
 
     Raises:
-        InputError: a value that TOML has no form for, or NaN.
+        InputError: a value that TOML cannot represent, or NaN.
     """
     lines: list[str] = []
     _table(data, (), lines, depth=2)

@@ -1,7 +1,7 @@
-"""A small, strict XML reader whose elements remember their line.
+"""A small, strict XML reader whose elements record their line.
 
-Built on expat so that every message can say file:line. Document type declarations are refused,
-and with them entities: no expansion bombs, nothing read from elsewhere.
+Built on expat, so that every message can contain file:line. Document type declarations, and with them entities, are
+rejected: there are no expansion bombs, and no other files are read.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MAX_DEPTH = 100
 
 @dataclass(eq=False)
 class Element:
-    """An XML element: its tag, attributes, children and place."""
+    """An XML element: its tag, attributes, children and position."""
 
     tag: str
     attributes: dict[str, str]
@@ -31,7 +31,7 @@ class Element:
     children: list[Element] = field(default_factory=list)
 
     def error(self, message: str) -> FormatError:
-        """A `FormatError` at this element's place, to be raised by the caller."""
+        """A `FormatError` at this element's position, to be raised by the caller."""
         return FormatError(message, self.file, self.line)
 
     @property
@@ -66,7 +66,7 @@ class Element:
         return child
 
     def text(self, name: str) -> str:
-        """An attribute that has to be there and not be empty.
+        """An attribute that must be present and not empty.
 
         Raises:
             FormatError: it is missing or empty.
@@ -77,7 +77,7 @@ class Element:
         return value
 
     def number(self, name: str, default: float | None = None) -> float:
-        """A finite number in an attribute; `default` where the attribute is missing.
+        """A finite number in an attribute; `default` if the attribute is missing.
 
         Raises:
             FormatError: missing without a default, not a number, NaN or infinite.
@@ -87,7 +87,7 @@ class Element:
         return self._finite(name, self.text(name))
 
     def positive(self, name: str) -> float:
-        """A finite number above zero in an attribute.
+        """A finite positive number in an attribute.
 
         Raises:
             FormatError: missing, not a number, NaN, infinite, zero or negative.
@@ -98,7 +98,7 @@ class Element:
         return value
 
     def vector(self, name: str, size: int, default: tuple[float, ...] | None = None) -> tuple[float, ...]:
-        """`size` finite numbers in an attribute; `default` where the attribute is missing.
+        """`size` finite numbers in an attribute; `default` if the attribute is missing.
 
         Raises:
             FormatError: missing without a default, another count, or a number that is not finite.
@@ -161,8 +161,8 @@ def parse_xml(data: bytes, root: str | None, file: str | Path | None = None) -> 
 
     Args:
         data: The document's bytes.
-        root: The tag its outermost element must have; None for any.
-        file: Where it came from, for messages.
+        root: The required tag of its outermost element; None for any.
+        file: Its origin, for messages.
 
     Raises:
         FormatError: too long, not well-formed, another root, a DOCTYPE, or nested too deep.
@@ -197,10 +197,10 @@ def _run(parser: expat.XMLParserType, builder: _Builder, data: bytes) -> None:
 
 
 def root_tag(data: bytes, file: str | Path | None = None) -> str:
-    """The tag of the outermost element; "" where the document breaks off before one.
+    """The tag of the outermost element; "" if the document ends before one.
 
     Raises:
-        FormatError: not well-formed up to there, or a DOCTYPE.
+        FormatError: not well-formed up to that element, or a DOCTYPE.
     """
     found: list[str] = []
     parser = expat.ParserCreate()

@@ -51,7 +51,6 @@ class IkSearch:
         state: State of the random numbers; it advances.
         separation: Solutions are distinct if they differ by at least this in some joint [rad or m]; None: 0.001, or 0.2
             if the arm has more joints than the goal needs.
-            where the arm has more joints than the goal needs.
 
     Attributes:
         target: Target of the frame.

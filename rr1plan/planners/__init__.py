@@ -175,8 +175,8 @@ def plan(
 
     Returns:
         The path, or why there is none: INVALID_START, INVALID_GOAL (which elements collide and how deep, which joint
-            exceeds its limit by how much), INFEASIBLE (no configuration reaches the goal, or a joint provably cannot
-            pass an obstacle, which RRT-Connect detects), TIMEOUT, CANCELLED.
+        exceeds its limit by how much), INFEASIBLE (no configuration reaches the goal, or a joint provably cannot pass
+        an obstacle, which RRT-Connect detects), TIMEOUT, CANCELLED.
 
     Raises:
         UnknownNameError: no such planner.

@@ -2,7 +2,7 @@
 
 A strict reader: a value that is not a number or a group that contains itself is an error with file and line. Links and
 joints that the robot does not have, undefined groups and a different robot name are ignored with a warning: many files
-    serve several variants of a robot.
+serve several variants of a robot.
 """
 
 from __future__ import annotations

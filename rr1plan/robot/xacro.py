@@ -1,8 +1,8 @@
 """Xacro: a robot written as macros, expanded to URDF by the optional package xacrodoc.
 
 A xacro file is a program: it reads files and evaluates expressions. Load only those you trust. It is expanded in a
-    process with limits of time and memory, so that an endless one (`${10**10**10}`) is an error. Includes must be
-    regular files.
+process with limits of time and memory, so that an endless one (`${10**10**10}`) is an error. Includes must be regular
+files.
 """
 
 from __future__ import annotations

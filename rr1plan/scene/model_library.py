@@ -93,7 +93,7 @@ def load_robot(
     keyframes are states, and its other joints are locked as in "home".
 
     URDF has no acceleration and jerk limits: the defaults reach the velocity limit in 0.25 s and the acceleration limit
-        in 0.1 s. A missing velocity limit becomes 1 rad/s or 0.25 m/s. Set known limits with `robot.with_limits`.
+    in 0.1 s. A missing velocity limit becomes 1 rad/s or 0.25 m/s. Set known limits with `robot.with_limits`.
 
     "home" is the SRDF's state of that name, else "ready", else its first state; without an SRDF, zero or the middle of
     the range if that is free of self-collision, else a free configuration near it.

@@ -44,7 +44,7 @@ class Obstacle(Value):
     """A rigid object in the world, with one shape or several.
 
     An obstacle with a mass is a loose body in simulations: it falls, is pushed and can be grasped. For planners it is
-        fixed at its pose.
+    fixed at its pose.
 
     Args:
         geometries: Its shapes, posed in the object's frame; convex ones for a loose body.

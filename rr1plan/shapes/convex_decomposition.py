@@ -1,11 +1,11 @@
 """Convex decomposition of a mesh into pieces whose union contains its surface.
 
-A mesh is first split into its connected parts. A part that is its own hull is one piece, a flat part becomes thin
+A mesh is first split into its connected parts. A part that equals its hull is one piece, a flat part becomes thin
 plates, an open one of few triangles a plate for each of them; only other parts are decomposed (Wei et al., Approximate
 convex decomposition for 3D meshes with collision-aware concavity and tree search, 2022: the package coacd). CoACD's
-pieces do not contain the whole surface, so each triangle, cut to small size, is assigned to the best piece, and
-the piece becomes the hull of both. The protrusion of pieces from their part is measured and logged.
-Decompositions are cached on disk.
+pieces do not contain the whole surface, so each triangle, cut to small size, is assigned to the best piece, and the
+piece becomes the hull of both. The protrusion of pieces from their part is measured and logged. Decompositions are
+cached on disk.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ _MOST_PLATES = 64
 _PLATE = 5e-4
 # More connected parts are decomposed as one.
 _MOST_PARTS = 256
-# A hull is a mesh's own that leaves it by at most this part of its size.
+# A mesh counts as its own hull if the hull protrudes by at most this fraction of the mesh's size.
 _OWN_HULL = 2e-3
-# Samples along a mesh when it is measured how far pieces stick out of it.
+# Number of samples along a mesh for measuring the protrusion of pieces.
 _SAMPLES_PER_SIZE = 24
-# A part for which pieces stick out by more than this share of its size is warned of.
+# A warning is logged if pieces protrude by more than this fraction of the size.
 _MUCH = 0.02
 # A decomposition that takes longer is announced [s].
 _ANNOUNCED = 1.0
@@ -77,8 +77,8 @@ def convex_shapes(meshes: Sequence[Mesh], convex: Convexity = "hull") -> list[Me
 
     Args:
         meshes: The parts of one mesh file.
-        convex: "hull" for one hull around all, "pieces" for a decomposition of each that is not
-            convex (slow the first time, then kept on disk).
+        convex: "hull" for one hull around all, "pieces" for a decomposition of each that is not convex (slow the first
+            time, then cached on disk).
 
     Raises:
         UnknownNameError: an unknown `convex`.
@@ -99,8 +99,8 @@ def convex_pieces(mesh: Mesh, *, seconds: float = SECONDS, progress: ProgressCal
     Args:
         mesh: The mesh.
         seconds: The longest that its decomposition may take [s].
-        progress: Called about ten times a second, its fraction the share of `seconds` that is spent; False cancels.
-            Without it a bar is drawn on stderr after a second, where that is a terminal.
+        progress: Called about ten times a second, with the spent fraction of `seconds`; returns False to cancel.
+            Without it, a bar is drawn on stderr after a second if that is a terminal.
 
     Raises:
         InputError: a mesh without volume, of too many triangles, or one that takes longer.
@@ -125,7 +125,7 @@ def convex_pieces(mesh: Mesh, *, seconds: float = SECONDS, progress: ProgressCal
 
 
 class _Clock:
-    """The time that a mesh's decompositions may still take; announces a long one, with a bar until `stack` closes."""
+    """Time limit of a mesh's decompositions; announces a long one, with a bar until `stack` closes."""
 
     def __init__(self, mesh: Mesh, seconds: float, progress: ProgressCallback | None, stack: ExitStack) -> None:
         self._mesh = mesh
@@ -186,7 +186,7 @@ def _log_swelling(mesh: Mesh, parts: list[_Part]) -> None:
 
 
 def _parts(mesh: Mesh) -> list[Mesh]:
-    """The connected parts of a mesh, closed ones with their outside outside; all in one where one is a cavity.
+    """The connected parts of a mesh, closed ones oriented outward; the whole mesh if one of them is a cavity.
 
     Triangles are connected by edges of exactly two triangles, so that bodies in contact remain separate.
     """
@@ -211,7 +211,7 @@ def _parts(mesh: Mesh) -> list[Mesh]:
 
 
 def _only(mesh: Mesh, kept: NDArray[np.bool_]) -> Mesh:
-    """Some triangles of a mesh. A lone one gets its corners' middle as the fourth vertex that a mesh has to have."""
+    """Some triangles of a mesh. A single one gets its center as the fourth vertex, as a mesh needs four."""
     used, faces = np.unique(mesh.faces[kept], return_inverse=True)
     vertices = mesh.vertices[used]
     if len(vertices) < 4:
@@ -220,20 +220,20 @@ def _only(mesh: Mesh, kept: NDArray[np.bool_]) -> Mesh:
 
 
 def enclosed_volume(mesh: Mesh) -> float:
-    """Volume within a closed mesh [m³], negative where its triangles face inwards."""
+    """Volume within a closed mesh [m³], negative if its triangles face inward."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices[0] for k in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
 
 def is_closed(mesh: Mesh) -> bool:
-    """Whether each edge has two triangles, which agree about the outside."""
+    """Whether each edge has two triangles with consistent orientations."""
     directed = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     forth, back = (np.unique(pairs, axis=0) for pairs in (directed, directed[:, ::-1]))
     return len(forth) == len(directed) and np.array_equal(forth, back)
 
 
 def _part(part: Mesh, size: float, clock: _Clock) -> _Part:
-    """The pieces of a connected part of a mesh that is `size` [m] large."""
+    """The pieces of a connected part of a mesh; `size` is that of the whole mesh [m]."""
     if _is_flat(part):
         return _plates(part, size)
     if _is_own_hull(part):
@@ -268,12 +268,12 @@ def _is_flat(mesh: Mesh) -> bool:
 
 
 def _plates(part: Mesh, size: float) -> _Part:
-    """A thin plate for each triangle; one for all where they are flat and fill their outline."""
+    """A thin plate for each triangle; a single plate for flat ones that fill their outline."""
     half = _PLATE * size
     corners = part.vertices[part.faces]
     if _is_flat(part) and _fills_its_outline(part):
         corners = part.vertices[np.unique(part.faces)][None]
-    # An octahedron around each corner: the hull has a volume however thin the triangle is.
+    # An octahedron around each corner: the hull then has a volume even for degenerate triangles.
     around = half * np.concatenate([np.eye(3), -np.eye(3)])
     return _Part([convex_hull((points[:, None] + around).reshape(-1, 3)) for points in corners], half)
 
@@ -288,7 +288,7 @@ def _fills_its_outline(flat: Mesh) -> bool:
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
     try:
         return bool(area >= (1.0 - 1e-6) * ConvexHull((used - used.mean(axis=0)) @ plane.T).volume)
-    except QhullError:  # all on one line
+    except QhullError:  # all points on one line
         return True
 
 
@@ -329,7 +329,7 @@ def _size(points: Array) -> float:
     return float(np.ptp(points, axis=0).max())
 
 
-# ---- how far they stick out --------------------------------------------------------------
+# ---- protrusion --------------------------------------------------------------------------
 
 
 def _is_own_hull(mesh: Mesh) -> bool:

@@ -79,7 +79,7 @@ def _zigzag(points: Array, corners: NDArray[np.int32], normal: Array) -> Faces:
 
 
 def is_convex(mesh: Mesh, tolerance: float = 2e-3) -> bool:
-    """Whether every triangle of a mesh lies on its own hull, within `tolerance` times its size."""
+    """Whether every triangle of a mesh lies on the hull of the mesh, within `tolerance` times its size."""
     centers = mesh.vertices[mesh.faces].mean(axis=1)
     return bool(
         -distance_outside(mesh.vertices, centers).min() <= tolerance * float(np.ptp(mesh.vertices, axis=0).max())
@@ -87,10 +87,10 @@ def is_convex(mesh: Mesh, tolerance: float = 2e-3) -> bool:
 
 
 def is_own_hull(mesh: Mesh) -> bool:
-    """Whether a mesh is the whole surface of its hull, within rounding; one that is flat has none.
+    """Whether a mesh is the whole surface of its hull, up to rounding; False for a flat mesh.
 
-    Triangles and the middle of the mesh make tetrahedra: where a triangle is missing, doubled or lies deeper than the
-    hull's surface, either their volumes or the areas do not add up to the hull's.
+    Each triangle makes a tetrahedron with the middle of the mesh: if a triangle is missing, doubled or below the hull's
+    surface, either the sum of the volumes or that of the areas differs from the hull's.
     """
     try:
         hull = _qhull(mesh.vertices)
@@ -106,7 +106,7 @@ def is_own_hull(mesh: Mesh) -> bool:
 def _lies_on(hull: Any, mesh: Mesh, tolerance: float) -> bool:
     """Whether each triangle of a mesh lies in the plane of a face of the hull of its vertices, within `tolerance` [m].
 
-    Of a hull of many faces only those at one of the triangle's corners are compared; without one the answer is no.
+    For a hull of many faces, only faces at one of the triangle's corners are compared; if there are none, it is False.
     """
     corners, planes = mesh.vertices[mesh.faces], np.unique(hull.equations.round(12), axis=0)
     if len(corners) * len(planes) <= _MOST_PRODUCTS:

@@ -18,11 +18,11 @@ from rr1plan.errors import FormatError
 from rr1plan.files.file_access import read_bytes
 
 MAX_COUNT = 10_000_000
-# Triangles and strips of them; trimesh drops fans. Points and lines have no surface.
+# Triangles and strips of them; trimesh ignores fans. Points and lines have no surface.
 _FAN = 6
 # Extensions that change the appearance of a surface, not its geometry.
 _LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "MSFT_texture_")
-# glTF's y axis points up, z in a robot's links.
+# glTF's y axis points up; robot links use z.
 Z_UP: Array = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 

@@ -1,11 +1,10 @@
 """Triangle meshes from STL, OBJ, PLY, DAE and glTF files.
 
-Binary STL is read here, as its loader needs half a second to be imported. Other
-files are read by trimesh from their bytes, so nothing but the file itself (and a glTF's buffers beside it) is
-opened: no material files, no textures, nothing remote. A DAE's unit scales it, as COLLADA says;
-its up axis is ignored, as all readers of robot descriptions do (many exporters write a wrong one).
-glTF's y axis is up and becomes z, as in Drake, Blender and RViz (since 2025); for robots whose files are not
-written that way see `rr1plan.robot.gltf_axes`.
+Binary STL is read here, because importing its loader takes half a second. Other files are read by trimesh from their
+bytes, so nothing but the file itself (and a glTF's buffers beside it) is opened: no material files, no textures,
+nothing remote. A DAE's unit scales it, as COLLADA specifies; its up axis is ignored, as in all readers of robot
+descriptions (many exporters write a wrong one). glTF's y axis is up and becomes z, as in Drake, Blender and RViz (since
+2025); for robots whose files deviate from that see `rr1plan.robot.gltf_axes`.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ MAX_FACES = 1_000_000
 MAX_BYTES = 256 * 1024 * 1024
 MAX_COORDINATE = 1e9
 SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".gltf", ".glb")
-# Read without colors: these files have none, or one for each corner.
+# Read without colors: these files have none, or one for each vertex.
 _COLORLESS = (".stl", ".obj", ".ply")
 GLTF = (".gltf", ".glb")
 # A triangle of a binary STL.
@@ -38,7 +37,7 @@ _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attrib
 
 
 class _Triangles(NamedTuple):
-    """Vertices (n, 3) and faces (m, 3), as trimesh has them."""
+    """Vertices (n, 3) and faces (m, 3), as in trimesh."""
 
     vertices: Any
     faces: Any
@@ -47,7 +46,7 @@ class _Triangles(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """A part of a mesh file with its color, where the file gives one."""
+    """A part of a mesh file with its color, if the file specifies one."""
 
     mesh: Mesh
     color: Color | None = None
@@ -64,8 +63,8 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
         One part for each color; STL, OBJ and PLY have one part without a color.
 
     Raises:
-        FormatError: an unknown suffix, a file that cannot be read, is too large, or holds no
-            triangle or a number that is not finite.
+        FormatError: an unknown suffix, or a file that cannot be read, is too large, or contains no triangle or a number
+            that is not finite.
     """
     file = file_path(file)
     kind = file.suffix.lower()
@@ -94,8 +93,8 @@ def load_mesh(file: str | Path, *, scale: float | tuple[float, float, float] = 1
     Args:
         file: A mesh file, as `read_mesh` takes it.
         scale: Factor of all axes or of each one (a file in millimeters: 0.001); negative ones mirror.
-        hull: Take the convex hull. Otherwise an obstacle is checked triangle by triangle, and an object that is held
-            or on a link is cut into convex pieces, which is slow the first time.
+        hull: Take the convex hull. Otherwise an obstacle is checked triangle by triangle, and a held object or a link
+            is decomposed into convex pieces, which is slow the first time.
 
     Raises:
         FormatError: as `read_mesh`.
@@ -123,7 +122,7 @@ def joined_mesh(parts: Sequence[Mesh]) -> Mesh:
 
 
 def _unit(data: bytes, file: Path) -> float:
-    """The length of a DAE's unit [m]; refuses document types on the way."""
+    """The length of a DAE's unit [m]; rejects document types on the way."""
     word = first_attributes(data, "unit", file).get("meter", "1")
     try:
         unit = float(word)
@@ -135,7 +134,7 @@ def _unit(data: bytes, file: Path) -> float:
 
 
 def _is_binary_stl(data: bytes) -> bool:
-    """Whether it is as long as a binary STL of that many triangles; ASCII that begins alike is not."""
+    """Whether it has the length of a binary STL with its number of triangles, unlike ASCII files that begin alike."""
     count = int.from_bytes(data[80:84], "little")
     return count > 0 and len(data) == 84 + _TRIANGLE.itemsize * count
 
@@ -155,12 +154,12 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
         scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=buffers, process=False)
         meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
         return meshes if buffers is None else [_Triangles(m.vertices @ Z_UP.T, m.faces, m.visual) for m in meshes]
-    except Exception as error:  # trimesh's parsers raise whatever they run into
+    except Exception as error:  # trimesh's parsers raise many types of errors
         raise FormatError(f"cannot be read as {kind.upper()}: {error}", file) from error
 
 
 def _color(mesh: Any) -> Color | None:
-    """The one color of a mesh's material, where it has one."""
+    """The single color of a mesh's material, if it has one."""
     material = getattr(mesh.visual, "material", None)
     color = getattr(material, "main_color", None)
     if color is None or getattr(material, "baseColorFactor", color) is None:  # trimesh's own gray
@@ -170,14 +169,14 @@ def _color(mesh: Any) -> Color | None:
 
 
 def _join(file: Path, meshes: list[Any], factors: Any) -> Mesh:
-    """One mesh of several; corners at the very same place become one vertex."""
+    """One mesh of several; corners at exactly the same position become one vertex."""
     for mesh in meshes:
         _check(file, np.asarray(mesh.vertices), np.asarray(mesh.faces))
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     corners = np.concatenate([mesh.vertices for mesh in meshes]) * factors
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
     if np.prod(factors) < 0.0:
-        faces = faces[:, ::-1]  # so that a mirror image has its outside outside
+        faces = faces[:, ::-1]  # mirroring turns faces inside out
     vertices, where = np.unique(corners, axis=0, return_inverse=True)
     try:
         return Mesh(vertices, where.reshape(-1)[faces])
@@ -186,7 +185,7 @@ def _join(file: Path, meshes: list[Any], factors: Any) -> Mesh:
 
 
 def _check(file: Path, vertices: Any, faces: Any) -> None:
-    """Refuse what trimesh passes on from a damaged file."""
+    """Reject errors that trimesh does not detect in a damaged file."""
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         raise FormatError(f"has vertices of shape {vertices.shape}, expected three numbers each", file)
     if faces.min() < 0 or faces.max() >= len(vertices):

@@ -52,7 +52,7 @@ def load_point_cloud(file: str | Path, *, resolution: float = 0.02) -> PointClou
 
     Raises:
         FormatError: not there, another kind of file, or no points.
-        InputError: a resolution that is not above zero, or points that are too far away.
+        InputError: a resolution that is not positive, or points that are too far away.
     """
     return PointCloud(read_points(file), resolution)
 
@@ -60,7 +60,7 @@ def load_point_cloud(file: str | Path, *, resolution: float = 0.02) -> PointClou
 def read_points(file: str | Path) -> Array:
     """Points of a file, shape (n, 3); see `load_point_cloud`.
 
-    Rows of NaN in a .ply or .pcd file are rays that met nothing, and left out.
+    Rows of NaN in a .ply or .pcd file are rays without a hit, and are omitted.
 
     Raises:
         FormatError: not there, another kind of file, or not points.
@@ -101,7 +101,7 @@ def _from_text(data: bytes) -> Any:
 
 
 def _from_ply(data: bytes) -> Any:
-    """The vertices of a PLY file; faces and other elements after them are left out."""
+    """The vertices of a PLY file; faces and later elements are ignored."""
     lines, body = _header(data, b"end_header")
     if lines[:1] != [["ply"]] or len(lines) < 2 or lines[1][:1] != ["format"] or len(lines[1]) != 3:
         raise ValueError("it does not begin as a PLY file")
@@ -148,7 +148,7 @@ def _from_pcd(data: bytes) -> Any:
 
 
 def _uncompressed(body: bytes) -> bytes:
-    """Bytes that LibLZF compressed, behind their two sizes: literal runs, and references to what came before."""
+    """Decompress LibLZF data after two sizes: literal runs, and references to earlier output."""
     packed, size = (int.from_bytes(body[at : at + 4], "little") for at in (0, 4))
     data = body[8 : 8 + packed]
     if len(data) < packed or size > MAX_BYTES:
@@ -169,7 +169,7 @@ def _uncompressed(body: bytes) -> bytes:
                 at += 1
             back = (control % 32 << 8) + data[at] + 1
             at += 1
-            # What is referred to may reach into what it becomes: then it repeats.
+            # A reference may overlap its own output, which then repeats.
             seen = out[len(out) - back :][: length + 2] if back <= len(out) else b""
             out += (seen * (-(-(length + 2) // back)))[: length + 2]
             if not seen or len(out) > size:
@@ -182,7 +182,7 @@ def _uncompressed(body: bytes) -> bytes:
 
 
 def _interleaved(data: bytes, names: list[str], counts: list[int], sizes: list[str], rows: int) -> bytes:
-    """The points one after the other, of which compressed files hold one field after the other."""
+    """The points one after the other; compressed files have one field after the other."""
     widths = [min(count, _MAX_COLUMNS) * _whole(size) for _, count, size in zip(names, counts, sizes, strict=True)]
     if len(data) != rows * sum(widths):
         raise ValueError(f"it holds {len(data)} bytes, the header says {rows * sum(widths)}")
@@ -195,7 +195,7 @@ def _interleaved(data: bytes, names: list[str], counts: list[int], sizes: list[s
 
 
 def _header(data: bytes, last: bytes) -> tuple[list[list[str]], bytes]:
-    """The words of the header's lines up to the one that begins with `last`, and what follows."""
+    """The words of the header's lines up to the one that begins with `last`, and the remaining bytes."""
     found = re.search(rb"^" + last + rb"[^\n]*\n", data[:_MAX_HEADER], re.MULTILINE)
     if found is None:
         raise ValueError(f"its header has no line {last.decode()!r}")

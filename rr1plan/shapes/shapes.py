@@ -25,7 +25,7 @@ class Box:
         size: Full edge lengths [m], shape (3,).
 
     Raises:
-        InputError: a size that is not finite or not above zero.
+        InputError: a size that is not finite or not positive.
     """
 
     size: tuple[float, float, float]
@@ -43,7 +43,7 @@ class Sphere:
     Args:
         radius: Radius [m].
 
-    Raises:
+    InputError: a radius that is not finite or not positive.
         InputError: a radius that is not finite or not above zero.
     """
 
@@ -62,7 +62,7 @@ class Cylinder:
         length: Length [m].
 
     Raises:
-        InputError: a measure that is not finite or not above zero.
+        InputError: a dimension that is not finite or not positive.
     """
 
     radius: float
@@ -82,7 +82,7 @@ class Capsule:
         length: Length of the segment, without the round ends [m].
 
     Raises:
-        InputError: a measure that is not finite or not above zero.
+        InputError: a dimension that is not finite or not positive.
     """
 
     radius: float
@@ -138,7 +138,7 @@ class Mesh(Value):
     faces: NDArray[np.int32]
     convex: bool = False
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
 
         def __init__(self, vertices: ArrayLike, faces: ArrayLike, convex: bool = False) -> None: ...
 
@@ -177,13 +177,13 @@ class PointCloud(Value):
         resolution: Side of a cell [m].
 
     Raises:
-        InputError: no point, a point that is not finite, a resolution not above zero.
+        InputError: no point, a point that is not finite, or a resolution that is not positive.
     """
 
     points: Array
     resolution: float = 0.02
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
 
         def __init__(self, points: ArrayLike, resolution: float = 0.02) -> None: ...
 

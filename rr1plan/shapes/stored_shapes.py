@@ -1,7 +1,7 @@
-"""Meshes and point clouds in files of their own, named by the hash of their content.
+"""Meshes and point clouds in separate files, named by the hash of their content.
 
-The folder lies beside the documents that refer to them, so that many motions of one robot share its meshes. A file
-whose content does not have the hash that is its name is refused.
+The folder is beside the documents that refer to it, so that many motions of one robot share its meshes. A file is
+rejected if its content does not have the hash in its name.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ def shape_hash(shape: Mesh | PointCloud) -> str:
 
 
 def store_shapes(folder: Path, shapes: Mapping[str, Mesh | PointCloud]) -> None:
-    """Write shapes to files, each in one step; those that are there already stay.
+    """Write shapes to files atomically; existing files are kept.
 
     Args:
-        folder: The folder; it is made where it is missing.
+        folder: The folder; it is created if it is missing.
         shapes: The shapes by their hashes.
 
     Raises:

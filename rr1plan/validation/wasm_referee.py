@@ -32,7 +32,7 @@ def referee_image(scene: Scene, joint_names: Sequence[str]) -> tuple[bytes, dict
     """The memory image of a scene for motions of some joints, and the names of its elements.
 
     Roots of the image: `search`, without a motion; `limits` of the columns; `obstacle_shapes`, `obstacle_frames` and
-        `obstacle_poses` of the model of all obstacles, for moving them with `rr1_fill_bodies`.
+    `obstacle_poses` of the model of all obstacles, for moving them with `rr1_fill_bodies`.
 
     Args:
         scene: The scene.
