@@ -123,8 +123,7 @@ class KernelSources:
         """All declarations as JSON, structs in the layout of WebAssembly.
 
         Entries: `structs`, by name: `size`, and for each of the `fields` its kind, offset, count and whether it is a
-            pointer; `functions`, by name: types of the result and of the arguments; `constants`; and a `digest` of
-            these.
+        pointer; `functions`, by name: types of the result and of the arguments; `constants`; and a `digest` of these.
         """
         structs = {}
         for name, fields in self.structs.items():

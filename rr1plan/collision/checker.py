@@ -226,7 +226,7 @@ class CollisionChecker(CoalChecker):
 
     @exclusive
     def memory_image(self, **roots: Root) -> bytes:
-        """The collision tables and new scratch memory for `core.wasm`, in which pages certify edges.
+        """The collision tables and new scratch memory for `core.wasm`, with which pages certify edges.
 
         Equal scenes have equal images. `rr1plan/kernels/core.js` loads an image into memory. Its names are `scene` and
         `scratch`; `padding` and `bare_padding`, the distances to keep between pairs of solids with and without the

@@ -72,8 +72,7 @@ def instance_maps(instances: ArmInstances, pairs: _INTS, least: Array, groups: _
 
     Args:
         instances: The arms that move.
-        pairs: Pairs of their solids that move relative to each other [index], sorted by the pair of groups, shape (m,
-            2).
+        pairs: Pairs of their solids that move relative to each other [index], sorted by pairs of groups, shape (m, 2).
         least: The gap that a map has to prove for each pair [m], shape (m,).
         groups: The first columns of `PaddedPairs.group_pairs`, shape (f, 5).
     """

@@ -5,9 +5,8 @@ A stationary arm is an obstacle. Arms and obstacles that a moving arm can never 
 scene.
 
 A geometry does not depend on padding, so scenes that differ only in padding share it as a whole. Its parts are shared
-by
-content: an arm's geometry by all arms with equal robots and held objects, the pairs by all scenes that differ only in
-    the poses of objects.
+by content: an arm's geometry by all arms with equal robots and held objects, the pairs by all scenes that differ only
+in the poses of objects.
 """
 
 from __future__ import annotations

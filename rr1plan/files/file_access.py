@@ -119,7 +119,8 @@ def make_folder(folder: str | Path, file: str) -> Path:
         folder: The folder.
         file: Name of a file that will be written there.
 
-    InputError: it cannot be created, or the file could not be written.
+    Raises:
+        InputError: it cannot be created, or the file could not be written.
     """
     path = file_path(folder)
     try:

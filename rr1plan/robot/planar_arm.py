@@ -41,8 +41,8 @@ def planar_arm(
 
     "RR" is the 2R arm of textbooks. "RP" turns a sleeve of the first length, from which a rod slides out. "PR" slides
     along x and carries a turning link. "PP" is a gantry: its beam slides along x, above the plane, and its tool, a
-    round rod, along y. Base and carriage are below the plane, the gantry's beam is above it, so obstacles centered at z
-    = 0 with a height of up to three widths can only touch links and rod. The arm does not touch itself.
+    round rod, along y. Base and carriage are below the plane, the gantry's beam is above it, so obstacles that are
+    centered at z = 0 and up to three widths high can only touch links and rod. The arm does not touch itself.
 
     Args:
         joints: "RR", "RP", "PR" or "PP".

@@ -43,8 +43,8 @@ class Sphere:
     Args:
         radius: Radius [m].
 
-    InputError: a radius that is not finite or not positive.
-        InputError: a radius that is not finite or not above zero.
+    Raises:
+        InputError: a radius that is not finite or not positive.
     """
 
     radius: float

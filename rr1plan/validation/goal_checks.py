@@ -107,7 +107,7 @@ Miss = tuple[float, float, str]
 
 
 def _miss(goal: Goal, robot: Robot, q: list[float], pose: Callable[[str], Array]) -> Miss:
-    """The worst violated condition of a goal: deviation, tolerance and description."""
+    """The worst condition of a goal: deviation, tolerance and description."""
     if isinstance(goal, JointGoal):
         return _joint_miss(goal, robot, q)
     T = pose(frame_link(robot, goal.frame))

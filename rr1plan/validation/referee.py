@@ -32,7 +32,7 @@ from rr1plan.validation.torque_checks import check_torques
 MOST_SEARCHES = 400_000
 # The smallest clearance is found to this distance [m], or to this fraction of it.
 _TOLERANCE, _SHARE = 2e-4, 0.05
-# Larger positions [rad or m] are no motion of an arm, and cost digits.
+# Larger positions [rad or m] are no motion of an arm, and lose precision.
 FARTHEST = 1e6
 # A speed above 100 times its limit, or 100 times 10 rad/s (or m/s) without a limit, is no motion of an arm.
 _ABSURD, _FAST = 100.0, 10.0

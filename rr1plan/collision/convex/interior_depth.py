@@ -1,10 +1,9 @@
 """Depths of points inside a solid, for arrays of points.
 
 Each kind of solid has two functions of points in its own frame. `depths` is a lower bound, up to rounding, of the
-signed
-depth: if it is positive, a ball of this radius around the point fits into the solid; if it is negative, the solid is
-    within this distance. `nearest` moves points to where the depth reaches a wanted value; it guides searches, and no
-    proof relies on it.
+signed depth: if it is positive, a ball of this radius around the point fits into the solid; if it is negative, the
+solid is within this distance. `nearest` moves points to where the depth reaches a wanted value; it guides searches, and
+no proof relies on it.
 """
 
 from __future__ import annotations

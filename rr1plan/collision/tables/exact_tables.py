@@ -38,8 +38,8 @@ class ExactTables(NamedTuple):
         joints: Parent, 1 for prismatic, column (or -1), 1 if this joint or one above it is driven; row 0 is the world,
             shape (n, 4).
         joint_values: T_parent_joint (12), axis (3), gain, offset; shape (n, 17).
-        bodies: Kind, joint, first and last corner (for a mesh its number), first and last entry of its chain; shape (b,
-            6).
+        bodies: Kind, joint, first and last corner (for a mesh its number), first and last entry of its chain;
+            shape (b, 6).
         body_values: T_joint_body (12), center of its ball in the joint's frame (3), radius of the ball, radius around
             the core, center (3) and half sizes (3) of its box in its own frame, size (3; for a half-space its normal),
             offset of a half-space; shape (b, 27).
@@ -73,7 +73,7 @@ class ExactTables(NamedTuple):
     meshes: MeshTree
 
     def levers(self, body: int, travel: Array) -> Iterator[tuple[int, float]]:
-        """The column of each driven joint above a body, root first, and the lever of its displacement at most.
+        """The column of each driven joint above a body, root first, and a bound of the displacement for its change.
 
         Args:
             body: Index of the body.

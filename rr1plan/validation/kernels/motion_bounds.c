@@ -1,17 +1,17 @@
 // Poses of bodies at one time of a motion, and bounds of their displacements around it.
 //
 // Two bounds limit how much nearer two bodies can come. The first adds up how far each joint between them can carry a
-// body in any direction. The second considers motion along the separating direction d only. With the joints at q + s t
-// + r (s their speeds, |r| <= R, |q' - q| <= D), a point x of a body is carried along d by
+// body in any direction. The second considers motion along the separating direction d only. With the joints at
+// q + s t + r (s their speeds, |r| <= R, |q' - q| <= D), a point x of a body is carried along d by
 //
 //     t d . v(x) + e,   |e| <= sum_j rho_j (R_j + D_j^2 / 2 + D_j sum_(i<j) D_i)
 //
 // where v is the velocity field of the body under s, rho_j the largest distance of its points from axis j, and i runs
-// over the turning joints before j. (A turn by D moves a point by D times the velocity, with an error of at most D^2
-// rho / 2; the turns before it tilt this motion by at most their sum.) The largest d . (x + t v(x)) over a body is a
+// over the turning joints before j. (A turn by D moves a point by D times the velocity, with an error of at most
+// D^2 rho / 2; the turns before it tilt this motion by at most their sum.) The largest d . (x + t v(x)) over a body is a
 // value of its support function in a direction linear in t. It is therefore convex in t, and its values at both ends
-// bound it on the whole interval. The error is of second order, so a motion that slides past an obstacle needs few
-// intervals.
+// bound it on the whole interval. The error is of second order, so few intervals suffice for a motion that slides past
+// an obstacle.
 
 // Rounding of the distances between axes and bodies [m].
 #define AXIS_ROUNDING 1e-7
