@@ -48,7 +48,8 @@ static double goal_distance(const RoadmapGraph *graph, int64_t v, int64_t begin,
     return best;
 }
 
-// Half-edges of the shortest path from `start` to any later vertex, none of them known to be blocked; how many, or -1.
+// Write the half-edges of the shortest path from `start` to any later vertex, none of them known to be blocked. Returns
+// their number, or -1.
 //
 // A* (Hart, Nilsson, Raphael 1968).
 static int64_t shortest_path(const RoadmapGraph *graph, int64_t start, int64_t *steps) {
@@ -92,7 +93,7 @@ static int64_t shortest_path(const RoadmapGraph *graph, int64_t start, int64_t *
     return -1;
 }
 
-// Waypoints of a path from `begin` on, columns that wrap around without jumps.
+// Write the waypoints of a path from `begin` on, without jumps in columns that wrap around.
 static void unroll_path(const RoadmapGraph *graph, const int64_t *steps, int64_t rows, const double *begin,
                         double *path) {
     int64_t nq = graph->column_count;
@@ -106,7 +107,7 @@ static void unroll_path(const RoadmapGraph *graph, const int64_t *steps, int64_t
     }
 }
 
-// Whether a path is free; its edges are checked in the direction of the path, and the results are stored.
+// Whether a path is free. Edges are checked in the direction of the path, and the results are stored.
 //
 // `recheck`: also check edges that are known to be free, because a copy shifted by a whole turn is another edge.
 static int roadmap_path_is_free(RoadmapGraph *graph, const int64_t *steps, int64_t rows, const double *path, int recheck,

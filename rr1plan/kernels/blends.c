@@ -4,15 +4,15 @@
 // parabola p - r d0 + s d0 + s^2 (d1 - d0) / (4 r), 0 <= s <= 2 r.
 #include "path_curve.h"
 
-// A grid is fine enough when one twice as coarse costs less than MIN_REFINEMENT_GAIN of the time, the looseness is
-// below MAX_LOOSENESS, velocity exceeds its limits by less than MAX_OVERRUN, and it has enough intervals for the first
-// to tell.
+// A grid is fine enough if a grid twice as coarse costs less than MIN_REFINEMENT_GAIN of the time, the looseness is
+// below MAX_LOOSENESS, velocity exceeds its limits by less than MAX_OVERRUN, and it has enough intervals to decide the
+// first of these.
 #define MIN_REFINEMENT_GAIN 0.0015
 #define MAX_LOOSENESS 0.004
 #define MAX_OVERRUN 0.001
 enum { MIN_GRID = 32, REFINEMENTS = 6 };
 
-// Unit direction from a to b, shape (nq,); their distance.
+// Unit direction from a to b, shape (nq,). Returns their distance.
 static double unit_direction(const double *a, const double *b, int64_t nq, double *unit) {
     double square = 0.0;
     for (int64_t j = 0; j < nq; j++) {
@@ -65,7 +65,7 @@ EXPORT void rr1_blend(const double *points, int64_t nq, double size, double *out
     write_blend(points + nq, before, behind, size, nq, out);
 }
 
-// Write the pieces of a rounded polyline; their number.
+// Write the pieces of a rounded polyline. Returns their number.
 //
 // `sizes`: blend size of each waypoint, 0 for a stop. The remainder of an edge is dropped if it is below a fraction
 // `tolerance` of the edge. Writes `lengths`, shape (2 count,), `coefficients`, shape (2 count, 3, nq), and `before`,
@@ -103,7 +103,7 @@ EXPORT int64_t rr1_round_corners(const double *points, const double *sizes, int6
     return pieces;
 }
 
-// Time from one waypoint to another with a stop at each one in between, in closed form.
+// Time from one waypoint to another with a stop at each waypoint in between, in closed form.
 static double stopping_duration(const double *points, int64_t first, int64_t last, int64_t nq,
                                 const RateLimits *limits) {
     double unit[nq], total = 0.0;
@@ -121,7 +121,7 @@ static double stopping_duration(const double *points, int64_t first, int64_t las
     return total;
 }
 
-// Time-optimal motion along a curve from rest to rest, in memory of the arena; 0 if that is used up.
+// Time-optimal motion along a curve from rest to rest, in memory of the arena. Returns 0 if the arena is used up.
 //
 // The grid is halved until the gain is negligible, some joint is close to a limit nearly always, and velocity exceeds
 // its limits only slightly between constrained points. The motion is then stretched to satisfy the limits.
@@ -156,7 +156,7 @@ static int time_within(const PathCurve *curve, const RateLimits *limits, double 
     return 1;
 }
 
-// Append the pieces of one motion to another; 0 if the capacity is exceeded.
+// Append the pieces of one motion to another. Returns 0 if the capacity is exceeded.
 static int append_pieces(TimedPieces *all, const TimedPieces *more, int64_t nq) {
     if (all->count + more->count > all->capacity) return 0;
     for (int64_t i = 0; i < more->count; i++) all->durations[all->count + i] = more->durations[i];
@@ -174,8 +174,8 @@ static double total_duration(const TimedPieces *timed) {
 
 // Time-optimal motion along a rounded polyline, shape (count, nq), with stops at corners without a blend.
 //
-// If rounded corners are slower than a stop at each of them, it stops there. `sizes` and `tolerance`: see
-// rr1_round_corners; `step`: see make_grid. `timed` takes the pieces. Returns TIMED_BENT if some piece is a parabola in
+// If rounded corners are slower than a stop at each of them, the motion stops there. `sizes` and `tolerance`: see
+// rr1_round_corners; `step`: see make_grid. `timed` gets the pieces. Returns TIMED_BENT if some piece is a parabola in
 // joint space, else TIMED_STRAIGHT; ARENA_FULL if the arena or `timed` is too small; or -3 - k if no speed is feasible
 // before waypoint k.
 EXPORT int64_t rr1_time_polyline(const double *points, const double *sizes, int64_t count, int64_t nq,

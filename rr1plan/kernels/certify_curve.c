@@ -1,23 +1,23 @@
-// A certificate for a whole curve in joint space by the exact kernel (Schwarzer, Saha and Latombe, Adaptive dynamic
+// Certificate of a whole curve in joint space by the exact kernel (Schwarzer, Saha and Latombe, Adaptive dynamic
 // collision checking for single and multiple articulated robots in complex environments, 2005).
 //
-// Around a configuration, a pair of bodies with a gap c stays apart as long as they move against each other by less
-// than c. How far that can be on an interval is bounded by the sum, over the joints that move one but not the other, of
-// how much the joint turns times how far from its axis the body reaches. Intervals whose gap does not suffice are
-// halved, all of one width before any narrower one, so that contacts show early.
+// Around a configuration, a pair of bodies with a gap c stays apart as long as they move relative to each other by less
+// than c. This displacement on an interval is bounded by a sum over the joints that move only one of them: rotation of
+// the joint times largest distance of the body from its axis. Intervals whose gap does not suffice are halved, all of
+// one width before any narrower one, so that contacts are found early.
 //
 // Curves are polynomials in t; a straight edge is one of degree 1.
 #include "scene_tables.h"
 
-// Rounding of positions is far below this [m]; every bound of a displacement is made larger by it.
+// Far above the rounding error of positions [m]; every bound of a displacement is increased by it.
 #define ROUNDING 1e-9
 #define EPSILON 2.3e-16
-// Where bodies move farther than this, only contacts are looked for [m].
+// If bodies move farther than this, the search is for contacts only [m].
 #define COARSE 0.07
-// Numbers so large that their rounding alone exceeds the tolerance would halve for ever.
+// Values so large that their rounding exceeds the tolerance would be halved forever.
 #define MOST_CONFIGURATIONS 2000000
 
-// What a pair is besides, until its intervals are halved often enough.
+// Further state of a pair, until its intervals are halved often enough.
 enum { PAIR_OPEN = EDGE_GRAZING + 1 };
 
 // q(t) = sum_k coefficients[k] t^k, 0 <= t <= duration, shape (terms, nq).
@@ -27,7 +27,7 @@ typedef struct {
     double duration;
 } Curve;
 
-// Position at the middle of an interval into `q`, and how far each column gets from it on the interval into `reach`.
+// Write the position at the middle of an interval to `q`, and the largest change of each column on it to `reach`.
 static void place_interval(const Curve *curve, double middle, double half, int64_t nq, ExactScratch *scratch) {
     double *at = scratch->coefficients;
     int64_t terms = curve->terms;
@@ -48,7 +48,7 @@ static void place_interval(const Curve *curve, double middle, double half, int64
     }
 }
 
-// Place a body for the interval of number `seen`, and bound how far it can get, unless that is done.
+// Place a body for the interval of number `seen` and bound its displacement, unless this is done already.
 INLINE void ready_body(int64_t body, int64_t seen, const ExactTables *exact, ExactScratch *scratch) {
     if (scratch->placed_at[body] == seen) return;
     scratch->placed_at[body] = seen;
@@ -56,7 +56,7 @@ INLINE void ready_body(int64_t body, int64_t seen, const ExactTables *exact, Exa
     bound_travel(body, scratch->reach, exact, scratch);
 }
 
-// Place both bodies of a pair for the interval of number `seen`; how far they move against each other, at most [m].
+// Place both bodies of a pair for the interval of number `seen`. Returns a bound of their relative displacement [m].
 INLINE double place_pair(const ExactPair *pair, int64_t seen, const ExactTables *exact, ExactScratch *scratch) {
     double moved = 0.0;
     for (int side = 0; side < 2; side++) {
@@ -68,14 +68,14 @@ INLINE double place_pair(const ExactPair *pair, int64_t seen, const ExactTables 
     return moved;
 }
 
-// What a pair that moves so far is on the interval at hand: EDGE_FREE, EDGE_CONTACT, EDGE_GRAZING or PAIR_OPEN.
+// State of a pair with this displacement on the current interval: EDGE_FREE, EDGE_CONTACT, EDGE_GRAZING or PAIR_OPEN.
 static int judge_pair(int64_t p, double moved, double tolerance, const ExactTables *exact, ExactScratch *scratch,
                       Counters *done) {
     const ExactPair *pair = &exact->pairs[p];
     double padding = exact->padding[p], enough = padding + moved * SLACK + ROUNDING;
     double quick = quick_gap(pair->body, pair->other, enough, exact, scratch);
     if (quick >= enough) return EDGE_FREE;
-    // Too wide an interval to prove anything on, and no contact to be seen: halve it.
+    // The interval is too wide for a proof, and there is no sign of contact: halve it.
     if (moved > COARSE && quick > padding) return PAIR_OPEN;
     done->gaps++;
     GapBounds gap =
@@ -85,11 +85,11 @@ static int judge_pair(int64_t p, double moved, double tolerance, const ExactTabl
     return moved < tolerance ? EDGE_GRAZING : PAIR_OPEN;
 }
 
-// What is open, as a ring of which both ends can be taken from; entries of one interval are neighbors.
+// A ring buffer of open entries, taken from both ends; entries of one interval are consecutive.
 typedef struct {
     OpenInterval *entries;
     int64_t size;  // a power of two
-    int64_t head;  // counted on beyond the end of the ring
+    int64_t head;  // increases beyond the end of the ring
     int64_t tail;
 } Queue;
 
@@ -107,7 +107,7 @@ static int64_t run_length(const Queue *queue, int back) {
     return run;
 }
 
-// Fill the ring with the entries given, those of one interval brought together in the order of their first.
+// Fill the ring with the given entries, those of one interval together, in the order of their first entries.
 static int fill_queue(Queue *queue, const OpenInterval *open, int64_t count) {
     if (count > queue->size) return 0;
     for (int64_t i = 0; i < count; i++) {
@@ -121,12 +121,14 @@ static int fill_queue(Queue *queue, const OpenInterval *open, int64_t count) {
 
 // Halve intervals until every pair open on them is proven apart, or one is not.
 //
-// The widest come first. Where the ring is half full the narrowest do, which takes no more room than their depth.
+// The widest come first. If the ring is more than half full, the narrowest come first, which needs no more room than
+// their depth.
 static EdgeResult halve(const Curve *curve, double tolerance, Queue *queue, const ExactTables *exact,
                         ExactScratch *scratch, Counters *done) {
     int64_t seen = 0;
     for (int64_t b = 0; b < exact->body_count; b++) scratch->placed_at[b] = -1;
-    // From one interval to the next a pair keeps its direction; from call to call it does not: same edge, same answer.
+    // A pair keeps its direction from one interval to the next, but not from call to call, so that equal edges give
+    // equal results.
     for (int64_t p = 0; p < exact->pair_count; p++) scratch->directions[p] = (ExactPoint){0.0, 0.0, 0.0};
     while (queue->tail > queue->head) {
         int back = queue->tail - queue->head > queue->size / 2;
@@ -137,7 +139,7 @@ static EdgeResult halve(const Curve *curve, double tolerance, Queue *queue, cons
         place_joints(scratch->q, exact, scratch);
         seen++;
         done->configurations++;
-        // Taken from the back, halves overwrite their interval; from the front, they are added behind all others.
+        // Halves of an interval at the back overwrite it; those of an interval at the front are added after all others.
         if (back) queue->tail = first;
         int64_t left = queue->tail;
         double half = 0.5 * interval.half;
@@ -164,7 +166,7 @@ static EdgeResult halve(const Curve *curve, double tolerance, Queue *queue, cons
     return (EdgeResult){EDGE_FREE, -1, 0.0};
 }
 
-// Certify what is open of a curve, entries of one interval in any order; a count of -1: all pairs on all of it.
+// Certify the open parts of a curve, entries of one interval in any order; a count of -1: all pairs on the whole curve.
 static EdgeResult certify_open(const Curve *curve, double tolerance, const OpenInterval *open, int64_t count,
                                const ExactTables *exact, ExactScratch *scratch, Counters *done) {
     Queue queue = {scratch->queue, scratch->queue_size, 0, 0};

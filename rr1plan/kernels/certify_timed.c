@@ -1,17 +1,17 @@
-// A motion of some arms among others that follow motions of their own, certified in continuous time.
+// A motion of some arms among others that follow their own motions, certified in continuous time.
 //
-// The certificate is that of certify_curve.c, with time as the parameter of all motions: on an interval of time two
-// bodies stay apart if their gap in the middle exceeds how far both together can get from there. Intervals are halved
-// until that is proven; the earlier half comes first, so that everything before the interval at hand is proven.
+// The certificate is that of certify_curve.c, with time as the parameter of all motions: on an interval of time, two
+// bodies stay apart if their gap in the middle exceeds the sum of their largest displacements from there. Intervals are
+// halved until that is proven; the earlier half comes first, so that everything before the current interval is proven.
 //
-// Boxes around an arm in slices of time come before forward kinematics, and boxes around all bodies that one joint
-// carries before single bodies.
+// Boxes around an arm in slices of time are tested before forward kinematics, and boxes around all bodies that one
+// joint carries before single bodies.
 #include "scene_tables.h"
 #include "timed_arms.h"
 
-// Where bodies move less than this, they are tested one by one instead of the boxes around them [m].
+// If bodies move less than this, they are tested one by one instead of the boxes around them [m].
 #define BODIES_BELOW 0.1
-// Intervals are not halved below this half width [s]: there a motion has a jump, or speeds no arm has.
+// Intervals with a smaller half width [s] are not halved: the motion has a jump there, or impossible speeds.
 #define SHORTEST_HALF 1e-10
 
 // The motion of an arm as polynomials.
@@ -42,14 +42,14 @@ static int64_t piece_at(double time, const double *breaks, int64_t count) {
     return low;
 }
 
-// Configuration of an arm in the middle of an interval of time, and how far each column gets from it on the interval.
+// Configuration of an arm in the middle of an interval of time, and the largest change of each column on the interval.
 static void place_columns(const TimedArm *arm, double middle, double half, const TimedScene *scene,
                           ExactScratch *scratch) {
     TimedPolynomials motion = polynomials_of(arm, scene);
     const double *breaks = motion.breaks;
     int64_t terms = arm->term_count, pieces = arm->piece_count;
     double start = breaks[0], end = breaks[pieces], *at = scratch->coefficients;
-    // Rounding of times counts as time.
+    // Rounding errors of times are included in the interval.
     half += 8.0 * EPSILON * (abs_number(middle) + half + abs_number(start) + abs_number(end));
     double now = clamp_number(middle, start, end);
     double low = clamp_number(middle - half, start, end), high = clamp_number(middle + half, start, end);
@@ -84,7 +84,7 @@ static void place_columns(const TimedArm *arm, double middle, double half, const
     }
 }
 
-// Place the joints of an arm for an interval, unless they are.
+// Place the joints of an arm for an interval, unless this is done already.
 static void place_arm(int64_t number, double middle, double half, int64_t seen, const TimedScene *scene,
                       TimedScratch *scratch) {
     if (number < 0 || scratch->placed_arm[number] == seen) return;
@@ -94,14 +94,14 @@ static void place_arm(int64_t number, double middle, double half, int64_t seen, 
     place_joint_range(arm->first_joint, arm->last_joint, scratch->exact->q, scene->exact, scratch->exact);
 }
 
-// Place a body and bound how far it gets on an interval, unless that is done; its arm is placed.
+// Place a body and bound its displacement on an interval, unless this is done already; its arm is placed.
 INLINE double timed_travel(int64_t body, int64_t seen, const TimedScene *scene, ExactScratch *scratch) {
     if (!moves(&scene->exact->bodies[body])) return 0.0;
     ready_body(body, seen, scene->exact, scratch);
     return scratch->travel[body * scratch->travel_stride];
 }
 
-// The box around all of an arm on an interval of time, from the slices of its motion.
+// The box around a whole arm on an interval of time, from the slices of its motion.
 static SliceBox box_on(const TimedArm *arm, double middle, double half, const TimedScene *scene) {
     const double *breaks = scene->breaks + arm->first_break;
     double start = breaks[0], end = breaks[arm->piece_count], last = (double)(arm->slice_count - 1);
@@ -131,14 +131,14 @@ INLINE double slice_distance(const ExactPoint *point, const SliceBox *box) {
     return sqrt_number(square);
 }
 
-// The interval at hand: its number, and where pairs that are open on it are listed.
+// The current interval: its number, and the position of its open pairs in the list.
 typedef struct {
     double middle;
     double half;
     int64_t seen;
     int64_t tail;      // one past the last open pair
-    int64_t touching;  // a pair that touches in the middle, -1: none
-    int find_first;    // halve on until the first contact is found
+    int64_t touching;  // a pair in contact in the middle, -1: none
+    int find_first;    // continue halving until the first contact is found
 } TimedInterval;
 
 static int refuse(int64_t status, int64_t pair, const TimedInterval *at, TimedScratch *scratch) {
@@ -146,7 +146,7 @@ static int refuse(int64_t status, int64_t pair, const TimedInterval *at, TimedSc
     return 0;
 }
 
-// Test two bodies on an interval, both arms being placed, and list them if they stay open; 0 if they are refused.
+// Test two bodies of placed arms on an interval, and list them if they stay open. Returns 0 if they are rejected.
 static int test_bodies(int64_t p, TimedInterval *at, const TimedScene *scene, TimedScratch *scratch) {
     Counters done = {0, 0, 0, 0};
     double moved = place_pair(&scene->exact->pairs[p], at->seen, scene->exact, scratch->exact);
@@ -161,9 +161,9 @@ static int test_bodies(int64_t p, TimedInterval *at, const TimedScene *scene, Ti
     return 1;
 }
 
-// Test the boxes around two groups of bodies on an interval, and where these move little the bodies; 0 if refused.
+// Test the boxes around two groups of bodies on an interval, and the bodies if these move little. 0 if rejected.
 //
-// slice: of the other arm on the interval.
+// slice: box of the other arm on the interval.
 static int test_groups(int64_t p, const SliceBox *slice, TimedInterval *at, const TimedScene *scene,
                        TimedScratch *scratch) {
     const ExactTables *exact = scene->exact;
@@ -217,9 +217,9 @@ static int prove_apart(double middle, double half, int64_t first, int64_t last, 
     return prove_apart(middle + quarter, quarter, last, at.tail, find_first, scene, scratch);
 }
 
-// Certify the motion of the own arms among the others from one time to another [s]; the status.
+// Certify the motion of the own arms among the others from one time to another [s]. Returns the status.
 //
-// find_first: 0 for the verdict; 1 to find until when the motion is free, to the tolerance.
+// find_first: 0 for the verdict only; 1 to find the time up to which the motion is free, to the tolerance.
 EXPORT int64_t rr1_certify_timed(const TimedScene *scene, TimedScratch *scratch, double begin, double end,
                                  int64_t find_first) {
     int64_t count = scene->exact->pair_count - scene->first_root;
@@ -232,7 +232,7 @@ EXPORT int64_t rr1_certify_timed(const TimedScene *scene, TimedScratch *scratch,
     return scratch->result.status;
 }
 
-// Compute the boxes around the arms that are not own ones in all slices of their motions.
+// Compute the boxes around the other arms in all slices of their motions.
 EXPORT void rr1_sweep_timed_arms(const TimedScene *scene, TimedScratch *scratch) {
     const ExactTables *exact = scene->exact;
     for (int64_t a = 0; a < scene->arm_count; a++) {

@@ -44,7 +44,7 @@ static void place_chain(const Chain *chain, const double *q, ChainPose *poses) {
     }
 }
 
-// The rotation vector that takes the rotation of a target to that of a pose, in world axes [rad].
+// The rotation vector from the rotation of a target to that of a pose, in world axes [rad].
 static void rotation_error(const ChainPose *pose, const IkTarget *target, double error[3]) {
     double m[3][3];  // R_pose R_target^T
     for (int r = 0; r < 3; r++)
@@ -76,7 +76,7 @@ static void rotation_error(const ChainPose *pose, const IkTarget *target, double
     for (int r = 0; r < 3; r++) error[r] = scale * axis[r];
 }
 
-// Error of the frame at q: position [m], then rotation times the weight of the target; its squared norm.
+// Error of the frame at q: position [m], then rotation times the weight of the target. Returns its squared norm.
 //
 // Writes the poses of the chain to `poses`.
 static double ik_error(const Chain *chain, const IkTarget *target, const double *q, ChainPose *poses, double error[6]) {
@@ -99,8 +99,8 @@ static double ik_error(const Chain *chain, const IkTarget *target, const double 
     return square;
 }
 
-// Jacobian of the error by column of q, shape (nq, 6), at the configuration of `poses`; the number of entries of the
-// error in use.
+// Jacobian of the error by column of q, shape (nq, 6), at the configuration of `poses`. Returns the number of entries
+// of the error in use.
 static int ik_jacobian(const Chain *chain, const IkTarget *target, const ChainPose *poses, const double error[6],
                        int64_t nq, double (*jacobian)[6]) {
     double weight = target->weight;
@@ -129,7 +129,7 @@ static int ik_jacobian(const Chain *chain, const IkTarget *target, const ChainPo
         }
     }
     for (int r = 0; r < 3; r++)
-        // Inside the box a coordinate may change.
+        // Inside the box, a coordinate may change freely.
         if (target->lower[r] < target->upper[r] && error[r] == 0.0)
             for (int64_t j = 0; j < nq; j++) jacobian[j][r] = 0.0;
     return rows;
@@ -153,7 +153,7 @@ EXPORT void rr1_chain_errors(const Chain *chain, const IkTarget *target, const d
     errors[1] = target->weight > 0.0 ? sqrt_number(e[3] * e[3] + e[4] * e[4] + e[5] * e[5]) / target->weight : 0.0;
 }
 
-// The error at q, shape (6,), and its Jacobian by column of q, shape (nq, 6); the number of its entries in use.
+// The error at q, shape (6,), and its Jacobian by column of q, shape (nq, 6). Returns the number of its entries in use.
 EXPORT int64_t rr1_chain_jacobian(const Chain *chain, const IkTarget *target, const double *q, int64_t nq,
                                   double error[6], double (*jacobian)[6]) {
     ChainPose poses[chain->joint_count + 1];

@@ -1,15 +1,15 @@
-// The coordination diagram of two paths (O'Donnell and Lozano-Perez, Deadlock-free and collision-free coordination of two
-// robot manipulators, 1989), certified: a cell of it is two intervals, one of each path, and it is free only where no
-// configuration of the one touches any of the other.
+// The certified coordination diagram of two paths (O'Donnell and Lozano-Perez, Deadlock-free and collision-free
+// coordination of two robot manipulators, 1989). A cell consists of one interval of each path. It is free only if no
+// configuration of one interval touches any configuration of the other.
 //
-// The certificate is that of certify_curve.c with independent motions: two bodies that are farther apart than both
-// together can get from where they are stay apart. Intervals are halved until that is proven, or they are leaves.
+// The certificate is that of certify_curve.c with independent motions: two bodies stay apart if their distance exceeds
+// the sum of their largest displacements. Intervals are halved until that is proven, or until they are leaves.
 #include "coordination.h"
 #include "scene_tables.h"
 
 // Place the bodies of all nodes that are not empty.
 //
-// q: a configuration of each node; reach: how far each column gets from there, shapes (nodes, nq).
+// q: a configuration of each node; reach: largest change of each column from it; shapes (nodes, nq).
 EXPORT void rr1_place_path(const PlacedPath *path, ExactScratch *scratch, const double *q, const double *reach) {
     const ExactTables *exact = path->exact;
     int64_t bodies = exact->body_count, groups = path->group_count, nq = exact->column_count;
@@ -43,20 +43,20 @@ EXPORT void rr1_place_path(const PlacedPath *path, ExactScratch *scratch, const 
     }
 }
 
-// Where groups get less far than this in two nodes, their bodies are looked at one by one [m].
+// If the groups of two nodes move less than this, their bodies are tested one by one [m].
 #define FINE 0.03
 
 typedef struct {
     const PlacedPath *one;
     const PlacedPath *two;
     const CrossPairs *pairs;
-    ExactPoint *directions;  // of each two bodies, where their search ended last
+    ExactPoint *directions;  // for each two bodies, where their last search ended
     uint8_t *blocked;
-    int64_t last[2];  // bodies that blocked a cell last: they are likely to block the next
+    int64_t last[2];  // bodies that blocked the last cell: they are likely to block the next one
     int64_t tests;
-    const volatile int64_t *stop;  // not 0: end at once; any thread may set it
+    const volatile int64_t *stop;  // not 0: stop immediately; any thread may set it
     const int64_t *wanted;         // see rr1_coordinate_paths
-    int64_t last_leaf[2];          // of each path the last leaf that is not empty
+    int64_t last_leaf[2];          // for each path the last leaf that is not empty
 } Coordination;
 
 INLINE double point_distance(const ExactPoint *a, const ExactPoint *b) {
@@ -81,7 +81,7 @@ INLINE Core placed_core(const ExactTables *exact, int64_t body, const Pose *pose
     return (Core){of->kind, exact->shapes[body].size, pose, exact->corners, exact->links, of->first_corner};
 }
 
-// Whether two bodies are proven apart wherever they are in two nodes; `quick`: by their balls and boxes.
+// Whether two bodies are proven apart in all configurations of two nodes; `quick`: from their balls and boxes only.
 static int bodies_are_apart(int64_t a, int64_t b, int64_t i, int64_t j, int quick, Coordination *of) {
     const ExactTables *one = of->one->exact, *two = of->two->exact;
     double padding = of->pairs->padding[i * two->body_count + j];
@@ -106,12 +106,12 @@ static int bodies_are_apart(int64_t a, int64_t b, int64_t i, int64_t j, int quic
     }
     double radius = shape->radius + other_shape->radius;
     Core core = placed_core(one, i, pose), other_core = placed_core(two, j, other_pose);
-    // It may end as soon as the gap is known to be enough or not to be.
+    // The search may end as soon as the gap is known to be sufficient, or not to be.
     GapBounds gap = core_gap(&core, &other_core, -__builtin_inf(), enough + radius, direction);
     return gap.lower - radius >= enough;
 }
 
-// Whether all bodies of two groups are proven apart; remembers those that are not.
+// Whether all bodies of two groups are proven apart; stores two bodies that are not.
 static int groups_are_apart(int64_t a, int64_t b, const CrossGroups *pair, int quick, Coordination *of) {
     const BodyGroup *one = &of->one->groups[pair->one], *two = &of->two->groups[pair->two];
     for (int64_t i = one->first_body; i < one->last_body; i++)
@@ -124,7 +124,7 @@ static int groups_are_apart(int64_t a, int64_t b, const CrossGroups *pair, int q
     return 1;
 }
 
-// Which of some pairs of groups are not proven apart in two nodes by balls and boxes; how many.
+// Write the pairs of groups that balls and boxes do not prove apart in two nodes to `near`. Returns their number.
 static int64_t near_groups(int64_t a, int64_t b, const int64_t *open, int64_t count, int64_t *near, Coordination *of) {
     const PlacedPath *one = of->one, *two = of->two;
     int64_t kept = 0;
@@ -149,7 +149,7 @@ static double node_travel(const PlacedPath *path, int64_t node) {
     return most;
 }
 
-// First row of coordination diagrams that a node covers, and the one behind the last.
+// First row of the coordination diagram that a node covers, and one past its last row.
 static void node_rows(const PlacedPath *path, int64_t node, int64_t last_leaf, int64_t rows[2]) {
     int64_t first = node, last = node;
     while (first < path->leaf_count) {
@@ -161,7 +161,7 @@ static void node_rows(const PlacedPath *path, int64_t node, int64_t last_leaf, i
     rows[1] = path->cell[last - path->leaf_count] + 1;
 }
 
-// Whether any cell of two nodes is wanted.
+// Whether any cell of two nodes is needed.
 static int is_wanted(int64_t a, int64_t b, const Coordination *of) {
     if (!of->wanted) return 1;
     int64_t rows[2], columns[2], width = of->two->cell_count + 1;
@@ -177,7 +177,7 @@ static int64_t last_leaf(const PlacedPath *path) {
     return node;
 }
 
-// Block the cells of two nodes that are not proven free, halving the node on which bodies get farther.
+// Block the cells of two nodes that are not proven free, halving the node in which bodies move farther.
 static void coordinate(int64_t a, int64_t b, const int64_t *open, int64_t count, Coordination *of) {
     const PlacedPath *one = of->one, *two = of->two;
     if (*of->stop || one->is_empty[a] || two->is_empty[b] || !is_wanted(a, b, of)) return;
@@ -206,10 +206,10 @@ static void coordinate(int64_t a, int64_t b, const int64_t *open, int64_t count,
 
 // The coordination diagram of two paths: 1 for each cell that is not proven free, shape (cells of one, cells of two).
 //
-// directions: scratch memory, shape (bodies of one, bodies of two). stop: once it is not 0, the rest is left out, so that
-// cells that are not blocked prove nothing. wanted: how many cells are wanted in all rows before one and all columns before
-// one, shape (cells of one + 1, cells of two + 1); others are not blocked, which proves nothing. Null: all are wanted.
-// Returns how many searches for a separating direction it took.
+// directions: scratch memory, shape (bodies of one, bodies of two). stop: if it becomes nonzero, the remaining cells
+// are skipped, so that cells that are not blocked prove nothing. wanted: number of needed cells in all rows before a
+// row and all columns before a column, shape (cells of one + 1, cells of two + 1); other cells are not blocked, which
+// proves nothing. NULL: all cells are needed. Returns the number of searches for a separating direction.
 EXPORT int64_t rr1_coordinate_paths(const PlacedPath *one, const PlacedPath *two, const CrossPairs *pairs,
                                     ExactPoint *directions, const int64_t *stop, const int64_t *wanted,
                                     uint8_t *blocked) {

@@ -1,11 +1,11 @@
-// A path of one or several arms as a tree of intervals, each with its bodies at a configuration of the interval and a
-// bound of how far they get from there.
+// A path of one or several arms as a tree of intervals; each interval has its bodies at one configuration and a bound
+// of their displacements from there.
 #ifndef RR1_COORDINATION_H
 #define RR1_COORDINATION_H
 
 #include "exact_tables.h"
 
-// Bodies that one joint carries, one behind the other.
+// Bodies that one joint carries, one after the other.
 typedef struct {
     int64_t joint;
     int64_t first_body;
@@ -18,8 +18,8 @@ typedef struct {
     double radius;
 } GroupBall;
 
-// Node 1 is the whole path, nodes 2 i and 2 i + 1 are the halves of node i. Leaves begin at `leaf_count`, of which the
-// last ones may be empty. The two nodes behind them are the ends of the path, of zero length.
+// Node 1 is the whole path, nodes 2 i and 2 i + 1 are the halves of node i. Leaves begin at `leaf_count`; the last
+// leaves may be empty. The two nodes after them are the ends of the path, of zero length.
 typedef struct {
     const ExactTables *exact;
     const BodyGroup *groups;
@@ -27,11 +27,11 @@ typedef struct {
     int64_t group_count;
     int64_t leaf_count;        // a power of two
     const int64_t *is_empty;   // shape (2 leaf_count + 2,)
-    const int64_t *cell;       // of leaves and ends: row of the coordination diagram, shape (leaf_count + 2,)
+    const int64_t *cell;       // for leaves and ends: row of the coordination diagram, shape (leaf_count + 2,)
     int64_t cell_count;
     Pose *poses;               // shape (nodes, bodies)
     ExactPoint *centers;       // of balls around bodies, shape (nodes, bodies)
-    double *travel;            // how far any point of a body gets from there [m], shape (nodes, bodies)
+    double *travel;            // largest displacement of any point of a body from there [m], shape (nodes, bodies)
     ExactPoint *group_centers; // shape (nodes, groups)
     double *group_travel;      // [m], shape (nodes, groups)
 } PlacedPath;
@@ -41,10 +41,10 @@ typedef struct {
     int64_t two;
 } CrossGroups;
 
-// What must not touch between the bodies of two paths.
+// Pairs that must not touch between the bodies of two paths.
 typedef struct {
-    const double *padding;       // of each two bodies [m], -inf: not checked, shape (bodies, bodies)
-    const CrossGroups *group_pairs;  // groups with such bodies
+    const double *padding;       // for each two bodies [m], -inf: not checked, shape (bodies, bodies)
+    const CrossGroups *group_pairs;  // groups with checked bodies
     int64_t group_pair_count;
     double max_padding;
 } CrossPairs;

@@ -1,4 +1,4 @@
-// How far two bodies are apart in one configuration: a quick bound from below, and the gap itself.
+// Distance of two bodies at one configuration: a quick lower bound, and exact bounds.
 #include "scene_tables.h"
 
 // Distance from the center of a's ball to the bounding box of b [m].
@@ -78,7 +78,7 @@ static GapBounds cells_gap(int64_t a, int64_t b, double least, double enough, Ex
         GapBounds found = core_gap(&core, &box, least + radius, enough + radius, direction);
         gap.lower = min_number(gap.lower, found.lower - radius);
         gap.upper = min_number(gap.upper, found.upper - radius);
-        // The distance itself is wanted where `least` is `enough`: another cell may be nearer.
+        // If `least` equals `enough`, the distance itself is required: another cell may be nearer.
         if (least < enough && gap.upper <= least) return gap;
     }
     return gap;
@@ -86,7 +86,7 @@ static GapBounds cells_gap(int64_t a, int64_t b, double least, double enough, Ex
 
 // Bounds of the distance of a body to mesh b [m], -inf inside.
 //
-// What does not touch the surface is inside with all of its points or with none.
+// A body that does not touch the surface is inside with all of its points or with none.
 static GapBounds mesh_body_gap(int64_t a, int64_t b, double least, double enough, const ExactTables *exact,
                                const ExactScratch *scratch) {
     const ExactShape *shape = &exact->shapes[a];
@@ -127,8 +127,8 @@ static GapBounds mesh_body_gap(int64_t a, int64_t b, double least, double enough
 
 // Bounds of the distance of two bodies [m], b being the half-space, cloud or mesh if there is one.
 //
-// It may stop where the distance is proven to be at most `least`, if that is below `enough`, or at least `enough`.
-// `direction`: to begin with, zero where none is known; on return the last one.
+// The search may stop if the distance is proven to be at most `least`, if that is below `enough`, or at least `enough`.
+// `direction`: the first one to try, zero if none is known; on return the last one.
 static GapBounds fine_gap(int64_t a, int64_t b, double least, double enough, ExactPoint *direction,
                           const ExactTables *exact, const ExactScratch *scratch) {
     double radius = exact->shapes[a].radius + exact->shapes[b].radius;

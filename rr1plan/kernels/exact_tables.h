@@ -1,4 +1,4 @@
-// What the exact kernel reads, and the memory it writes: bodies of arms, then obstacles, as cores with a radius.
+// Input of the exact kernel, and the memory it writes: bodies of arms, then obstacles, as cores with a radius.
 #ifndef RR1_EXACT_TABLES_H
 #define RR1_EXACT_TABLES_H
 
@@ -11,7 +11,7 @@ typedef struct {
     int64_t parent;
     int64_t prismatic;
     int64_t column;  // of q, -1: none
-    int64_t driven;  // 1 if anything drives it or a joint above it
+    int64_t driven;  // 1 if it or a joint above it is driven
 } ExactJoint;
 
 typedef struct {
@@ -19,7 +19,7 @@ typedef struct {
     double origin[3];
     double axis[3];
     double gain;
-    double offset;  // value of the joint where q is zero [rad or m]
+    double offset;  // value of the joint at q = 0 [rad or m]
 } ExactPlacement;
 
 enum {
@@ -52,7 +52,7 @@ typedef struct {
     double box_center[3];  // of the box around it, in its own frame
     double box_half[3];
     double size[3];  // half sizes of the core; a half-space's normal; a cell's half size
-    double offset;   // a half-space's
+    double offset;   // of a half-space
 } ExactShape;
 
 typedef struct {
@@ -64,7 +64,7 @@ typedef struct {
 typedef struct {
     int64_t body;
     int64_t other;
-    int64_t shared;  // how many joints of their chains move both
+    int64_t shared;  // number of joints that move both
 } ExactPair;
 
 typedef struct {
@@ -90,25 +90,25 @@ typedef struct {
     const ExactPoint *corners;  // of bodies of kind CORNERS, centers of the cells of CELLS [m]
     const int64_t *links;       // neighbors of corner i are links[links[i]] to links[links[i + 1] - 1]
     const int64_t *chain;       // driven joints above each body, root first
-    const double *chain_reach;  // for each, how far the center of the body's ball can ever be from its axis [m]
+    const double *chain_reach;  // for each, bound of the distance of the body's ball center from its axis [m]
     const ExactPair *pairs;
     const double *padding;
     const MeshTables *meshes;
 } ExactTables;
 
 typedef struct {
-    Pose *joint_poses;       // in the world; those of joints that nothing drives stay
+    Pose *joint_poses;       // in the world; those of joints that are not driven are constant
     Pose *poses;             // of bodies
     ExactPoint *centers;     // of the balls around bodies
-    ExactPoint *directions;  // of each pair, where its search ended last
-    // Entry (b, k): how far the joints from the k-th of body b's chain on can move any of its points [m].
+    ExactPoint *directions;  // for each pair, where its last search ended
+    // Entry (b, k): bound of the displacement of body b's points by the k-th and later joints of its chain [m].
     double *travel;
     int64_t travel_stride;
     double *coefficients;  // of a curve at the middle of an interval, shape (`coefficient_rows`, columns of q)
     int64_t coefficient_rows;
     double *q;
-    double *reach;       // how far each column of q gets from there
-    int64_t *placed_at;  // number of the interval each body was placed for last
+    double *reach;       // largest change of each column of q from there
+    int64_t *placed_at;  // number of the interval for which each body was last placed
     OpenInterval *queue;
     int64_t queue_size;  // a power of two
 } ExactScratch;

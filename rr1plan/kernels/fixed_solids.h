@@ -1,4 +1,4 @@
-// Solids that do not move: of obstacles and of links, in the frames of the objects they belong to, and where those are.
+// Solids that do not move, of obstacles and of links, in the frames of their objects; and the poses of these objects.
 #ifndef RR1_FIXED_SOLIDS_H
 #define RR1_FIXED_SOLIDS_H
 
@@ -12,21 +12,21 @@ typedef struct {
 typedef struct {
     int64_t object;
     int64_t body;         // row of the exact kernel's tables, -1: a link, whose row is the arm's
-    int64_t place;        // in `ObstacleTables`, -1: nothing that moves is checked against it
-    int64_t core;         // as there
-    int64_t first_point;  // of `points`, if it has a core; -1: that is in place and stays there
+    int64_t place;        // in `ObstacleTables`, -1: no moving body is checked against it
+    int64_t core;         // likewise
+    int64_t first_point;  // of `points`, if it has a core; -1: the core is placed and does not move
     int64_t first_block;  // of `blocks`
     int64_t kind;         // as in `ObstacleKind`
     int64_t is_exact;
 } FixedSolid;
 
-// A shape by its measures.
+// A shape given by its dimensions.
 typedef struct {
     int64_t kind;    // as in `ExactBody`
     double size[4];  // edges of a box; radius of a ball; radius and length; normal and offset of a half-space [m]
 } ShapeSize;
 
-// What a solid is, in its own frame.
+// A solid in its own frame.
 typedef struct {
     double ball_center[3];  // of the ball around it
     double ball_radius;     // this and the next five as in `ExactShape`
@@ -45,7 +45,7 @@ typedef struct {
     int64_t count, object_count;
     FixedSolid *solids;
     const SolidShape *shapes;
-    const Transform *frames;  // of solids in those of their objects
+    const Transform *frames;  // of solids in the frames of their objects
     Transform *objects;       // in the world
     const Point *points;      // of cores, in the frames of their solids
     const PointBlock *blocks;

@@ -1,8 +1,8 @@
-// A proven gap between two convex bodies in one configuration.
+// A proven gap between two convex bodies at one configuration.
 //
-// Any direction n proves a gap: the least of n over one body less the greatest over the other is never more than the
-// distance. The iteration of Gilbert, Johnson and Keerthi (1988) looks for the best n; because the gap is measured, not
-// inferred, its rounding or its early end can only make the bound lower.
+// Any direction n proves a gap: the smallest value of n over one body minus the largest over the other never exceeds
+// the distance. The iteration of Gilbert, Johnson and Keerthi (1988) searches for the best n. Because the gap is
+// measured rather than inferred, rounding errors or an early end can only lower the bound.
 #include "scene_tables.h"
 
 #define GJK_ITERATIONS 48
@@ -11,7 +11,7 @@ typedef struct {
     double x, y, z;
 } Vec;
 
-// The core of a body in the world; `corner` is where a climb along its edges begins.
+// The core of a body in world coordinates; `corner` is where a climb along its edges begins.
 typedef struct {
     int64_t kind;
     const double *size;
@@ -21,7 +21,7 @@ typedef struct {
     int64_t corner;
 } Core;
 
-// Bounds of a distance [m]: proven, and of points that were found; the cores overlap where the latter is 0.
+// Bounds of a distance [m]: a proven lower one, and an upper one from points; it is 0 if the cores overlap.
 typedef struct {
     double lower;
     double upper;
@@ -35,7 +35,7 @@ INLINE Vec vec_cross(Vec a, Vec b) {
     return (Vec){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-// On a convex body a corner that is farther out than its neighbors is farther out than all.
+// On a convex body, a corner that is farther out than its neighbors is farther out than all corners.
 INLINE Vec climb(Core *core, Vec n) {
     const ExactPoint *corners = core->corners;
     int64_t at = core->corner;
@@ -57,7 +57,7 @@ INLINE Vec climb(Core *core, Vec n) {
     return (Vec){corners[at].x, corners[at].y, corners[at].z};
 }
 
-// The point of a core that lies farthest in a direction of the world.
+// The farthest point of a core along a world direction.
 static Vec farthest_point(Core *core, Vec n) {
     const double *R = core->pose->rotation, *o = core->pose->origin, *size = core->size;
     Vec d = {
@@ -99,7 +99,7 @@ static Vec farthest_point(Core *core, Vec n) {
     };
 }
 
-// Which corners of a simplex carry its point nearest to the origin (bits), and that point.
+// The point of a simplex nearest to the origin, and the corners that carry it (bits).
 typedef struct {
     int corners;
     Vec point;
@@ -138,7 +138,7 @@ static NearestOf nearest_on_triangle(const Vec *s, int i, int j, int k) {
     return nearest;
 }
 
-// All bits are set where the origin lies inside.
+// All bits are set if the origin is inside.
 static NearestOf nearest_on_tetrahedron(const Vec *s) {
     static const int faces[4][4] = {{0, 1, 2, 3}, {0, 1, 3, 2}, {0, 2, 3, 1}, {1, 2, 3, 0}};
     NearestOf nearest = {15, {0.0, 0.0, 0.0}};
@@ -159,7 +159,7 @@ static NearestOf nearest_on_tetrahedron(const Vec *s) {
     return nearest;
 }
 
-// Keep only the corners that carry the point nearest to the origin; their number, 0 where the origin is inside.
+// Keep only the corners that carry the point nearest to the origin. Returns their number, 0 if the origin is inside.
 static int reduce_simplex(Vec *s, int count, Vec *point) {
     NearestOf nearest = {1, s[0]};
     if (count == 2) nearest = nearest_on_segment(s, 0, 1);
@@ -175,15 +175,15 @@ static int reduce_simplex(Vec *s, int count, Vec *point) {
 
 // Bounds of the distance between two cores [m].
 //
-// It ends as soon as the gap is proven to be `enough`, or to lie between `least` and `enough`. `direction`: to try
-// first, not zero; on return the best one found.
+// The search ends as soon as the gap is proven to be `enough`, or to lie between `least` and `enough`. `direction`: the
+// first one to try, not zero; on return the best one found.
 static GapBounds core_gap(Core *a, Core *b, double least, double enough, ExactPoint *direction) {
     Vec n = {direction->x, direction->y, direction->z}, simplex[4];
     GapBounds gap = {-__builtin_inf(), __builtin_inf()};
     int count = 0;
     for (int step = 0; step < GJK_ITERATIONS; step++) {
         double length = sqrt_number(vec_dot(n, n));
-        // A shorter vector has no direction left: the cores touch. [m]
+        // A shorter vector has no usable direction: the cores touch. [m]
         if (length < 1e-12) return (GapBounds){gap.lower, max_number(gap.lower, 0.0)};
         Vec w = farthest_point(a, (Vec){-n.x, -n.y, -n.z});
         w = vec_sub(w, farthest_point(b, n));
@@ -193,7 +193,7 @@ static GapBounds core_gap(Core *a, Core *b, double least, double enough, ExactPo
             *direction = (ExactPoint){n.x / length, n.y / length, n.z / length};
             if (gap.lower >= enough || (gap.lower > least && gap.upper < enough)) return gap;
         }
-        // The duality gap, between the nearest point so far and the best plane, is down to rounding.
+        // The duality gap, between the nearest point so far and the best plane, is within rounding.
         if (count > 0 && length - found <= 1e-10 * length + 1e-13) return gap;
         for (int i = 0; i < count; i++)
             if (simplex[i].x == w.x && simplex[i].y == w.y && simplex[i].z == w.z) return gap;

@@ -1,8 +1,8 @@
-// When an agent that goes from rest at one gridpoint of its curve to rest at another is at those in between.
+// Times at which an agent passes the gridpoints of its curve when it moves from rest at one of them to rest at another.
 #include "path_curve.h"
 
-// Times at the gridpoints from `first` to `last` of a grid, from 0, of the fastest motion from rest to rest, stretched to
-// keep its limits between gridpoints too; 0 where the arena is used up. One interval is taken as two.
+// Times from 0 at the gridpoints from `first` to `last` of a grid, for the fastest motion from rest to rest, stretched
+// to keep its limits between gridpoints too. Returns 0 if the arena is used up. A single interval is split into two.
 static int time_span(const PathCurve *curve, const Grid *grid, int64_t first, int64_t last, const RateLimits *limits,
                      Arena *arena, double *times) {
     int64_t nq = curve->column_count, count = last - first;
@@ -27,8 +27,9 @@ static int time_span(const PathCurve *curve, const Grid *grid, int64_t first, in
     return 1;
 }
 
-// Times of hops between gridpoints begins[h] < ends[h], from 0: row h of `times`, shape (hops, gridpoints), has them at
-// the columns of its gridpoints. The motion stops where `halts`, shape (gridpoints,), is 1. Returns 0, or ARENA_FULL.
+// Times from 0 of hops between gridpoints begins[h] < ends[h]: row h of `times`, shape (hops, gridpoints), has them in
+// the columns of the hop's gridpoints. The motion stops where `halts`, shape (gridpoints,), is 1. Returns 0, or
+// ARENA_FULL.
 EXPORT int64_t rr1_time_hops(const PathCurve *curve, const RateLimits *limits, int64_t *piece, double *offset,
                              double *delta, int64_t count, const int64_t *halts, const int64_t *begins,
                              const int64_t *ends, int64_t hop_count, Arena *arena, double *times) {

@@ -20,8 +20,8 @@ enum { IK_PATIENCE = 5, IK_STEPS = 40 };
 // Tolerance of limits for rounding errors [rad].
 #define IK_LIMIT_SLACK 1e-12
 
-// Solve H y = x for the first n rows by Cholesky's decomposition, in place, rows of H of length `stride`; 0 if H is not
-// positive definite. Only the lower triangle of H is read. The reciprocals of the factor's diagonal are kept.
+// Solve H y = x for the first n rows by Cholesky decomposition, in place, with rows of H of length `stride`. Returns 0
+// if H is not positive definite. Only the lower triangle of H is read. Reciprocals of the factor's diagonal are kept.
 static int solve_cholesky(double *h, double *x, int64_t n, int64_t stride) {
     for (int64_t i = 0; i < n; i++)
         for (int64_t j = 0; j <= i; j++) {
@@ -99,8 +99,8 @@ static void linearize(const double *q, const double *lower, const double *upper,
     equations->count = count;
 }
 
-// A damped step within the limits, to `trial`; the predicted reduction of the squared error, below zero if there is
-// none.
+// Write a damped step within the limits to `trial`. Returns the predicted reduction of the squared error, negative if
+// there is no step.
 static double damped_step(const double *q, const double *lower, const double *upper, double damping,
                           const NormalEquations *equations) {
     int64_t nq = equations->stride, count = equations->count;
@@ -120,7 +120,7 @@ static double damped_step(const double *q, const double *lower, const double *up
     return reduction;
 }
 
-// Minimize the squared error locally from q within limits; the squared error there.
+// Minimize the squared error locally from q within limits. Returns the final squared error.
 //
 // At most `steps` evaluations; ends if the predicted reduction of the error is below a fraction. `memory`:
 // see `descent_memory`.
@@ -204,9 +204,9 @@ static int is_distinct(const IkSearch *search, const double *q) {
     return 1;
 }
 
-// The next start and its target: the whole target for a seed, a random point of its box for others.
+// Write the next start and its target: the whole target for a seed, a random point of its box for other starts.
 //
-// Whether the target was reduced to a point.
+// Returns whether the target was reduced to a point.
 static int take_start(const IkSearch *search, uint64_t *random, double *q, IkTarget *aim) {
     int64_t nq = search->column_count;
     *aim = *search->target;
@@ -227,7 +227,7 @@ static int take_start(const IkSearch *search, uint64_t *random, double *q, IkTar
 
 // Descend from one start after the other until a new solution is found or there were `starts` in all.
 //
-// Whether there is a new one; it is appended to `solutions`.
+// Returns whether there is a new solution; it is appended to `solutions`.
 EXPORT int64_t rr1_search_ik(IkSearch *search, uint64_t *random, int64_t starts) {
     const Chain *chain = search->chain;
     int64_t nq = search->column_count;

@@ -1,7 +1,7 @@
-// How far a convex body is from the nearest triangle of a mesh, and whether the mesh holds a point.
+// Distance of a convex body from the nearest triangle of a mesh, and whether the mesh contains a point.
 //
-// The nearest boxes of the tree come first. Along the axes of either of two boxes the gaps between them are the sides of
-// a box that is free of both, so its diagonal is a lower bound of their distance.
+// The nearest boxes of the tree come first. The gaps between two boxes along the axes of either one are the sides of a
+// box between them that is free of both, so its diagonal is a lower bound of their distance.
 #include "mesh_tables.h"
 #include "scene_tables.h"
 
@@ -9,8 +9,8 @@
 typedef struct {
     double rotation[9];  // its axes are the columns
     double center[3];    // of the box around it
-    double half[3];      // half sizes of that along its axes
-    double extent[3];    // half sizes of the upright box around that
+    double half[3];      // half sizes of that box along its axes
+    double extent[3];    // half sizes of the axis-aligned box around that box
     double ball[3];
     double radius;
 } BodyBounds;
@@ -42,7 +42,7 @@ typedef struct {
     int64_t item;  // a node, or -1 - a triangle
 } MeshEntry;
 
-// Add the children of a node that may be nearer than `limit`, the nearest last; the new number of entries.
+// Add the children of a node that may be nearer than `limit`, the nearest last. Returns the new number of entries.
 INLINE int64_t push_children(const BodyBounds *body, int64_t node, double limit, const MeshTables *meshes,
                              MeshEntry *stack, int64_t count) {
     f64x8 gaps = gaps_to_children(body, &meshes->nodes[node]);
@@ -56,10 +56,10 @@ INLINE int64_t push_children(const BodyBounds *body, int64_t node, double limit,
     return count;
 }
 
-// Bounds of the distance of a core with a radius to the surface of a mesh [m], that with the box around it at `frame`.
+// Bounds of the distance of a core with a radius from the surface of a mesh [m], whose surrounding box is at `frame`.
 //
-// It may stop where the distance is proven to be at most `least`, or to lie between that and `enough`; where they are
-// equal, it does not.
+// The search may stop if the distance is proven to be at most `least`, or to lie between `least` and `enough`, but not
+// if these are equal.
 static GapBounds surface_gap(Core *core, double radius, const BodyBounds *body, int64_t mesh, const Pose *frame,
                              double least, double enough, const MeshTables *meshes) {
     const double *R = frame->rotation, *c = body->center;
@@ -91,18 +91,18 @@ static GapBounds surface_gap(Core *core, double radius, const BodyBounds *body, 
     return gap;
 }
 
-// ---- inside --------------------------------------------------------------------------------------------------------
+// ---- interior ------------------------------------------------------------------------------------------------------
 
-// How a ray crosses closed surfaces: how often outwards less inwards, and whether that is certain.
+// Crossings of closed surfaces by a ray: outward minus inward ones, and whether they are certain.
 typedef struct {
     int64_t outwards;
     int certain;
 } Crossings;
 
-// Add a triangle to the crossings of the ray from p along an axis, u and v being the others.
+// Add a triangle to the crossings of the ray from p along an axis; u and v are the other axes.
 //
-// Whether the ray passes an edge on its one or its other side is computed from the edge alone, so that of two triangles
-// with an edge in common the ray crosses one or the other, however it is rounded: it never slips between them.
+// On which side the ray passes an edge is computed from the edge alone. So of two triangles with a common edge the ray
+// crosses one or the other, whatever the rounding: it never slips between them.
 INLINE void cross_triangle(const double *t, const double p[3], int axis, Crossings *crossings) {
     int u = (axis + 1) % 3, v = (axis + 2) % 3;
     int64_t turn = 0;
@@ -115,7 +115,7 @@ INLINE void cross_triangle(const double *t, const double p[3], int axis, Crossin
         if (beside > 0.0) turn += up ? 1 : -1;
     }
     if (turn == 0) return;
-    // Which side of the triangle's plane p is on: the volume of a tetrahedron, and a bound of its rounding.
+    // The side of the triangle's plane on which p is: the volume of a tetrahedron, and a bound of its rounding error.
     double d[9], length[3], far = abs_number(p[0]) + abs_number(p[1]) + abs_number(p[2]);
     for (int k = 0; k < 3; k++) {
         for (int i = 0; i < 3; i++) d[3 * k + i] = t[3 * k + i] - p[i];
@@ -124,8 +124,9 @@ INLINE void cross_triangle(const double *t, const double p[3], int axis, Crossin
     }
     double volume = d[0] * (d[4] * d[8] - d[5] * d[7]) + d[1] * (d[5] * d[6] - d[3] * d[8]) +
                     d[2] * (d[3] * d[7] - d[4] * d[6]);
-    // The products of two edges add up to `areas` at most, each with a few roundings. Where the sign of the volume is lost,
-    // the triangle counts if all of it is ahead of p and not if all of it is behind; else nothing is certain.
+    // The products of two edges add up to at most `areas`, each with a few rounding errors. If the sign of the volume
+    // is uncertain, the triangle counts if it is entirely ahead of p and does not count if it is entirely behind;
+    // otherwise the result is uncertain.
     double areas = length[0] * length[1] + length[1] * length[2] + length[2] * length[0];
     if (abs_number(volume) <= 1e-14 * far * areas) {
         double low = min_number(d[axis], min_number(d[3 + axis], d[6 + axis]));
@@ -141,7 +142,7 @@ INLINE void cross_triangle(const double *t, const double p[3], int axis, Crossin
     crossings->outwards += turn;
 }
 
-// How the ray from p along an axis crosses a mesh.
+// Crossings of a mesh by the ray from p along an axis.
 static Crossings cast_ray(const double p[3], int axis, int64_t mesh, const MeshTables *meshes) {
     Crossings crossings = {0, 1};
     int64_t stack[MESH_STACK] = {meshes->ranges[mesh].root};
@@ -168,9 +169,9 @@ static Crossings cast_ray(const double p[3], int axis, int64_t mesh, const MeshT
     return crossings;
 }
 
-// 1 if a mesh holds a point in the frame of its box that is not on its surface.
+// Returns 1 if a mesh contains a point, in the frame of its box, that is not on its surface.
 //
-// A point that lies within rounding of planes of triangles in front of it along all three axes counts as inside.
+// A point that is within rounding of planes of triangles ahead of it along all three axes counts as inside.
 static int mesh_holds(const double p[3], int64_t mesh, const MeshTables *meshes) {
     if (!meshes->ranges[mesh].closed) return 0;
     for (int axis = 0; axis < 3; axis++) {
@@ -207,8 +208,8 @@ static Vec to_surface(const double p[3], int64_t mesh, const MeshTables *meshes)
     return nearest;
 }
 
-// How deep points are inside the first mesh, below zero their distance from it outside, shape (count,); and the vectors
-// to the nearest points of its surface, shape (count, 3) [m]. Points are in the frame of its box, shape (count, 3).
+// Depths of points inside the first mesh, negative for the distance outside, shape (count,); and the vectors to the
+// nearest points of its surface, shape (count, 3) [m]. Points are in the frame of its box, shape (count, 3).
 EXPORT void rr1_mesh_depths(const MeshTables *meshes, const double *points, int64_t count, double *depths,
                             double *vectors) {
     for (int64_t i = 0; i < count; i++) {

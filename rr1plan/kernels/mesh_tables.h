@@ -1,4 +1,4 @@
-// Meshes that are not convex: their triangles under trees of boxes, in the frame of the box around each mesh.
+// Non-convex meshes: their triangles under trees of boxes, in the frame of the box around each mesh.
 #ifndef RR1_MESH_TABLES_H
 #define RR1_MESH_TABLES_H
 
@@ -9,7 +9,7 @@ typedef struct {
     int64_t closed;  // 1 if some of its triangles enclose a volume
 } MeshRange;
 
-// The boxes of LANES children: x of all, then y, then z [m]. Where there is no child, both ends are MESH_NOWHERE.
+// The boxes of LANES children: x of all, then y, then z [m]. Both corners of absent children are at MESH_NOWHERE.
 typedef struct {
     double low[24];
     double high[24];
@@ -18,7 +18,7 @@ typedef struct {
 #define MESH_NOWHERE 1e30
 
 typedef struct {
-    double corners[9];  // one after the other [m]; those of a closed surface all face outwards, or all inwards
+    double corners[9];  // one after the other [m]; those of a closed surface all face outward, or all inward
 } MeshTriangle;
 
 typedef struct {
@@ -29,7 +29,7 @@ typedef struct {
     const int64_t *is_closed;  // 1 for each triangle of a closed surface, 0 for those of an open one
 } MeshTables;
 
-// Nodes and triangles that wait to be looked at: of a tree of at most 16 levels.
+// Capacity for waiting nodes and triangles: for a tree of at most 16 levels.
 enum { MESH_STACK = 128 };
 
 #endif

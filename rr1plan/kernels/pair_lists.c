@@ -1,16 +1,17 @@
-// The pairs of a scene, listed once: of solids from pairs of elements, and sorted as the certified edge reads them.
+// The pairs of a scene, listed once: pairs of solids from pairs of elements, and sorted for the certified edge.
 #include "arm_geometry.h"
 #include "exact_tables.h"
 #include "pair_tables.h"
 #include "simd.h"
 
-// Pairs of solids: those that move against each other, then the others, either in the order of the pairs of elements.
+// List pairs of solids: those that move relative to each other, then the others, each in the order of the pairs of
+// elements.
 //
-// checked: pairs of elements; elements: that of each solid; chains: which of `chain_count` each solid hangs on;
-// shared: how many joints two chains have in common; surfaceless: 1 for solids that have to be second in `rows`.
-// order, first: room for a number for each solid, and for each element and one more.
-// index, owner, rows: for each pair its solids, its pair of elements, and its solids as they are measured with the
-// number of joints that move both. Returns how many move.
+// checked: pairs of elements; elements: that of each solid; chains: which of `chain_count` carries each solid; shared:
+// number of joints that two chains have in common; surfaceless: 1 for solids that have to be second in `rows`. order,
+// first: room for a number for each solid, and for each element and one more. index, owner, rows: for each pair its
+// solids, its pair of elements, and its solids in the order of measurement with the number of joints that move both.
+// Returns the number of moving pairs.
 EXPORT int64_t rr1_list_solid_pairs(
     const NumberPair *checked, int64_t checked_count, const int64_t *elements, int64_t solid_count,
     int64_t element_count, const int64_t *chains, const int64_t *shared, int64_t chain_count,
@@ -19,7 +20,7 @@ EXPORT int64_t rr1_list_solid_pairs(
     for (int64_t e = 0; e <= element_count; e++) first[e] = 0;
     for (int64_t i = 0; i < solid_count; i++) first[elements[i] + 1]++;
     for (int64_t e = 0; e < element_count; e++) first[e + 1] += first[e];
-    // Afterwards each entry is the end of its element, and the begin of the next.
+    // After this loop, each entry is the end of its element and the begin of the next one.
     for (int64_t i = 0; i < solid_count; i++) order[first[elements[i]]++] = i;
     int64_t moving = 0;
     for (int write = 0; write < 2; write++) {
@@ -48,10 +49,10 @@ EXPORT int64_t rr1_list_solid_pairs(
     return moving;
 }
 
-// Numbers the solids that do not move but have a pair with a body: `place` of each solid, -1 for all others. Returns
-// how many there are.
+// Number the solids that do not move but have a pair with a body: `place` of each solid, -1 for all others. Returns
+// their number.
 //
-// pairs: those that move; body: the body of each solid, -1: none.
+// pairs: the moving pairs; body: the body of each solid, -1: none.
 EXPORT int64_t rr1_number_obstacles(
     const NumberPair *pairs, int64_t pair_count, const int64_t *body, int64_t solid_count, int64_t *place
 ) {
@@ -72,7 +73,7 @@ typedef struct {
     int64_t row;
 } KeyedRow;
 
-// Rows by ascending keys, equal ones in their order; they end in either memory, which is returned.
+// Sort rows by ascending keys, stably. Returns the memory with the result, which is one of the two.
 static KeyedRow *sorted_rows(KeyedRow *rows, KeyedRow *other, int64_t count) {
     for (int64_t width = 1; width < count; width *= 2) {
         for (int64_t begin = 0; begin < count; begin += 2 * width) {
@@ -90,7 +91,7 @@ static KeyedRow *sorted_rows(KeyedRow *rows, KeyedRow *other, int64_t count) {
     return rows;
 }
 
-// Blocks of the obstacles that some body of each group has a pair with. Returns how many.
+// List the blocks of obstacles with which some body of each group has a pair. Returns their number.
 static int64_t list_obstacle_blocks(
     const Group *groups, int64_t group_count, const int64_t *pair_of, int64_t columns, NearBlock *blocks, int64_t *first
 ) {
@@ -115,13 +116,12 @@ static int64_t list_obstacle_blocks(
     return count;
 }
 
-// Pairs as the certified edge reads them.
+// List the pairs for the certified edge.
 //
-// pairs, rows: of solids that move, as `rr1_list_solid_pairs` gives them; body, place: of each solid, as
-// `rr1_number_obstacles` has them; bodies, groups: of `ArmGeometry`, whose chains have at most `joint_count` joints;
-// columns: of `pair_of`, a multiple of LANES; room: four numbers for each pair of bodies.
-// solids: of each body pair.
-// counts: of group pairs, blocks of obstacles, blocks of groups.
+// pairs, rows: moving pairs from `rr1_list_solid_pairs`; body, place: for each solid, from `rr1_number_obstacles`;
+// bodies, groups: of `ArmGeometry`, whose chains have at most `joint_count` joints; columns: of `pair_of`, a multiple
+// of LANES; room: four numbers for each pair of bodies. solids: for each body pair. counts: of group pairs, blocks of
+// obstacles, blocks of groups.
 EXPORT void rr1_list_body_pairs(
     const NumberPair *pairs, const ExactPair *rows, int64_t pair_count, const int64_t *body, const int64_t *place,
     const Body *bodies, int64_t body_count, const Group *groups, int64_t group_count, int64_t joint_count,

@@ -8,7 +8,7 @@
 // function of y, a minimum of lines, and its maximum is the intersection of a rising and a falling one.
 #include "path_curve.h"
 
-// Below this ratio of its coefficients a row bounds one of x and y alone.
+// If the ratio of its coefficients is below this, a row bounds only one of x and y.
 #define ROW_RATIO 1e-9
 enum { ROW_ROUNDS = 100 };
 // Points within an interval at which velocity is constrained.
@@ -31,8 +31,7 @@ INLINE void set_row(double *alpha, double *beta, double a, double b) {
 
 // Rows of an interval on a parabola, alpha >= 0; the last row is the caller's.
 //
-// Acceleration is linear in s, so limiting it at both ends limits it in between. Velocity is limited at VELOCITY_PLACES
-// places in between.
+// Acceleration is linear in s, so limits at both ends hold in between. Velocity is limited at VELOCITY_PLACES points.
 static void fill_rows(const double *piece, int64_t nq, double offset, double delta, const RateLimits *limits,
                       double *alpha, double *beta) {
     double scale = 0.5 / delta;
@@ -51,7 +50,7 @@ static void fill_rows(const double *piece, int64_t nq, double offset, double del
     }
 }
 
-// Which of the lines sign size[r] - slope[r] y is the lowest (sign 1) or the highest (sign -1).
+// Index of the line sign size[r] - slope[r] y that is lowest (sign 1) or highest (sign -1).
 static int64_t lowest_line(const double *size, const double *slope, int64_t count, double sign, double y) {
     int64_t best = 0;
     double value = INFINITY;
@@ -65,7 +64,7 @@ static int64_t lowest_line(const double *size, const double *slope, int64_t coun
     return best;
 }
 
-// The highest x for which some y in [0, high] satisfies all rows; some alpha is above zero.
+// The highest x for which some y in [0, high] satisfies all rows; some alpha must be positive.
 static double highest_speed(const double *alpha, const double *beta, int64_t count, double high) {
     double size[count], slope[count];
     for (int64_t r = 0; r < count; r++) {
@@ -94,12 +93,12 @@ static double highest_speed(const double *alpha, const double *beta, int64_t cou
             }
         }
     }
-    // The other side of the rows bounds x from below: back to where there is room, which y = 0 has.
+    // The other side of the rows bounds x from below: move back to where there is room, as there is at y = 0.
     for (int round = 0; round < ROW_ROUNDS; round++) {
         int64_t upper = lowest_line(size, slope, count, 1.0, y), lower = lowest_line(size, slope, count, -1.0, y);
         double room = size[upper] + size[lower] - (slope[upper] - slope[lower]) * y;
         double closing = slope[upper] - slope[lower];
-        // The intersection of the two lines, except for rounding, or no y gives more room.
+        // This is the intersection of the two lines up to rounding, or no y gives more room.
         if (room >= -1e-12 * size[upper] || closing <= 0.0) break;
         y = (size[upper] + size[lower]) / closing;
     }
@@ -107,7 +106,7 @@ static double highest_speed(const double *alpha, const double *beta, int64_t cou
     return max_number(0.0, size[r] - slope[r] * y);
 }
 
-// The highest y in [0, high] that satisfies all rows with x, for which there is one.
+// The highest y in [0, high] that satisfies all rows for an x for which there is one.
 static double next_speed(const double *alpha, const double *beta, int64_t count, double x, double high) {
     double y = high;
     for (int64_t r = 0; r < count; r++) {
@@ -119,7 +118,7 @@ static double next_speed(const double *alpha, const double *beta, int64_t count,
     return max_number(0.0, y);
 }
 
-// Highest change of the squared path speed along a straight piece, per length.
+// Largest change of the squared path speed along a straight piece, per length.
 static double speed_gain(const double *piece, int64_t nq, const double *inverse_acceleration) {
     double slowest = 0.0;
     for (int64_t j = 0; j < nq; j++)
@@ -156,7 +155,7 @@ EXPORT double rr1_next_speed(const double *alpha, const double *beta, int64_t co
     return next_speed(alpha, beta, count, x, high);
 }
 
-// Rows of an interval of a curve of one piece, shape (ROWS(nq),) each; see `fill_rows`.
+// Rows of an interval of a curve with one piece, shape (ROWS(nq),) each; see `fill_rows`.
 EXPORT void rr1_fill_rows(const PathCurve *curve, double offset, double delta, const RateLimits *limits, double *alpha,
                           double *beta) {
     fill_rows(curve->coefficients, curve->column_count, offset, delta, limits, alpha, beta);
@@ -168,11 +167,11 @@ typedef struct {
     double looseness;  // mean over time of the unused share of the limit of the joint closest to its limit
 } Speeds;
 
-// Time-optimal squared speeds on a grid, from the squared speed `first`, or less if the motion cannot stop at the end of
-// the grid from there; 0 if the arena is used up.
+// Time-optimal squared speeds on a grid, from the squared speed `first`, or less if the motion cannot stop at the end
+// of the grid from there. Returns 0 if the arena is used up.
 //
-// In the time-optimal motion some joint is at a limit everywhere. On a grid one is at a limit at one end of each
-// interval; the unused share of the limit at the other end is the looseness.
+// In the time-optimal motion, some joint is always at a limit. On a grid, a joint is at a limit at one end of each
+// interval; the unused fraction of the limit at the other end is the looseness.
 static int solve_grid(const PathCurve *curve, const Grid *grid, const RateLimits *limits, double first, Arena *arena,
                       Speeds *speeds) {
     int64_t n = grid->count, nq = curve->column_count, rows = ROWS(nq);

@@ -5,11 +5,11 @@
 // dense there and coarse where the derivative is large.
 #include "path_curve.h"
 
-// A derivative below this fraction of the largest one on the piece counts as this much: little time is spent there.
+// Smaller derivatives, relative to the largest one on the piece, count as this fraction: little time is spent there.
 #define DERIVATIVE_FLOOR 0.02
 // Between two gridpoints the derivative changes by at most this fraction of itself, above that floor.
 #define MAX_CHANGE 0.4
-// Intervals of one piece.
+// Largest number of intervals of one piece.
 enum { MAX_INTERVALS = 256 };
 
 // Memory for `count` numbers from the arena, or 0 if it is used up.
@@ -68,7 +68,7 @@ static double longest_interval(const double *piece, int64_t nq, double s, double
     return min_number(step * sqrt_number(size * most), MAX_CHANGE * size) / bend;
 }
 
-// Write the offsets of the intervals of a piece, followed by the length of the piece; the number of intervals.
+// Write the offsets of the intervals of a piece, followed by the length of the piece. Returns the number of intervals.
 static int64_t cut_piece(const double *piece, int64_t nq, double length, const RateLimits *limits, double step,
                          double longest, double cuts[MAX_INTERVALS + 1]) {
     const double *inverses[2] = {limits->inverse_velocity, limits->inverse_acceleration};
@@ -99,7 +99,7 @@ static int64_t cut_piece(const double *piece, int64_t nq, double length, const R
     return count;
 }
 
-// The intervals of a curve; 0 if the arena is used up.
+// Compute the intervals of a curve. Returns 0 if the arena is used up.
 //
 // `step` is the largest change of the derivative in an interval, in units of the limits, relative to its largest value;
 // `longest` is the longest interval of each piece. A parabola has at least two.
@@ -138,7 +138,8 @@ static int halve_grid(const PathCurve *curve, const Grid *coarse, Arena *arena, 
     return 1;
 }
 
-// The intervals of a curve: piece, offset and length of each; how many, or ARENA_FULL. See `make_grid`.
+// Write the intervals of a curve: piece, offset and length of each. Returns their number, or ARENA_FULL. See
+// `make_grid`.
 EXPORT int64_t rr1_make_grid(const PathCurve *curve, const RateLimits *limits, double step, const double *longest,
                              Arena *arena, int64_t *piece, double *offset, double *delta, int64_t capacity) {
     Grid grid;

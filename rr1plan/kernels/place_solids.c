@@ -1,16 +1,16 @@
-// Solids that do not move are described by their shapes and put where their objects are: once for a scene, and again when
-// an object has been moved.
+// Solids that do not move: described by their shapes and placed at the poses of their objects, once for a scene, and
+// again when an object has been moved.
 #include "fixed_solids.h"
 #include "scene_tables.h"
 #include "support_table.h"
 
-// A half-space reaches this far [m]; infinity times zero would be NaN.
+// Represents an infinite extent of a half-space [m]; infinity times zero would be NaN.
 #define ENDLESS 1e12
 
-// What a shape of measures is; of corners, cells and triangles, which have tables, only that they are no closed form.
+// Describe a shape with a closed form; for corners, cells and triangles, which have tables, only note that.
 static void describe(const ShapeSize *given, FixedSolid *solid, SolidShape *shape) {
     const double *size = given->size;
-    // Ends of the box around it, half sizes of its core in the exact kernel, and the ball and the radius around that.
+    // Half sizes of its box and of its core in the exact kernel, the ball around it, and the radius around the core.
     double half[3] = {0}, core[3] = {0}, ball = 0.0, radius = 0.0, offset = 0.0;
     *shape = (SolidShape){0};
     solid->kind = OBSTACLE_ROUNDED_BOX;
@@ -57,10 +57,10 @@ static void describe(const ShapeSize *given, FixedSolid *solid, SolidShape *shap
     shape->offset = offset;
 }
 
-// Describes solids object after object, behind those of `links`, which have no bodies and no places for cores. Returns how
-// many are left to be described by the caller.
+// Describe solids object after object, after those of `links`, which have no bodies and no rows for cores. Returns the
+// number of solids left for the caller to describe.
 //
-// sizes, frames: of each solid; counts, poses: of each object; first_body: of the first solid.
+// sizes, frames: for each solid; counts, poses: for each object; first_body: of the first solid.
 EXPORT int64_t rr1_describe_solids(
     FixedSolids *fixed, const FixedSolids *links, const ShapeSize *sizes, const Transform *frames, const int64_t *counts,
     const Transform *poses, int64_t first_body
@@ -124,7 +124,7 @@ static void set_body(const SolidShape *shape, const Pose *at, ExactShape *row, P
 static void set_shape(
     const FixedSolid *solid, const SolidShape *shape, const Pose *at, ObstacleShape *row, double *box, int64_t stride
 ) {
-    const double *box_half = shape->box_half, *normal = shape->size;  // the latter of a half-space
+    const double *box_half = shape->box_half, *normal = shape->size;  // the latter for a half-space
     if (solid->kind == OBSTACLE_HALF_SPACE) {
         double height = shape->offset;
         *row = (ObstacleShape){.low = -INFINITY};
@@ -138,7 +138,7 @@ static void set_shape(
             box[k * stride] = -INFINITY;
             box[(3 + k) * stride] = INFINITY;
         }
-        // Where the normal lies along an axis, the box ends at the plane.
+        // If the normal is parallel to an axis, the box ends at the plane.
         for (int k = 0; k < 3; k++) {
             double along = row->rotation[3 * k + 2];
             if (row->rotation[3 * ((k + 1) % 3) + 2] != 0.0 || row->rotation[3 * ((k + 2) % 3) + 2] != 0.0) continue;
@@ -177,12 +177,12 @@ static void set_core(
     for (int64_t k = 0; k < (count + BLOCK_POINTS - 1) / BLOCK_POINTS; k++) {
         const PointBlock *block = &fixed->blocks[solid->first_block + k];
         placed_point(at, block->center, blocks[core->first_block + k].center);
-        // The rounding of a product with a rotation and a sum.
+        // Rounding error of a product with a rotation and a sum.
         blocks[core->first_block + k].radius = block->radius + 1e-14 * (1.0 + largest);
     }
 }
 
-// The exact kernel's rows of all solids that have one: `placed` and `centers` are of its scratch memory.
+// The exact kernel's rows of all solids that have one: `placed` and `centers` belong to its scratch memory.
 EXPORT void rr1_place_bodies(const FixedSolids *fixed, ExactShape *shapes, Pose *placed, ExactPoint *centers) {
     for (int64_t i = 0; i < fixed->count; i++) {
         int64_t b = fixed->solids[i].body;
@@ -202,7 +202,7 @@ EXPORT void rr1_place_cores(
     }
 }
 
-// What rounding may take from a gap to obstacles as far out as these [m].
+// Bound of the rounding error of a gap to obstacles with these positions [m].
 static double obstacle_rounding(const ObstacleShape *shapes, int64_t count) {
     double largest = 0.0;
     for (int64_t o = 0; o < count; o++) {
@@ -215,8 +215,8 @@ static double obstacle_rounding(const ObstacleShape *shapes, int64_t count) {
     return 1e-12 * largest;
 }
 
-// Tables of `count` obstacles: those of all solids that have a place there; others are nowhere. Returns what rounding may
-// take from a gap to them [m].
+// Tables of `count` obstacles: those of all solids with a place there; the other rows are empty. Returns a bound of the
+// rounding error of a gap to them [m].
 EXPORT double rr1_place_obstacles(
     FixedSolids *fixed, const int64_t *places, int64_t count, ObstacleKind *kinds, ObstacleShape *shapes, double *boxes,
     int64_t *core
@@ -242,8 +242,8 @@ EXPORT double rr1_place_obstacles(
     return obstacle_rounding(shapes, count);
 }
 
-// Move consecutive objects: the tables and the scratch memory are as if they had been made with them at these poses,
-// shape (count, 4, 4).
+// Move consecutive objects to poses, shape (count, 4, 4): afterwards tables and scratch memory are as if they had been
+// built with these poses.
 EXPORT void rr1_move_objects(SceneTables *scene, Scratch *scratch, int64_t first, int64_t count, const double *poses) {
     const FixedSolids *fixed = scene->fixed;
     const ObstacleTables *obstacles = scene->obstacles;
@@ -277,11 +277,11 @@ EXPORT void rr1_move_objects(SceneTables *scene, Scratch *scratch, int64_t first
     scene->margin = scene->bare_margin + obstacle_rounding(obstacles->shapes, obstacles->count);
 }
 
-// Put the solids of another scene in place of all behind the first `link_count`, which are those of `link_objects`. They
-// have to be as many, of the same kinds, and meshes and point clouds the same. Tables and scratch memory are then those
-// of that scene.
+// Replace all solids after the first `link_count`, which are those of `link_objects`, by the solids of another scene.
+// Number and kinds of solids have to agree, and meshes and point clouds have to be equal. Afterwards tables and scratch
+// memory are those of that scene.
 //
-// sizes, frames: of each solid; poses: of each object.
+// sizes, frames: for each solid; poses: for each object.
 EXPORT void rr1_replace_solids(
     SceneTables *scene, Scratch *scratch, int64_t link_count, int64_t link_objects, const ShapeSize *sizes,
     const Transform *frames, const double *poses

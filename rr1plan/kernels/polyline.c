@@ -16,7 +16,7 @@ EXPORT double rr1_polyline_length(const double *points, int64_t count, int64_t n
     return length;
 }
 
-// Whether the points between two of them are on the line from one to the other, in this order.
+// Whether the points between two points are on the line from one to the other, in this order.
 static int is_straight(const double *points, int64_t nq, const int64_t *index, int64_t first, int64_t last,
                        double tolerance) {
     const double *a = points + index[first] * nq, *b = points + index[last] * nq;
@@ -36,10 +36,10 @@ static int is_straight(const double *points, int64_t nq, const int64_t *index, i
     return before < length;
 }
 
-// Write the indices of ends and corners of a polyline, shape (count, nq), to `index`, ascending; their number.
+// Write the indices of ends and corners of a polyline, shape (count, nq), to `index`, ascending. Returns their number.
 //
 // Points closer together than the tolerance, and points this close to a straight line, are dropped. The first and the
-// last point are kept, the first alone where all are one. `index` has room for `count`.
+// last point are kept; only the first one if all points coincide. `index` has room for `count`.
 EXPORT int64_t rr1_find_corners(const double *points, int64_t count, int64_t nq, double tolerance, int64_t *index) {
     int64_t size = 1, kept = 1;
     index[0] = 0;
@@ -49,7 +49,7 @@ EXPORT int64_t rr1_find_corners(const double *points, int64_t count, int64_t nq,
     for (int64_t last = 0; last < size - 1;) {
         int64_t end = last + 1;
         while (end + 1 < size && is_straight(points, nq, index, last, end + 1, tolerance)) end++;
-        index[kept++] = index[end];  // never ahead of what is still to be read: kept <= end
+        index[kept++] = index[end];  // does not overwrite unread entries: kept <= end
         last = end;
     }
     return kept;

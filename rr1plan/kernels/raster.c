@@ -1,14 +1,15 @@
-// Which cells of a grid over two columns of q are in contact: the image of an obstacle in a configuration space.
+// Cells of a grid over two columns of q that are in contact: the image of an obstacle in a configuration space.
 //
-// A cell is one configuration, its center, or all configurations around it. A block of cells is free of a pair of bodies as a whole where their gap at its
-// middle exceeds how far they can move against each other in it (Schwarzer, Saha and Latombe 2005), and in contact as a
-// whole where one of them, made smaller by that much, still touches the other. Other blocks are quartered with the pairs
-// that are left, so only cells at the rim of the image are looked at one by one, and all cells have the answer that they
-// have one by one. Of cells that are more than their centers those are marked that are proven to be in contact as a whole.
+// A cell is either one configuration, its center, or all configurations around it. A block of cells is free of contact
+// of a pair of bodies if their gap at its middle exceeds their largest relative displacement in it (Schwarzer, Saha and
+// Latombe 2005), and in contact if one of the bodies, shrunk by that displacement, still touches the other. Other
+// blocks are quartered with the remaining pairs. So only cells at the boundary of the image are tested one by one, and
+// all cells have the result of such a test. Cells of the second kind are marked if they are proven to be entirely in
+// contact.
 #include "raster_tables.h"
 #include "scene_tables.h"
 
-// Of gaps in one configuration [m]; what is nearer counts as contact.
+// Rounding of gaps at one configuration [m]; smaller gaps count as contact.
 #define RASTER_ROUNDING 1e-12
 
 enum { BLOCK_FREE, BLOCK_CONTACT, BLOCK_OPEN };
@@ -17,8 +18,8 @@ typedef struct {
     const RasterTables *tables;
     const ExactTables *exact;
     ExactScratch *scratch;
-    int64_t seen;  // number of the block that bodies were placed for last
-    double half[2];  // of the size of a cell [rad or m]
+    int64_t seen;  // number of the block for which bodies were last placed
+    double half[2];  // half the size of a cell [rad or m]
     uint8_t *cells;
 } Raster;
 
@@ -28,7 +29,7 @@ typedef struct {
     int64_t high[2];
 } Block;
 
-// Half sizes of a core without all that is nearer to its surface than `depth` [m]; 0 if nothing is left or known.
+// Half sizes of a core without points nearer to its surface than `depth` [m]. Returns 0 if nothing is left or known.
 static int erode(int64_t kind, const double size[3], double depth, double eroded[3]) {
     if (kind != BODY_BOX && kind != BODY_CYLINDER) return 0;
     for (int k = 0; k < 3; k++) {
@@ -38,15 +39,15 @@ static int erode(int64_t kind, const double size[3], double depth, double eroded
     return 1;
 }
 
-// Whether bodies that touch are proven to do so wherever they move against each other by at most `moved`.
+// Whether bodies in contact provably stay in contact if they move relative to each other by at most `moved`.
 //
-// A ball of that radius inside one of them still holds its center after the motion, if the other one has that point. The
-// radii around the cores are the first part of it.
+// A ball of this radius inside one of them still contains its center after the motion, so it suffices that the center
+// is in the other one. The radii around the cores are the first part of it.
 static int stays_in_contact(const ExactPair *pair, double padding, double moved, const Raster *raster) {
     const ExactTables *exact = raster->exact;
     double radius = exact->shapes[pair->body].radius + exact->shapes[pair->other].radius;
     double depth = moved - radius - padding, size[3];
-    // Where the radii suffice the gap has told already; of surfaces no inside is known.
+    // If the radii suffice, the gap was decisive already; the inside of surfaces is unknown.
     if (depth < 0.0 || exact->bodies[pair->other].kind > BODY_CORNERS) return 0;
     Core cores[2] = {core_of(pair->body, exact, raster->scratch), core_of(pair->other, exact, raster->scratch)};
     for (int side = 1; side >= 0; side--) {
@@ -54,7 +55,7 @@ static int stays_in_contact(const ExactPair *pair, double padding, double moved,
         if (!erode(one.kind, one.size, depth, size)) continue;
         one.size = size;
         const ExactPoint *p = &raster->scratch->centers[pair->body], *o = &raster->scratch->centers[pair->other];
-        // Any first direction but zero will do; the centers may coincide.
+        // Any nonzero initial direction is valid; the centers may coincide.
         ExactPoint direction = {p->x - o->x, p->y - o->y, p->z - o->z + 1e-9};
         if (side == 0) direction = (ExactPoint){-direction.x, -direction.y, -direction.z};
         return core_gap(&two, &one, 0.0, RASTER_ROUNDING, &direction).upper <= 0.0;
@@ -62,7 +63,7 @@ static int stays_in_contact(const ExactPair *pair, double padding, double moved,
     return 0;
 }
 
-// What a pair is in the block that joints were placed for.
+// State of a pair in the block for which joints were placed.
 static int judge_block(int64_t p, Raster *raster) {
     const RasterTables *tables = raster->tables;
     const ExactTables *exact = raster->exact;
@@ -92,7 +93,7 @@ static void place_block(const Block *block, Raster *raster) {
     raster->seen++;
 }
 
-// Mark the cells of a block in contact; `count` pairs are undecided in the one around it.
+// Mark the cells of a block in contact; `count` pairs are undecided in the block that contains it.
 static void fill_block(const Block *block, int64_t level, const int64_t *pairs, int64_t count, Raster *raster) {
     int64_t *open = raster->tables->open + level * raster->tables->pair_count, left = 0;
     place_block(block, raster);
@@ -116,10 +117,10 @@ static void fill_block(const Block *block, int64_t level, const int64_t *pairs, 
     }
 }
 
-// Set the cells of some rows to 1 where one of the pairs from `first_pair` on is in contact, to 0 elsewhere.
+// Set the cells of some rows to 1 if one of the pairs from `first_pair` on is in contact, to 0 otherwise.
 //
-// Rows are values of the first column; cells have the shape `counts`, of at most 2^RASTER_LEVELS / 4 along each.
-// half: 0 for the centers of cells, half their size for cells that are in contact as a whole [rad or m], shape (2,).
+// Rows are values of the first column; cells have the shape `counts`, of at most 2^RASTER_LEVELS / 4 along each. half:
+// 0 for the centers of cells, half their size for cells that are entirely in contact [rad or m], shape (2,).
 EXPORT void rr1_raster_pairs(const ExactTables *exact, ExactScratch *scratch, const RasterTables *tables,
                              int64_t first_pair, int64_t last_pair, int64_t first_row, int64_t last_row,
                              const double *half, uint8_t *cells) {

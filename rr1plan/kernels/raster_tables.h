@@ -1,10 +1,10 @@
-// A grid over two columns of q, and the pairs of bodies whose contacts are drawn into it.
+// A grid over two columns of q, and the pairs of bodies whose contacts are drawn on it.
 #ifndef RR1_RASTER_TABLES_H
 #define RR1_RASTER_TABLES_H
 
 #include "exact_tables.h"
 
-// Blocks of cells are quartered at most so often.
+// Largest number of times that blocks of cells are quartered.
 enum { RASTER_LEVELS = 16 };
 
 typedef struct {
@@ -16,7 +16,7 @@ typedef struct {
     int64_t pair_count;
     const ExactPair *pairs;
     const double *padding;
-    ExactPoint *directions;  // of each pair, where its search ended last
+    ExactPoint *directions;  // for each pair, where its last search ended
     int64_t *open;           // pairs that are undecided in a block, shape (RASTER_LEVELS, pair_count)
 } RasterTables;
 

@@ -1,7 +1,7 @@
-// A roadmap that grows: samples, and edges to their nearest neighbors.
+// A growing roadmap: samples, and edges to their nearest neighbors.
 //
-// Vertices are joined to k nearest neighbors, with k of PRM* (Karaman and Frazzoli,
-// Sampling-based algorithms for optimal motion planning, 2011).
+// Vertices are joined to k nearest neighbors, with k of PRM* (Karaman and Frazzoli, Sampling-based algorithms for
+// optimal motion planning, 2011).
 #include "random.h"
 #include "roadmap.h"
 
@@ -20,7 +20,7 @@ static double vertex_distance(const RoadmapGraph *graph, int64_t a, int64_t b) {
     return sqrt_number(square);
 }
 
-// The nearest of the first `count` vertices, nearest first, the first of equals before the others; how many there are.
+// Find the nearest of the first `count` vertices, nearest first, ties by index. Returns their number.
 //
 // At most `max_count` are written to `nearest` and `distances`; `squares` is scratch of `count` numbers.
 static int64_t find_neighbors(const RoadmapGraph *graph, int64_t count, const double *q, int64_t max_count,
@@ -68,7 +68,7 @@ static void add_edge(RoadmapGraph *graph, int64_t a, int64_t b, double length) {
     }
 }
 
-// Add a vertex and join it to the nearest of the first `among` ones.
+// Add a vertex and join it to the nearest of the first `among` vertices.
 static void insert_vertex(RoadmapGraph *graph, const double *q, int64_t among) {
     int64_t v = graph->vertex_count++, *nearest = graph->indices;
     double *squares = graph->distances, *distances = squares + graph->capacity;

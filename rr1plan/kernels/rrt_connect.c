@@ -1,4 +1,4 @@
-// RRT-Connect, for any path or for one shorter than a bound.
+// RRT-Connect for any path, or for a path shorter than a bound.
 //
 // Two trees, one rooted in the start, one in all goals. The smaller one takes a step toward a random configuration; the
 // other one then advances toward the new vertex, step by step, until it reaches it or is blocked (Kuffner and LaValle,
@@ -44,7 +44,7 @@ static int skip_sample(Trees *trees, const Tree *tree, int64_t index, double dis
     return skip;
 }
 
-// Advance from a vertex toward a target in steps of equal length; whether it was reached.
+// Advance from a vertex toward a target in steps of equal length. Returns whether it was reached.
 //
 // Reached configurations become vertices, except for the target, so the last vertex connects the trees.
 static int connect_trees(Trees *trees, int side, int64_t index, double distance, const double *target, double step,
@@ -94,7 +94,7 @@ EXPORT int64_t rr1_grow_trees(Trees *trees, const TreeQuery *query, uint64_t *ra
         if (wraps) step = min_number(step, MAX_WRAPPED_STEP);
     }
     SampleBox box = {lower, extent, turns, nq};
-    // The most vertices that one sample can add.
+    // Largest number of vertices that one sample can add.
     for (int64_t j = 0; j < nq; j++) steps_across += extent[j] / step;
     if (trees->sides[START_SIDE].size == 0) init_trees(trees, query);
     while (trees->samples < samples) {

@@ -67,7 +67,7 @@ static void skip_waypoints(ShortcutPath *path, const SceneTables *scene, Scratch
     path->place = i + 1;
 }
 
-// Lengths along the path up to each waypoint; that of the whole path.
+// Lengths along the path up to each waypoint. Returns the length of the whole path.
 static double measure_path(ShortcutPath *path) {
     int64_t nq = path->column_count;
     path->along[0] = 0.0;
@@ -76,7 +76,7 @@ static double measure_path(ShortcutPath *path) {
     return path->along[path->size - 1];
 }
 
-// The arc length, or that of a waypoint so close that the edge between them would be negligible.
+// The arc length, or that of a waypoint if it is so close that the edge between them would be negligible.
 static double snap_to_waypoint(double place, const ShortcutPath *path) {
     for (int64_t i = 0; i < path->size; i++)
         if (abs_number(path->along[i] - place) < SNAP_LENGTH) return path->along[i];
@@ -105,7 +105,7 @@ static void point_at(const ShortcutPath *path, int64_t i, double place, double *
         out[k] = fraction <= 0.0 ? a[k] : fraction >= 1.0 ? b[k] : a[k] + fraction * (b[k] - a[k]);
 }
 
-// Write the replacement of a section of the path to `piece`; its number of rows.
+// Write the replacement of a section of the path to `piece`. Returns its number of rows.
 static int64_t make_piece(const ShortcutPath *path, const Shortcut *cut) {
     int64_t nq = path->column_count, last = cut->joint < 0 ? 1 : cut->j - cut->i + 1;
     double *piece = path->piece, *end = piece + last * nq;
@@ -181,7 +181,7 @@ static void replace_waypoints(ShortcutPath *path, const Shortcut *cut, int64_t r
     drop_repeats(path);
 }
 
-// Try the most promising of several random shortcuts; whether it replaced a part of the path.
+// Try the most promising of several random shortcuts. Returns whether it replaced a part of the path.
 static int try_shortcut(ShortcutPath *path, uint64_t *random, const SceneTables *scene, Scratch *scratch) {
     int64_t nq = path->column_count;
     double min_gain = MIN_GAIN * measure_path(path), best_gain = 0.0;

@@ -1,7 +1,7 @@
 // Sines and cosines of the kernels, for callers that need the same bits.
 #include "sine.h"
 
-// Of single angles, of any size; shape (count,) each.
+// For single angles of any size; shape (count,) each.
 EXPORT void rr1_sine_cosine(const double *angles, int64_t count, double *sines, double *cosines) {
     for (int64_t i = 0; i < count; i++) {
         Sine of = sine_cosine(angles[i]);
@@ -10,7 +10,7 @@ EXPORT void rr1_sine_cosine(const double *angles, int64_t count, double *sines, 
     }
 }
 
-// The same in SIMD lanes, for angles up to MAX_LANE_ANGLE; the count is a multiple of LANES.
+// Likewise in SIMD lanes, for angles up to MAX_LANE_ANGLE; the count is a multiple of LANES.
 EXPORT void rr1_sine_cosine_lanes(const double *angles, int64_t count, double *sines, double *cosines) {
     for (int64_t i = 0; i < count; i += LANES) {
         SineLanes of = sine_cosine_lanes(load_lanes(angles + i));

@@ -1,7 +1,7 @@
 // Curves with squared path speeds as polynomials in time, and the peaks of their derivatives.
 #include "path_curve.h"
 
-// Polynomial in time of an interval on which the squared path speed goes from x to y linearly, shape (5, nq).
+// Polynomial in time of an interval on which the squared path speed is linear from x to y, shape (5, nq).
 static void write_timed_piece(const double *piece, int64_t nq, double offset, double delta, double x, double y,
                               double *timed) {
     double speed = sqrt_number(x), half = 0.25 * (y - x) / delta;
@@ -25,7 +25,7 @@ EXPORT void rr1_time_intervals(const PathCurve *curve, const int64_t *piece, con
     }
 }
 
-// The motion along a curve with squared speeds at the gridpoints, in memory of the arena; 0 if that is used up.
+// The motion along a curve with squared speeds at the gridpoints, in memory of the arena. Returns 0 if that is used up.
 //
 // A straight interval becomes up to three: full acceleration, top speed, full deceleration.
 static int time_curve(const PathCurve *curve, const Grid *grid, const RateLimits *limits, const double *speeds, Arena *arena,

@@ -119,7 +119,7 @@ static int draw_sample(const Trees *trees, double bound, uint64_t *random, const
     return 0;
 }
 
-// Count a sample without growth; whether to replace it by an escape sample.
+// Count a sample without growth. Returns whether to replace it by an escape sample.
 static int is_stalled(Trees *trees, double bound) {
     trees->idle++;
     int64_t one = trees->sides[START_SIDE].size, two = trees->sides[GOAL_SIDE].size;
@@ -127,7 +127,7 @@ static int is_stalled(Trees *trees, double bound) {
            trees->samples % ESCAPE_PERIOD == 0;
 }
 
-// A configuration no farther than a step from a vertex, in a random direction, within limits; its distance.
+// A configuration at most a step from a vertex, in a random direction, within limits. Returns its distance.
 static double escape_sample(const Tree *tree, int64_t capacity, int64_t index, double step, uint64_t *random,
                             const SampleBox *box, double *q) {
     double square = 0.0;

@@ -7,13 +7,13 @@
 // Vertices whose distances are computed in one block.
 #define TREE_BLOCK 64
 
-// The whole turns that are nearest to a difference; 0 for a joint that does not wrap, whose turn is 0.
+// The whole turns nearest to a difference; 0 for a joint that does not wrap, whose turn is 0.
 INLINE double nearest_turns(double difference, double turn) {
     // Half a turn is rounded to even multiples: the same in both directions.
     return turn > 0.0 ? turn * __builtin_rint(difference / turn) : 0.0;
 }
 
-// The nearest vertex from which q is reached within a length, the first of equals, -1 if there is none.
+// The nearest vertex from which q is reached within a length, ties by index; -1 if there is none.
 //
 // Only the first `count` vertices are considered. `turns` is 2 pi for joints that wrap, 0 for the others, shape (nq,).
 static int64_t nearest_vertex(const Tree *tree, int64_t count, const double *q, int64_t nq, int64_t capacity,

@@ -8,8 +8,8 @@
 //
 // where v is the velocity field of the body under s, rho_j the largest distance of its points from axis j, and i runs
 // over the turning joints before j. (A turn by D moves a point by D times the velocity, with an error of at most
-// D^2 rho / 2; the turns before it tilt this motion by at most their sum.) The largest d . (x + t v(x)) over a body is a
-// value of its support function in a direction linear in t. It is therefore convex in t, and its values at both ends
+// D^2 rho / 2; the turns before it tilt this motion by at most their sum.) The largest d . (x + t v(x)) over a body is
+// a value of its support function in a direction linear in t. It is therefore convex in t, and its values at both ends
 // bound it on the whole interval. The error is of second order, so few intervals suffice for a motion that slides past
 // an obstacle.
 

@@ -10,7 +10,7 @@
 
 // Position, velocity, acceleration, jerk.
 enum { RATE_ORDERS = 4 };
-// Values that exceed the highest one by less than this fraction, of it or of a piece's largest coefficient, are skipped.
+// Values that exceed the highest one by less than this fraction of it or of a piece's largest coefficient are skipped.
 #define RELATIVE_GAP 1e-13
 #define COEFFICIENT_ROUNDING 1e-15
 
