@@ -469,7 +469,7 @@ _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
 
 __all__ = ["__version__", *_SUBMODULES, *_HOME]
 
-if not TYPE_CHECKING:  # so that a type checker refuses names that are not above
+if not TYPE_CHECKING:  # so that type checkers reject names that are not listed above
 
     def __getattr__(name: str) -> object:
         """Load a public name on first use."""

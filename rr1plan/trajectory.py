@@ -201,7 +201,7 @@ class Trajectory(Value, NotebookView):
         return Trajectory(self.joint_names, np.append(breaks[:1], breaks[1:][lasts]), kept)
 
     def cut(self, begin: float, end: float) -> Trajectory:
-        """The motion between two times; before its begin and after its end it rests.
+        """The motion between two times; before its start and after its end it rests.
 
         Args:
             begin: First instant [s].

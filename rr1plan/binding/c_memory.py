@@ -183,7 +183,7 @@ class _Part:
     """Part of a block of memory.
 
     Args:
-        offset, size: Its begin and size [bytes].
+        offset, size: Its start and size [bytes].
         item: Bytes of an item.
         dtype: Type of numbers; None for structs, each of which is a row of bytes.
     """

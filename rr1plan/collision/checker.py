@@ -301,7 +301,7 @@ class CollisionChecker(CoalChecker):
         """Whether every configuration on the straight line from q0 to q1 is free.
 
         Args:
-            q0: Begin [rad or m], shape (nq,).
+            q0: Start [rad or m], shape (nq,).
             q1: End [rad or m], shape (nq,).
 
         Raises:
@@ -317,7 +317,7 @@ class CollisionChecker(CoalChecker):
         """Like `edge_is_free`, by the exact kernel alone; the reference in tests.
 
         Args:
-            q0: Begin [rad or m], shape (nq,).
+            q0: Start [rad or m], shape (nq,).
             q1: End [rad or m], shape (nq,).
 
         Raises:
@@ -387,7 +387,7 @@ class CollisionChecker(CoalChecker):
         """The first contact on the straight line from q0 to q1, or None if it is free.
 
         Args:
-            q0: Begin [rad or m], shape (nq,).
+            q0: Start [rad or m], shape (nq,).
             q1: End [rad or m], shape (nq,).
             precision: How much later than `fraction` the contact may be, as a fraction of the line.
 

@@ -173,7 +173,7 @@ class EdgeKernel:
         """Certify the straight line between two configurations; shapes and values have been checked.
 
         Args:
-            q0: Begin [rad or m], shape (nq,).
+            q0: Start [rad or m], shape (nq,).
             q1: End [rad or m], shape (nq,).
 
         Returns:

@@ -173,7 +173,7 @@ def near_balls(balls: Array, distance: float) -> NDArray[np.int64]:
     """Pairs of balls (n, 4) that are within a distance [m], ascending, shape (m, 2): sweep and prune along x."""
     low, high = balls[:, 0] - balls[:, 3] - distance - _ROUNDING, balls[:, 0] + balls[:, 3] + _ROUNDING
     order = np.argsort(low, kind="stable")
-    # Those whose interval begins before the end of another one's, and after its begin.
+    # Those whose interval begins before the end of another one's, and after its start.
     ends = np.searchsorted(low[order], high[order], side="right")
     counts = ends - np.arange(len(order)) - 1
     one = np.repeat(np.arange(len(order)), counts)

@@ -61,7 +61,7 @@ class TimedChecker:
     continuous time, like those of `CollisionChecker.edge_is_free`: motions that pass at less than the checker's
     tolerance beyond the padding are rejected.
 
-    Before its trajectory an arm rests at its begin, and afterwards at its end. Times may be arbitrary, also negative.
+    Before its trajectory an arm rests at its start, and afterwards at its end. Times may be arbitrary, also negative.
 
     Scene, margin and tolerance are those of the checker at construction; later changes of the checker have no effect.
     Threads may share an instance, like a `CollisionChecker`: each waits while another one uses it.
@@ -118,7 +118,7 @@ class TimedChecker:
         """Whether the straight line from q_from at t_from to q_to at t_to, at constant speed, is free.
 
         Args:
-            q_from: Begin [rad or m], shape (nq,).
+            q_from: Start [rad or m], shape (nq,).
             q_to: End [rad or m], shape (nq,).
             t_from: Time at `q_from` [s].
             t_to: Time at `q_to` [s], not before `t_from`; equal to it only if both configurations are equal.
@@ -158,7 +158,7 @@ class TimedChecker:
 
         Args:
             trajectory: A motion of these arms; constant before and after its time span.
-            t_from: Begin of the interval [s] (default: that of the trajectory).
+            t_from: Start of the interval [s] (default: that of the trajectory).
             t_to: End of the interval [s] (default: that of the trajectory).
 
         Raises:
@@ -289,7 +289,7 @@ class _MovingPairs:
         Args:
             breaks: Times [s], shape (m + 1,).
             coefficients: Coefficients of the own arms, shape (m, k, nq).
-            t_from: Begin of the interval [s].
+            t_from: Start of the interval [s].
             t_to: End of the interval [s].
         """
         return self._certify(breaks, coefficients, t_from, t_to, find_first=False) == FREE

@@ -20,7 +20,7 @@ EXPORT int64_t rr1_list_solid_pairs(
     for (int64_t e = 0; e <= element_count; e++) first[e] = 0;
     for (int64_t i = 0; i < solid_count; i++) first[elements[i] + 1]++;
     for (int64_t e = 0; e < element_count; e++) first[e + 1] += first[e];
-    // After this loop, each entry is the end of its element and the begin of the next one.
+    // After this loop, each entry is the end of its element and the start of the next one.
     for (int64_t i = 0; i < solid_count; i++) order[first[elements[i]]++] = i;
     int64_t moving = 0;
     for (int write = 0; write < 2; write++) {

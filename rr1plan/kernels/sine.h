@@ -14,7 +14,7 @@
 #define HALF_PI_1 0x1.921fb54400000p+0
 #define HALF_PI_2 0x1.0b4611a600000p-34
 #define HALF_PI_3 0x1.3198a2e000000p-69
-// pi / 2 less its first part, in one number.
+// pi / 2 minus its first part, as one number.
 #define HALF_PI_REST 6.077100506506192e-11
 #define MAX_QUARTERS 1048576.0
 // Angles in lanes beyond this are not reduced precisely enough [rad].
@@ -34,7 +34,7 @@ typedef struct {
     f64x8 sine, cosine;
 } SineLanes;
 
-// Of angles up to MAX_LANE_ANGLE.
+// For angles up to MAX_LANE_ANGLE.
 INLINE SineLanes sine_cosine_lanes(f64x8 angle) {
     const double shift = 6755399441055744.0;  // 1.5 * 2^52: the low bits of a sum with it are an integer
     f64x8 shifted = angle * TWO_OVER_PI + shift;
@@ -51,7 +51,7 @@ INLINE SineLanes sine_cosine_lanes(f64x8 angle) {
     return (SineLanes){(f64x8)((i64x8)sine ^ sine_sign), (f64x8)((i64x8)cosine ^ cosine_sign)};
 }
 
-// The bits of 2 / pi behind the point.
+// The bits of 2 / pi after the binary point.
 static const uint32_t two_over_pi_words[40] = {
     0xa2f9836e, 0x4e441529, 0xfc2757d1, 0xf534ddc0, 0xdb629599, 0x3c439041, 0xfe5163ab, 0xdebbc561, 0xb7246e3a,
     0x424dd2e0, 0x06492eea, 0x09d1921c, 0xfe1deb1c, 0xb129a73e, 0xe88235f5, 0x2ebb4484, 0xe99c7026, 0xb45f7e41,
@@ -60,7 +60,7 @@ static const uint32_t two_over_pi_words[40] = {
     0x56033046, 0xfc7b6bab, 0xf0cfbc20, 0x9af4361d,
 };
 
-// 32 bits of 2 / pi from the one of weight 2^-(first + 1) on; before the point there are none.
+// 32 bits of 2 / pi from the bit of weight 2^-(first + 1) on; there are none before the binary point.
 INLINE uint32_t two_over_pi_bits(int64_t first) {
     int64_t word = first >> 5, shift = first & 31;
     uint64_t high = word >= 0 && word < 40 ? two_over_pi_words[word] : 0;
@@ -86,8 +86,8 @@ static uint64_t reduce_large(double angle, double *x) {
     } of = {.number = angle};
     uint64_t mantissa = (of.bits & 0xfffffffffffff) | 0x10000000000000;
     int64_t exponent = (int64_t)(of.bits >> 52 & 0x7ff) - 1075;
-    // |angle| = mantissa 2^exponent. Bits of 2 / pi above 2^(2 - exponent) contribute whole turns: they are left out.
-    // The product with the next 160 is kept modulo 2^160: two bits of quarters, then 158 behind the point.
+    // |angle| = mantissa 2^exponent. Bits of 2 / pi above 2^(2 - exponent) contribute whole turns and are omitted. The
+    // product with the next 160 is kept modulo 2^160: two bits of quarters, then 158 after the point.
     uint32_t bits[5], words[5] = {0, 0, 0, 0, 0};
     for (int i = 0; i < 5; i++) bits[i] = two_over_pi_bits(exponent - 2 + 32 * i);
     add_product(words, mantissa & 0xffffffff, bits, 0);
@@ -118,7 +118,7 @@ typedef struct {
     double sine, cosine;
 } Sine;
 
-// Of any angle, each within 3e-16; NaN where it is not finite.
+// For any angle, with errors below 3e-16; NaN if the angle is not finite.
 static Sine sine_cosine(double angle) {
     const double shift = 6755399441055744.0;
     double x;

@@ -54,7 +54,7 @@ class CartesianPlanner(Planner):
         orientation_tolerance: Largest angle from the interpolated orientation [rad].
 
     Raises:
-        InputError: a tolerance that is not above zero.
+        InputError: a tolerance that is not positive.
     """
 
     name = "cartesian"

@@ -38,7 +38,7 @@ def expand_xacro(
     arguments: Mapping[str, str] | None = None,
     seconds: float = _SECONDS,
 ) -> str:
-    """Expand a xacro file to URDF; `package://` names are left as they are.
+    """Expand a xacro file to URDF; `package://` names are unchanged.
 
     Args:
         file: The xacro file. It is trusted code.

@@ -282,7 +282,7 @@ def _read_mjcf_scene(file: Path) -> Scene:
         while name == "arm" or name in obstacles:
             name += "_"
         obstacles[name] = Obstacle(thing.geometries, thing.pose)
-        if thing.stands:  # what stands on it stays there
+        if thing.stands:  # stationary links may rest on it
             allowed.update(frozenset((f"arm/{link}", name)) for link in content.standing)
     return Scene({"arm": arm}, obstacles, allowed=frozenset(allowed), name=content.tree.name)
 

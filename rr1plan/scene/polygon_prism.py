@@ -73,7 +73,7 @@ def _crosses_itself(points: Array) -> bool:
 
 
 def _triangles(points: Array, flat: float) -> list[Array]:
-    """Ear clipping (Meisters 1975) of a counter-clockwise simple polygon; slivers without area are left out."""
+    """Ear clipping (Meisters 1975) of a counter-clockwise simple polygon; slivers without area are omitted."""
     left, found = list(range(len(points))), []
     while len(left) > 2:
         for k in range(len(left)):

@@ -61,10 +61,10 @@ class PaddedPairs:
         obstacle_blocks, first_obstacle_block: Blocks of obstacles that have pairs with some body of each group: first
             obstacle of a block, and bits for its obstacles; shapes (k, 3) and (g + 1,).
         group_blocks, first_group_block: Likewise for groups; the third column is the first of `group_pairs`.
-        body_pairs: Body, body, number of joints that move both, index of the pair, begin of its map in `maps` (-1: no
+        body_pairs: Body, body, number of joints that move both, index of the pair, start of its map in `maps` (-1: no
             map), the map's number of columns of cells, and its two columns of q; shape (m, 8).
         group_pairs: Groups with pairs of bodies: group, group, number of joints that move both, first and last of
-            `body_pairs`, and begin of a common map of all these pairs in `maps` (-1: no map); shape (f, 6).
+            `body_pairs`, and start of a common map of all these pairs in `maps` (-1: no map); shape (f, 6).
         maps: For each clearance map, the number of cells before a corner that are not free (`clearance_map.c`).
         map_ranges: Low end and cells per rad or m, for both columns of q; shape (m, 4).
         greatest: The greatest padding [m].

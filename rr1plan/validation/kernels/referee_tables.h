@@ -281,7 +281,7 @@ typedef struct {
     double speed;
 } ColumnMotion;
 
-// World axis of a joint, and what it does within an interval.
+// World axis of a joint, and its motion within an interval.
 typedef struct {
     double axis[3];
     double pivot[3];
