@@ -115,7 +115,7 @@ def _plan(parser: Parser) -> None:
 
 
 def _view_from(parser: Parser, of: str, default: str = "one that shows the motion") -> None:
-    """The option that says where a page is looked at from first."""
+    """The option for the initial view of a page."""
     parser.add_argument(
         "--view",
         nargs="+",
@@ -149,7 +149,7 @@ def _validate(parser: Parser) -> None:
 
 
 def _topic(parser: Parser) -> None:
-    """The option that chooses from a bag."""
+    """The option that selects the topic of a bag."""
     parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds a JointTrajectory)")
 
 
@@ -358,10 +358,10 @@ def _scenes(parser: Parser) -> None:
 
 
 def _no_options(parser: Parser) -> None:
-    """A command without options besides those of all."""
+    """A command with the common options only."""
 
 
-# Of each command: "module.function" under `rr1plan.cli`, loaded when it is run; help; examples; its options.
+# For each command: "module.function" under `rr1plan.cli`, loaded when it is run; help; examples; its options.
 _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]] = {
     "demo": (
         "view.demo",
@@ -498,7 +498,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
 }
 
 
-# Commands that list things where nothing is named.
+# Commands that list names if none is given.
 _LISTS = ("robots", "scenes", "lesson")
 
 
@@ -527,7 +527,7 @@ def _file(text: str) -> str:
 
 
 def _named_file(text: str) -> str:
-    """A file or folder that is not standard output."""
+    """A file or folder other than standard output."""
     if _file(text) == "-":
         raise argparse.ArgumentTypeError("'-' is standard output, expected a name")
     return text
