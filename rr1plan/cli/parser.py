@@ -126,7 +126,7 @@ def _view_from(parser: Parser, of: str, default: str = "one that shows the motio
 
 
 def _query(parser: Parser) -> None:
-    group = parser.add_argument_group("the question (default: the scene's first query)")
+    group = parser.add_argument_group("the query (default: the scene's first)")
     group.add_argument("--query", help="a query of the scene, by name")
     group.add_argument("--arm", help="the arm that --goal or --position is for (default: the only one)")
     group.add_argument("--start", nargs="+", metavar="Q", help="a configuration's name, or its numbers [rad]")
@@ -222,7 +222,7 @@ def _mirror(parser: Parser) -> None:
         help="joint states: udp://HOST:PORT, serial:PORT of a control box, a file (.jsonl), or a ROS bag",
     )
     parser.add_argument("--calibration", metavar="FILE", help="with serial: calibration of the arm and its channels")
-    parser.add_argument("--plan", metavar="MOTION", help=f"what the arms are to do: {_MOTION}")
+    parser.add_argument("--plan", metavar="MOTION", help=f"the planned motion: {_MOTION}")
     parser.add_argument("--scene", help="the scene (default: the one that the motion's file holds)")
     parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds such messages)")
     parser.add_argument(
@@ -336,7 +336,7 @@ def _experiment(parser: Parser) -> None:
         metavar="EXPERIMENT",
         nargs="+",
         choices=("static", "dynamic", "multi", "latency", "all"),
-        help="static: an arm among boats that stand still; dynamic: a falling tower of boats; multi: arms that follow "
+        help="static: an arm among stationary boats; dynamic: a falling tower of boats; multi: arms that follow "
         "seven poses; latency: messages to the viewer; all",
     )
     parser.add_argument("--out", type=_named_file, required=True, metavar="DIR", help="folder for the files")
@@ -427,7 +427,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     ),
     "mirror": (
         "joint_stream.mirror",
-        "show joint states live, beside a plan and its certified corridor",
+        "show live joint states, compared with a plan and its certified corridor",
         (
             "rr1plan mirror udp://127.0.0.1:9000 --plan motion.json --record run.jsonl",
             "rr1plan mirror run.jsonl --plan motion.json --no-page",
@@ -463,7 +463,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     ),
     "experiment": (
         "experiment.experiment",
-        "measure the simulator and the viewer, beside the figures of the thesis",
+        "measure the simulator and the viewer, compared with the figures of the thesis",
         (
             "rr1plan experiment all --out results --quick",
             "rr1plan experiment dynamic --out results",
