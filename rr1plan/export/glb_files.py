@@ -68,7 +68,7 @@ def save_glb(
     elif isinstance(what, Scene):
         document = view_document(what, trajectory=trajectory)
     else:
-        raise InputError("a trajectory is given beside something other than a scene, expected the scene it moves in")
+        raise InputError("a trajectory is given together with a value other than a scene, expected its scene")
     return write_bytes(file, _Model(document, rate).pack())
 
 

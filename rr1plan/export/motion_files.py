@@ -127,7 +127,7 @@ def changes(saved: SavedMotion, scene: Scene) -> tuple[str, ...]:
         for name in now
         if name in made and made[name].sha256 != now[name].robot.content_hash
     ]
-    known = f"of the motion's scene {saved.made_for.scene!r} only the hash is known, which this one does not have"
+    known = f"of the motion's scene {saved.made_for.scene!r} only the hash is known, and that of this scene differs"
     return (*lines, known)
 
 

@@ -52,7 +52,7 @@ def plain(value: Any, stored: Shapes | None = None) -> Any:
         return value
     if isinstance(value, float):
         if math.isnan(value):
-            raise InputError("a NaN has no form in a motion file")
+            raise InputError("NaN cannot be stored in a motion file")
         return value if math.isfinite(value) else repr(value)
     if isinstance(value, np.generic | np.ndarray):
         finite = bool(np.isfinite(value).all())
@@ -74,7 +74,7 @@ def plain(value: Any, stored: Shapes | None = None) -> Any:
 
 def _plain_fields(value: object, stored: Shapes | None) -> dict[str, object]:
     if type(value) not in _ENTRIES:
-        raise InputError(f"a {type(value).__name__} has no form in a motion file")
+        raise InputError(f"a {type(value).__name__} cannot be stored in a motion file")
     entry = _ENTRIES[type(value)]
     tag = entry.__struct_config__.tag
     names = zip(entry.__struct_encode_fields__, entry.__struct_fields__, strict=True)

@@ -312,7 +312,7 @@ def _read(file: _File) -> schema.Document:
     except ValueError as error:
         raise top.error(f"holds a number that is not finite: {error}") from error
     if not whole:
-        raise top.error("was altered after it was written: its content does not have the sha256 that it names")
+        raise top.error("was altered after it was written: its content does not match its sha256")
     try:
         return msgspec.convert(content, entries)
     except msgspec.ValidationError as error:

@@ -96,7 +96,7 @@ class SequenceReplay(Value):
             f"  tracking error: {self.max_error:.2e} rad at most",
         ]
         lines += [
-            f"  {one.name}: at most {1e3 * one.max_offset:.2f} mm from where the plan has it, "
+            f"  {one.name}: at most {1e3 * one.max_offset:.2f} mm from its planned position, "
             f"{1e3 * one.final_offset:.2f} mm and {np.degrees(one.angle):.2f} degrees in the end"
             for one in self.objects.values()
         ]

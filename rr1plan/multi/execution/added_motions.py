@@ -337,7 +337,7 @@ class _Change:
             if not touching:
                 free.append(np.asarray(q))
         if not free:
-            self._reason = f"the goal of {arm} is where others end"
+            self._reason = f"the goal of {arm} is not clear of the final configurations of others"
             self._blockers |= in_the_way
         return free[:_GOALS]
 

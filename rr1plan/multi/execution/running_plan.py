@@ -113,7 +113,7 @@ class RunningPlan(Value):
         """
         of_kind("result", result, ManyArmsResult)
         if result.trajectory is None:
-            raise InputError(f"there is no plan that could run: {result.reason}")
+            raise InputError(f"there is no plan to execute: {result.reason}")
         scene = result.schedules[0].path.agent.problem.scene
         schedules = result.separated.schedules
         parts = {arm: (part_of(own, -np.inf),) for s in schedules for arm, own in schedules_of_arms(s).items()}

@@ -67,8 +67,8 @@ class Dependency(NamedTuple):
     def __str__(self) -> str:
         waits, first = " and ".join(self.node.arms), " and ".join(self.after.arms)
         return (
-            f"{waits} does not go beyond where the plan has it at {self.node.time:.3f} s "
-            f"before {first} is where it is at {self.after.time:.3f} s"
+            f"{waits} does not go beyond its planned position at {self.node.time:.3f} s "
+            f"before {first} has reached its planned position at {self.after.time:.3f} s"
         )
 
 

@@ -124,7 +124,7 @@ class ViewOptions(Value):
             check_text("a name in compare", name)
             of_kind(f"compare[{name!r}]", motion, Trajectory)
         if len(self.compare) > 1:
-            raise InputError(f"compare has {len(self.compare)} motions, expected one beside that of the page")
+            raise InputError(f"compare has {len(self.compare)} motions, expected one in addition to that of the page")
         object.__setattr__(self, "compare", MappingProxyType(dict(self.compare)))
 
 
