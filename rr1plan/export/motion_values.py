@@ -74,7 +74,7 @@ def plain(value: Any, stored: Shapes | None = None) -> Any:
 
 def _plain_fields(value: object, stored: Shapes | None) -> dict[str, object]:
     if type(value) not in _ENTRIES:
-        raise InputError(f"a {type(value).__name__} cannot be stored in a motion file")
+        raise InputError(f"values of type {type(value).__name__} cannot be stored in a motion file")
     entry = _ENTRIES[type(value)]
     tag = entry.__struct_config__.tag
     names = zip(entry.__struct_encode_fields__, entry.__struct_fields__, strict=True)
