@@ -40,7 +40,7 @@ class EdgeInterval:
     """A checked interval of an edge.
 
     Args:
-        begin: Its begin, as a fraction of the edge.
+        begin: Its start, as a fraction of the edge.
         end: Its end, likewise.
         distance: Distance of the deciding pair at its middle, beyond padding and tolerance [m].
         bound: Bound on the approach of that pair between the middle and an end [m].
@@ -87,7 +87,7 @@ def sample_edge(checker: CollisionChecker, q0: ArrayLike, q1: ArrayLike, step: f
 
     Args:
         checker: Of the scene.
-        q0: Begin [rad or m], shape (nq,).
+        q0: Start [rad or m], shape (nq,).
         q1: End [rad or m], shape (nq,).
         step: Largest distance between two samples in configuration space [rad].
 
@@ -112,7 +112,7 @@ def halve_edge(
 
     Args:
         checker: Of the scene.
-        q0: Begin [rad or m], shape (nq,).
+        q0: Start [rad or m], shape (nq,).
         q1: End [rad or m], shape (nq,).
         most: Number of intervals after which the search gives up with an undecided one.
 
@@ -158,13 +158,13 @@ def advance_edge(
 
     Args:
         checker: Of the scene.
-        q0: Begin [rad or m], shape (nq,).
+        q0: Start [rad or m], shape (nq,).
         q1: End [rad or m], shape (nq,).
         most: Number of steps after which the search gives up.
         shortest: A step below this fraction of the edge counts as contact.
 
     Returns:
-        The steps; the distance of each was measured at its begin, and the bound is for its whole length. The last one
+        The steps; the distance of each was computed at its start, and the bound is for its whole length. The last one
         is a contact if the edge is not free.
 
     Raises:
@@ -221,11 +221,11 @@ def contact_share(checker: CollisionChecker, q0: ArrayLike, q1: ArrayLike) -> tu
 
     Args:
         checker: Of the scene.
-        q0: Begin [rad or m], shape (nq,).
+        q0: Start [rad or m], shape (nq,).
         q1: End [rad or m], shape (nq,).
 
     Returns:
-        Begin and end as fractions of the edge.
+        Start and end as fractions of the edge.
 
     Raises:
         InputError: a wrong shape.

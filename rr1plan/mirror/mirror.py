@@ -43,7 +43,7 @@ class Mirror:
         scene: The scene; joints without messages keep their values in it.
         plan: The planned motion; None: states are not compared with a plan.
         corridor: The certified corridor of the plan (default: computed).
-        start: Begin of the plan, on the clock of the sender [s] (default: at the first message).
+        start: Start of the plan, on the clock of the sender [s] (default: at the first message).
         record: A file (.jsonl) for all messages, readable by `read_states`.
         on_event: Called with each `MirrorEvent`.
 

@@ -149,7 +149,7 @@ def opening_value(robot: Robot, width: float) -> float:
 
 
 def grip_depth(robot: Robot, width: float) -> float:
-    """Distance beyond the tool frame, along its z axis, at which fingers touch a plate of a thickness [m].
+    """Distance [m] beyond the tool frame, along its z axis, at which fingers touch a plate of a thickness [m].
 
     Raises:
         InputError: a gripper that does not open so wide.

@@ -37,8 +37,8 @@ def stage_planners(motion: StagedMotion) -> dict[str, Any]:
         motion: The motion and its stages.
 
     Returns:
-        Plain values that JSON can represent: for each of the `stages` its begin, its planner, the held objects, and the
-        configuration at its beginning; and the `planners`, without duplicates.
+        Plain values that JSON can represent: for each of the `stages` its start, its planner, the held objects, and the
+        configuration at its start; and the `planners`, without duplicates.
     """
     columns = motion.scene.joint_names()
     planners: list[dict[str, Any]] = []

@@ -22,7 +22,7 @@ class SequenceStage(Value):
 
     Args:
         label: Description in a few words.
-        begin: Begin [s].
+        begin: Start [s].
         end: End [s]; equal to `begin` if an object is attached or detached.
         allowed: Pairs of elements that may touch during this stage, in addition to those of the scene.
         change: The object that is attached or detached.

@@ -46,7 +46,7 @@ class Edge {
     return found;
   }
 
-  /** Steps from the beginning, each as long as the distances at its begin allow. */
+  /** Steps from the start of the edge, each as long as the distances at its own start allow. */
   advance() {
     const found = [];
     for (let at = 0; at < 1 && found.length < MOST;) {
@@ -429,7 +429,7 @@ class EdgeLesson {
       pen.globalAlpha = now ? 0.5 : 0.26;
       pen.fillStyle = color;
       if (this.mode === "advance") {
-        // Bound on the motion of the links since the begin of the step.
+        // Bound on the motion of the links since the start of the step.
         pen.beginPath(); pen.moveTo(x(begin), floor); pen.lineTo(x(end), y(bound)); pen.lineTo(x(end), floor); pen.fill();
       } else pen.fillRect(x(begin), y(bound), Math.max(1, x(end) - x(begin)), floor - y(bound));
       pen.globalAlpha = 1;

@@ -177,7 +177,7 @@ class _Change:
 
     Args:
         plan: The plan.
-        now: Begin of the change [s].
+        now: Start of the change [s].
         rng: Source of random numbers.
         watch: Deadline.
     """

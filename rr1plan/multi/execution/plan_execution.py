@@ -29,7 +29,7 @@ class ArmDelay(Value):
     Args:
         start: Delay of its start [s].
         slowdown: Relative increase of all durations: 0.3 is 30 %.
-        pauses: Pairs of the time at which it begins to stop, and the time after that until it may continue [s].
+        pauses: Pairs of the time at which it begins to stop [s], and the time after that until it may continue [s].
 
     Raises:
         InputError: a number that is not finite, or below zero.

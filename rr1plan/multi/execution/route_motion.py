@@ -41,7 +41,7 @@ def slower(limits: Limits, factor: float) -> Limits:
 
 
 class _Moved(NamedTuple):
-    """A traversed part of a segment: its begin and length, squared path speeds at both ends, and times."""
+    """A traversed part of a segment: its start and length, squared path speeds at both ends, and times."""
 
     piece: int
     offset: float
@@ -292,7 +292,7 @@ class RouteMotion:
         return Trajectory(route.joint_names, breaks, whole.coefficients[kept])
 
     def rests(self) -> list[tuple[int, float, float]]:
-        """Gridpoints at which it rested before the end of its route, with begin and end of each rest [s]."""
+        """Gridpoints at which it rested before the end of its route, with start and end of each rest [s]."""
         self._advance(self.stop_time)
         at = np.flatnonzero(np.isfinite(self._left) & (self._left - self._passed > SHORTEST))
         return [(int(k), float(self._passed[k]), float(self._left[k])) for k in at]

@@ -39,7 +39,7 @@ class Part(Value):
         route: Its route, with the times of the steps.
         rows: The row of extended diagrams of each step, shape (n,).
         gridpoints: Gridpoint of the path at each gridpoint of the route, shape (m + 1,).
-        begin: Begin of the interval [s]; -inf for the first part.
+        begin: Start of the interval [s]; -inf for the first part.
         end: End of the interval [s]; inf for the last part.
     """
 
@@ -183,7 +183,7 @@ class Stop:
     """A rest from which an arm can begin a new motion.
 
     Args:
-        time: Begin of the rest [s].
+        time: Start of the rest [s].
         q: Its configuration, shape (nq,).
         before: Its part until that time.
         braking: Its motion from now until the stop; None if it rests already.

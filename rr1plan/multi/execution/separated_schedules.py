@@ -266,7 +266,7 @@ class _JointMotion:
         names = self.motion.joint_names
         q = self.motion(times)[:, [names.index(name) for name in route.joint_names]]
         ends = offset[at] + _distances(route, at, q)
-        # Begin and end of the parts on their pieces; new gridpoints come after the beginning of a segment.
+        # Start and end of the parts on their pieces; new gridpoints come after the start of a segment.
         begin, end = np.insert(offset, at + 1, ends), np.insert(offset + delta, at, ends)
         moved = np.arange(len(piece) + 1) + np.bincount(at + 1, minlength=len(piece) + 1).cumsum()
         begins = np.insert(moved[steps.begins], step + 1, moved[at] + number)

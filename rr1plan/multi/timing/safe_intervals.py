@@ -31,7 +31,7 @@ class BlockedTimes(NamedTuple):
 
     Args:
         rows: Rows, ascending, shape (n,).
-        begin: Begin of each interval [s].
+        begin: Start of each interval [s].
         end: End of each interval [s].
     """
 
@@ -40,7 +40,7 @@ class BlockedTimes(NamedTuple):
     end: Array
 
     def of(self, row: int) -> tuple[Array, Array]:
-        """Begins and ends of the times in which a row is blocked."""
+        """Starts and ends of the intervals in which a row is blocked."""
         first, last = np.searchsorted(self.rows, [row, row + 1])
         return self.begin[first:last], self.end[first:last]
 

@@ -86,7 +86,7 @@ def waits_of(schedules: Sequence[Schedule]) -> tuple[Wait, ...]:
 
 
 def _rests(schedule: Schedule) -> list[tuple[float, Leg, Leg | None]]:
-    """Begin of each rest before the arrival, the leg after it, and the one after that."""
+    """Start of each rest before the arrival, the leg after it, and the one after that."""
     rests, now = [], 0.0
     for leg, following in pairwise((*schedule.legs, None)):
         assert leg is not None

@@ -74,7 +74,7 @@ def timeline(
         trajectory: The motion; its columns are joints of the scene.
         scene: The scene.
         report: The referee's verdict, whose collisions are marked.
-        waits: The waits of a plan. A rest that overlaps none of them has no reason.
+        waits: The waits (`Wait`) of a plan. A rest that overlaps none of them has no reason.
         undelayed: Duration of the path of an arm without waiting [s], where known.
 
     Raises:

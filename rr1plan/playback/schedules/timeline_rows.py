@@ -21,9 +21,9 @@ class TimelineRows(Value):
         name: Name of the scene.
         arms: The moving arms.
         numbers: Number of each in its scene, which determines its color.
-        motions: When each arm moves: begin and end [s], one interval after the other.
+        motions: Intervals in which each arm moves: start and end [s], in order.
         waits: Rests of arms before they arrive.
-        start: Begin of the motion [s], usually 0.
+        start: Start of the motion [s], usually 0.
         makespan: Time from the start until the last arm arrives [s].
         undelayed: Duration of the path of each arm without waiting [s], where known.
         conflicts: Findings of the referee between two elements: collisions, and pairs that it cannot decide.
