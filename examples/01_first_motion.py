@@ -1,4 +1,4 @@
-"""From a question to a certified, replayed, visible motion: the whole line in five steps.
+"""From a problem to a certified, replayed, visible motion: the whole pipeline in five steps.
 
 RR1 stands on a table among boxes and has to bring its tool behind a crate.
 """

@@ -16,7 +16,7 @@ for preset in robot.presets:
 # The gripper is locked, not planned for: open it and the collision shapes follow.
 print("fingers open at", dict(robot.with_locked_joints("open").locked_joints))
 
-# A robot of your own: the reader is strict, and says what it does not like and where.
+# A robot of your own: the reader is strict, and reports what is wrong and where.
 Path("two_links.urdf").write_text("""
 <robot name="two_links">
   <link name="base"/>

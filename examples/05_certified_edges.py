@@ -1,6 +1,6 @@
 """Certified edges: every sample of a motion can be free although the motion is not, and what a proof costs.
 
-Also among moving arms: an edge has a time then, and whether it is free depends on it.
+Among moving arms an edge also has a time interval, and whether it is free depends on that interval.
 """
 
 import numpy as np

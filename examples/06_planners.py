@@ -1,4 +1,4 @@
-"""Planners: one verb for all of them; what their paths cost, and how optimizing ones improve until the budget ends."""
+"""Planners: one function for all of them; the cost of their paths, and improvement until the budget ends."""
 
 import rr1plan as rp
 

@@ -20,7 +20,7 @@ for method in ("blend", "stop", "ruckig"):
         f"{acceleration:4.0%} of the acceleration limit, valid: {report.valid}"
     )
 
-# The real arm is far slower than the simulated one: the preset knows.
+# The real arm is far slower than the simulated one: the preset has its limits.
 arm = next(iter(scene.arms))
 slow = scene.with_robot(arm, scene.arms[arm].robot.with_limits("hardware"))
 print(f"on the real arm: {rp.retime(motion.path, slow, checker=rp.CollisionChecker(slow)).duration:.1f} s")

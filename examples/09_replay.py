@@ -1,4 +1,4 @@
-"""Replay in MuJoCo: how well would servos follow, what would touch, how hard do the motors work?"""
+"""Replay in MuJoCo: how well do servos follow, which elements touch, how large are the motor torques?"""
 
 import rr1plan as rp
 

@@ -1,4 +1,4 @@
-"""Two arms at once, with the same types and verbs: one path with more columns, one clock."""
+"""Two arms at once, with the same types and functions: one path with more columns, one clock."""
 
 import rr1plan as rp
 
@@ -9,7 +9,7 @@ print(f"{', '.join(problem.arms)} move: {problem.nq} joints")
 motion = rp.plan_motion(problem, rng=0)
 print(motion)
 
-# Each arm's part on the common clock, and back together.
+# Split the trajectory by arm, on the common clock, and merge it again.
 parts = [motion.trajectory.select(arm) for arm in problem.arms]
 assert rp.Trajectory.merge(*parts).allclose(motion.trajectory)
 for arm, part in zip(problem.arms, parts, strict=True):

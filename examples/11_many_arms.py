@@ -19,7 +19,7 @@ for arm in list(scene.arms)[::2]:
 together = rp.Trajectory.merge(*moves.values())
 print(f"{len(scene.arms)} arms; {len(moves)} move, {len(together.joint_names)} joints, {together.duration:.2f} s")
 
-# Each was planned while the others rest; whether they may move at once is the referee's to say.
+# Each was planned while the others rest; the referee decides whether they may move at once.
 report = rp.validate(together, scene)
 print(report)
 print(rp.simulate(together, scene))

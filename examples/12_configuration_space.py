@@ -1,10 +1,10 @@
-"""The configuration space of the 2R arm: the picture every course on planning begins with."""
+"""The configuration space of the 2R arm: the picture with which every course on planning begins."""
 
 import rr1plan as rp
 
 for name in ("planar2r_path", "planar2r_no_path"):
     problem = next(iter(rp.load_problems(name).values()))
-    # Short edges make a tree that shows how it grew; by default they are longer, and few.
+    # Short edges show how the tree grew; by default edges are longer and fewer.
     planner = rp.RrtConnect(range=0.15, tree=True)
     result = planner.plan(problem, budget=rp.Budget(iterations=1500), rng=14)
     picture = rp.cspace(problem.scene, problem, result=result)

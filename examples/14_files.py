@@ -1,4 +1,4 @@
-"""Files: a saved motion is judged again when it is loaded, in its own scene or in one that has changed since."""
+"""Files: a saved motion is validated again when it is loaded, in its own scene or in one that has changed since."""
 
 from pathlib import Path
 
@@ -13,14 +13,14 @@ again = rp.load_motion(file)
 print("read back exactly:", again.trajectory.allclose(motion.trajectory, atol=0.0))
 print("proven again:", bool(again))
 
-# Does it survive a change of the cell?
+# Is it still valid after a change of the cell?
 arm = next(iter(scene.arms))
 halfway = motion.trajectory(0.5 * motion.trajectory.duration)
 where = scene.with_configuration(arm, halfway).link_poses()[f"{arm}/tool"][:3, 3]
 changed = rp.load_motion(file, scene.with_obstacle("late_ball", rp.Sphere(0.03), where))
 print(f"there: {changed.report!r}; what differs: {', '.join(changed.changes)}")
 
-# Samples, of this or of another program's motion; quintics between them, as they carry accelerations.
+# Samples of a motion, also from another program; joined by quintics, because they include accelerations.
 table = rp.save_csv("14_trajectory.csv", motion.trajectory.stretched(2.0))
 print(table.read_text().splitlines()[0])
 print("from samples:", rp.load_motion(table, scene))

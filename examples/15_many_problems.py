@@ -1,4 +1,4 @@
-"""Many problems at once, over processes: seeds of their own, answers in order, no failure loses the rest."""
+"""Many problems at once, over processes: a seed for each, results in order, and one failure does not affect others."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ def tell(progress):
     print(f"{progress.fraction:4.0%} after {progress.seconds:.1f} s")
 
 
-# Spawned processes import this file: what they must not repeat stands behind the guard below.
+# Spawned processes import this file: the guard below keeps them from running the rest.
 def main():
     scene = rp.load_scene("rr1_table")
     places = [[-0.30, y, 0.20] for y in np.linspace(-0.3, 0.3, 6)] + [[3.0, 0.0, 0.2]]

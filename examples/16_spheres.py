@@ -1,4 +1,4 @@
-"""Spheres that contain: what a certified search asks first, few and tight, and proven to hold each link."""
+"""Bounding spheres, the first test of a certified search: few and tight, and proven to contain each link."""
 
 import numpy as np
 

@@ -12,7 +12,7 @@ for dependency in graph.dependencies[:3]:
     print(dependency)
 print(rp.save_plan_graph("18_delays.json", graph, result.trajectory, problem.scene, problem))
 
-# One starts late, one is 30 % slower, and a person stops one for a second: the others wait where they have to.
+# One starts late, one is 30 % slower, and a person stops one for a second: the others wait where necessary.
 delays = {
     "arm01": rp.ArmDelay(start=0.3),
     "arm02": rp.ArmDelay(slowdown=0.3),
@@ -25,11 +25,11 @@ report = rp.validate(late.trajectory, problem.scene, problem)
 replay = rp.simulate(late.trajectory, problem.scene)
 print(report, replay, sep="\n")
 
-# With 0.2 s between those that share some space nobody has to wait at run time, if no start is later than that.
+# With 0.2 s between arms that share space, no arm has to wait at run time if no start is later than that.
 tolerant = rp.execute_plan(graph, problem.scene, gap=0.2)
 print(f"{tolerant.makespan:.2f} s with a skew tolerance of {tolerant.graph.skew_tolerance:.2f} s")
 
-# At 0.4 s the fourth arm is called home; nothing changes before 0.7 s.
+# At 0.4 s the fourth arm gets the goal "home"; nothing changes before 0.7 s.
 added = rp.add_motion(result, "arm04", "home", at=0.4, freeze=0.3, budget=rp.Budget(seconds=5.0), rng=0)
 print(added)
 assert added, added.reason

@@ -14,6 +14,6 @@ for width in (0.20, 0.15, 0.12, 0.10):
     print(f"{100 * width:.0f} cm: {motion.report!r}, {motion.many_arms.ratio:.2f} times the slowest arm alone")
     print(f"  the tools meet {100 * distance:.1f} cm apart; clearance {motion.report.margins['clearance']}")
 
-# The narrowest as a scene file, which `rr1plan plan 20_hand_over.toml --planner many_arms` plans, too.
+# Save the narrowest window as a scene file, for `rr1plan plan 20_hand_over.toml --planner many_arms`.
 print(rp.save_scene("20_hand_over.toml", problem.scene, problems={"meet": problem}))
 print(motion.save_html("20_hand_over.html"), motion.save("20_hand_over.json"))

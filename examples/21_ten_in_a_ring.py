@@ -8,7 +8,7 @@ print(motion)
 print(motion.timeline())
 print(motion.save_html("21_ten_in_a_ring.html"), motion.save("21_ten_in_a_ring.json"))
 
-# In the plan all slow down for each other. If each goes as fast as it can in the same order, it waits where it has to.
+# In the plan the arms slow down for each other. Here they keep the same order, but go as fast as they can and wait.
 executed = rp.execute_plan(rp.plan_graph(motion.many_arms), problem.scene)
 print(f"planned {motion.many_arms.makespan:.2f} s, in this order {executed.makespan:.2f} s")
 line = rp.timeline(executed.trajectory, problem.scene, waits=executed.waits)

@@ -1,4 +1,4 @@
-"""No schedule: a plan of many arms that does not exist says which arms are to blame, and why."""
+"""No schedule: if many arms have no plan, the result names the arms responsible, and the reason."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ scene = rp.place_grid(rp.load_robot("rr1"), 1, 3, spacing=0.8)
 between = rp.PoseGoal("tool", [0.0, 0.4, 0.3])
 left, right = (np.array([turn, 0.0, 0.3, 0.0, 0.5, 0.0]) for turn in (-1.2, 1.9))
 
-# Two tools are sent to the same place: what touches is known before anything is planned.
+# Two tools are sent to the same place: the contact is reported before planning.
 same = rp.Problem(scene, None, {"arm01": right, "arm02": between, "arm03": between})
 print(rp.plan_motion(same, rng=0))
 
@@ -17,7 +17,7 @@ where = scene.link_poses()["arm03/tool"][:3, 3]
 boxed = scene.with_obstacle("box", rp.Box((0.1, 0.1, 0.1)), where)
 print(rp.plan_motion(rp.Problem(boxed, None, {"arm01": right, "arm02": left, "arm03": left}), rng=0))
 
-# A wall that one arm cannot get around: a joint that cannot pass proves that there is no path.
+# A wall that one arm cannot get around: a joint value that it cannot pass proves that there is no path.
 wall = scene.arms["arm02"].base @ rp.transforms.pose((-0.4, 0.0, 1.15))
 walled = scene.with_obstacle("wall", rp.Box((0.6, 0.02, 1.8)), wall)
 around = rp.Problem(walled, {"arm02": left}, {"arm01": right, "arm02": right, "arm03": left})

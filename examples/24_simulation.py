@@ -1,4 +1,4 @@
-"""Step by step: a simulation commanded while it runs, by controllers that mean what ros2_control's mean."""
+"""Step by step: a simulation commanded while it runs, by controllers that behave like those of ros2_control."""
 
 import numpy as np
 

@@ -12,7 +12,7 @@ scene = (
     .with_obstacle("table", rp.Box((1.6, 1.6, 0.04)), [0, 0, -0.02])
 )
 scene = scene.with_obstacle("floor", rp.HalfSpace(offset=-0.7)).with_obstacles(tower)
-for name in tower:  # a planner goes around the tower, but here the arm is to hit it
+for name in tower:  # a planner would avoid the tower, but here the arm should hit it
     scene = scene.allow("rr1", name)
 
 names, still = scene.joint_names(), np.zeros((2, 6))
@@ -30,7 +30,7 @@ with rp.Recorder(sim) as recorder:
     execution = arm.send(swing)
     sim.run(duration=0.4)
     ball = rp.Obstacle([rp.Geometry("ball", rp.Sphere(0.05), np.eye(4), (0.2, 0.45, 0.8, 1))], mass=0.3, friction=0.5)
-    sim.update_scene(sim.scene.with_obstacles({"ball": ball}))  # the scene of the beginning stays as it is
+    sim.update_scene(sim.scene.with_obstacles({"ball": ball}))  # the initial scene does not change
     sim.place_body("ball", [-0.5, -0.6, 0.3], [0.0, 2.0, 1.5, 0.0, 0.0, 0.0])
     sim.run(duration=2.6)
 print(f"{execution}, at most {execution.max_error.max():.1e} rad off while it pushed")

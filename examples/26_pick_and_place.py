@@ -1,4 +1,4 @@
-"""A block is picked up and put down: one sequence, one trajectory, one proof, one replay in which friction holds it."""
+"""A block is picked up and put down: one sequence, one trajectory, one proof, one replay with grasps by friction."""
 
 import rr1plan as rp
 
@@ -23,7 +23,7 @@ for event in plan.events:
 replay = rp.simulate_sequence(plan)
 print(replay)
 
-# The same file, in the same cell and in one with something in the way of the block.
+# The same file, in the same cell and in one with an obstacle in the way of the block.
 plan.save("26_pick_and_place.json")
 print("read again:", repr(rp.load_sequence("26_pick_and_place.json")))
 carried = plan.object_poses("block", [plan.stages[6].end])[0]
@@ -31,7 +31,7 @@ later = scene.with_obstacle("late_ball", rp.Sphere(0.01), carried[:3, 3] - [0, 0
 changed = rp.load_sequence("26_pick_and_place.json", later)
 print("with a ball:", changed.report.violations[0].message)
 
-# Where a segment cannot be done, the plan says which one and why.
+# If a segment is infeasible, the plan names it and the reason.
 hopeless = rp.plan_sequence(rp.Sequence(scene, rp.pick_and_place(scene, "block", [-0.9, 0, 0.03])), rng=0)
 print("too far:", hopeless)
 print(plan.save_html("26_pick_and_place.html"))

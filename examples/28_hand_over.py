@@ -4,7 +4,7 @@ import numpy as np
 
 import rr1plan as rp
 
-OPEN, BY, UP = 0.06, 0.06, [0, 0, 0.08]  # of the fingers, from the middle of the bar, above it [m]
+OPEN, BY, UP = 0.06, 0.06, [0, 0, 0.08]  # finger opening, distance from the middle of the bar, height above it [m]
 
 robot = rp.load_robot("rr1")
 scene = (
@@ -21,7 +21,7 @@ place = rp.transforms.pose([-0.41, -0.16, 0.015])
 
 
 def above(scene: rp.Scene, arm: str, by: float) -> list[rp.PoseGoal]:
-    """Poses of the tool above the bar, some way along it from its middle [m]."""
+    """Poses of the tool above the bar, at a signed distance `by` from its middle [m]."""
     shift = by * scene.obstacles["bar"].pose[:3, 0] + UP
     return [rp.PoseGoal(g.frame, g.position + shift, g.quaternion) for g in rp.top_grasps(scene, "bar", arm=arm)]
 

@@ -1,4 +1,4 @@
-"""Motions in your own tests: what is wrong is said with its place and time, and other checkers give their opinions."""
+"""Motions in your own tests: failures name elements and times, and other collision checkers give second opinions."""
 
 import rr1plan as rp
 
@@ -12,7 +12,7 @@ def make_motion() -> rp.MotionPlan:
 
 # As pytest would run them.
 def test_the_motion_is_valid() -> None:
-    """The referee certifies it, now, whatever report it carries."""
+    """The referee certifies it anew, whatever report it carries."""
     rp.assert_valid(make_motion(), torque_limits=True)
 
 
@@ -34,7 +34,7 @@ def test_three_checkers_find_no_contact() -> None:
 
 
 def test_something_is_in_the_way() -> None:
-    """Fails: somebody has put a ball onto the table."""
+    """Fails: there is a ball on the table."""
     motion = make_motion()
     rp.assert_valid(motion.trajectory, motion.scene.with_obstacle("ball", rp.Sphere(0.06), [-0.30, 0.25, 0.20]))
 

@@ -4,7 +4,7 @@ import pathlib
 
 import rr1plan as rp
 
-# Made up for this example: steps per radian of your arm are measured, and the rest depends on its firmware.
+# Example values: measure the steps per radian of your arm; the rest depends on its firmware.
 pathlib.Path("30_arm.toml").write_text("""
 format = "rr1plan calibration"
 version = 1
@@ -49,12 +49,12 @@ start = dict(zip(channels, plan.start[:6], strict=True))
 end = rp.send_commands(plan, rp.EmulatedSerialLine(box, start))
 print(f"executed: {end.state}, counters {end.position[:6]}")
 
-# An arm that is elsewhere gets nothing.
+# If the arm is at another configuration, nothing is sent.
 try:
     rp.send_commands(plan, rp.EmulatedSerialLine(box, start | {"W1": 0}))
 except rp.HardwareError as error:
     print(f"refused: {error}")
 
-# For ROS: what `ros2 topic pub` takes, by the rules of joint_trajectory_controller.
+# For ROS: a file for `ros2 topic pub`, checked by the rules of joint_trajectory_controller.
 file = rp.save_joint_trajectory("30_motion.yaml", motion.trajectory, dt=0.05)
 print(f"objections of a controller: {list(rp.check_joint_trajectory(file))}")

@@ -2,7 +2,7 @@
 
     python 31_calibration.py
 
-A real arm is played by numbers that the estimation does not know; readings are steps of its motors.
+The real arm is simulated by parameters hidden from the estimation; readings are motor steps.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ scene = rp.load_scene("rr1_table")
 kinematics = rp.Kinematics(robot)
 names = robot.joint_names
 
-# The arm as it is built: signs, zeros and steps per radian that nobody has written down.
+# The true parameters of the arm: signs, zeros and steps per radian, unknown to the user.
 signs = np.array([1, -1, -1, -1, 1, -1])
 zeros = np.radians([4.0, -7.5, 2.0, 11.0, -3.0, 8.0])
 scales = np.array([802.0, 815.0, 1547.0, 2406.0, 4412.0, 2492.0])
@@ -27,16 +27,16 @@ print(f"{len(poses)} poses to measure in, all free of collision")
 
 
 def measured(noise: float) -> tuple[rp.Array, rp.Array]:
-    """What a person would write down: the counters of the motors, and where the tip of the pointer is."""
+    """What a person would write down: the motor counters and the position of the pointer's tip."""
     tools = kinematics.poses_batch(poses)
     tips = tools[:, :3, :3] @ point + tools[:, :3, 3]
     return np.round((poses - zeros) * signs * scales), tips + noise * rng.standard_normal(tips.shape)
 
 
-# The scales need to be known within a fifth, from gears and microsteps; signs and zeros do not.
+# The scales must be known to within 20 %, from gears and microsteps; signs and zeros need not be known.
 start = rp.Calibration.assumed(robot, dict(zip(names, scales * rng.uniform(0.85, 1.15, 6), strict=True)), unit="steps")
 readings, tips = measured(1e-3)
-tips[5] += [0.04, 0.0, 0.01]  # somebody misread the ruler
+tips[5] += [0.04, 0.0, 0.01]  # an outlier: the ruler was misread
 before = rp.calibrate(robot, readings, tips, start=start, point=point)
 print(before)
 worst = max(abs(joint.zero - zero) for joint, zero in zip(before.joints.values(), zeros, strict=True))
@@ -50,11 +50,11 @@ moved, *others = after.zero_shifts(before)
 print(f"moved: {moved}")
 print(f"all others by less than {max(shift.significance for shift in others):.1f} standard deviations")
 
-# Without the pointer the last joint cannot be seen.
+# Without the pointer the last joint is not observable.
 readings, _ = measured(0.0)
 on_axis = rp.calibrate(robot, readings, kinematics.poses_batch(poses)[:, :3, 3], start=start)
 assert on_axis.fit is not None
 print(f"without a pointer, not determined: {dict(on_axis.fit.undetermined)}")
 
-# From now on, counters are joint positions, and the other way round.
+# From now on, counters convert to joint positions and back.
 print(f"home is at {np.round(after.readings(robot.home)).astype(int).tolist()} steps")

@@ -1,8 +1,8 @@
-"""A mirror: joint states of an arm that runs, beside its plan and the corridor that is certified free of collision.
+"""A mirror: joint states of a running arm, compared with its plan and the certified collision-free corridor.
 
     python 32_mirror.py
 
-The arm is a simulation that broadcasts its joints over UDP; a person pushes it on the way.
+The arm is a simulation that broadcasts its joint states over UDP; a person pushes it during the motion.
 """
 
 import socket
@@ -20,13 +20,13 @@ with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:  # a free port o
     probe.bind(("127.0.0.1", 0))
     address = probe.getsockname()
 
-# How far may the arm be off the plan so that it is proven free of collision?
+# How far may the arm deviate from the plan and still be proven free of collision?
 corridor = rp.certified_corridor(scene, plan)
 print(corridor)
 
 
 def run_arm() -> None:
-    """Play the arm, with a push at 0.7 s."""
+    """Simulate the arm, with a push at 0.7 s."""
     sim = rp.Simulation(scene)
     follow = rp.JointTrajectoryController(names, goal_tolerance=0.05)
     sim.activate(follow)
@@ -55,12 +55,12 @@ with mirror, rp.read_states(source, silence=0.5) as stream:
     print(mirror.report())
     print(f"MuJoCo has {mirror.data.ncon} contacts in the last state")
 
-# The recording is a stream as well, also for: rr1plan mirror 32_run.jsonl --scene rr1_table
+# The recording is a stream, too: rr1plan mirror 32_run.jsonl --scene rr1_table
 with rp.Mirror(scene, plan, corridor=corridor, start=0.0) as again:
     report = again.run(rp.read_states("32_run.jsonl"))
 print(f"again from the file: {report.messages} messages, off by {max(report.max_deviation.values()):.3f} rad at most")
 
-# One configuration: the share of the corridor that it uses, and the pair with the least room.
+# One configuration: the share of the corridor that it uses, and the pair with the smallest remaining distance.
 q = plan(0.5 * plan.duration) + np.array([0.005, 0.0, 0.0, 0.0, 0.0, 0.0])
 place = corridor.position(q)
 print(f"5 mrad off: {100 * place.use:.0f} % of the corridor, {' and '.join(place.pair)} are next")

@@ -1,4 +1,4 @@
-"""A sequence that is written by hand: a TOML file says what is to happen in which scene."""
+"""A sequence written by hand: a TOML file lists the segments and names the scene."""
 
 from pathlib import Path
 
@@ -63,7 +63,7 @@ plan = rp.plan_sequence(rp.load_segments(file), rng=0)
 print(plan)
 print(rp.simulate_sequence(plan))
 
-# Mistakes are named with their line.
+# Errors are reported with their line.
 file.with_stem("33_typo").write_text(file.read_text().replace('{ around = "block" }', '{ arround = "block" }'))
 try:
     rp.load_segments("33_typo.toml")

@@ -210,7 +210,7 @@ def eight_arms_swap_places_on_one_clock(said: str, folder: Path) -> None:
 
 def arms_wait_for_each_other_whatever_is_late(said: str, folder: Path) -> None:
     assert "PlanGraph(4 arms" in said
-    assert said.count("does not go beyond where the plan has it") == 3
+    assert said.count("does not go beyond its planned position") == 3
     planned, delayed = (float(t) for t in re.search(r"planned (\S+) s, with delays (\S+) s", said).groups())
     assert planned < delayed
     assert FREE in said
@@ -307,7 +307,7 @@ def a_block_is_carried_by_friction(said: str, folder: Path) -> None:
     assert number(r"(\d+) grasps from above", said) >= 4
     attached, detached = (number(rf"at (\S+) s: {change} 'block'", said) for change in ("attach", "detach"))
     assert 0.0 < attached < detached
-    assert number(r"block: at most (\S+) mm from where the plan has it", said) < 10.0
+    assert number(r"block: at most (\S+) mm from its planned position", said) < 10.0
     assert "contacts: none that no stage allows" in said
     assert "read again: SequencePlan(13 stages, Report(certified" in said
     assert re.search(r"with a ball: stage 7 .*late_ball and block overlap", said)
@@ -326,7 +326,7 @@ def three_blocks_end_in_a_row(said: str, folder: Path) -> None:
 def a_bar_goes_from_one_arm_to_the_other(said: str, folder: Path) -> None:
     assert FREE in said
     assert re.findall(r"at \S+ s: (\w+) 'bar'", said) == ["attach", "detach", "attach", "detach"]
-    assert number(r"bar: at most (\S+) mm from where the plan has it", said) < 10.0
+    assert number(r"bar: at most (\S+) mm from its planned position", said) < 10.0
     assert rp.load_sequence(folder / "28_hand_over.json").valid
 
 
@@ -349,7 +349,7 @@ def a_motion_goes_to_an_emulated_control_box(said: str, folder: Path) -> None:
 
 def a_sequence_is_written_by_hand(said: str, _: Path) -> None:
     assert FREE in said
-    assert number(r"block: at most (\S+) mm from where the plan has it", said) < 10.0
+    assert number(r"block: at most (\S+) mm from its planned position", said) < 10.0
     assert "contacts: none that no stage allows" in said
     assert re.search(r"33_typo.toml:\d+: segments\[4\].move_gripper: .*Did you mean 'around'", said)
 

@@ -1,4 +1,4 @@
-"""What the tool of a 2R arm reaches, and in how many ways: a lesson about an arm of your own, and the numbers in it."""
+"""The workspace of a 2R arm, and the number of solutions in it: a lesson about your own arm, and its numbers."""
 
 import numpy as np
 

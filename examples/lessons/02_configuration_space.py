@@ -1,4 +1,4 @@
-"""Images of obstacles in the configuration space: strips, blobs, overlaps, seams, for joints that turn and slide."""
+"""Images of obstacles in configuration space: strips, blobs, overlaps, seams, for revolute and prismatic joints."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Start and goal are free, no path joins them, and that is proven; a planner can only give up."""
+"""Start and goal are free, and it is proven that no path connects them; a planner can only give up."""
 
 import rr1plan as rp
 

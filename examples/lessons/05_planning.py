@@ -1,4 +1,4 @@
-"""Six planners on one question, step by step: what they examine, what they reject, how long their paths are."""
+"""Six planners on one query, step by step: examined and rejected edges, and path lengths."""
 
 import numpy as np
 

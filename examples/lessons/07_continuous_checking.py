@@ -1,4 +1,4 @@
-"""Edges beside a thin plate: what checks at fixed steps see, and what distances prove."""
+"""Edges near a thin plate: what checks at fixed steps miss, and what distances prove."""
 
 import numpy as np
 

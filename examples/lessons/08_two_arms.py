@@ -15,7 +15,7 @@ for name, (left, right) in paths.items():
         curve = fastest_curve(pair, first=first)
         print(f"  {first} first: {'no schedule' if curve is None else f'{curve.duration:.1f} s'}")
 
-# Stretched arms swap sides: whichever arm is planned first, alone, it cuts off the other one.
+# Stretched arms swap sides: the arm that is planned first, alone, always blocks the other one.
 pair = path_pair(scene, ("left", paths["swap sides"][0]), ("right", paths["swap sides"][1]))
 for first in pair.arms:
     print(f"{first} first: the other one can avoid it: {can_get_out_of_the_way(scene, pair, first)}")

@@ -1,4 +1,4 @@
-"""An argument parser whose mistakes are one-line errors, and which refuses options without an effect."""
+"""An argument parser with one-line errors, which rejects options without an effect."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from rr1plan.checks import resolved_path
 from rr1plan.errors import InputError, UnknownNameError
 
-# Until Python 3.14 argparse takes such numbers for options, but not with a space before them.
+# Before Python 3.14, argparse interprets such numbers as options unless a space precedes them.
 _NEGATIVE = re.compile(r"-((\d+\.?\d*|\.\d+)e[+-]?\d+|inf|infinity|nan)$", re.IGNORECASE)
 
 
@@ -31,7 +31,7 @@ class Parser(argparse.ArgumentParser):
     """Options are written in full, given once, and have an effect; anything else is an `InputError`.
 
     Attributes:
-        details: Makes the last part of the help, which may take imports.
+        details: Returns the last part of the help, which may need imports.
     """
 
     def __init__(self, **settings: Any) -> None:
@@ -53,13 +53,13 @@ class Parser(argparse.ArgumentParser):
         return f"{self.format_help()}\n{self.details()}\n"
 
     def error(self, message: str) -> NoReturn:
-        """Refuse a command line: what argparse calls when it does not understand it."""
+        """Reject a command line; argparse calls this when it cannot parse it."""
         missing = message.removeprefix("the following arguments are required: ")
         words = message.removeprefix("argument ") if missing == message else f"{missing} is missing, give it first"
         raise InputError(f"{words}; see: {self.prog} --help")
 
     def refuse_unknown(self, words: list[str]) -> NoReturn:
-        """Refuse words that no option or argument takes; the message names near options."""
+        """Reject words that no option or argument accepts; the message suggests similar options."""
         option = words[0].partition("=")[0]
         known = self.options
         if option in known:
@@ -79,7 +79,7 @@ class Parser(argparse.ArgumentParser):
         self._rules.append(rule)
 
     def excludes(self, option: str, *others: str) -> None:
-        """Declare that the others have no effect beside an option."""
+        """Declare that the others have no effect together with an option."""
 
         def rule(options: argparse.Namespace) -> str | None:
             idle = [other for other in others if other in options.given]
@@ -88,7 +88,7 @@ class Parser(argparse.ArgumentParser):
         self._rules.append(rule)
 
     def at_most_one(self, *choices: str) -> None:
-        """Declare options of which only one can be given."""
+        """Declare options that exclude each other."""
 
         def rule(options: argparse.Namespace) -> str | None:
             given = [choice for choice in choices if choice in options.given]
@@ -97,7 +97,7 @@ class Parser(argparse.ArgumentParser):
         self._rules.append(rule)
 
     def different_files(self, sources: Iterable[str], *outputs: str) -> None:
-        """Declare options that name files to write: each another one, and none of them a file that is read."""
+        """Declare options that name output files: all different, and none of them an input file."""
 
         def rule(options: argparse.Namespace) -> str | None:
             read = ((source, getattr(options, _attribute(source))) for source in sources)
@@ -117,7 +117,7 @@ class Parser(argparse.ArgumentParser):
         self._rules.append(rule)
 
     def check(self, options: argparse.Namespace) -> None:
-        """Refuse options that have no effect beside the others.
+        """Reject options that have no effect together with the others.
 
         Raises:
             InputError: names the first of them.
@@ -138,7 +138,7 @@ def parse(parser: Parser, commands: Mapping[str, Parser], words: Iterable[str]) 
 
     Raises:
         InputError: an unknown word, a missing one, or an option that has no effect.
-        Shown: a text was asked for.
+        Shown: a text was requested.
     """
     words = [f" {word}" if _NEGATIVE.match(word) else word for word in words]
     command = next((word for word in words if not word.startswith("-")), None)
@@ -157,7 +157,7 @@ def spell_options(text: str, command: str, commands: Mapping[str, Parser]) -> st
 
     Args:
         text: The message.
-        command: The command that runs; an option that only another one has is named with that.
+        command: The running command; an option that only another command has is named with that command.
         commands: The parser of each.
     """
 
@@ -172,12 +172,12 @@ def spell_options(text: str, command: str, commands: Mapping[str, Parser]) -> st
 
 
 def _attribute(option: str) -> str:
-    """Where a namespace has the value of an option or of an argument."""
+    """The attribute of a namespace with the value of an option or argument."""
     return option.lstrip("-").replace("-", "_")
 
 
 def _note(action: argparse.Action, namespace: argparse.Namespace, option: str | None) -> None:
-    """Remember that an option was given; the same one twice is an error, as the first would have no effect."""
+    """Record that an option was given; giving it twice is an error, because the first would have no effect."""
     given: frozenset[str] = getattr(namespace, "given", frozenset())
     if option is not None and option in given:
         raise argparse.ArgumentError(action, "given twice, expected once")

@@ -19,22 +19,22 @@ from rich.table import Table
 from rr1plan.errors import InputError
 from rr1plan.progress_bar import Advance, no_progress, progress_bar
 
-# Of a table that nobody sees on a terminal.
+# Width of a table that is not shown on a terminal.
 _WIDEST = 10_000
 
 
 class Console:
     """Writes for a person, or with `--json` exactly one JSON value at the end.
 
-    A reader that has left (`| head`) is no error: the command goes on without text, and its exit code is its own.
+    A closed pipe (`| head`) is not an error: the command continues without output, and its exit code does not change.
 
     Args:
         as_json: Print results as JSON only.
-        quiet: No progress and no text, only errors, results asked for, and of lists the names.
+        quiet: No progress and no text, only errors, requested results, and the names in lists.
 
     Attributes:
         watch: Wall time of the command's stages.
-        spelled: Names options in messages as the command line does.
+        spelled: Converts option names in messages to those of the command line.
     """
 
     def __init__(self, as_json: bool = False, quiet: bool = False) -> None:
@@ -50,7 +50,7 @@ class Console:
         self._out_is_taken = False
 
     def leave_stdout(self) -> None:
-        """Write text for people to stderr from now on, as stdout takes a file's content."""
+        """Write text for people to stderr from now on, because stdout gets the content of a file."""
         self._out_is_taken = True
 
     def say(self, text: str = "") -> None:
@@ -63,7 +63,7 @@ class Console:
             self.write(f"{self.spelled(text)}\n")
 
     def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-        """A table for people: as wide as the terminal, and a line for each row where there is none."""
+        """A table for people: as wide as the terminal, or one line per row if there is none."""
         if self.as_json or self.quiet:
             return
         table = Table(header_style="bold", box=None, pad_edge=False)
@@ -72,13 +72,13 @@ class Console:
             table.add_column(name, min_width=max(map(len, words), default=0), overflow="fold")
         for row in rows:
             table.add_row(*(escape(cell) for cell in row))
-        # Rendered aside: `write` alone touches standard output, which may be full.
+        # Rendered to a buffer: only `write` accesses standard output, which may fail.
         text, out = io.StringIO(), self._out
         RichConsole(file=text, width=out.width, force_terminal=out.is_terminal, highlight=False).print(table)
         self.write("".join(f"{line.rstrip()}\n" for line in text.getvalue().splitlines()))
 
     def names(self, names: Sequence[str]) -> None:
-        """Print only the names of a list, one per line, where `--quiet` was given."""
+        """Print only the names of a list, one per line, if `--quiet` was given."""
         if self.quiet and not self.as_json:
             self.write("".join(f"{name}\n" for name in names))
 
@@ -97,21 +97,21 @@ class Console:
         self.warn(message)
 
     def warn(self, message: str) -> None:
-        """A line on stderr, above a bar that is running there."""
+        """A line on stderr, above a progress bar that is active there."""
         if self._err.is_terminal:
             self._err.print(f"rr1plan: {message}", markup=False)
         else:
             self._write_aside(f"rr1plan: {message}\n")
 
     def _write_aside(self, text: str) -> None:
-        """Write to stderr, where there is one."""
+        """Write to stderr, if there is one."""
         if sys.stderr is None:
             return
         try:
             sys.stderr.write(text)
             sys.stderr.flush()
         except OSError:
-            # There is no place left to say so.
+            # There is no channel left to report this.
             _discard(sys.stderr)
 
     def write(self, text: str) -> None:
@@ -135,7 +135,7 @@ class Console:
 
     @contextmanager
     def warnings(self) -> Iterator[None]:
-        """Print on stderr what the library warns of in its log."""
+        """Print warnings from the library's log on stderr."""
         logger = logging.getLogger("rr1plan")
         handler = logging.NullHandler() if self.quiet else _WarningPrinter(self)
         logger.addHandler(handler)
@@ -146,7 +146,7 @@ class Console:
 
     @contextmanager
     def progress(self, text: str) -> Iterator[Advance]:
-        """A bar for work that may take more than a second; yields a function that takes the fraction done."""
+        """A progress bar for work that may take more than a second; yields a function of the fraction done."""
         if self.as_json or self.quiet or not self._err.is_terminal:
             yield no_progress
             return
@@ -168,7 +168,7 @@ class _WarningPrinter(logging.Handler):
         self._console = console
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Print one."""
+        """Print one record."""
         self._console.warn(self._console.spelled(record.getMessage()))
 
 

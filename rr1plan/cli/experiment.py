@@ -1,4 +1,4 @@
-"""`experiment`: the simulator and the viewer beside the figures of the thesis."""
+"""`experiment`: the simulator and the viewer compared with the figures of the thesis."""
 
 from __future__ import annotations
 

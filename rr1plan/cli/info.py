@@ -1,4 +1,4 @@
-"""`robots`, `scenes` and `doctor`: what there is."""
+"""`robots`, `scenes` and `doctor`: information about robots, scenes and the installation."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ def _kernels() -> dict[str, str]:
     """The variant of the compiled kernels that this processor runs, by library.
 
     Raises:
-        InstallationError: one is not there, or cannot be loaded.
+        InstallationError: a library is missing or cannot be loaded.
     """
     from rr1plan.kernels.planner_kernels import LIBRARY
     from rr1plan.validation import referee_kernels as native

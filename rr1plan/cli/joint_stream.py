@@ -1,4 +1,4 @@
-"""`mirror`: joint states that come in, beside a plan."""
+"""`mirror`: incoming joint states, compared with a plan."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _stream(options: Namespace) -> rp.StateStream:
 
 
 def _scene_and_plan(options: Namespace, console: Console) -> tuple[rp.Scene, rp.Trajectory | None]:
-    """The scene, and the motion that the stream is compared with."""
+    """The scene, and the motion with which the stream is compared."""
     if options.plan is None:
         if options.scene is None:
             raise InputError("a mirror needs a motion or a scene: use option plan or option scene")

@@ -62,7 +62,7 @@ def figures(options: Namespace, console: Console) -> int:
 
 
 def _own(options: Namespace) -> tuple[rp.Scene | None, rp.Problem | None]:
-    """The scene and the query that were named."""
+    """The scene and the query named by the options."""
     if options.query is not None:
         return None, named_query(options.scene, options.query)
     return (None if options.scene is None else load_scene(options.scene)), None

@@ -23,10 +23,10 @@ _MOST = 8  # waits or groups that are printed
 
 
 def check_figures(options: Namespace, problem: Problem) -> None:
-    """Refuse, before any work, figures that the motion will not have.
+    """Reject, before any work, figures that the motion will not have.
 
     Raises:
-        InputError: a diagram of a motion that no planner of many arms makes, or of one arm.
+        InputError: a diagram for a motion without a planner of many arms, or of one arm.
         UnknownNameError: no such arm moves.
     """
     if options.diagram is None:
@@ -41,7 +41,7 @@ def check_figures(options: Namespace, problem: Problem) -> None:
 
 
 def save_figures(motion: MotionPlan, options: Namespace, console: Console) -> dict[str, str]:
-    """Draw what was asked for, as far as the plan has it; the files."""
+    """Draw the requested figures that the plan has; returns the files."""
     files = {}
     if options.timeline is not None:
         files["time line"] = str(motion.timeline().save(options.timeline))
@@ -55,7 +55,7 @@ def save_figures(motion: MotionPlan, options: Namespace, console: Console) -> di
 
 
 def _most_delayed(motion: MotionPlan) -> tuple[str, str]:
-    """The arm that waits longest for another, and that one; without waits the first two that do not move as one."""
+    """The arm that waits longest for another, and the other; without waits the first two that do not move as one."""
     waits = [wait for wait in motion.timeline().waits if wait.others]
     if waits:
         longest = max(waits, key=lambda wait: wait.end - wait.begin)
@@ -85,7 +85,7 @@ def say_many(motion: MotionPlan, console: Console) -> None:
 
 
 def say_groups(many: ManyArmsResult, console: Console) -> None:
-    """Print the groups that took most, those without schedules first."""
+    """Print the groups that took longest, those without schedules first."""
     groups = sorted(many.groups, key=lambda group: (group.found, -len(group.arms), -group.seconds))
     for group in groups[:_MOST]:
         who = ", ".join(group.arms) if len(group.arms) <= _MOST else counted(len(group.arms), "arm")

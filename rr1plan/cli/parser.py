@@ -115,7 +115,7 @@ def _plan(parser: Parser) -> None:
 
 
 def _view_from(parser: Parser, of: str, default: str = "one that shows the motion") -> None:
-    """The option that says where a page is looked at from first."""
+    """The option for the initial view of a page."""
     parser.add_argument(
         "--view",
         nargs="+",
@@ -126,7 +126,7 @@ def _view_from(parser: Parser, of: str, default: str = "one that shows the motio
 
 
 def _query(parser: Parser) -> None:
-    group = parser.add_argument_group("the question (default: the scene's first query)")
+    group = parser.add_argument_group("the query (default: the scene's first)")
     group.add_argument("--query", help="a query of the scene, by name")
     group.add_argument("--arm", help="the arm that --goal or --position is for (default: the only one)")
     group.add_argument("--start", nargs="+", metavar="Q", help="a configuration's name, or its numbers [rad]")
@@ -149,7 +149,7 @@ def _validate(parser: Parser) -> None:
 
 
 def _topic(parser: Parser) -> None:
-    """The option that chooses from a bag."""
+    """The option that selects the topic of a bag."""
     parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds a JointTrajectory)")
 
 
@@ -222,7 +222,7 @@ def _mirror(parser: Parser) -> None:
         help="joint states: udp://HOST:PORT, serial:PORT of a control box, a file (.jsonl), or a ROS bag",
     )
     parser.add_argument("--calibration", metavar="FILE", help="with serial: calibration of the arm and its channels")
-    parser.add_argument("--plan", metavar="MOTION", help=f"what the arms are to do: {_MOTION}")
+    parser.add_argument("--plan", metavar="MOTION", help=f"the planned motion: {_MOTION}")
     parser.add_argument("--scene", help="the scene (default: the one that the motion's file holds)")
     parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds such messages)")
     parser.add_argument(
@@ -336,7 +336,7 @@ def _experiment(parser: Parser) -> None:
         metavar="EXPERIMENT",
         nargs="+",
         choices=("static", "dynamic", "multi", "latency", "all"),
-        help="static: an arm among boats that stand still; dynamic: a falling tower of boats; multi: arms that follow "
+        help="static: an arm among stationary boats; dynamic: a falling tower of boats; multi: arms that follow "
         "seven poses; latency: messages to the viewer; all",
     )
     parser.add_argument("--out", type=_named_file, required=True, metavar="DIR", help="folder for the files")
@@ -358,10 +358,10 @@ def _scenes(parser: Parser) -> None:
 
 
 def _no_options(parser: Parser) -> None:
-    """A command without options besides those of all."""
+    """A command with the common options only."""
 
 
-# Of each command: "module.function" under `rr1plan.cli`, loaded when it is run; help; examples; its options.
+# For each command: "module.function" under `rr1plan.cli`, loaded when it is run; help; examples; its options.
 _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]] = {
     "demo": (
         "view.demo",
@@ -427,7 +427,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     ),
     "mirror": (
         "joint_stream.mirror",
-        "show joint states live, beside a plan and its certified corridor",
+        "show live joint states, compared with a plan and its certified corridor",
         (
             "rr1plan mirror udp://127.0.0.1:9000 --plan motion.json --record run.jsonl",
             "rr1plan mirror run.jsonl --plan motion.json --no-page",
@@ -463,7 +463,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     ),
     "experiment": (
         "experiment.experiment",
-        "measure the simulator and the viewer, beside the figures of the thesis",
+        "measure the simulator and the viewer, compared with the figures of the thesis",
         (
             "rr1plan experiment all --out results --quick",
             "rr1plan experiment dynamic --out results",
@@ -498,7 +498,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
 }
 
 
-# Commands that list things where nothing is named.
+# Commands that list names if none is given.
 _LISTS = ("robots", "scenes", "lesson")
 
 
@@ -527,7 +527,7 @@ def _file(text: str) -> str:
 
 
 def _named_file(text: str) -> str:
-    """A file or folder that is not standard output."""
+    """A file or folder other than standard output."""
     if _file(text) == "-":
         raise argparse.ArgumentTypeError("'-' is standard output, expected a name")
     return text

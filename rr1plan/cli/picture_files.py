@@ -22,7 +22,7 @@ def check_files(options: Namespace) -> bool:
     """Whether the options name files instead of a live page.
 
     Raises:
-        InputError: one cannot be written.
+        InputError: a file cannot be written.
     """
     asked = [file for name in _VIEW_FILES if (file := getattr(options, name)) is not None]
     for file in asked:
@@ -37,7 +37,7 @@ def write_files(
     look: rp.ViewOptions | None,
     console: Console,
 ) -> None:
-    """Write the files that `view` was asked for, of a motion or of a scene alone."""
+    """Write the files requested from `view`, of a motion or of a scene alone."""
     what: Any = scene if motion is None else motion
     with tempfile.TemporaryDirectory(prefix="rr1plan-page-") as folder:
         target = Path(folder) / "page.html" if options.html is None else options.html

@@ -21,12 +21,12 @@ from rr1plan.scene.model_library import load_problems, load_scene_file
 from rr1plan.scene.problem import Problem
 from rr1plan.scene.scene_toml import SceneFile
 
-# What a person can mend by asking differently is bad input; the rest is "no plan".
+# Failures that the user can fix by other arguments are bad input; the rest is "no plan".
 _BAD_QUESTION = (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL)
 
 
 def plan(options: Namespace, console: Console) -> int:
-    """Plan a motion, prove it, and save what was asked for."""
+    """Plan a motion, prove it, and write the requested files."""
     look = page_options(options)
     if options.no_shorten and options.planner == "cartesian":
         raise InputError("--no-shorten has no effect with --planner cartesian, whose paths are never shortened")
@@ -66,14 +66,14 @@ def plan(options: Namespace, console: Console) -> int:
 
 
 def with_stages(motion: MotionPlan, stages: Mapping[str, float]) -> MotionPlan:
-    """The same motion with the wall time of the command's stages around those of planning."""
+    """The motion with the wall times of the command's stages added to those of planning."""
     first, last = ({n: s for n, s in stages.items() if (n == "write the files") is late} for late in (False, True))
     planning = {name: seconds for name, seconds in motion.seconds.items() if name != "imports"}
     return replace(motion, seconds={**first, **planning, **last})
 
 
 def question(options: Namespace, file: SceneFile) -> Problem:
-    """The problem that the options ask, or the scene's first query.
+    """The problem given by the options, or the scene's first query.
 
     Raises:
         InputError: a scene without queries and no goal.
@@ -95,7 +95,7 @@ def named_query(scene: str, name: str | None) -> Problem:
 
     Raises:
         UnknownNameError: no query of that name.
-        InputError: the scene has none.
+        InputError: the scene has no queries.
     """
     return _chosen(scene, load_problems(scene), name)
 
@@ -140,7 +140,7 @@ def words(values: list[str], name: str = "a configuration's name") -> Any:
 
 
 def with_limits(problem: Problem, preset: str) -> Problem:
-    """The same problem with every arm under a limit preset of its robot."""
+    """The problem with every arm under a limit preset of its robot."""
     scene = problem.scene
     for name, arm in scene.arms.items():
         scene = scene.with_robot(name, arm.robot.with_limits(preset))
@@ -151,7 +151,7 @@ _STAGES = {"set up": "preparing the scene", "shorten": "shortening", "retime": "
 
 
 def told_to(advance: Advance) -> ProgressCallback:
-    """A planner's progress as a bar's."""
+    """A planner's progress callback that advances a progress bar."""
     return lambda progress: advance(progress.fraction, _STAGES.get(progress.stage, ""))
 
 
@@ -186,7 +186,7 @@ def _no_plan(motion: MotionPlan, console: Console) -> int:
 
 
 def check_outputs(options: Namespace) -> None:
-    """Refuse outputs that cannot be written before any work; standard output takes one thing only."""
+    """Reject outputs that cannot be written, before any work; standard output takes only one output."""
     taken = [name for name in ("--output", "--csv") if getattr(options, name[2:]) == "-"]
     if options.json and taken:
         raise InputError(f"--json and {taken[0]} - both write to standard output; name a file for one of them")

@@ -16,7 +16,7 @@ from rr1plan.sequences.sequence_toml import is_sequence_file
 if TYPE_CHECKING:
     from rr1plan.sequences.sequence_plan import SequencePlan
 
-# What a sequence says itself, or has none of.
+# Options that a sequence defines itself or does not support.
 _OF_MOTIONS = (
     *("--query", "--arm", "--start", "--goal", "--position", "--quaternion", "--frame"),
     *("--no-shorten", "--torque-limits", "--limits", "--timeline", "--diagram", "--pair"),
@@ -24,7 +24,7 @@ _OF_MOTIONS = (
 
 
 def plan_any(options: Namespace, console: Console) -> int:
-    """Plan a motion, or all segments of a sequence file; prove it, and save what was asked for."""
+    """Plan a motion, or all segments of a sequence file; prove it, and write the requested files."""
     if not is_sequence_file(options.scene):
         return plan(options, console)
     idle = [option for option in _OF_MOTIONS if option in options.given]

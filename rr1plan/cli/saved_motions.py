@@ -1,4 +1,4 @@
-"""`validate` and `play`: what becomes of a saved motion, in its own scene or in another."""
+"""`validate` and `play`: check or replay a saved motion, in its own scene or in another."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def saved_motion(
     checks: dict[str, bool] | None = None,
     scene: rp.Scene | None = None,
 ) -> MotionPlan | SequencePlan:
-    """A motion or a sequence from a file of any kind, judged in a scene, the one that the options name, or its own."""
+    """A motion or a sequence from a file of any kind, validated in a given scene, that of the options, or its own."""
     with console.progress("loading the scene"):
         if scene is None and options.scene is not None:
             scene = load_scene(options.scene)
@@ -73,13 +73,13 @@ def saved_motion(
 
 
 def single_motion(file: str, options: Namespace, console: Console, use: str) -> tuple[MotionPlan, rp.Trajectory]:
-    """A motion from a file with its trajectory, for uses in which the scene must not change on the way.
+    """A motion from a file with its trajectory, for uses in which the scene must not change during the motion.
 
     Args:
         file: The file.
         options: As for `saved_motion`.
-        console: Where progress is shown.
-        use: What can be done with single motions only, "sent" or "mirrored".
+        console: Console for progress.
+        use: The use that requires a single motion, "sent" or "mirrored".
 
     Raises:
         InputError: a sequence, or a motion without times.
@@ -96,7 +96,7 @@ def single_motion(file: str, options: Namespace, console: Console, use: str) -> 
 
 
 def say_changes(motion: MotionPlan | SequencePlan, console: Console) -> None:
-    """Print the scene of a motion, its parts, and the differences from the scene that it was made in."""
+    """Print the scene of a motion, its parts, and the differences from the scene in which it was made."""
     console.say(f"in the scene {motion.scene.name}: {motion.size()}")
     if motion.changes:
         console.say("the scene differs from the one that the motion was made in:")
@@ -105,5 +105,5 @@ def say_changes(motion: MotionPlan | SequencePlan, console: Console) -> None:
 
 
 def about(motion: MotionPlan | SequencePlan) -> dict[str, Any]:
-    """The same as plain values, for JSON."""
+    """The information of `say_changes` as plain values, for JSON."""
     return {"scene": motion.scene.name, "changes": list(motion.changes)}

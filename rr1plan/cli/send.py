@@ -16,7 +16,7 @@ from rr1plan.hardware.control_box_frames import CHANNELS
 
 
 def send(options: Namespace, console: Console) -> int:
-    """Turn a saved motion into commands, certify what the arm will do, and send them if a port is named."""
+    """Convert a saved motion to commands, certify the executed motion, and send the commands if a port is named."""
     calibration, box = load_calibration(options.calibration), load_control_box(options.calibration)
     motion, trajectory = single_motion(options.motion, options, console, "sent")
     plan = plan_commands(

@@ -16,7 +16,7 @@ def live_options(options: Namespace, look: rp.ViewOptions | None = None) -> rp.V
 
 
 def announce(viewer: rp.Viewer, options: Namespace, console: Console, end: str) -> None:
-    """Print the address of a live page, and how it ends, and open it in a browser unless the options forbid that."""
+    """Print the address of a live page and how to end it, and open it in a browser unless the options forbid that."""
     console.say(f"page: {viewer.url}  ({end})")
     if not options.no_browser:
         open_in_browser(viewer.url)

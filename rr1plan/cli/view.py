@@ -1,4 +1,4 @@
-"""`demo`, `view` and `cspace`: what a person looks at."""
+"""`demo`, `view` and `cspace`: visible output."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from rr1plan.pipeline import plan_motion
 from rr1plan.planners import chosen_planner
 from rr1plan.scene.model_library import load_problems, load_scene, scene_names
 
-# Short edges [rad] make a tree that shows how it grew.
+# Short edges [rad] show how the tree grew.
 _TREE_RANGE = 0.15
 
 
 def demo(options: Namespace, console: Console) -> int:
-    """From a question to a certified, replayed, visible motion, saying what was done and how long it took."""
+    """From a problem to a certified, replayed, visible motion, with a report of the steps and their times."""
     look, watch = page_options(options), console.watch
     with watch.stage("load the scene"), console.progress("loading the scene"):
         problem = named_query(options.scene, options.query)
@@ -83,7 +83,7 @@ def view(options: Namespace, console: Console) -> int:
 def _other(
     motion: MotionPlan | rp.SequencePlan | None, options: Namespace, console: Console
 ) -> dict[str, rp.Trajectory]:
-    """The motion to compare, by the name of its file, in the scene of the motion beside it."""
+    """The motion to compare, by the name of its file, in the scene of the main motion."""
     if motion is None:
         raise InputError(f"{options.what} is a scene; --compare takes a motion beside another motion")
     other = saved_motion(options.compare, options, console, scene=motion.scene)
@@ -94,7 +94,7 @@ def _other(
 
 
 def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | rp.SequencePlan | None]:
-    """A scene, and a motion in it when the name is a motion file's."""
+    """A scene, and a motion in it if the name is that of a motion file."""
     is_scene = options.what in scene_names() or not is_motion_file(options.what)
     if is_scene and options.topic is not None:
         raise InputError(f"{options.what} is not a motion file; --topic names the topic of a bag")
@@ -109,19 +109,19 @@ def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | 
 
 
 def _with_tree(name: str) -> rp.Planner:
-    """A planner that keeps what it explored, where it can."""
+    """A planner that keeps its search tree, if it can."""
     if name == rp.RrtConnect.name:
         return rp.RrtConnect(range=_TREE_RANGE, tree=True)
     planner = chosen_planner(name)
     return rp.OmplPlanner(name, tree=True) if isinstance(planner, rp.OmplPlanner) else planner
 
 
-# Where no path exists the planner stops after this many iterations: enough for a tree to look at.
+# If no path exists the planner stops after this many iterations, enough to draw a tree.
 _HOPELESS_ITERATIONS = 1500
 
 
 def cspace(options: Namespace, console: Console) -> int:
-    """Draw the configuration space of two joints, with a query of a two-joint arm and its answer."""
+    """Draw the configuration space of two joints, with a query of a two-joint arm and its result."""
     look = page_options(options)
     scene, problem = load_scene(options.scene), _flat_query(options)
     pictures = _pictures(options, scene)
@@ -177,7 +177,7 @@ def cspace(options: Namespace, console: Console) -> int:
 
 
 def _flat_query(options: Namespace) -> rp.Problem | None:
-    """The query to draw: the one asked for, or the first that the picture can show; None for a picture without."""
+    """The query to draw: the requested one, or the first that the picture can show; None for a picture without one."""
     if options.query is not None:
         return named_query(options.scene, options.query)
     for problem in load_problems(options.scene).values():
@@ -189,10 +189,10 @@ def _flat_query(options: Namespace) -> rp.Problem | None:
 
 
 def _pictures(options: Namespace, scene: rp.Scene) -> dict[str, str]:
-    """The files asked for, or a PNG, by what they are.
+    """The requested files, or a PNG, by kind.
 
     Raises:
-        InputError: one cannot be written.
+        InputError: a file cannot be written.
     """
     asked = {kind: getattr(options, kind) for kind in ("png", "svg", "pdf", "html")}
     if not any(asked.values()) and options.video is None:

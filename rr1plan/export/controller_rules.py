@@ -27,10 +27,10 @@ def check_joint_trajectory(
     allow_partial_joints: bool = False,
     allow_final_velocity: bool = False,
 ) -> tuple[str, ...]:
-    """What `joint_trajectory_controller` would object to in a trajectory.
+    """The objections of `joint_trajectory_controller` to a trajectory.
 
-    Checked are the rules of the controller with its default parameters, and two that it lacks: numbers have to be
-    finite, and no joint is named twice.
+    The rules of the controller with its default parameters are checked, and two that it lacks: numbers have to be
+    finite, and no joint may be named twice.
 
     Args:
         message: A JointTrajectory in a YAML file or a bag; or a trajectory, checked as `save_joint_trajectory` samples

@@ -34,10 +34,10 @@ def save_csv(file: _File, trajectory: Trajectory, *, dt: float = 0.01) -> pathli
 
 
 def csv_text(trajectory: Trajectory, dt: float = 0.01) -> str:
-    """Samples of a trajectory as CSV, from which `load_csv` makes a motion within the same limits.
+    """Samples of a trajectory as CSV, from which `load_csv` restores a motion within the same limits.
 
-    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`, without the `a` columns where accelerations jump, which
-    interpolation between rows would exceed; SI units and radians; the velocities of the last row are exactly zero.
+    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`; the `a` columns are omitted if accelerations jump, because
+    interpolation between rows would exceed them. SI units and radians; the velocities of the last row are exactly zero.
 
     Args:
         trajectory: A trajectory that ends at rest.
@@ -56,11 +56,11 @@ def csv_text(trajectory: Trajectory, dt: float = 0.01) -> str:
 
 
 def load_csv(file: _File) -> Trajectory:
-    """Read a trajectory from CSV samples: one column of times, and columns of each joint.
+    """Read a trajectory from CSV samples: one column of times, and columns for each joint.
 
     The header names them: `t` (or `time`) [s], `q:<joint>` (or the bare name) for positions, `v:<joint>` for
-    velocities, `a:<joint>` for accelerations, in any order; SI units and radians. Between rows lie straight lines,
-    cubics or quintics, by what the columns carry; see `Trajectory.from_samples`.
+    velocities, `a:<joint>` for accelerations, in any order; SI units and radians. Rows are joined by straight lines,
+    cubics or quintics, depending on the columns; see `Trajectory.from_samples`.
 
     Raises:
         FormatError: another header, a row of another length, not numbers, or times that do not increase.

@@ -1,6 +1,6 @@
 """Animated 3-D models as binary glTF, for Blender, Unity, web pages and VR.
 
-A node for each link, below its parent link, turns or slides as its joint does; equal links and equal objects share
+Each link is a node below its parent link, which rotates or slides with its joint; equal links and equal objects share
 their mesh.
 """
 
@@ -41,14 +41,14 @@ def save_glb(
 ) -> FilePath:
     """Write a scene or a motion as an animated 3-D model (binary glTF 2.0).
 
-    It opens in Blender, Unity, VR viewers and web pages. The root node has the name of the scene and turns z up to
+    It opens in Blender, Unity, VR viewers and web pages. The root node has the name of the scene and rotates z up to
     glTF's y up. Below it are a node "arm/link" for each link, in the order of the robot's tree, and a node for each
     object; held objects are below the link that holds them. Joints are animated by rotations or translations that
     players interpolate linearly, exact at every sample.
 
     Args:
-        file: The file, whose name ends in .glb; written whole or not at all.
-        what: A motion, a sequence plan, a C-space with its path, or a scene, a robot or a problem as it stands.
+        file: The file, whose name ends in .glb; written atomically.
+        what: A motion, a sequence plan, a C-space with its path, or a static scene, robot or problem.
         trajectory: A motion of that scene, if `what` is a scene.
         rate: Samples per second.
 
@@ -56,7 +56,7 @@ def save_glb(
         The file.
 
     Raises:
-        InputError: something that has no page, another suffix, a file that cannot be written, a rate that is not above
+        InputError: a value without a page, another suffix, a file that cannot be written, a rate that is not above
             zero, or too many samples.
         UnknownNameError: a column that is not a joint of the scene.
         NoPlanError: a plan without a motion.
@@ -68,7 +68,7 @@ def save_glb(
     elif isinstance(what, Scene):
         document = view_document(what, trajectory=trajectory)
     else:
-        raise InputError("a trajectory is given beside something other than a scene, expected the scene it moves in")
+        raise InputError("a trajectory is given together with a value other than a scene, expected its scene")
     return write_bytes(file, _Model(document, rate).pack())
 
 
@@ -109,7 +109,7 @@ class _Model:
             children = {joint["child"] for joint in robot["joints"]}
             for link in sorted(set(range(len(robot["links"]))) - children):
                 links[link] = self._link(root, row["name"], robot, link, _matrix(row["base"]))
-            # Joints stand in the order in which poses are computed: a parent's pose is known before its children's.
+            # Joints are in the order in which poses are computed: a parent's pose is known before its children's.
             for joint in robot["joints"]:
                 q = np.concatenate([self._q[:, first : first + len(row["q"])], np.array(row["q"])[None]])
                 values = joint["offset"] + (0.0 if joint["column"] < 0 else joint["factor"] * q[:, joint["column"]])
@@ -145,7 +145,7 @@ class _Model:
                 self._node(link, held["name"], self._mesh(held["parts"], _HELD), **_placed(_matrix(held["pose"])))
 
     def _add_bodies(self, root: int, bodies: Mapping[str, Any]) -> None:
-        """Objects with poses of their own; one is not there, with a scale of zero, while its pose is not finite."""
+        """Free objects; while its pose is not finite an object is absent, with a scale of zero."""
         times, poses = unpack_array(bodies["times"]), unpack_array(bodies["poses"])
         for k, thing in enumerate(bodies["objects"]):
             own = poses[:, k]
@@ -165,7 +165,7 @@ class _Model:
     # ---- meshes ----------------------------------------------------------------------------
 
     def _mesh(self, parts: Iterable[Mapping[str, Any]], fallback: tuple[float, ...]) -> int | None:
-        """The mesh of some parts, a primitive for each color; None of no parts."""
+        """The mesh of some parts, a primitive for each color; None without parts."""
         colors: dict[tuple[float, ...], list[Mapping[str, Any]]] = {}
         for part in parts:
             colors.setdefault(tuple(part["color"] or fallback), []).append(part)
@@ -223,7 +223,7 @@ class _Model:
 
 
 def _matrix(numbers: Iterable[float]) -> Array:
-    """A transform (4, 4) of a document, which has it column after column."""
+    """A transform (4, 4) from its column-major numbers in a document."""
     return np.array(numbers, dtype=float).reshape(4, 4).T
 
 
@@ -244,7 +244,7 @@ def _joint_places(joint: Mapping[str, Any], values: Array) -> tuple[Array, Array
 
 
 def _continuous(turns: Array) -> Array:
-    """The same rotations without changes of sign, which a player would take for a turn."""
+    """The same rotations without sign changes, which a player would interpolate as a turn."""
     signs = np.where((turns[1:] * turns[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
     continuous: Array = turns * np.concatenate([[1.0], np.cumprod(signs)])[:, None]
     return continuous

@@ -14,7 +14,7 @@ from rr1plan.playback.viewer.page_document import unpack_array
 
 _SECTIONS = 32  # of cylinders, capsules and spheres
 _SHARP = np.radians(35.0)  # edges with a larger angle between their faces are drawn sharp, as on the page
-_PLANE = 4.0  # [m] edge of the square that stands for a half-space
+_PLANE = 4.0  # [m] edge of the square that represents a half-space
 
 
 class Triangles(NamedTuple):
@@ -31,12 +31,12 @@ class Triangles(NamedTuple):
     faces: NDArray[np.integer[Any]]
 
     def moved(self, T: Array) -> Triangles:
-        """The same at a pose (4, 4)."""
+        """The triangles transformed by a pose (4, 4)."""
         return Triangles(self.vertices @ T[:3, :3].T + T[:3, 3], self.normals @ T[:3, :3].T, self.faces)
 
 
 def joined(parts: Iterable[Triangles]) -> Triangles:
-    """Several as one."""
+    """Several sets of triangles merged into one."""
     parts = list(parts)
     firsts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     return Triangles(
@@ -108,10 +108,10 @@ def _copies(solid: Triangles, centers: Array) -> Triangles:
 
 
 def _with_normals(vertices: Array, faces: NDArray[np.integer[Any]]) -> Triangles:
-    """Triangles that look round where their faces meet at small angles, and have edges elsewhere."""
+    """Triangles with normals: smooth where faces meet at small angles, with sharp edges elsewhere."""
     import trimesh
 
-    mesh = trimesh.Trimesh(vertices, faces, process=True)  # which merges equal vertices
+    mesh = trimesh.Trimesh(vertices, faces, process=True)  # merges equal vertices
     smooth = trimesh.graph.smooth_shade(mesh, angle=_SHARP)
     normals = np.array(smooth.vertex_normals)
     missing = np.abs(np.linalg.norm(normals, axis=1) - 1.0) > 1e-3  # of faces without an area

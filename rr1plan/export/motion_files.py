@@ -1,6 +1,6 @@
 """Motions from files of any kind, fitted to the joints of a scene.
 
-.json                     a motion, trajectory or path that rr1plan wrote
+.json                     a motion, trajectory or path written by rr1plan
 .csv                      samples of a trajectory
 .yaml, .yml               a ROS JointTrajectory
 .bag, .mcap, .db3, folder a ROS bag with one JointTrajectory
@@ -35,11 +35,11 @@ def read_motion(file: _File, scene: Scene | None = None, topic: str | None = Non
 
     Args:
         file: The file, or a bag's folder.
-        scene: A scene whose meshes serve where those that the file refers to are not beside it.
+        scene: A scene whose meshes are used if those that the file refers to are not next to it.
         topic: The topic of a bag (default: the only one that holds a JointTrajectory).
 
     Raises:
-        FormatError: another kind of file, or one that cannot be read as what it claims to be.
+        FormatError: another kind of file, or one that is invalid for its kind.
         InputError: a topic, and the file is not a bag.
         UnknownNameError: the bag has no such topic.
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
@@ -57,7 +57,7 @@ def read_motion(file: _File, scene: Scene | None = None, topic: str | None = Non
 
 
 def is_motion_file(file: _File) -> bool:
-    """Whether a name is a motion's, by its suffix; a YAML file's, by what it holds."""
+    """Whether a file is a motion, by its suffix, or for YAML by its content."""
     path = file_path(file)
     if path.suffix in YAML_SUFFIXES:
         return holds_joint_trajectory(path)
@@ -65,7 +65,7 @@ def is_motion_file(file: _File) -> bool:
 
 
 def fit_trajectory(trajectory: Trajectory, scene: Scene) -> Trajectory:
-    """The trajectory with its columns named and ordered as the scene has them; see `fit_joints`."""
+    """The trajectory with its columns named and ordered as in the scene; see `fit_joints`."""
     names, order = fit_joints(trajectory.joint_names, scene)
     if names == trajectory.joint_names:
         return trajectory
@@ -73,19 +73,19 @@ def fit_trajectory(trajectory: Trajectory, scene: Scene) -> Trajectory:
 
 
 def fit_path(path: Path, scene: Scene) -> Path:
-    """The path with its columns named and ordered as the scene has them; see `fit_joints`."""
+    """The path with its columns named and ordered as in the scene; see `fit_joints`."""
     names, order = fit_joints(path.joint_names, scene)
     return path if names == path.joint_names else Path(names, path.waypoints[:, order])
 
 
 def fit_joints(joint_names: Sequence[str], scene: Scene) -> tuple[tuple[str, ...], list[int]]:
-    """The scene's columns that a motion's are, and the index of each among the motion's.
+    """The scene's columns of a motion, and the index of each among the motion's columns.
 
-    A column is named "arm/joint", "arm_joint" as ROS programs do, or "joint" where only one arm has such a joint.
+    A column is named "arm/joint", "arm_joint" as in ROS programs, or "joint" if only one arm has such a joint.
 
     Raises:
-        UnknownNameError: a joint that the scene does not plan for.
-        InputError: a name that several arms have, or an arm with only some of its joints.
+        UnknownNameError: a joint that is not a planning joint of the scene.
+        InputError: a name that occurs in several arms, or an arm with only some of its joints.
     """
     found: dict[str, int] = {}
     for i, name in enumerate(joint_names):
@@ -114,7 +114,7 @@ def _column(name: str, scene: Scene) -> str:
 
 
 def changes(saved: SavedMotion, scene: Scene) -> tuple[str, ...]:
-    """Differences between the scene that a motion was made in, as far as its file has it, and another one."""
+    """Differences between the scene in which a motion was made, as far as its file contains it, and another one."""
     if saved.scene is not None:
         return scene_differences(saved.scene, scene)
     if saved.made_for is None or saved.made_for.sha256 == scene.content_hash:
@@ -127,17 +127,17 @@ def changes(saved: SavedMotion, scene: Scene) -> tuple[str, ...]:
         for name in now
         if name in made and made[name].sha256 != now[name].robot.content_hash
     ]
-    known = f"of the motion's scene {saved.made_for.scene!r} only the hash is known, which this one does not have"
+    known = f"of the motion's scene {saved.made_for.scene!r} only the hash is known, and that of this scene differs"
     return (*lines, known)
 
 
 def check_units(saved: SavedMotion, joint_names: Sequence[str], scene: Scene) -> None:
-    """Refuse a motion in meters for a joint that turns, or in radians for one that slides.
+    """Reject a motion in meters for a revolute joint, or in radians for a prismatic one.
 
     Args:
-        saved: What a file holds.
-        joint_names: The names that its columns have there.
-        scene: The scene that it is for.
+        saved: The content of a file.
+        joint_names: The names of its columns in the file.
+        scene: The scene for which it is meant.
 
     Raises:
         InputError: units that do not fit, by name.

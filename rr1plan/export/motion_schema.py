@@ -76,7 +76,7 @@ class PointCloud(Tagged, tag="points"):
 
 
 class Stored(Tagged, tag="stored"):
-    """A mesh or point cloud whose numbers are in a file beside the document, named by their hash."""
+    """A mesh or point cloud whose numbers are in a file next to the document, named by their hash."""
 
     sha256: Digest
 
@@ -140,7 +140,7 @@ class Limits(Entry):
 
 
 class Robot(Entry):
-    """A robot; some keys of the format are older than the names of the values."""
+    """A robot; some keys of the format are older than the names of the attributes."""
 
     name: Name
     links: Annotated[list[Link], Meta(min_length=1)]
@@ -255,7 +255,7 @@ class RouteSteps(Entry):
 
 
 class Route(Entry):
-    """The way of an agent."""
+    """The route of an agent."""
 
     joint_names: Annotated[list[Name], Meta(min_length=1)]
     start: list[float]
@@ -288,7 +288,7 @@ class Attach(Entry):
 
 
 class SequenceStage(Entry):
-    """When a segment of a sequence happens, what may touch meanwhile, and what it attaches or detaches."""
+    """The times of a segment of a sequence, its allowed contacts, and what it attaches or detaches."""
 
     label: Text
     begin: float
@@ -364,7 +364,7 @@ class MotionDocument(Document, kw_only=True):
 
 
 class SequenceDocument(Document, kw_only=True):
-    """A planned sequence; the report is checked as that of a motion."""
+    """A planned sequence; the report is checked like that of a motion."""
 
     robots: list[Robot]
     scene: Scene

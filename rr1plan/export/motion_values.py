@@ -42,8 +42,8 @@ def plain(value: Any, stored: Shapes | None = None) -> Any:
 
     Args:
         value: A robot, shape, goal, or nested mappings, sequences, arrays and numbers.
-        stored: Collects large meshes and point clouds, which the data then refers to by their hash; None: all numbers
-            are in the data.
+        stored: Collects large meshes and point clouds, to which the data refers by their hash; None: all numbers are in
+            the data.
 
     Raises:
         InputError: a value that cannot be converted.
@@ -52,7 +52,7 @@ def plain(value: Any, stored: Shapes | None = None) -> Any:
         return value
     if isinstance(value, float):
         if math.isnan(value):
-            raise InputError("a NaN has no form in a motion file")
+            raise InputError("NaN cannot be stored in a motion file")
         return value if math.isfinite(value) else repr(value)
     if isinstance(value, np.generic | np.ndarray):
         finite = bool(np.isfinite(value).all())
@@ -74,7 +74,7 @@ def plain(value: Any, stored: Shapes | None = None) -> Any:
 
 def _plain_fields(value: object, stored: Shapes | None) -> dict[str, object]:
     if type(value) not in _ENTRIES:
-        raise InputError(f"a {type(value).__name__} has no form in a motion file")
+        raise InputError(f"values of type {type(value).__name__} cannot be stored in a motion file")
     entry = _ENTRIES[type(value)]
     tag = entry.__struct_config__.tag
     names = zip(entry.__struct_encode_fields__, entry.__struct_fields__, strict=True)
@@ -83,7 +83,7 @@ def _plain_fields(value: object, stored: Shapes | None) -> dict[str, object]:
 
 
 def _both(names: Pair) -> list[str]:
-    """The two names of a pair, in order; twice the same for a pair of one element with itself."""
+    """The two names of a pair, in order; equal names for a pair of one element with itself."""
     return sorted(names) * (2 if len(names) == 1 else 1)
 
 
@@ -133,7 +133,7 @@ def build_scene(entry: schema.Scene, robots: list[schema.Robot], read_shape: Rea
         read_shape: Finds a mesh or point cloud by its hash.
 
     Raises:
-        InputError: entries that make no robot or no scene.
+        InputError: entries that do not define a valid robot or scene.
     """
     built = [_robot(robot, read_shape) for robot in robots]
     arms = {}
@@ -173,7 +173,7 @@ def build_problem(entry: schema.Problem, scene: Scene) -> Problem:
     """The problem of a motion document in its scene.
 
     Raises:
-        InputError: entries that make no problem in this scene.
+        InputError: entries that do not define a valid problem in this scene.
     """
     goals = {arm: [_goal(goal) for goal in alternatives] for arm, alternatives in entry.goal.items()}
     return Problem(scene, np.array(entry.start), goals, arms=entry.arms)
@@ -183,7 +183,7 @@ def build_path(entry: schema.Path) -> Path:
     """A document's path.
 
     Raises:
-        InputError: entries that make no path.
+        InputError: entries that do not define a valid path.
     """
     _check_rows("waypoints", entry.waypoints, len(entry.joint_names))
     return Path(tuple(entry.joint_names), np.array(entry.waypoints))
@@ -193,7 +193,7 @@ def build_trajectory(entry: schema.Trajectory) -> Trajectory:
     """A document's trajectory.
 
     Raises:
-        InputError: entries that make no trajectory.
+        InputError: entries that do not define a valid trajectory.
     """
     degree = len(entry.coefficients[0])
     for i, piece in enumerate(entry.coefficients):

@@ -51,8 +51,8 @@ class SavedMotion(Value):
         trajectory: The trajectory.
         report: The referee's report at the time of saving.
         problem: The planning problem.
-        plan_graph: The temporal plan graph as numbers, texts and lists; `rr1plan.load_plan_graph` makes a value of it.
-        sequence: The stages of a sequence as they are in the file; `rr1plan.load_sequence` makes values of them.
+        plan_graph: The temporal plan graph as plain values; `rr1plan.load_plan_graph` converts it.
+        sequence: The stages of a sequence as in the file; `rr1plan.load_sequence` converts them.
         units: The unit of each column of the trajectory or path.
         made_for: Names and hashes of the scene and its robots.
     """
@@ -123,7 +123,7 @@ def save_motion(
         trajectory: The trajectory.
         report: The referee's report.
         problem: The planning problem.
-        plan_graph: The temporal plan graph of the trajectory as `PlanGraph.to_dict` gives it; see also
+        plan_graph: The temporal plan graph of the trajectory as returned by `PlanGraph.to_dict`; see also
             `rr1plan.save_plan_graph`.
         embed: Embed large meshes and point clouds, which makes the file self-contained. Otherwise they are written to
             the folder "geometry" next to it, named by their hashes and shared by all motions there; copy both.
@@ -158,7 +158,7 @@ def save_sequence_document(
         file: The file; read it with `rr1plan.load_sequence`.
         scene: The scene at the beginning.
         trajectory: The motion.
-        sequence: Its stages and gripper joints as the schema has them.
+        sequence: Its stages and gripper joints in the form of the schema.
         report: The referee's report.
         embed: Put large meshes and point clouds into the file; see `save_motion`.
 
@@ -312,7 +312,7 @@ def _read(file: _File) -> schema.Document:
     except ValueError as error:
         raise top.error(f"holds a number that is not finite: {error}") from error
     if not whole:
-        raise top.error("was altered after it was written: its content does not have the sha256 that it names")
+        raise top.error("was altered after it was written: its content does not match its sha256")
     try:
         return msgspec.convert(content, entries)
     except msgspec.ValidationError as error:

@@ -1,7 +1,7 @@
-"""Motions for other programs: a ROS 2 bag with what a joint trajectory controller takes, and MJCF.
+"""Motions for other programs: a ROS 2 bag for a joint trajectory controller, and MJCF.
 
-The bag is written without ROS. A controller refuses a trajectory whose times do not strictly increase
-or that does not end at rest, so points are whole nanoseconds apart and the last velocity is exactly zero.
+The bag is written without ROS. A controller rejects a trajectory whose times do not strictly increase or that does not
+end at rest, so points are whole nanoseconds apart and the last velocity is exactly zero.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ def save_rosbag(
         trajectory: A motion that ends at rest. Points have positions and velocities, and accelerations unless these
             jump, so that a controller that interpolates between them keeps the limits of the motion.
         dt: Longest time between points [s]; there is one at each break of the motion, too.
-        lead: Time from the start of the controller to the first point [s]; above zero it blends in from
-            where the arm is.
-        rename: ROS names of columns. Default: without the arm's name when there is one arm, else "arm_joint".
+        lead: Time from the start of the controller to the first point [s]; above zero it blends in from the arm's
+            position.
+        rename: ROS names of columns. Default: without the arm's name if there is one arm, else "arm_joint".
         storage: "mcap", or "sqlite3" for ROS distributions before Iron.
 
     Returns:
@@ -55,7 +55,7 @@ def save_rosbag(
     Raises:
         MissingPackageError: `rosbags` is not installed (extra `ros`).
         UnknownNameError: a name to rename that is not a column, or another storage.
-        InputError: the folder exists or cannot be made, a time that makes no sense, a motion that does not end at rest.
+        InputError: the folder exists or cannot be created, an invalid time, a motion that does not end at rest.
     """
     target = file_path(folder)
     known_name("storage", storage, _STORAGE)
@@ -119,7 +119,7 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
 
     Args:
         file: The file, whose name ends in .xml or .mjcf.
-        scene: The scene; arms stand at zero in the file, their configurations are a keyframe "configuration".
+        scene: The scene; in the file, arms are at zero, and their configurations are a keyframe "configuration".
 
     Returns:
         The file.

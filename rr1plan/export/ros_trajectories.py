@@ -1,8 +1,8 @@
 """Trajectories of ROS programs: a `trajectory_msgs/JointTrajectory` in a YAML file or in a bag.
 
-A joint trajectory controller interpolates by what the points carry: positions alone, straight lines; velocities too,
-cubics; accelerations too, quintics. So does `Trajectory.from_samples`. Messages that are written carry what keeps the
-limits of the motion between points, see `trajectory_samples`.
+The interpolation of a joint trajectory controller depends on the fields of the points: straight lines for positions
+only, cubics with velocities, quintics with accelerations. `Trajectory.from_samples` does the same. Written messages
+have the fields that keep the limits of the motion between points, see `trajectory_samples`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rr1plan.trajectory import Trajectory
 BAG_SUFFIXES = (".bag", ".mcap", ".db3")
 YAML_SUFFIXES = (".yaml", ".yml")
 _MESSAGE = "trajectory_msgs/msg/JointTrajectory"
-# Messages that hold a JointTrajectory, by the name of the field.
+# Messages that contain a JointTrajectory, by the name of the field.
 _WRAPPERS = ("joint_trajectory", "trajectory", "goal")
 _File = str | pathlib.Path
 _NANO = 1_000_000_000
@@ -89,10 +89,10 @@ def load_joint_trajectory(file: _File, *, topic: str | None = None) -> Trajector
         topic: The topic of a bag (default: the only one that holds such messages).
 
     Returns:
-        The trajectory, with the names of joints that the message has.
+        The trajectory, with the joint names of the message.
 
     Raises:
-        FormatError: another kind of file, several messages, or points that carry different things.
+        FormatError: another kind of file, several messages, or points with different fields.
         UnknownNameError: the bag has no such topic.
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
     """
@@ -104,7 +104,7 @@ def load_joint_trajectory(file: _File, *, topic: str | None = None) -> Trajector
 
 
 def read_joint_trajectory(file: _File, topic: str | None = None) -> JointTrajectoryMessage:
-    """The one JointTrajectory of a YAML file or a bag, whatever its points are; see `load_joint_trajectory`."""
+    """The one JointTrajectory of a YAML file or a bag, with any kind of points; see `load_joint_trajectory`."""
     path = file_path(file)
     if path.suffix in YAML_SUFFIXES:
         refuse_topic(path, topic)
@@ -120,7 +120,7 @@ def save_joint_trajectory(
     lead: float = 0.0,
     rename: Mapping[str, str] | None = None,
 ) -> pathlib.Path:
-    """Write a `trajectory_msgs/JointTrajectory` as YAML, as `ros2 topic pub` takes it.
+    """Write a `trajectory_msgs/JointTrajectory` as YAML for `ros2 topic pub`.
 
     To publish it: `ros2 topic pub --once /arm_controller/joint_trajectory trajectory_msgs/msg/JointTrajectory
     "$(cat motion.yaml)"`.
@@ -130,9 +130,9 @@ def save_joint_trajectory(
         trajectory: A trajectory that ends at rest. Points have positions and velocities, and accelerations unless these
             jump.
         dt: Longest time between points [s]; there is one at each break, too.
-        lead: Time from the start of the controller to the first point [s]; above zero it blends in from where the
-            arm is.
-        rename: ROS names of columns. Default: without the arm's name when there is one arm, else "arm_joint".
+        lead: Time from the start of the controller to the first point [s]; above zero it blends in from the arm's
+            position.
+        rename: ROS names of columns. Default: without the arm's name if there is one arm, else "arm_joint".
 
     Returns:
         The file.
@@ -166,7 +166,7 @@ def sampled_message(
 
     Raises:
         UnknownNameError: a name to rename that is no column.
-        InputError: the trajectory does not end at rest, or a time that makes no sense.
+        InputError: the trajectory does not end at rest, or an invalid time.
     """
     of_kind("trajectory", trajectory, Trajectory)
     dt = positive_number("dt", dt)
@@ -197,7 +197,7 @@ def _ros_names(trajectory: Trajectory, rename: Mapping[str, str] | None) -> list
 
 
 def refuse_topic(file: _File, topic: str | None) -> None:
-    """Refuse the name of a topic for a file that is not a bag.
+    """Reject the name of a topic for a file that is not a bag.
 
     Raises:
         InputError: there is one.
@@ -207,7 +207,7 @@ def refuse_topic(file: _File, topic: str | None) -> None:
 
 
 def holds_joint_trajectory(file: _File) -> bool:
-    """Whether a YAML file holds a JointTrajectory, and not a scene, say."""
+    """Whether a YAML file contains a JointTrajectory rather than, e.g., a scene."""
     try:
         documents = read_yaml_documents(file)
     except FormatError:
@@ -223,7 +223,7 @@ def _from_yaml(file: pathlib.Path) -> JointTrajectoryMessage:
 
 
 def _unwrapped(data: object) -> dict[object, object]:
-    """The JointTrajectory in the messages around it; {} where there is none."""
+    """The JointTrajectory inside its enclosing messages; {} if there is none."""
     for _ in range(4):
         if isinstance(data, list) and len(data) == 1:
             data = data[0]
@@ -300,7 +300,7 @@ def bag_messages(file: pathlib.Path, kind: str, topic: str | None) -> Iterator[A
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise MissingPackageError("rosbags", "reading a ROS bag", "ros") from error
-    # The database of a ROS 2 bag is read by way of its folder, which describes it.
+    # The database of a ROS 2 bag is read via its folder, which describes it.
     bag = file.parent if file.suffix in (".mcap", ".db3") else file
     _check_regular(file, bag)
     try:
@@ -309,12 +309,12 @@ def bag_messages(file: pathlib.Path, kind: str, topic: str | None) -> Iterator[A
                 yield reader.deserialize(data, connection.msgtype)
     except InputError:
         raise
-    except Exception as error:  # rosbags raises what it runs into
+    except Exception as error:  # rosbags raises errors of any type
         raise FormatError(f"cannot be read as a ROS bag: {error}", file) from error
 
 
 def _check_regular(file: pathlib.Path, bag: pathlib.Path) -> None:
-    """Refuse a bag that is not there, or that has a FIFO or a device in it, which would be waited for."""
+    """Reject a missing bag, or one that contains a FIFO or a device, on which reading would block."""
     try:
         parts = [file, *(bag.iterdir() if bag.is_dir() else ())]
         odd = [part for part in parts if part.exists() and not part.is_file() and not part.is_dir()]

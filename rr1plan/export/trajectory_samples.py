@@ -1,9 +1,9 @@
 """Samples of a trajectory that keep its limits when they are interpolated.
 
-`Trajectory.from_samples`, as a joint trajectory controller, draws cubics through positions and velocities, and quintics
-where samples have accelerations. Between samples these leave a motion whose acceleration jumps, by a quarter of its
-acceleration limit and more. So there is a sample at each break of the motion, accelerations are left out where
-they jump, and what remains (of rounded corners, a few thousandths) is made up for by taking that much longer.
+`Trajectory.from_samples`, like a joint trajectory controller, interpolates positions and velocities by cubics, and
+samples with accelerations by quintics. If the acceleration of a motion jumps, these exceed its acceleration limit
+between samples by a quarter and more. Therefore there is a sample at each break of the motion, accelerations are
+omitted if they jump, and the remaining excess (a few thousandths for rounded corners) is removed by stretching time.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from rr1plan.errors import InputError
 from rr1plan.retiming.polynomial_extrema import MAX_DEGREE, peaks
 from rr1plan.trajectory import Trajectory
 
-# Samples at regular times are left out that are nearer to a break than this share of their distance.
+# Samples at regular times are omitted if they are nearer to a break than this share of their distance.
 _NEAR = 0.1
-# Breaks at smaller distances are one [s]: rounding of positions would make accelerations of them.
+# Breaks at smaller distances are merged [s]: rounding of positions would cause accelerations between them.
 _ONE = 1e-6
-# Jumps of acceleration and of velocity below these shares of their peaks come from rounding.
+# Jumps of acceleration and of velocity below these shares of their peaks are rounding errors.
 _ROUNDING = 1e-7
-# Peaks that differ by less than this share are equal to the referee; peaks of joints that rest [rad/s or rad/s²].
+# The referee treats peaks that differ by less than this share as equal; peaks of joints at rest [rad/s or rad/s²].
 _EQUAL, _STILL = 1e-10, 1e-6
 _ATTEMPTS = 12
 # Speeds at the end below this are zero [rad/s or m/s].
@@ -35,10 +35,10 @@ class TrajectorySamples(NamedTuple):
     """Samples of a motion.
 
     Args:
-        times: When [s], shape (n,).
+        times: Times [s], shape (n,).
         positions: Positions [rad or m], shape (n, nq).
         velocities: Velocities, shape (n, nq); the last ones are zero.
-        accelerations: Accelerations, shape (n, nq); None where they jump.
+        accelerations: Accelerations, shape (n, nq); None if they jump.
     """
 
     times: Array
@@ -53,7 +53,7 @@ def sample_within_limits(trajectory: Trajectory, dt: float, *, tick: float | Non
     Args:
         trajectory: A trajectory that ends at rest.
         dt: Longest time between samples [s]; there is one at each break, too.
-        tick: Times from the start are multiples of this [s] (default: any).
+        tick: Times from the start are multiples of this [s] (default: no constraint).
 
     Raises:
         InputError: the trajectory does not end at rest, or too many samples.
@@ -64,7 +64,7 @@ def sample_within_limits(trajectory: Trajectory, dt: float, *, tick: float | Non
     smooth, continuous = (_is_continuous(trajectory, derivative) for derivative in (2, 1))
     begin, factor = trajectory.start_time, 1.0
     for attempt in range(_ATTEMPTS):
-        # Where the motion is sampled follows from the times that are written.
+        # The motion is sampled at the rounded times that are written.
         written = begin + factor * (times - begin)
         if tick is not None:
             written = begin + tick * np.round((written - begin) / tick)
@@ -107,7 +107,7 @@ def _is_continuous(trajectory: Trajectory, derivative: int) -> bool:
 
 
 def _excess(trajectory: Trajectory, read: Trajectory) -> float:
-    """How many times longer interpolated samples have to take so that their peaks are those of the motion."""
+    """Factor by which interpolated samples have to be stretched so that their peaks equal those of the motion."""
     factor = 1.0
     for derivative in (1, 2):
         allowed, found = _peaks(trajectory, derivative), _peaks(read, derivative)
@@ -129,7 +129,7 @@ def _peaks(trajectory: Trajectory, derivative: int) -> Array:
 
 
 def _check_rest_at_end(trajectory: Trajectory) -> None:
-    """Refuse a trajectory that does not end at rest."""
+    """Reject a trajectory that does not end at rest."""
     speeds = np.abs(trajectory(trajectory.end_time, 1))
     if speeds.max(initial=0.0) > _REST:
         joint = trajectory.joint_names[int(np.argmax(speeds))]

@@ -1,7 +1,7 @@
 """An emulator of the control box: the firmware's tick rule, and its end of the serial line, byte by byte.
 
-Limit switches are reported where they are pressed. The firmware then backs off by 32 steps, at a speed that is not
-published; that is not emulated, and neither is the emergency stop.
+Pressed limit switches are reported. The firmware then backs off by 32 steps, at a speed that is not published; this is
+not emulated, and neither is the emergency stop.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from rr1plan.hardware.motion_law import JointMotion
 
 # Passes of the loop without a moving joint before the box is idle, and between two exchanges on the serial line.
 _PROMOTION, EXCHANGE_TICKS = 4, 16
-# Ticks that are advanced at once while nobody reads.
+# Ticks that are advanced at once if nothing is read.
 _BLOCK = 4096
 _MOST_TICKS = 100_000_000
-# Bytes of telemetry that are read at once.
+# Bytes of telemetry in one read, at most.
 _MOST_BYTES = 10_000_000
 
 
 class BoxEmulator:
-    """The control box without an arm: motions of its motors, tick by tick.
+    """The control box without an arm: the motions of its motors, tick by tick.
 
     Args:
         box: The control box.
 
     Attributes:
-        box: The same.
+        box: The control box.
         ticks: Ticks since it was switched on.
         idle: Whether it is idle.
         joints: The motors by channel.
@@ -58,7 +58,7 @@ class BoxEmulator:
         return tuple(self.joints[name].position if name in self.joints else 0 for name in CHANNELS)
 
     def command(self, command: BoxCommand) -> None:
-        """Take a command, between two ticks.
+        """Accept a command, between two ticks.
 
         Raises:
             InputError: steps for a channel that is not in use.
@@ -85,18 +85,19 @@ class BoxEmulator:
             self.joints[name].stretch(common)
 
     def forget_stretching(self) -> None:
-        """Reset all stretching, as the firmware does with every frame: motors on their way change their speed."""
+        """Reset all stretching, as the firmware does with every frame: moving motors change their speed."""
         for joint in self.joints.values():
             joint.profile.factor = 1.0
 
     def advance(self, ticks: int) -> dict[str, list[int]]:
-        """Go on for some ticks.
+        """Advance by some ticks.
 
         Args:
-            ticks: How many.
+            ticks: Number of ticks.
 
         Returns:
-            By channel, the ticks at which it stepped, counted from now, from 1 on; channels that did not are left out.
+            By channel, the ticks at which it stepped, counted from now, starting at 1; channels without steps are
+            omitted.
         """
         ticks = whole_number("ticks", ticks, 1, _MOST_TICKS)
         stepped, holds = {}, []
@@ -106,7 +107,7 @@ class BoxEmulator:
                 stepped[name] = found
             if held is not None:
                 holds.append(held)
-        # From the pass after the last joint came to hold, the box counts passes until it is idle.
+        # From the pass after the last joint has stopped, the box counts passes until it is idle.
         self._moving -= len(holds)
         if not self.idle and self._moving == 0:
             passes = ticks - max(holds, default=0)
@@ -119,13 +120,13 @@ class BoxEmulator:
         return stepped
 
     def run(self, command: BoxCommand) -> dict[str, list[int]]:
-        """Take a command and execute all of it.
+        """Accept a command and execute it completely.
 
         Returns:
-            By channel, the ticks of its steps after the command, from 1 on; the same for the same command.
+            By channel, the ticks of its steps after the command, starting at 1; the same for the same command.
 
         Raises:
-            HardwareError: a joint never finishes, which a single step does to this firmware.
+            HardwareError: a joint never finishes, which happens with a single step in this firmware.
             InputError: steps for a channel that is not in use.
         """
         self.command(command)
@@ -141,7 +142,7 @@ class BoxEmulator:
             since = self.ticks - begin
             for name, found in self.advance(_BLOCK).items():
                 stepped[name] += [since + tick for tick in found]
-        self.ticks = self._idle_since  # nothing has happened since
+        self.ticks = self._idle_since  # nothing happens after that
         return {name: found for name, found in stepped.items() if found}
 
 
@@ -160,8 +161,8 @@ class EmulatedSerialLine:
         emulator: The box.
 
     Raises:
-        InputError: a position that is no whole number, or a switch without two of them in order.
-        UnknownNameError: a channel that is not in use, or a switch of such a one.
+        InputError: a position that is not a whole number, or a switch without two of them in order.
+        UnknownNameError: a channel that is not in use, or a switch of such a channel.
     """
 
     def __init__(
@@ -189,7 +190,7 @@ class EmulatedSerialLine:
         self._input, self._unread, self._output = bytearray(), bytearray(), bytearray()
 
     def write(self, data: bytes) -> int:
-        """Send bytes to the box, which sees them at its next exchange.
+        """Send bytes to the box, which receives them at its next exchange.
 
         Raises:
             InputError: not bytes.
@@ -213,7 +214,7 @@ class EmulatedSerialLine:
         return data
 
     def _exchange(self) -> None:
-        """Sixteen passes of the loop; after the last, telemetry is sent and commands are received."""
+        """Run sixteen passes of the loop; after the last, telemetry is sent and commands are received."""
         before = self.emulator.position
         self.emulator.advance(EXCHANGE_TICKS)
         after = self.emulator.position
@@ -229,7 +230,7 @@ class EmulatedSerialLine:
         self._unread.clear()
         if len(self._input) < COMMAND_BYTES:
             return
-        # Only a frame at the beginning is taken; what else there is, is dropped.
+        # Only a frame at the beginning is accepted; the rest is dropped.
         if self._input.startswith(HEADER):
             try:
                 command = BoxCommand.decode(bytes(self._input[:COMMAND_BYTES]))
@@ -240,7 +241,7 @@ class EmulatedSerialLine:
         self._input.clear()
 
     def telemetry(self) -> Telemetry:
-        """The frame that the box would send now."""
+        """The telemetry frame that the box would send now."""
         emulator, channels = self.emulator, self.emulator.box.channels
         position = emulator.position
         scales: Sequence[float] = [

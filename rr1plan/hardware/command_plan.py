@@ -1,4 +1,4 @@
-"""Plans of commands for the control box: the motion that the box will execute, certified before anything is sent."""
+"""Plans of commands for the control box: the motion that the box will execute, certified before sending."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import certify_path, validate
 
-# Samples of a motion from which its segments are made.
+# Samples of a motion from which its segments are computed.
 _SAMPLES = 4000
 # Pieces of a ramp in the trajectory.
 _RAMP_PIECES = 12
-# Knots closer than this are one [ticks].
+# Knots closer than this are merged [ticks].
 _LEAST_PIECE = 1e-3
-# How often the tolerance is halved where the arm would collide.
+# How often the tolerance is halved if the arm would collide.
 _MOST_HALVINGS = 4
-# More commands than this take hours.
+# More commands than this would take hours.
 _MOST_COMMANDS = 10_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CommandPlan(Value):
-    """A motion as commands of the control box, and the motion that the arm makes of them.
+    """A motion as commands of the control box, and the resulting motion of the arm.
 
     Args:
         arm: The arm.
         commands: The commands, each from rest to rest.
         ticks: Duration of each command with the rest after it [ticks], shape (n,).
-        start: Step counters of the seven channels at which the arm has to be.
+        start: Required step counters of the seven channels at the beginning.
         trajectory: The motion by the firmware's motion law, with its sine ramps.
-        path: Configurations after every single step of every motor, as the emulated firmware makes them.
+        path: Configurations after every single step of every motor, from the emulated firmware.
         report: The referee's report on the trajectory: collisions, limits.
         path_report: The referee's report on the path: collisions, position limits.
         deviation: Largest distance of any joint in the trajectory from its emulated steps [rad], shape (nq,).
@@ -77,7 +77,7 @@ class CommandPlan(Value):
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """The violations that the referee found, in words."""
+        """The violations found by the referee, in words."""
         found = [*self.report.violations, *self.path_report.violations]
         return tuple(dict.fromkeys(f"{violation.kind}: {violation.message}" for violation in found))
 
@@ -110,24 +110,24 @@ def plan_commands(
     tolerance: float = 0.01,
     safety: Safety = "high",
 ) -> CommandPlan:
-    """Turn a motion of one arm into commands of its control box, and certify what the arm will do.
+    """Convert a motion of one arm to commands of its control box, and certify the executed motion.
 
-    The box knows no times and no paths: a command moves all joints by relative steps from rest to rest, each with its
-    own sine ramps, stretched to the slowest joint. So the motion becomes straight segments in joint space, each a
-    command; an emulation of the firmware gives every step of every motor, and the referee checks them.
+    The box supports neither times nor paths: a command moves all joints by relative steps from rest to rest, each with
+    its own sine ramps, stretched to the slowest joint. The motion therefore becomes straight segments in joint space,
+    one command each; an emulation of the firmware computes every step of every motor, and the referee checks them.
 
     Args:
         motion: The motion; only one arm moves.
         calibration: The arm's calibration in steps.
         box: The arm's control box.
         scene: The scene (default: that of the `MotionPlan`).
-        tolerance: The segments stay this close to the motion [rad]; larger ones give fewer commands. It is halved, up
-            to four times, where the arm would collide.
-        safety: "high": segments are split into commands of at most 1024 steps for each joint, more of which the box
-            ignores at this level; "low": they are not.
+        tolerance: Largest distance of the segments from the motion [rad]; larger values give fewer commands. It is
+            halved, up to four times, if the arm would collide.
+        safety: "high": segments are split into commands of at most 1024 steps for each joint, because the box ignores
+            more at this level; "low": they are not.
 
     Returns:
-        The plan; it is true if it is certified, and only then `send_commands` sends it.
+        The plan; it is true if it is certified, and `send_commands` sends certified plans only.
 
     Raises:
         InputError: no scene, several arms that move, a joint without channel or measured calibration, too many
@@ -164,7 +164,7 @@ def plan_commands(
 def _command_plan(
     commands: tuple[BoxCommand, ...], start: Array, arm: str, scene: Scene, scale: StepScale, box: ControlBox
 ) -> CommandPlan:
-    """What the arm does with the commands, from step counters (nq,) on, and the referee's verdict."""
+    """The motion of the arm under the commands, from step counters (nq,) on, and the referee's verdict."""
     names = scene.joint_names([arm])
     motions = _emulate(commands, start, scale, box)
     trajectory = _law_trajectory(motions, start, names, scale, box.tick)
@@ -188,7 +188,7 @@ def _command_plan(
 
 
 def _only_moving_arm(trajectory: Trajectory, scene: Scene) -> tuple[str, Scene, Trajectory]:
-    """The arm that moves, the scene with the others where the trajectory has them, and the motion of the one."""
+    """The moving arm, the scene with the others at their configurations in the trajectory, and the arm's motion."""
     if not trajectory.arms:
         raise InputError("the trajectory has no joints, expected those of an arm")
     by_arm = {arm: _joints_in_order(trajectory, scene, arm) for arm in trajectory.arms}
@@ -236,7 +236,7 @@ def _commands(corners: Array, channels: list[str], safety: Safety) -> Iterator[B
         begin = now.copy()
         for k in range(1, parts + 1):
             steps = np.rint(begin + (corner - begin) * (k / parts)) - now
-            # The firmware never finishes a single step: it stays for the next command.
+            # The firmware never finishes a single step: it is left for the next command.
             steps[np.abs(steps) == 1.0] = 0.0
             if steps.any():
                 now += steps
@@ -251,8 +251,8 @@ class _Motion:
     Args:
         begin: Step counters of the planning joints before it, shape (nq,).
         steps: Its steps, shape (nq,).
-        profiles: Speeds of the joints that move, by column.
-        duration: Until the box is idle, and not before the ramps are over [ticks].
+        profiles: Speed profiles of the moving joints, by column.
+        duration: Time until the box is idle, at least until the end of the ramps [ticks].
         times: Ticks at which a motor stepped, shape (n,).
         counters: Step counters after each, shape (n, nq).
     """
@@ -278,7 +278,7 @@ def _emulate(commands: Sequence[BoxCommand], start: Array, scale: StepScale, box
         order = np.argsort(np.concatenate(at), kind="stable")
         times, moves = np.concatenate(at)[order], np.zeros((len(order), len(at)))
         moves[np.arange(len(order)), joint[order]] = np.sign(steps)[joint[order]]
-        last = np.append(np.diff(times) > 0.0, True)  # steps of one tick are one motion
+        last = np.append(np.diff(times) > 0.0, True)  # steps at the same tick are merged
         counters = begin + np.cumsum(moves, axis=0)
         motions.append(_Motion(begin, steps, profiles, float(duration), times[last], counters[last]))
         begin = begin + steps
@@ -309,7 +309,7 @@ def _law_trajectory(
 
 
 def _knots(motion: _Motion) -> Array:
-    """Ticks between which a quintic follows the ramps of all joints, shape (k,)."""
+    """Knots [ticks] between which quintics follow the ramps of all joints, shape (k,)."""
     knots = [np.array([0.0, motion.duration])]
     for profile in motion.profiles.values():
         ramp = np.linspace(0.0, float(profile.ramp_time), _RAMP_PIECES + 1)
@@ -319,7 +319,7 @@ def _knots(motion: _Motion) -> Array:
 
 
 def _share(t: Array, ramp: float, total: float) -> Array:
-    """The part of a motion that is done at ticks t, and its first and second derivative, shape (3, n)."""
+    """The completed share of a motion at ticks t, and its first and second derivative, shape (3, n)."""
     late = t > 0.5 * total
     since = np.where(late, np.maximum(total - t, 0.0), t)  # the second half mirrors the first
     angle = (np.minimum(since, ramp) / ramp - 0.5) * np.pi

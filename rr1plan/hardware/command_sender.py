@@ -1,4 +1,4 @@
-"""Sending commands to a control box: one at a time, each only if the arm is where its plan begins."""
+"""Sending commands to a control box: one at a time, each only if the arm is at the start of that command."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from rr1plan.hardware.control_box_frames import CHANNELS, TELEMETRY_BYTES, BoxCo
 from rr1plan.progress import ProgressCallback, fraction_callback
 
 BAUD = 115200
-# Frames of telemetry in which a command has to begin, and those that it may take beyond its emulated time.
+# Frames of telemetry within which a command has to begin, and by which it may exceed its emulated time.
 _REACTION, _SPARE = 50, 200
-# An encoder follows its motor within this share of the way and this number of counts.
+# An encoder follows its motor within this share of the displacement plus this number of counts.
 _ENCODER_SHARE, _ENCODER_COUNTS = 0.1, 20.0
 
 
 @runtime_checkable
 class SerialPort(Protocol):
-    """What is needed of a serial port: pyserial's, or any other object with these methods."""
+    """The interface of a serial port: pyserial's, or any other object with these methods."""
 
     def read(self, size: int = 1, /) -> bytes:
         """At most `size` bytes; fewer after the port's own timeout."""
@@ -63,21 +63,21 @@ def send_commands(
 ) -> Telemetry:
     """Send a certified plan to the control box, command by command, and watch the telemetry.
 
-    Each command is sent only while the box is idle, no limit switch is hit and all step counters are those at which the
-    command begins. After any error nothing more is sent; the arm finishes the command that it has.
+    Each command is sent only while the box is idle, no limit switch is hit and all step counters equal those at the
+    start of the command. After any error nothing more is sent; the arm finishes its current command.
 
     Args:
         plan: The plan.
         port: The serial port.
         silence: The longest time without telemetry [s].
-        progress: Called after each command; False ends the sending.
+        progress: Called after each command; False stops sending.
 
     Returns:
         The telemetry at the end.
 
     Raises:
         InputError: the plan is not certified, or the port has no `read` and `write`; nothing was sent.
-        SerialLineError: the line stops, takes only part of a command, or carries garbage.
+        SerialLineError: the line stops, accepts only part of a command, or delivers garbage.
         StalledJointError: a joint does not execute its steps, or its encoder does not follow them.
         HardwareError: the arm is not at the start of the plan, a limit switch is hit, or the box moves by itself.
         CancelledError: `progress` returned False.
@@ -114,12 +114,12 @@ class _Line:
         forget = getattr(port, "reset_input_buffer", None)
         if callable(forget):
             try:
-                forget()  # what a port has kept from before
+                forget()  # discard input buffered by the port
             except Exception as error:  # of any kind of port
                 raise SerialLineError(f"the serial line failed while its input was cleared: {error}") from error
 
     def send(self, command: BoxCommand, name: str) -> None:
-        """Write one frame, in one piece."""
+        """Write one frame in a single call."""
         frame = command.encode()
         try:
             written = self._port.write(frame)
@@ -132,7 +132,7 @@ class _Line:
             )
 
     def frames(self) -> Iterator[Telemetry]:
-        """Telemetry, frame by frame, for ever.
+        """Telemetry, frame by frame, without end.
 
         Raises:
             SerialLineError: silence, garbage, or a port that fails.
@@ -147,7 +147,7 @@ class _Line:
             for frame in self._stream.feed(data):
                 heard = True
                 yield frame
-            # Time that the receiver of a frame takes is no silence.
+            # Time spent by the receiver of a frame does not count as silence.
             if heard:
                 last = time.monotonic()
             elif time.monotonic() - last > self._silence:
@@ -156,14 +156,14 @@ class _Line:
                 raise SerialLineError(f"no telemetry for {self._silence:g} s{where}: is the box on, and this its port?")
 
     def latest(self) -> Telemetry:
-        """A frame that was sent from now on: the second one, as the first may have waited."""
+        """A frame sent after this call: the second one, because the first may have been buffered."""
         frames = self.frames()
         next(frames)
         return next(frames)
 
 
 def _check_ready(now: Telemetry, expected: tuple[int, ...], what: str) -> None:
-    """Refuse to move an arm that is elsewhere, moving, or at a limit switch."""
+    """Raise an error if the arm is at another position, moving, or at a limit switch."""
     if now.limit_switches:
         raise HardwareError(f"limit switches are hit: {', '.join(now.limit_switches)}; nothing is sent")
     if now.state != "idle" or any(now.remaining):
@@ -182,7 +182,7 @@ def _follow(line: _Line, expected: tuple[int, ...], emulated: float, name: str) 
     Args:
         line: The line.
         expected: Step counters at the end.
-        emulated: Frames that the emulation took.
+        emulated: Number of frames that the emulation took.
         name: The command, for messages.
     """
     begun = False

@@ -1,4 +1,4 @@
-"""The control box of one arm: which channel drives which joint, and how fast.
+"""The control box of one arm: the joint and the speed of each channel.
 
 It is a part of the arm's calibration file:
 
@@ -33,7 +33,7 @@ from rr1plan.hardware.control_box_frames import CHANNELS
 from rr1plan.robot import Robot
 
 _MAX_BYTES = 1024 * 1024
-# Nobody waits longer for a step, or for a pass of the loop [ticks, s].
+# Upper bounds on the period of a step and of a pass of the loop [ticks, s].
 _LONGEST_PERIOD, _LONGEST_TICK = 1e4, 1.0
 
 
@@ -141,8 +141,8 @@ class StepScale:
         joints: Channels of the planning joints, in their order.
 
     Raises:
-        InputError: another robot, readings other than steps, a joint without a channel or a calibration, or one whose
-            scale or zero is assumed.
+        InputError: another robot, readings other than steps, a joint without a channel or a calibration, or with an
+            assumed scale or zero.
     """
 
     def __init__(self, robot: Robot, calibration: Calibration, box: ControlBox) -> None:

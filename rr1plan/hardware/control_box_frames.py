@@ -20,7 +20,7 @@ CHANNELS = ("S1", "S2", "E1", "E2", "W1", "W2", "G")
 SWITCHES = tuple(f"{channel} {side}" for channel in CHANNELS for side in "AB")
 HEADER = b"RR1-rev.2-robot"
 COMMAND_BYTES, TELEMETRY_BYTES = 47, 111
-# With high safety the box ignores a joint that is given more steps than this.
+# At safety level "high" the box ignores a joint with more steps than this.
 MOST_STEPS_SAFELY = 1024
 Safety = Literal["high", "low"]
 _SAFETY = {"high": 1, "low": 2}
@@ -82,9 +82,9 @@ class Telemetry:
         state: "idle", "active" or "starting batch".
         limit_switches: Limit switches hit since the last frame, e.g. ("S1 A", "G B").
         encoders: Encoder counts of the seven joints.
-        remaining: Steps that remain of the present motion, with the sign of the command.
-        position: Step counters since the box was switched on, in the direction of commands. (The box counts the other
-            way.)
+        remaining: Remaining steps of the current motion, with the sign of the command.
+        position: Step counters since the box was switched on, in the direction of commands. (The box counts in the
+            opposite direction.)
     """
 
     serial_number: str
@@ -107,7 +107,7 @@ class Telemetry:
         """Telemetry from its frame.
 
         Raises:
-            InputError: not 111 bytes with the header, or values that make no sense.
+            InputError: not 111 bytes with the header, or impossible values.
         """
         _check_frame("telemetry", frame, TELEMETRY_BYTES)
         _, serial, state, mask, *counts = _TELEMETRY.unpack(frame)
@@ -132,17 +132,17 @@ def _check_frame(what: str, frame: bytes, size: int) -> None:
 class TelemetryStream:
     """Frames of telemetry from the bytes of a serial line.
 
-    The line may be joined in the middle of a frame; after the first header each frame has to follow the one before.
+    Reading may begin in the middle of a frame; after the first header each frame has to follow the previous one.
     """
 
     _buffer: bytearray = field(default_factory=bytearray)
     _joined: bool = False
 
     def feed(self, data: bytes) -> Iterator[Telemetry]:
-        """The frames that are complete with some more bytes.
+        """The frames completed by further bytes.
 
         Raises:
-            SerialLineError: bytes that are no telemetry.
+            SerialLineError: bytes that are not telemetry.
         """
         self._buffer += data
         if not self._joined:
@@ -164,7 +164,7 @@ class TelemetryStream:
 
     @property
     def incomplete(self) -> int:
-        """Number of bytes of a frame that is not complete."""
+        """Number of buffered bytes of an incomplete frame."""
         return len(self._buffer)
 
     def _shown(self) -> str:

@@ -6,8 +6,8 @@ exceed its period. The period follows a sine ramp of the speed,
     v(t) = v_f / 2 (1 + sin((t / T - 1/2) pi)),
 
 up over T ticks, then steady, then down. Joints of one command are stretched to the slowest one. Times are whole ticks,
-truncated as the firmware truncates them, and floating-point operations have its order, so that every step has the same
-tick.
+truncated as in the firmware, and floating-point operations have the firmware's order, so that every step occurs at the
+same tick.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-# The period of a joint that has been given a command but has not computed its speed yet [ticks].
+# The period of a joint that has a command but has not computed its speed yet [ticks].
 _STOP_PERIOD = 65536.0
 
 
@@ -28,7 +28,7 @@ class SpeedProfile:
         ramp_steps: Steps of each ramp.
         ramp_time: Ticks of each ramp.
         total_time: Ticks of the motion.
-        factor: By which all speeds are multiplied.
+        factor: Factor on all speeds.
     """
 
     top_speed: float = 0.0
@@ -44,17 +44,17 @@ class SpeedProfile:
 
 
 class JointMotion:
-    """The motor of a joint, as the firmware keeps it.
+    """The motor of a joint, with the firmware's state.
 
     Args:
         fast_period: Ticks of a step at full speed.
         ramp_steps: Steps from rest to full speed.
 
     Attributes:
-        moving: Whether it moves; it holds otherwise.
-        remaining: Steps that remain, with the sign of the command.
+        moving: Whether it moves; otherwise it holds.
+        remaining: Remaining steps, with the sign of the command.
         position: Step counter in the direction of commands.
-        profile: Its speed over the present motion.
+        profile: Its speed over the current motion.
     """
 
     def __init__(self, fast_period: float, ramp_steps: int) -> None:
@@ -62,11 +62,11 @@ class JointMotion:
         self.moving = False
         self.remaining = self.position = 0
         self.profile = SpeedProfile()
-        # Ticks since the beginning of the motion, the sum of the periods of its steps, and the present period.
+        # Ticks since the beginning of the motion, the sum of the periods of its steps, and the current period.
         self._time, self._step_time, self._period = 0, 0.0, _STOP_PERIOD
 
     def begin(self, steps: int) -> None:
-        """Begin a motion from rest; not of zero steps."""
+        """Begin a motion of a nonzero number of steps from rest."""
         self.remaining += steps
         total, ramp, top = abs(self.remaining), self._ramp_steps, 1.0 / self._fast_period
         if total <= 2 * ramp:
@@ -78,7 +78,7 @@ class JointMotion:
         self.moving, self._time, self._step_time, self._period = True, 0, 0.0, _STOP_PERIOD
 
     def change(self, steps: int) -> None:
-        """Take a command on the way: one of the same sign is appended, another one cuts the steady part."""
+        """Accept a command while moving: one of the same sign is appended, another one cuts the steady part."""
         left = self.profile.total_time - self.profile.ramp_time - self._time
         if left <= 0:
             return
@@ -91,7 +91,7 @@ class JointMotion:
             self.profile.total_time -= left
 
     def stretch(self, common_time: int) -> None:
-        """Take as long as the slowest joint of the command [ticks]."""
+        """Stretch the motion to the duration of the slowest joint of the command [ticks]."""
         profile, total = self.profile, abs(self.remaining)
         if profile.total_time <= 0:
             return
@@ -103,13 +103,13 @@ class JointMotion:
         profile.ramp_time = int(profile.ramp_time / profile.factor)
 
     def advance(self, ticks: int) -> tuple[list[int], int | None]:
-        """Go on for some ticks.
+        """Advance by some ticks.
 
         Args:
-            ticks: How many.
+            ticks: Number of ticks.
 
         Returns:
-            The ticks of its steps, and that at which it came to hold or None, from 1 on.
+            The ticks of its steps, and the tick at which it stopped or None, counted from 1.
         """
         found: list[int] = []
         if not self.moving:
@@ -140,7 +140,7 @@ class JointMotion:
 
 
 def _ramp_period(time: int, ramp: int, speed: float) -> float:
-    """Ticks of a step at a time on a ramp; nan on a ramp of no length, on which a motor never steps."""
+    """Period of a step at a time on a ramp [ticks]; nan on a ramp of length zero, on which a motor never steps."""
     if ramp == 0:
         return math.nan
     now = 0.5 * (math.sin((time / ramp - 0.5) * math.pi) + 1.0) * speed

@@ -13,27 +13,27 @@ from rr1plan.hardware.control_box import ControlBox
 from rr1plan.hardware.control_box_frames import CHANNELS, TELEMETRY_BYTES, Telemetry, TelemetryStream
 from rr1plan.mirror.joint_states import StateMessage, StateStream, StreamError
 
-# Messages of frames that arrive at once get times at this interval [s].
+# Messages of frames that arrive together get times at this interval [s].
 _SPACING = 1e-6
 
 
 def read_telemetry(port: SerialPort, calibration: Calibration, box: ControlBox, *, silence: float = 1.0) -> StateStream:
-    """The joint states that a control box reports, by step counters or encoders.
+    """The joint states reported by a control box, from step counters or encoders.
 
-    Frames have no time; a message has that of its arrival. Nothing is written to the port.
+    Frames have no time stamp; a message gets the time of its arrival. Nothing is written to the port.
 
     Args:
         port: The serial port, from `open_serial_port`, or an `EmulatedSerialLine`.
-        calibration: Of its joints; in "steps" the step counters are read, in "counts" the encoders.
-        box: Which channel drives which joint.
-        silence: Without a frame for this long there is a `StreamError` [s], and again after as long.
+        calibration: Calibration of its joints; in "steps" it applies to the step counters, in "counts" to the encoders.
+        box: The control box, which assigns channels to joints.
+        silence: Interval without frames [s] after which a `StreamError` is reported, repeatedly.
 
     Returns:
-        Messages of the calibrated joints, and an error in place of garbage and of silence, until it is closed; the port
-        stays open.
+        Messages of the calibrated joints, and errors in place of garbage and silence, until the stream is closed; the
+        port stays open.
 
     Raises:
-        InputError: something other than a port, a calibration in radians or of none of the joints of the box.
+        InputError: a value other than a port, a calibration in radians, or one without any joint of the box.
     """
     of_kind("port", port, SerialPort)
     of_kind("calibration", calibration, Calibration)
@@ -57,7 +57,7 @@ def read_telemetry(port: SerialPort, calibration: Calibration, box: ControlBox, 
 def _states(
     port: SerialPort, message: Callable[[Telemetry, float], StateMessage], silence: float
 ) -> Iterator[StateMessage | StreamError]:
-    """Messages of the frames that arrive."""
+    """Messages of the arriving frames."""
     stream, waiting_since, last = TelemetryStream(), time.monotonic(), 0.0
     while True:
         heard = False
@@ -67,10 +67,10 @@ def _states(
                 last = max(time.monotonic(), last + _SPACING)
                 yield message(frame, last)
         except SerialLineError as error:
-            # The next header begins anew.
+            # Resynchronize at the next header.
             stream = TelemetryStream()
             yield StreamError("format", str(error))
-        # Time that the receiver of a message takes is no silence.
+        # Time spent by the receiver of a message does not count as silence.
         if heard:
             waiting_since = time.monotonic()
         elif time.monotonic() - waiting_since > silence:

@@ -1,4 +1,4 @@
-"""Kinematics of an arm as a lecture writes it down: link transforms, DH parameters, Jacobian, ellipses, singularities.
+"""Kinematics of an arm as in a lecture: link transforms, DH parameters, Jacobian, ellipses, singularities.
 
 Denavit, Hartenberg, "A kinematic notation for lower-pair mechanisms based on matrices", J. Applied Mechanics 22
 (1955). Yoshikawa, "Manipulability of robotic mechanisms", IJRR 4 (1985). Lynch, Park, "Modern Robotics" (2017), 4, 5.
@@ -23,12 +23,12 @@ class DhRow(NamedTuple):
     """Parameters of one joint: A = Rot_z(theta) Trans_z(d) Trans_x(a) Rot_x(alpha).
 
     Args:
-        joint: Its name.
-        a: Length of the common normal of this joint's axis and the next one's [m].
-        alpha: Angle between the two axes, about the normal [rad].
+        joint: Name of the joint.
+        a: Length of the common normal of this joint's axis and the next one [m].
+        alpha: Angle between the two axes about the normal [rad].
         d: Distance of the normals along the axis [m]; the variable of a prismatic joint is added.
         theta: Angle between the normals, about the axis [rad]; the variable of a revolute joint is added.
-        slides: The joint is prismatic.
+        slides: Whether the joint is prismatic.
     """
 
     joint: str
@@ -94,8 +94,8 @@ class DhTable(Value):
 def dh_table(robot: Robot) -> DhTable:
     """Standard DH parameters of a serial arm, from the axes of its planning joints.
 
-    Of parallel axes the normal through the origin of the frame before is taken, so that d is zero. The last frame has
-    its origin in the tool, or above it on the last axis.
+    For parallel axes, the normal through the origin of the previous frame is used, so that d is zero. The last frame
+    has its origin in the tool, or above it on the last axis.
 
     Args:
         robot: A chain of revolute, continuous and prismatic joints.
@@ -108,7 +108,8 @@ def dh_table(robot: Robot) -> DhTable:
         raise InputError("a joint mimics another one, expected a serial arm")
     poses = robot.link_poses(np.zeros(robot.nq))
     joints = [robot.joint(name) for name in robot.joint_names]
-    # Axes at zero: a point and a direction each, then the tool with the last axis.
+    # Axes at the zero configuration, each as a point and a direction; last the tool with the direction of the last
+    # axis.
     axes = [(poses[j.child][:3, 3], poses[j.child][:3, :3] @ np.asarray(j.axis)) for j in joints]
     tool = poses[robot.tool]
     axes.append((tool[:3, 3], axes[-1][1]))
@@ -131,7 +132,7 @@ def _frame(x: Array, z: Array, origin: Array) -> Array:
 
 
 def _any_normal(z: Array) -> Array:
-    """A unit vector across z: the x axis, where that is possible."""
+    """A unit vector perpendicular to z: the x axis if possible."""
     seed = np.eye(3)[0] if abs(z[0]) < 0.9 else np.eye(3)[1]
     x = seed - (seed @ z) * z
     return np.asarray(x / np.linalg.norm(x))
@@ -143,13 +144,13 @@ def _common_normal(origin: Array, z: Array, point: Array, following: Array, x: A
     size = float(np.linalg.norm(across))
     if size < _PARALLEL:
         foot = origin if np.linalg.norm(_off_axis(point - origin, z)) > _PARALLEL else point
-        # The tool's own height is kept by the last row: its axis is the last joint's.
+        # The last row contains the tool's offset along the axis of the last joint.
         end = foot + _off_axis(point - foot, z)
         way = end - foot
         length = float(np.linalg.norm(way))
         return foot, end, (way / length if length > _PARALLEL else x)
     normal = across / size
-    # Two lines: origin + s z and point + t following, joined along the normal.
+    # Two lines, origin + s z and point + t following, connected along the normal.
     s, t, _ = np.linalg.solve(np.column_stack([z, -following, normal]), point - origin)
     foot, end = origin + s * z, point + t * following
     if (end - foot) @ normal < -_PARALLEL or (np.linalg.norm(end - foot) <= _PARALLEL and normal @ x < -_PARALLEL):
@@ -162,7 +163,7 @@ def _off_axis(vector: Array, z: Array) -> Array:
 
 
 def _angle(a: Array, b: Array, axis: Array) -> float:
-    """The angle from a to b about an axis across both [rad], rounding removed."""
+    """The angle from a to b about an axis perpendicular to both [rad], rounding removed."""
     angle = float(np.arctan2(np.cross(a, b) @ axis, a @ b))
     return 0.0 if abs(angle) < 1e-12 else angle
 
@@ -171,7 +172,7 @@ def _angle(a: Array, b: Array, axis: Array) -> float:
 
 
 def tool_jacobian(robot: Robot, q: ArrayLike) -> Array:
-    """How the tool's origin moves when the joints do, in the robot's base, shape (3, nq).
+    """Jacobian of the tool's origin in the robot's base frame, shape (3, nq).
 
     The column of a revolute joint is axis × (tool - joint), that of a prismatic one its axis.
 
@@ -194,10 +195,10 @@ class Ellipse(NamedTuple):
     """The velocities of the tool for joint velocities of length one, and the forces for torques of length one.
 
     Args:
-        directions: Its axes as columns, the longest first, shape (2, 2).
-        velocity: Half axes of the velocity ellipse, shape (2,).
-        force: Half axes of the force ellipse along the same directions, the reciprocals; infinite in a singularity.
-        manipulability: Product of the half axes, |det J|.
+        directions: Axes of the ellipse as columns, the longest first, shape (2, 2).
+        velocity: Semi-axes of the velocity ellipse, shape (2,).
+        force: Semi-axes of the force ellipse along the same directions, the reciprocals; infinite in a singularity.
+        manipulability: Product of the semi-axes, |det J|.
     """
 
     directions: Array
@@ -207,7 +208,7 @@ class Ellipse(NamedTuple):
 
 
 def ellipses(jacobian: ArrayLike) -> Ellipse:
-    """Velocity and force ellipses of a Jacobian of the plane.
+    """Velocity and force ellipses of a planar Jacobian.
 
     Args:
         jacobian: Shape (2, 2).

@@ -61,10 +61,10 @@ def _steps(grid: CSpaceGrid, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
         LessonStep(
             "point",
             "An arm is a point",
-            f"""<p>Two numbers {pair} say where every point of the arm is. Together they are its
+            f"""<p>Two numbers {pair} determine the position of every point of the arm. Together they are its
             <b>configuration</b>: one point in the square on the right, the <b>configuration space</b>.</p>
-            <p>Drag the point and watch the arm; drag the tool and watch the point. A straight line over there is no
-            straight line over here.</p>""",
+            <p>Drag the point and watch the arm; drag the tool and watch the point. A straight line in one picture is
+            not straight in the other.</p>""",
             q,
         ),
         LessonStep(
@@ -79,9 +79,9 @@ def _steps(grid: CSpaceGrid, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
         LessonStep(
             "shapes",
             "Any shape, and exact",
-            """<p>Discs, boxes, polygons, also concave ones: an image needs nothing but the distance between two
-            solids. Every cell of this picture was decided at its center; where a distance proves that nothing
-            changes in a whole block of cells, the block was decided at once.</p>
+            """<p>Discs, boxes and polygons, also concave ones: an image requires only the distance between two solids.
+            Every cell of this picture was decided at its center; where a distance proves that nothing changes in a
+            whole block of cells, the block was decided at once.</p>
             <p>Find the corner of an obstacle in its image: it makes a kink in the boundary.</p>""",
             q,
         ),
@@ -90,7 +90,7 @@ def _steps(grid: CSpaceGrid, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
             "Overlaps",
             """<p>Where two images overlap (striped), the arm touches two obstacles at once. Obstacles that do not
             touch each other can have images that do: together they may close a passage.</p>
-            <p>The free configurations are what all images leave.</p>""",
+            <p>The free configurations are those outside all images.</p>""",
             q,
         ),
     ]
@@ -98,7 +98,7 @@ def _steps(grid: CSpaceGrid, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
         strip = LessonStep(
             "strip",
             "Strips and blobs",
-            f"""<p>If the <i>first</i> link touches, the second joint cannot help: its value does not matter, and the
+            f"""<p>If the <i>first</i> link touches an obstacle, the value of the second joint does not matter, and the
             image is a strip along the axis of {math(symbols[1])}. If only the second link touches, the image is a
             bounded blob.</p>
             <p>Obstacles near the base therefore have strips, and far ones have blobs.</p>""",
@@ -118,10 +118,10 @@ def _steps(grid: CSpaceGrid, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
             LessonStep(
                 "seams",
                 "The edges meet",
-                f"""<p>{closed} can turn on and on: π and −π are the same. Edges with the same arrows, {edges}, are
+                f"""<p>{closed} can turn without limits: π and −π are the same. Edges with the same arrows, {edges}, are
             therefore the same configurations. {shape}.</p>
-            <p>Turn a joint over the seam: the point leaves at one side and enters at the other, and the arm does not
-            notice.</p>""",
+            <p>Turn a joint across the seam: the point leaves on one side and enters on the other, while the arm moves
+            continuously.</p>""",
                 q,
             )
         )

@@ -48,7 +48,7 @@ _STEPS = (
         "small_steps",
         "No step is small enough for all edges",
         "<p>Here the arm's tip touches the corner of the plate by less than a millimeter. A step of 1° needs 105 "
-        "samples and sees nothing; the part in contact is 0.6° long. Bend the elbow a little more and it gets "
+        "samples and finds nothing; the part in contact is 0.6° long. Bend the elbow a little more and it gets "
         "shorter still, down to nothing. So a fixed step is a wager: a coarse one misses contacts, a fine one "
         "costs time on every edge, also on those that are far from everything.</p>",
     ),
@@ -56,8 +56,8 @@ _STEPS = (
         "bound",
         "A distance proves an interval",
         f"""<p>A joint that turns by {math("Δ", "θ")} moves no point of a link farther than {math("ℓ", "Δ", "θ")}, with
-        the lever {math("ℓ")}: how far the link ever gets from the joint's axis. From the middle of this edge to its
-        ends the links therefore move by no more than {_BOUND}, and stay within the colored outlines. Where the
+        the lever {math("ℓ")}: the largest distance of the link from the joint's axis. From the middle of this edge to
+        its ends the links therefore move by no more than {_BOUND}, and stay within the colored outlines. If the
         distance at the middle exceeds that, the whole edge is free, after <b>one</b> distance. The dashed diamond has
         all configurations that this distance proves.</p>""",
     ),
@@ -67,47 +67,47 @@ _STEPS = (
         "<p>Close to obstacles the first interval is too long: the bound exceeds the distance. Each half has "
         "half the bound and another distance. Press <b>Run</b>, or step with <kbd>.</kbd> and "
         "<kbd>,</kbd>: proven intervals stay long where there is room and get short only beside obstacles. This "
-        "is <i>adaptive bisection</i>.</p><p>Below, the curve is the true distance, which nobody knows "
-        "beforehand. The boxes sink below it.</p>",
+        "is <i>adaptive bisection</i>.</p><p>Below, the curve is the true distance, which is not known "
+        "in advance. The boxes sink below it.</p>",
     ),
     (
         "contact",
         "Long intervals first",
-        "<p>The same search on the edge through the plate. Intervals are looked at level by level, so "
+        "<p>The same search on the edge through the plate. Intervals are checked level by level, so "
         "configurations are spread over the whole edge early, and a contact is soon hit: after 10 distances this "
         "one is decided. One configuration in contact is proof that the edge is not free.</p>",
     ),
     (
         "grazing",
         "The answer has no gap",
-        "<p>The grazing edge, of which 105 samples saw nothing. Bisection goes on where it is tight and nowhere "
-        "else, and ends in the contact after 17 distances. Drag the ends of the edge and try to deceive it. Only "
-        "where the distance is below a micrometer nothing can be proven; such an edge is refused.</p>",
+        "<p>The grazing edge, on which 105 samples missed the contact. Bisection continues only where it is "
+        "tight, and ends in the contact after 17 distances. Drag the ends of the edge and try to deceive it. "
+        "Below a distance of one micrometer nothing can be proven; such an edge is rejected.</p>",
     ),
     (
         "advancing",
         "Or advance as far as the distance allows",
         "<p><i>Conservative advancement</i> uses the same bound from the beginning on: each distance says how far "
-        "the arm may go before it has to look again. It finds the <i>first</i> contact, which bisection does "
-        "not. Beside obstacles its steps get short; bisection looks from both sides and needs distances only at "
-        "middles.</p><p>In rr1plan <code>edge_is_free</code> halves, eight intervals at a time, and "
-        "<code>first_contact</code> tells where an edge is first in contact.</p>",
+        "the arm may go before the next check. It finds the <i>first</i> contact, which bisection does "
+        "not. Beside obstacles its steps get short; bisection uses each distance in both directions from the "
+        "middle.</p><p>In rr1plan <code>edge_is_free</code> halves, eight intervals at a time, and "
+        "<code>first_contact</code> returns the first contact of an edge.</p>",
     ),
 )
 
-# Of an edge of one's own: its first step, and those that state no numbers.
+# For a user's edge: its first step, and the steps that state no numbers.
 _OWN_STEP = (
     "steps",
     "A fixed step misses what fits between two samples",
     "<p>The edge from <b>begin</b> to <b>end</b> is checked at fixed steps. Move the slider: if parts of the "
     "edge are in contact, a coarse step may miss them all. Which step is enough depends on the edge, and is not "
-    "known before.</p>",
+    "known in advance.</p>",
 )
 _GENERAL = ("bound", "halving", "advancing")
 
 
 class ContinuousCheckingLesson(Lesson):
-    """Edges beside a thin plate, checked at fixed steps, by halving and by advancing."""
+    """Edges near a thin plate, checked at fixed steps, by halving and by advancing."""
 
     name = "continuous_checking"
 

@@ -1,18 +1,18 @@
 """Three ways to check a straight edge in configuration space: at fixed steps, by halving, and by advancing.
 
 A joint that turns by an angle moves no point of a body farther than the angle times its lever, the largest distance
-that the body can ever have from the joint's axis. On an interval of an edge from its middle, two bodies therefore
-approach each other by no more than
+that the body can have from the joint's axis. From the middle of an interval of an edge to its ends, two bodies
+therefore approach each other by no more than
 
     bound = sum of lever_j |q1_j - q0_j| times half the length of the interval,
 
 and an interval on which all distances at the middle exceed their bounds is free as a whole. The others are halved
 (adaptive bisection: Schwarzer, Saha and Latombe, Adaptive dynamic collision checking for single and multiple
-articulated robots in complex environments, IEEE Trans. Robotics 21, 2005), or the distance at one configuration says
-how far the next may be (conservative advancement: Mirtich, Impulse-based dynamic simulation of rigid body systems,
-1996).
+articulated robots in complex environments, IEEE Trans. Robotics 21, 2005), or the distance at one configuration
+determines the step to the next one (conservative advancement: Mirtich, Impulse-based dynamic simulation of rigid body
+systems, 1996).
 
-These are plain implementations to learn from. `CollisionChecker.edge_is_free` decides the same with compiled kernels.
+These are plain implementations for teaching. `CollisionChecker.edge_is_free` decides the same with compiled kernels.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ from rr1plan.errors import InputError
 
 Verdict = Literal["free", "halved", "contact", "undecided"]
 
-# Halvings after which an interval is left undecided: its middle is at the tolerance from contact.
+# Halvings after which an interval remains undecided: its middle is at the tolerance from contact.
 _MOST_HALVINGS = 40
 _MOST_SAMPLES = 1_000_000
 
 
 @dataclass(frozen=True)
 class EdgeInterval:
-    """An interval of an edge that was looked at.
+    """A checked interval of an edge.
 
     Args:
-        begin: Where it begins, as a fraction of the edge.
-        end: Where it ends.
-        distance: Of the pair that decides at its middle: the distance beyond padding and tolerance [m].
-        bound: How far that pair can approach each other between the middle and an end at most [m].
-        pair: That pair: the one with the least distance − bound.
+        begin: Its start, as a fraction of the edge.
+        end: Its end, likewise.
+        distance: Distance of the deciding pair at its middle, beyond padding and tolerance [m].
+        bound: Bound on the approach of that pair between the middle and an end [m].
+        pair: The deciding pair: the one with the least distance − bound.
         verdict: "free": distance > bound for all pairs; "contact": the distance of the pair is not above zero;
-            "halved"; or "undecided", the distance is too small for any interval.
+            "halved"; or "undecided": the distance is too small for any interval.
     """
 
     begin: float
@@ -64,11 +64,11 @@ class EdgeInterval:
 
 @dataclass(frozen=True, eq=False)
 class FixedSteps:
-    """What a check at fixed steps sees of an edge.
+    """The result of checking an edge at fixed steps.
 
     Args:
-        step: Distance of two neighboring samples [rad], at most the step that was asked for.
-        fractions: Where the samples are, shape (n,).
+        step: Distance of two neighboring samples [rad], at most the requested step.
+        fractions: Positions of the samples as fractions of the edge, shape (n,).
         free: Which of them are free, shape (n,).
     """
 
@@ -78,7 +78,7 @@ class FixedSteps:
 
     @property
     def passes(self) -> bool:
-        """Whether the check takes the edge for free."""
+        """Whether the check accepts the edge as free."""
         return bool(self.free.all())
 
 
@@ -87,9 +87,9 @@ def sample_edge(checker: CollisionChecker, q0: ArrayLike, q1: ArrayLike, step: f
 
     Args:
         checker: Of the scene.
-        q0: Begin [rad or m], shape (nq,).
+        q0: Start [rad or m], shape (nq,).
         q1: End [rad or m], shape (nq,).
-        step: Distance between two samples in configuration space at most [rad].
+        step: Largest distance between two samples in configuration space [rad].
 
     Raises:
         InputError: a wrong shape, or a step that is not above zero or that needs more than a million samples.
@@ -112,13 +112,13 @@ def halve_edge(
 
     Args:
         checker: Of the scene.
-        q0: Begin [rad or m], shape (nq,).
+        q0: Start [rad or m], shape (nq,).
         q1: End [rad or m], shape (nq,).
         most: Number of intervals after which the search gives up with an undecided one.
 
     Returns:
-        All intervals in the order in which they were looked at, long ones first; the edge is free if none has the
-        verdict "contact" or "undecided".
+        All intervals in the order in which they were checked, long ones first; the edge is free if none has the verdict
+        "contact" or "undecided".
 
     Raises:
         InputError: a wrong shape, fewer than one interval, or a scene without obstacles.
@@ -154,22 +154,22 @@ def is_proven_free(intervals: tuple[EdgeInterval, ...]) -> bool:
 def advance_edge(
     checker: CollisionChecker, q0: ArrayLike, q1: ArrayLike, *, most: int = 100_000, shortest: float = 1e-6
 ) -> tuple[EdgeInterval, ...]:
-    """Decide an edge by advancing: at each configuration as far as distances allow, until the end or a contact.
+    """Decide an edge by advancing from each configuration as far as distances allow, until the end or a contact.
 
     Args:
         checker: Of the scene.
-        q0: Begin [rad or m], shape (nq,).
+        q0: Start [rad or m], shape (nq,).
         q1: End [rad or m], shape (nq,).
-        most: Number of steps after which it gives up.
+        most: Number of steps after which the search gives up.
         shortest: A step below this fraction of the edge counts as contact.
 
     Returns:
-        The steps; the distance of each was measured at its begin, and the bound is for its whole length. The last one
+        The steps; the distance of each was computed at its start, and the bound is for its whole length. The last one
         is a contact if the edge is not free.
 
     Raises:
-        InputError: a wrong shape, fewer than one step, a shortest one that is not above zero, or a scene
-            without obstacles.
+        InputError: a wrong shape, fewer than one step, a shortest step that is not above zero, or a scene without
+            obstacles.
     """
     of_kind("checker", checker, CollisionChecker)
     whole_number("most", most, 1, 10_000_000)
@@ -194,7 +194,7 @@ def advance_edge(
 
 
 def _approach_speeds(checker: CollisionChecker, q0: Array, q1: Array) -> Array:
-    """How much the two solids of each pair approach each other on a whole edge at most [m], shape (p,)."""
+    """Bound on the approach of the two solids of each pair on a whole edge [m], shape (p,)."""
     if not checker.pairs:
         raise InputError("the scene has nothing that the arm could touch, and so no distances; add an obstacle")
     return checker.tables.pair_levers(np.maximum(np.abs(q0), np.abs(q1))) @ np.abs(q1 - q0)
@@ -221,11 +221,11 @@ def contact_share(checker: CollisionChecker, q0: ArrayLike, q1: ArrayLike) -> tu
 
     Args:
         checker: Of the scene.
-        q0: Begin [rad or m], shape (nq,).
+        q0: Start [rad or m], shape (nq,).
         q1: End [rad or m], shape (nq,).
 
     Returns:
-        Begin and end as fractions of the edge.
+        Start and end as fractions of the edge.
 
     Raises:
         InputError: a wrong shape.

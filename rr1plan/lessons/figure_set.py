@@ -41,13 +41,13 @@ def save_figures(
     thesis in which RR1's digital twin was built.
 
     Args:
-        out: The folder; it is made if it does not exist.
-        names: Some of `figure_names()` (default: all, "first_motion" only where the extra `video` and a browser are
+        out: The folder; it is created if it does not exist.
+        names: Some of `figure_names()` (default: all; "first_motion" only if the extra `video` and a browser are
             installed).
         progress: Called before each figure; False cancels.
 
     Returns:
-        The files of each figure: a PNG, and an SVG of all but "first_motion".
+        The files of each figure: a PNG and, except for "first_motion", an SVG.
 
     Raises:
         UnknownNameError: no such figure.
@@ -79,7 +79,7 @@ def _save_both(drawn: Lesson | CSpace, stem: FilePath) -> tuple[FilePath, ...]:
 
 def _planar2r_path(stem: FilePath) -> tuple[FilePath, ...]:
     problem = next(iter(load_problems("planar2r_path").values()))
-    # Short edges make a tree that shows how it grew.
+    # Short edges show how the tree grew.
     planner = RrtConnect(range=0.15, tree=True)
     result = planner.plan(problem, budget=Budget(iterations=1500), rng=14)
     return _save_both(cspace(problem.scene, problem, result=result), stem)

@@ -23,7 +23,7 @@ class FreeShare:
         samples: Number of samples.
         low: Lower end of the confidence interval.
         high: Upper end.
-        confidence: Probability with which such an interval contains the true share, at least.
+        confidence: Least probability with which such an interval contains the true share.
     """
 
     free: int
@@ -47,13 +47,13 @@ def free_share(
 ) -> FreeShare:
     """Estimate the share of configurations within the joint limits that are free, from uniform samples.
 
-    The interval is the exact one for a binomial count (Clopper and Pearson 1934). Its width shrinks with the root of
-    the number of samples and does not depend on the number of joints.
+    The interval is the exact one for a binomial count (Clopper and Pearson 1934). Its width shrinks with the square
+    root of the number of samples and does not depend on the number of joints.
 
     Args:
-        checker: Of arms whose joints all have limits; continuous joints are sampled over one turn.
+        checker: Checker of arms whose joints all have limits; continuous joints are sampled over one turn.
         samples: Number of samples.
-        confidence: Of the interval, between 0 and 1.
+        confidence: Confidence of the interval, between 0 and 1.
         rng: Seed or generator of the samples.
 
     Raises:

@@ -1,4 +1,4 @@
-"""All configurations of an arm that hold its tool in one pose, and its self-motion where the yaw is free."""
+"""All configurations of an arm with its tool in one pose, and its self-motion if the yaw is free."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ class InverseSolution:
 
     @property
     def is_valid(self) -> bool:
-        """Whether the arm can be there."""
+        """Whether the arm can have this configuration."""
         return self.within_limits and not self.touching
 
 
 def inverse_solutions(scene: Scene, arm: str, q: ArrayLike, *, rng: int = 0) -> tuple[InverseSolution, ...]:
-    """Every configuration found with the tool where it is at q, joint limits and contacts set aside, q's own first.
+    """All configurations found with the tool pose of q, ignoring joint limits and contacts; q is the first.
 
-    A general arm of six revolute joints has 16 at most, and 8 at most if three of its axes meet in a point or are
-    parallel (Pieper 1968; Raghavan and Roth 1990). The search is numerical, with 1500 starts.
+    A general arm of six revolute joints has at most 16, and at most 8 if three of its axes meet in a point or are
+    parallel (Pieper 1968; Raghavan and Roth 1990). The search is numerical, from 1500 initial guesses.
 
     Args:
         scene: The scene.
         arm: The arm.
         q: Its configuration [rad], shape (nq,).
-        rng: Seed of the starts.
+        rng: Seed of the initial guesses.
 
     Raises:
         UnknownNameError: no such arm.
@@ -83,9 +83,9 @@ def self_motion(scene: Scene, arm: str, q: ArrayLike, *, axis: str = "z", step: 
     Args:
         scene: The scene.
         arm: An arm of six joints.
-        q: Where to begin [rad], shape (6,).
-        axis: The axis of the tool around which it may turn: "z" leaves the yaw free, "x" and "y" a rod between the
-            fingers.
+        q: First configuration [rad], shape (6,).
+        axis: The axis of the tool about which it may rotate: "z" leaves the yaw free; "x" and "y" allow rotation about
+            a rod between the fingers.
         step: Distance between two configurations [rad].
 
     Returns:
@@ -112,14 +112,14 @@ def self_motion(scene: Scene, arm: str, q: ArrayLike, *, axis: str = "z", step: 
 def _follow(
     kinematics: Kinematics, lower: Array, upper: Array, start: Array, target: Array, free: int, step: float
 ) -> tuple[list[Array], bool]:
-    """Configurations along the curve, and whether it has come back to where it began."""
+    """Configurations along the curve, and whether it has returned to its beginning."""
     rows: list[Array] = []
     at, before = start, None
     for k in range(_MOST_STEPS):
         _, J = _conditions(kinematics, at, target, free)
         tangent = np.linalg.svd(J)[2][-1]
         if before is None:
-            # The first direction is that in which the angle around the axis grows.
+            # The first direction is the one in which the angle about the axis grows.
             yaw = (kinematics.jacobian(at)[3:].T @ target[:3, free]) @ tangent
             tangent = tangent * (np.sign(yaw) or 1.0) * np.sign(step)
         elif tangent @ before < 0.0:

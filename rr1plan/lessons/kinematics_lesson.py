@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 _CELLS = 120  # of the map of |det J|, along each joint
-# Of the x and y axes of frames, of the velocity and the force ellipse; safe for red-green color blindness.
+# Colors of the x and y axes of frames, and of the velocity and force ellipses; safe for red-green color blindness.
 X_AXIS, Y_AXIS, VELOCITY, FORCE = "#d55e00", "#0072b2", "#a3428f", "#00805c"
 SPEED, PULL = 0.25, 0.1  # lengths on the picture of 1 m/s [m] and of 1 N [m]
 
@@ -64,7 +64,7 @@ class KinematicsLesson(Lesson):
         axes = [
             np.linspace(1.5 * c[0] - 0.5 * c[1], 1.5 * c[-1] - 0.5 * c[-2], _CELLS + 1) for c in self.picture.grid.axes
         ]
-        # A little farther, so that a zero on the rim of the picture counts as one.
+        # A little wider, so that a zero on the border of the picture is found.
         wide = [np.linspace(a[0] - (a[1] - a[0]), a[-1] + (a[1] - a[0]), _CELLS + 4) for a in axes]
         values = self.determinant(np.stack(np.meshgrid(*wide, indexing="ij"), axis=-1))
         zero = contourpy.contour_generator(wide[1], wide[0], values).lines(0.0)
@@ -158,7 +158,7 @@ class KinematicsLesson(Lesson):
             axes.add_patch(patch)
 
     def _draw_map(self, figure: Figure, axes: Axes) -> None:
-        """|det J| over the configuration space, and where it is zero."""
+        """|det J| over the configuration space, and its zeros."""
         grid = self.picture.grid
         extent = [edge for c in grid.axes for edge in (1.5 * c[0] - 0.5 * c[1], 1.5 * c[-1] - 0.5 * c[-2])]
         values, curves = self.map()
@@ -219,32 +219,32 @@ def _steps(lesson: KinematicsLesson) -> tuple[LessonStep, ...]:
     inverse = (
         f"""<p>For a point (x, y) at the distance r, the law of cosines gives the bend of the elbow,
         cos θ<sub>2</sub> = (r² − {first:g}² − {second:g}²) / (2 · {first:g} · {second:g}), and its sign is free:
-        <b>two solutions</b>, the arm and its faint twin, ● and ○ in the configuration space. One at the rims, none
-        beyond.</p><p>Tool at (<span data-live="x"></span>, <span data-live="y"></span>): elbow 1 at
-        <span data-live="one"></span>, elbow 2 at <span data-live="two"></span>. Press E to change over; drag the
-        tool to a rim and see them meet.</p>"""
+        <b>two solutions</b>, the arm and its faint twin, ● and ○ in the configuration space. One on the boundaries,
+        none outside.</p><p>Tool at (<span data-live="x"></span>, <span data-live="y"></span>): elbow 1 at
+        <span data-live="one"></span>, elbow 2 at <span data-live="two"></span>. Press E to switch; drag the tool to a
+        boundary and see them coincide.</p>"""
         if revolute
         else """<p>Given a point (x, y), which joint values put the tool there? The arm’s faint twin is the other
         solution, where there is one. Tool at (<span data-live="x"></span>, <span data-live="y"></span>): solution 1
         at <span data-live="one"></span>, solution 2 at <span data-live="two"></span>.</p>"""
     )
     where = (
-        f"""<p>det J = {first:g} · {second:g} · sin θ<sub>2</sub>, now <b><span data-live="det"></span></b>: zero
-        where the arm is <b>stretched or folded</b>, the dashed lines θ<sub>2</sub> = 0 and ±π on the right, the two
-        rims of the annulus on the left. They split the square into elbow-left and elbow-right: to change the elbow,
-        the arm has to pass a singularity.</p>"""
+        f"""<p>det J = {first:g} · {second:g} · sin θ<sub>2</sub>, now <b><span data-live="det"></span></b>: zero where
+        the arm is <b>stretched or folded</b>: the dashed lines θ<sub>2</sub> = 0 and ±π on the right, the two
+        boundaries of the annulus on the left. They split the square into elbow-left and elbow-right: to change the
+        elbow, the arm has to pass a singularity.</p>"""
         if revolute
         else """<p>det J is now <b><span data-live="det"></span></b>. It is zero on the dashed lines of the
-        configuration space, if there are any; the tool then lies on the rim of its reachable region.</p>"""
+        configuration space, if there are any; the tool is then on the boundary of its reachable region.</p>"""
     )
     rows = (
         (
             "transforms",
             "Transforms, link by link",
             f"""{_product()}
-            <p>Every link carries a frame at its far end, <i class="x">x</i> and <i class="y">y</i>. One link
-            farther is one matrix more, so the pose of the tool is a product; in the plane, 3 × 3 are enough. The
-            last column is where the next frame is. Move a joint: one factor changes, and the product.</p>""",
+            <p>Every link carries a frame at its far end, <i class="x">x</i> and <i class="y">y</i>. Each link adds one
+            matrix, so the pose of the tool is a product; in the plane, 3 × 3 suffices. The last column is the position
+            of the next frame. Move a joint: one factor changes, and with it the product.</p>""",
         ),
         (
             "dh",
@@ -259,25 +259,25 @@ def _steps(lesson: KinematicsLesson) -> tuple[LessonStep, ...]:
             "jacobian",
             "The Jacobian",
             f"""{math(matrix((_dot("x"),), (_dot("y"),)), "=", _live("J", 2), _dot("q"), block=True)}
-            <p>How fast the tool moves is linear in how fast the joints move. Column k, drawn as an arrow, is the
-            velocity of the tool when joint k alone moves at 1: across the line from joint to tool, and as long.
-            Forces go the other way, with the transpose: τ = J<sup>T</sup> F.</p>""",
+            <p>The tool velocity is linear in the joint velocities. Column k, drawn as an arrow, is the velocity of the
+            tool when joint k alone moves at 1: perpendicular to the line from joint to tool, and equally long. Forces
+            map the other way, by the transpose: τ = J<sup>T</sup> F.</p>""",
         ),
         (
             "ellipses",
             "Velocity and force ellipse",
-            """<p>All joint velocities of length 1 make tool velocities on an <b>ellipse</b> (solid), whose half
-            axes are the singular values of J: <span data-live="s1"></span> and <span data-live="s2"></span>. Where
-            it is long the tool is fast; the <b>force ellipse</b> (dashed) has the same axes and reciprocal lengths:
-            where the arm is slow, it is strong.</p><p>Their product is the manipulability w = |det J| = <b><span
+            """<p>Joint velocities of length 1 give tool velocities on an <b>ellipse</b> (solid), whose semi-axes are
+            the singular values of J: <span data-live="s1"></span> and <span data-live="s2"></span>. Along its long axis
+            the tool is fast; the <b>force ellipse</b> (dashed) has the same axes and reciprocal lengths: where the arm
+            is slow, it is strong.</p><p>The product of the singular values is the manipulability w = |det J| = <b><span
             data-live="w"></span></b> (Yoshikawa 1985), the color on the right: bright is large.</p>""",
         ),
         (
             "singularities",
             "Singularities",
             where
-            + """<p>There J loses rank: one half axis is zero, the tool cannot move that way at
-            any joint speed, and carries any force that way with no torque at all.</p>""",
+            + """<p>There J loses rank: one semi-axis is zero; the tool cannot move in that direction at any joint
+            speed, and withstands any force in that direction without torque.</p>""",
         ),
     )
     poses = {"singularities": (q[0], 0.02) if revolute else q}

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 
 class Lesson(LessonContent):
-    """A lesson with its computed content, which draws itself; `lesson` makes one.
+    """A lesson with its computed content, as figures and pages; `lesson` creates one.
 
     Attributes:
         name: Its name.
-        scene: The arms and obstacles it is about.
+        scene: Its arms and obstacles.
         steps: Its steps in order.
     """
 
@@ -75,7 +75,7 @@ class Lesson(LessonContent):
     def save_html(self, file: str | FilePath, *, options: ViewOptions | None = None) -> FilePath:
         """Write the lesson as one offline page: workspace left, panels right, the steps below the workspace.
 
-        Buttons and the keys ← and → walk the steps. A page opened with `#step=3` begins at the third one.
+        Buttons and the keys ← and → move between the steps. A page opened with `#step=3` begins at the third one.
 
         Args:
             file: The file, replaced in one step.

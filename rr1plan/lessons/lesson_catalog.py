@@ -21,20 +21,20 @@ def lesson_names() -> tuple[str, ...]:
 
 
 def lesson(name: str, scene: Scene | None = None, problem: Problem | None = None) -> Lesson:
-    """A lesson about the lesson's own arm and obstacles, or about yours.
+    """A lesson about its default arm and obstacles, or about yours.
 
     Args:
         name: One of `lesson_names()`.
-        scene: Your scene (default: the problem's, or the lesson's own), for most lessons with one arm of two joints,
+        scene: Your scene (default: the problem's, or the lesson's own); for most lessons with one arm of two joints,
             e.g. a `planar_arm`.
         problem: Your query in that scene, for lessons that have one; for "two_arms" a query of two such arms.
 
     Returns:
-        A value that draws itself: `show`, `save_html`, `save_png`, `save_svg`.
+        A value with the methods `show`, `save_html`, `save_png` and `save_svg`.
 
     Raises:
         UnknownNameError: no such lesson.
-        InputError: a scene or a problem that the lesson cannot be about; the message says what it needs.
+        InputError: a scene or a problem that the lesson cannot use; the message states the requirements.
     """
     kind, _ = LESSONS[known_name("lesson", name, LESSONS)]
     of_kind("scene", scene, Scene, optional=True)

@@ -1,4 +1,4 @@
-"""What lessons define: steps, the document of the page, the picture."""
+"""The content that lessons define: steps, the document of the page, the picture."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LessonStep:
-    """One step of a lesson: a few short paragraphs and what they are about.
+    """One step of a lesson: a few short paragraphs and the configuration to show.
 
     Args:
         name: A name unique in the lesson, which the lesson's script refers to.
         title: Its headline.
         text: Its paragraphs as HTML; formulas in MathML.
         q: The configuration that the page shows when the step is entered [rad or m]: all columns of the scene; None
-            leaves the arms where they are.
+            does not move the arms.
 
     Raises:
-        InputError: not text, or not numbers.
+        InputError: a text or a configuration of another type.
     """
 
     name: str
@@ -49,13 +49,13 @@ class LessonStep:
 
 
 class LessonContent(NotebookView, ABC):
-    """What a lesson computes: its steps, the document of its page and its picture.
+    """The content of a lesson: its steps, the document of its page and its picture.
 
     Subclasses set `name`, `scene` and `steps`, and define `_page` and `_draw`.
 
     Attributes:
         name: Its name.
-        scene: The arms and obstacles it is about.
+        scene: Its arms and obstacles.
         steps: Its steps in order.
     """
 
@@ -66,18 +66,18 @@ class LessonContent(NotebookView, ABC):
 
     @abstractmethod
     def __init__(self, scene: Scene | None, problem: Problem | None) -> None:
-        """Compute what is shown; None stands for the lesson's own."""
+        """Compute the content; None stands for the lesson's default."""
 
     @abstractmethod
     def _page(self, options: ViewOptions) -> tuple[Document, tuple[Panel, ...]]:
-        """The document of the page, and the panels beside the workspace."""
+        """The document of the page, and the panels next to the workspace."""
 
     @abstractmethod
     def _draw(self, figure: Figure) -> None:
         """Draw the picture for slides into an empty figure."""
 
     def _data(self) -> Any:
-        """What the lesson's script finds in `data.own`: anything JSON can hold."""
+        """The value of `data.own` for the lesson's script: anything that JSON can represent."""
         return None
 
     def __repr__(self) -> str:

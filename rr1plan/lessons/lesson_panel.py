@@ -1,4 +1,4 @@
-"""Panels of lessons beside the configuration space."""
+"""Panels of lessons next to the configuration space."""
 
 from __future__ import annotations
 

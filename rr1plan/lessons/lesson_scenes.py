@@ -1,4 +1,4 @@
-"""The arms and obstacles of the lessons, and what a lesson requires of a teacher's own."""
+"""The default arms and obstacles of the lessons, and requirements for a teacher's own scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rr1plan.transforms import as_pose, rotation_about
 
 
 def two_link_scene() -> Scene:
-    """A 2R arm whose joints have limits, beside a disc and a plate."""
+    """A 2R arm whose joints have limits, near a disc and a plate."""
     robot = planar_arm("RR", (1.0, 0.7), limits=((-2.5, 2.5), (-2.3, 2.3)))
     return (
         Scene(name="two links")
@@ -24,7 +24,7 @@ def two_link_scene() -> Scene:
 
 
 def polygon_scene() -> Scene:
-    """A 2R arm that turns without limits, among a disc, a turned box, a triangle and a concave polygon."""
+    """A 2R arm without joint limits, among a disc, a rotated box, a triangle and a concave polygon."""
     box = as_pose((-0.62, 0.82, 0.0)).copy()
     box[:3, :3] = rotation_about([0.0, 0.0, 1.0], 0.6)
     corner = [(-1.2, -0.5), (-0.85, -0.5), (-0.85, -0.62), (-1.08, -0.62), (-1.08, -0.9), (-1.2, -0.9)]
@@ -41,7 +41,7 @@ def polygon_scene() -> Scene:
 
 
 def require_flat_arm(lesson: str, scene: Scene) -> tuple[str, FlatArm]:
-    """The only arm of a scene, and the arm as two joints in the plane.
+    """The only arm of a scene, and its model as two joints in the plane.
 
     Raises:
         InputError: several arms, or one that is not two joints in a horizontal plane.
@@ -57,7 +57,7 @@ def require_flat_arm(lesson: str, scene: Scene) -> tuple[str, FlatArm]:
 
 
 def refuse_problem(lesson: str, problem: Problem | None) -> None:
-    """Refuse a query in a lesson that has none.
+    """Reject a query in a lesson that takes none.
 
     Raises:
         InputError: there is one.

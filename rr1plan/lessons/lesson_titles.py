@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# In the order of a course: of each lesson its class, in the module `<name>_lesson`, and its title.
+# In the order of a course: the class of each lesson, in the module `<name>_lesson`, and its title.
 LESSONS = {
     "workspace": ("WorkspaceLesson", "Workspace"),
     "configuration_space": ("ConfigurationSpaceLesson", "Configuration space"),

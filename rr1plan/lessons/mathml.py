@@ -12,8 +12,8 @@ def math(*parts: str, block: bool = False) -> str:
     """A formula: `math("r", "≤", sub("l", 1), "+", sub("l", 2))`.
 
     Args:
-        parts: Symbols, numbers and operators, or what the functions below make.
-        block: On a line by itself.
+        parts: Symbols, numbers and operators, or results of the functions below.
+        block: Whether it is on a separate line.
     """
     display = ' display="block"' if block else ""
     return f"<math{display}>{''.join(map(_token, parts))}</math>"
@@ -35,7 +35,7 @@ def root(*parts: str) -> str:
 
 
 def fraction(above: str, below: str) -> str:
-    """A fraction of two parts; `row` makes one part of several."""
+    """A fraction of two parts; `row` combines several parts into one."""
     return f"<mfrac>{_token(above)}{_token(below)}</mfrac>"
 
 
@@ -58,5 +58,5 @@ def _token(part: str) -> str:
         return f"<mn>{text}</mn>"
     if part in _FENCES:
         return f'<mo stretchy="false" lspace="0" rspace="0">{text}</mo>'
-    # Names of functions are upright: MathML makes single letters italic only.
+    # Names of functions are upright: MathML sets only single letters in italics.
     return f"<mi>{text}</mi>" if part.isalpha() else f"<mo>{text}</mo>"

@@ -39,12 +39,12 @@ _STEP, _SEED, _TRIES, _SHORTCUT_SEED = 0.4, 3, 60, 1
 BLENDS = (0.0, 0.03, 0.1, 0.4)
 JERKS = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 1280.0)
 """Jerk limits that the last step compares [rad/s³]."""
-# Of the path before and after shortcuts, of blends, of the limit curve, of braking; safe for color blindness.
+# Colors of the path before and after shortcuts, of blends, the limit curve and braking; safe for color blindness.
 RAW, SHORT, BLENDED, LIMIT, BRAKE = "#8b97a6", "#0072b2", "#d55e00", "#a3428f", "#00805c"
 
 
 class MotionLesson(Lesson):
-    """A path gets short, smooth and timed."""
+    """A path is shortened, smoothed and timed."""
 
     name = "motion"
 
@@ -217,17 +217,17 @@ def _steps(lesson: MotionLesson) -> tuple[LessonStep, ...]:
         (
             "path",
             "What a planner returns",
-            f"""<p>RRT-Connect answers with a <b>path</b>: {len(lesson.raw)} waypoints, joined by straight lines in
+            f"""<p>RRT-Connect computes a <b>path</b>: {len(lesson.raw)} waypoints, joined by straight lines in
             joint space, certified free. It is jagged, {before:.2f} rad long, and has no time: how fast may the arm
             go, and what happens at the corners?</p><p>Drive it (D): with a stop at every corner it is slow.</p>""",
         ),
         (
             "shortcut",
             "Shortcuts",
-            f"""<p>Choose two random points of the path. If the straight line between them is free, it replaces what
-            was between; if not (dotted, ✕), nothing changes. No try makes the path longer: {taken} of
-            {len(lesson.shortcuts)} tries are taken, and {before:.2f} rad become {after:.2f} rad. Step through them
-            with the slider.</p> <p>(Geraerts, Overmars 2007)</p>""",
+            f"""<p>Choose two random points of the path. If the straight line between them is free, it replaces the part
+            between them; if not (dotted, ✕), nothing changes. No try makes the path longer: {taken} of
+            {len(lesson.shortcuts)} tries are taken, and {before:.2f} rad become {after:.2f} rad. Step through them with
+            the slider.</p> <p>(Geraerts, Overmars 2007)</p>""",
         ),
         (
             "blend",
@@ -240,28 +240,28 @@ def _steps(lesson: MotionLesson) -> tuple[LessonStep, ...]:
         (
             "plane",
             "The phase plane",
-            f"""<p>Along the path, all that is left to choose is the speed ṡ at each s. The limits of the joints,
+            f"""<p>Along the path, only the speed ṡ at each s remains to be chosen. The limits of the joints,
             {math("|", "q′", "ṡ", "|", "≤", "v")} and
-            {math("|", "q′", "s̈", "+", "q″", "ṡ", "²", "|", "≤", "a")}, forbid what is above
-            the <b>limit curve</b>; it drops in every blend. The fastest motion speeds up as hard as it can and
-            brakes as late as it can; where it changes over are the <b>switching points</b> ●. (Bobrow 1985;
-            TOPP-RA: Pham, Pham 2018; Lynch, Park 9.4)</p>""",
+            {math("|", "q′", "s̈", "+", "q″", "ṡ", "²", "|", "≤", "a")}, exclude everything above the <b>limit
+            curve</b>, which drops in every blend. The fastest motion accelerates as hard and brakes as late as
+            possible; it changes between them at the <b>switching points</b> ●. (Bobrow 1985; TOPP-RA: Pham, Pham 2018;
+            Lynch, Park 9.4)</p>""",
         ),
         (
             "limits",
             "What limits what",
-            """<p>Move the limits. Half the <b>velocity</b>: the plateaus on straight lines sink, and the motion
-            becomes up to twice as long. Half the <b>acceleration</b>: the slopes get flatter, the valleys in the
-            blends deeper. Click in the phase plane: the arm goes to that s.</p>""",
+            """<p>Move the limits. Halve the <b>velocity</b>: the plateaus on straight lines sink, and the motion takes
+            up to twice as long. Halve the <b>acceleration</b>: the slopes get flatter, the valleys in the blends
+            deeper. Click in the phase plane: the arm goes to that s.</p>""",
         ),
         (
             "phases",
             "Jerk: seven phases",
-            f"""<p>Acceleration that jumps shakes the arm. With a limit of <b>jerk</b> the fastest motion of one
-            joint from rest to rest has up to seven phases of constant jerk: + 0 − 0 − 0 +. Dashed: without a jerk
-            limit, three phases. Where all seven occur, the limit costs exactly {math("a", "/", "j")}: here {a:g} /
-            {j:g} = {a / j:.2g} s. Shorten the distance, and phases vanish. (Biagiotti, Melchiorri 2008; Ruckig:
-            Berscheid, Kröger 2021)</p>""",
+            f"""<p>Jumps of acceleration shake the arm. With a <b>jerk</b> limit, the fastest motion of one joint from
+            rest to rest has up to seven phases of constant jerk: + 0 − 0 − 0 +. Dashed: without a jerk limit, three
+            phases. If all seven occur, the limit costs exactly {math("a", "/", "j")}: here {a:g} / {j:g} = {a / j:.2g}
+            s. Shorten the distance, and phases vanish. (Biagiotti, Melchiorri 2008; Ruckig: Berscheid, Kröger
+            2021)</p>""",
         ),
         (
             "cost",
@@ -269,7 +269,8 @@ def _steps(lesson: MotionLesson) -> tuple[LessonStep, ...]:
             f"""<p>The whole path: with stops and no jerk limit {found["stop"]:.2f} s, with blends
             {found["blend"]:.2f} s. Ruckig connects states of rest, so the jerk-limited motion stops at every
             corner: at {JERKS[0]:g} rad/s³ {found["smooth"][0]:.2f} s, at {JERKS[-1]:g} rad/s³
-            {found["smooth"][-1]:.2f} s. Each straight line pays about a/j, and corners cost more than jerk.</p>""",
+            {found["smooth"][-1]:.2f} s. Each straight line takes about a/j longer, and stops at corners cost more than
+            the jerk limit.</p>""",
         ),
     )
     return tuple(LessonStep(name, title, text, start) for name, title, text in rows)

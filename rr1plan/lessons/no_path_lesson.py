@@ -1,4 +1,4 @@
-"""Lesson "no_path": start and goal are free, no path joins them, and that is proven."""
+"""Lesson "no_path": start and goal are free, no path connects them, and that is proven."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.page_document import Document
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
-# Of the planner's vain search: short edges [rad or m] show where it looked.
+# Of the planner's unsuccessful search: short edges [rad or m] show the explored region.
 _RANGE, _ITERATIONS = 0.15, 1500
 FULL, REACHED = "#3c4450", "#9dbfe8"
 
 
 class NoPathLesson(Lesson):
-    """Components of free space, and a proof by certified cells that no path joins two of them."""
+    """Components of free space, and a proof by certified cells that no path connects two of them."""
 
     name = "no_path"
 
@@ -100,12 +100,13 @@ def _steps(picture: CSpace, cells: Decomposition) -> tuple[LessonStep, ...]:
     start = tuple(picture.start.tolist())
     parts, size = picture.grid.components, cells.resolution
     around = (
-        """The square lies. Its dashed edges meet, so a path may leave at one side and come in at the other. The
-        obstacles that separate start and goal close a ring around everything that can be reached, over the seams
-        too.</p><p>One ring-shaped image alone does not separate a torus: it leaves an annulus in one piece. Two do."""
+        """The square is misleading: its dashed edges meet, so a path may leave on one side and re-enter on the other.
+        The obstacles that separate start and goal form a closed ring around the reachable region, also across the
+        seams.</p><p>One ring-shaped image alone does not separate a torus: it leaves an annulus in one piece. Two
+        do."""
         if any(picture.grid.periodic)
-        else """Neither joint turns over a seam here, so the rectangle is all there is. The obstacles and the joint
-        limits close a ring around everything that can be reached."""
+        else """No joint turns across a seam here, so the rectangle is the whole space. The obstacles and the joint
+        limits form a closed ring around the reachable region."""
     )
     return (
         LessonStep(
@@ -127,7 +128,7 @@ def _steps(picture: CSpace, cells: Decomposition) -> tuple[LessonStep, ...]:
         LessonStep(
             "components",
             "Free space has components",
-            f"""<p>Configurations that a path can join form a <b>component</b>. Here free space has {parts} of them,
+            f"""<p>Configurations that a path can connect form a <b>component</b>. Here free space has {parts} of them,
             one tint each. Start and goal are in different ones.</p>
             <p>A path cannot change its component: it is a connected set, and the components are not connected.</p>""",
             start,
@@ -150,11 +151,10 @@ def _steps(picture: CSpace, cells: Decomposition) -> tuple[LessonStep, ...]:
         LessonStep(
             "proof",
             "Cells prove it",
-            f"""<p>Cut the square into {size} × {size} cells. A dark cell is <b>blocked as a whole</b>: one link is
-            so deep in one obstacle that no configuration of the cell brings it out. That is a bound, not a
-            sample.</p>
-            <p>Light cells are all that can be entered from the start without crossing a dark one, corners included.
-            No goal is among them. So <b>no path exists</b>, at any resolution.</p>""",
+            f"""<p>Cut the square into {size} × {size} cells. A dark cell is <b>blocked as a whole</b>: one link is so
+            deep in one obstacle that they touch in every configuration of the cell. This is a bound, not a sample.</p>
+            <p>Light cells are all cells that can be reached from the start without crossing a dark one, also across
+            corners. No goal is among them. So <b>no path exists</b>, at any resolution.</p>""",
             start,
         ),
     )

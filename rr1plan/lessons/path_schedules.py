@@ -1,8 +1,8 @@
 """Schedules of two arms on given paths, as curves in their coordination diagram.
 
-A point of the diagram says how far each arm has come. Cells are blocked unless the arms are proven not to touch
-anywhere on the two segments (`multi/timing/coordination.py`); a schedule is a curve through free cells from the start
-of both paths to the end of both (O'Donnell and Lozano-Pérez, Deadlock-free and collision-free coordination of two
+A point of the diagram is the progress of each arm on its path. Cells are blocked unless the arms are proven not to
+touch anywhere on the two segments (`multi/timing/coordination.py`); a schedule is a curve through free cells from the
+start of both paths to the end of both (O'Donnell and Lozano-Pérez, Deadlock-free and collision-free coordination of two
 robot manipulators, ICRA 1989). Here each arm moves along its path at 1 rad/s, waits, or backs up; the fastest curve
 comes from Dijkstra's algorithm on the cells.
 """
@@ -31,9 +31,7 @@ from rr1plan.scene.problem import Problem
 
 _FORWARD = ((1, 1), (1, 0), (0, 1))
 _ALL = (*_FORWARD, (-1, 0), (0, -1), (1, -1), (-1, 1), (-1, -1))
-_TRAVEL = (
-    1e-3  # what a radian of travel costs besides its time [s]: of equally fast curves the one that moves less is taken
-)
+_TRAVEL = 1e-3  # cost of a radian of travel in addition to its time [s]: among equally fast curves, less motion wins
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +40,8 @@ class PathPair:
 
     Args:
         arms: The two arms.
-        configurations: Of each arm at the ends of its segments [rad], shapes (m + 1, nq) and (n + 1, nq).
+        configurations: Configurations of each arm at the ends of its segments [rad], shapes (m + 1, nq) and (n + 1,
+            nq).
         lengths: Path length there [rad], shapes (m + 1,) and (n + 1,).
         blocked: Cells that are not proven free, shape (m + 2, n + 2): start, segments and goal of both paths.
     """
@@ -74,14 +73,14 @@ class PathPair:
         return one, two
 
     def is_blocked(self, curve: PairCurve) -> bool:
-        """Whether a curve of straight pieces passes a cell that is not proven free."""
+        """Whether a curve of straight pieces crosses a cell that is not proven free."""
         for begin, end in itertools.pairwise(curve.places):
             shares = [np.array([0.0, 1.0])]
             for lengths, a, b in zip(self.lengths, begin, end, strict=True):
                 shares.append((lengths - a) / (b - a) if b != a else np.zeros(0))
             crossings = np.unique(np.clip(np.concatenate(shares), 0.0, 1.0))
             inside = begin + 0.5 * (crossings[1:] + crossings[:-1])[:, None] * (end - begin)
-            # On a border both cells are there, of which one that is free is enough.
+            # On a border between two cells, it suffices that one of them is free.
             sides: list[list[NDArray[np.int64]]] = [
                 [np.searchsorted(lengths, inside[:, k], "left"), np.searchsorted(lengths, inside[:, k], "right")]
                 for k, lengths in enumerate(self.lengths)
@@ -93,11 +92,11 @@ class PathPair:
 
 @dataclass(frozen=True, eq=False)
 class PairCurve:
-    """A schedule: where both arms are at which time.
+    """A schedule: the positions of both arms over time.
 
     Args:
         places: Path lengths of both arms [rad], shape (k, 2).
-        times: When they are there [s], shape (k,).
+        times: The corresponding times [s], shape (k,).
     """
 
     places: Array
@@ -105,7 +104,7 @@ class PairCurve:
 
     @property
     def duration(self) -> float:
-        """When the last arm arrives [s]."""
+        """Arrival time of the last arm [s]."""
         return float(self.times[-1])
 
 
@@ -158,8 +157,8 @@ def fastest_curve(pair: PathPair, *, first: str | None = None, back_up: bool = F
 
     Args:
         pair: The paths.
-        first: The arm that passes first where they exclude each other (default: whichever is faster).
-        back_up: Arms may go back on their paths.
+        first: The arm that passes a blocked region first (default: whichever is faster).
+        back_up: Whether arms may move backwards on their paths.
 
     Raises:
         UnknownNameError: no such arm.
@@ -183,11 +182,11 @@ def unscheduled_curve(pair: PathPair) -> PairCurve:
 
 
 def can_get_out_of_the_way(scene: Scene, pair: PathPair, first: str, *, resolution: int = 120) -> bool:
-    """Whether the other arm can avoid one that moves along its path without regard to it, however fast the other is.
+    """Whether the other arm, however fast, can avoid one that moves along its path without regard to it.
 
     Prioritized planning plans one arm first, as if it were alone, and the other one around its motion (Erdmann and
-    Lozano-Pérez, On multiple moving objects, 1987). The other one's configuration space changes while the first one
-    moves; what it can reach is followed from slice to slice, on a grid.
+    Lozano-Pérez, On multiple moving objects, 1987). The other arm's configuration space changes while the first one
+    moves; its reachable set is propagated from slice to slice on a grid.
 
     Args:
         scene: The scene.
@@ -215,7 +214,7 @@ def can_get_out_of_the_way(scene: Scene, pair: PathPair, first: str, *, resoluti
 
 
 def _barred(pair: PathPair, first: int) -> NDArray[np.bool_]:
-    """Cells that a curve must not pass so that one arm is first: a ray from the largest blocked region."""
+    """Cells that a curve must not cross if one arm goes first: a ray from the largest blocked region."""
     labels = label_components(pair.blocked, (False, False))
     bars = np.zeros_like(pair.blocked)
     if labels.max(initial=0) == 0:
@@ -235,7 +234,8 @@ def _search(
 ) -> list[tuple[int, int]] | None:
     """Corners of cells from the start of both paths to the end of both; None if they are not connected.
 
-    A corner is a pair of ends of segments. A step crosses a cell or runs along the border of two, one of which is free.
+    A corner is a pair of segment ends. A step crosses a free cell or runs along the border of two, one of which is
+    free.
     """
     one, two = pair.lengths
     goal = (len(one) - 1, len(two) - 1)

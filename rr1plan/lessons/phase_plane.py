@@ -1,11 +1,11 @@
-"""The phase plane of a path: how fast it may be passed, and the fastest motion from rest to rest.
+"""The phase plane of a path: the limit curve, and the fastest motion from rest to rest.
 
-A path q(s) is passed with speed ṡ and acceleration s̈. The limits of the joints,
+A path q(s) is traversed with speed ṡ and acceleration s̈. The limits of the joints,
 
     |q'(s) ṡ| <= v   and   |q'(s) s̈ + q''(s) ṡ²| <= a,
 
-are linear in s̈ and x = ṡ². The largest x for which any s̈ is allowed is the limit curve. A backward pass finds the
-speeds from which the end can be reached at rest, a forward pass drives as fast as they allow: Pham, Pham, "A new
+are linear in s̈ and x = ṡ². The largest x for which any s̈ is allowed is the limit curve. A backward pass computes the
+speeds from which the end can be reached at rest, a forward pass goes as fast as these allow: Pham, Pham, "A new
 approach to time-optimal path parameterization based on reachability analysis", IEEE Trans. Robotics 34 (2018).
 """
 
@@ -30,15 +30,15 @@ FINEST = 0.02  # longest interval of the grid [rad]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PathGrid(Value):
-    """A path on a grid, by its derivatives at both ends of every interval; the second one is constant between them.
+    """A path on a grid, by its derivatives at both ends of every interval; the second derivative is constant on it.
 
     Args:
         s: Gridpoints [rad], shape (n + 1,).
         q: Configurations there [rad], shape (n + 1, nq).
         begin: dq/ds at the beginning of each interval, shape (n, nq).
         end: dq/ds at its end.
-        bend: d²q/ds² on it [1/rad], shape (n, nq).
-        stops: Gridpoints inside at which the motion stops, at corners without a blend.
+        bend: d²q/ds² on each interval [1/rad], shape (n, nq).
+        stops: Interior gridpoints at which the motion stops, i.e. corners without a blend.
     """
 
     s: Array
@@ -60,10 +60,10 @@ class PhasePlane(Value):
         grid: The path.
         limit: The limit curve ṡ at the beginning and at the end of each interval [rad/s], shape (n, 2). It jumps where
             the second derivative does.
-        reach: From a faster ṡ the motion cannot stop in time, shape (n + 1,).
+        reach: Largest ṡ from which the motion can still stop in time, shape (n + 1,).
         speed: ṡ of the fastest motion, shape (n + 1,).
         acceleration: s̈ of the fastest motion [rad/s²], shape (n,).
-        times: When it is at the gridpoints [s], shape (n + 1,).
+        times: Times at the gridpoints [s], shape (n + 1,).
     """
 
     grid: PathGrid
@@ -80,7 +80,7 @@ class PhasePlane(Value):
 
     @property
     def switches(self) -> tuple[int, ...]:
-        """Gridpoints at which the motion turns from speeding up or holding its speed to braking, or the reverse."""
+        """Gridpoints at which the motion changes from accelerating or cruising to braking, or the reverse."""
         small = 1e-6 * max(1.0, float(np.abs(self.acceleration).max()))
         signs = np.where(np.abs(self.acceleration) < small, 0.0, np.sign(self.acceleration))
         return tuple((np.flatnonzero(np.diff(signs)) + 1).tolist())
@@ -97,10 +97,10 @@ def phase_plane(
     velocity_scale: float = 1.0,
     acceleration_scale: float = 1.0,
 ) -> PhasePlane:
-    """How fast a path may be passed, and its fastest motion from rest to rest.
+    """The limit curve of a path, and its fastest motion from rest to rest.
 
     Args:
-        path: A path of arms of the scene, of at least two different waypoints.
+        path: A path of arms of the scene, with at least two different waypoints.
         scene: The scene, which certifies blends and gives limits.
         max_blend: Largest distance from a corner to the beginning of its blend [rad]; 0 stops at every corner.
         velocity_scale: Share of the velocity limits to use, 0.001 to 1000.
@@ -144,7 +144,7 @@ def _arms(path: Path) -> tuple[str, ...]:
 
 
 def grid_of(parts: list[Curve], limits: Limits) -> PathGrid:
-    """The grid of curves of lines and parabolas, with a stop after each but the last."""
+    """The grid of curves that consist of lines and parabolas, with a stop after each curve but the last."""
     grids = [make_grid(curve, limits, np.minimum(FINEST, 0.5 * curve.lengths)) for curve in parts]
     pairs = list(zip(parts, grids, strict=True))
     lengths = np.concatenate([grid.delta for grid in grids])
@@ -218,7 +218,7 @@ def _top(first: Array, velocity: Array) -> float:
 
 
 def _largest_x(rows: Rows) -> float:
-    """The largest x >= 0 for which some u fulfills a u + b x <= c.
+    """The largest x >= 0 for which some u satisfies a u + b x <= c.
 
     Rows with a > 0 bound u from above, rows with a < 0 from below. Each pair of them bounds x: eliminating u leaves
     (b/a - b'/a') x <= c/a - c'/a'.

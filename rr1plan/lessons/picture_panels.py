@@ -19,8 +19,8 @@ def picture_panel(name: str, title: str, scripts: Sequence[str], data: object) -
     Args:
         name: Name of the panel.
         title: Its headline.
-        scripts: Files in `page` that its script needs, besides those that draw the picture of two joints.
-        data: For the scripts, with the axes of that picture (`slice_axes`).
+        scripts: Files in `page` that its script needs, in addition to those that draw the picture of two joints.
+        data: Data for the scripts, with the axes of that picture (`slice_axes`).
     """
     own = [page_asset(file, _PACKAGE) for file in ("picture_sketch.js", *scripts, f"{name}_panel.js")]
     return Panel(
@@ -35,7 +35,7 @@ def picture_panel(name: str, title: str, scripts: Sequence[str], data: object) -
 
 
 def slice_axes(scene: Scene, arm: str, columns: tuple[int, int]) -> dict[str, object]:
-    """The axes of the picture of two joints: what `cspace_picture.js` finds in its data.
+    """The axes of the picture of two joints, as data for `cspace_picture.js`.
 
     Args:
         scene: The scene.
@@ -56,12 +56,12 @@ def slice_axes(scene: Scene, arm: str, columns: tuple[int, int]) -> dict[str, ob
 
 
 def pair_layers(checker: CollisionChecker, arm: str, layers: Sequence[str]) -> list[int]:
-    """For each pair of solids the layer of an arm's slice that it belongs to: the number of a name, or -1.
+    """For each pair of solids its layer in an arm's slice: the index of a name, or -1.
 
     Args:
-        checker: Of all arms of its scene.
+        checker: Checker of all arms of its scene.
         arm: The arm whose slice it is.
-        layers: Names of obstacles and of other arms; a pair of the arm with itself is of the layer "self-collision".
+        layers: Names of obstacles and of other arms; self pairs of the arm belong to the layer "self-collision".
     """
     found = []
     for a, b in checker.pairs:

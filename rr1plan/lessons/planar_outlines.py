@@ -1,4 +1,4 @@
-"""Flat scenes as a page computes with them: convex outlines with a radius, and pairs of elements."""
+"""Flat scenes as data for a page: convex outlines with a radius, and pairs of elements."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def planar_data(checker: CollisionChecker) -> dict[str, Any]:
     """Outlines of all elements in the pairs of a checker, in the frames of links, and the pairs with their levers.
 
     Args:
-        checker: Of a flat scene.
+        checker: Checker of a flat scene.
 
     Returns:
         "outlines": element -> list of {"points": [[x, y], ...], "radius"}, those of links in the frame of the link;
         "pairs": list of {"a", "b", "levers", "padding"}: levers [m/rad, or m/m] of each column of q.
 
     Raises:
-        InputError: a shape that has no such outline.
+        InputError: a shape without such an outline.
     """
     scene = checker.scene
     levers = checker.tables.pair_levers(checker.limits.travel)

@@ -1,4 +1,4 @@
-"""Lesson "planning": planners that grow step by step, in the configuration space and in the workspace."""
+"""Lesson "planning": planners step by step, in the configuration space and in the workspace."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.page_document import Document
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
-# Of the planners, in the order of the lesson; safe for red-green color blindness, and lines differ in their dashes.
+# Colors of the planners, in the order of the lesson; safe for red-green color blindness, and lines differ in dashes.
 COLORS = {
     "Dijkstra": "#7a8594",
     "A*": "#22262b",
@@ -52,7 +52,7 @@ _STEPS = (0.15, 0.3, 0.6, 1.2)  # [rad]
 _BIASES = (0.0, 0.05, 0.3)
 _CELLS = (48, 36, 24)
 _SEED = 1
-_SEEDS = 10  # of the medians
+_SEEDS = 10  # for medians
 
 
 class Variant(NamedTuple):
@@ -61,8 +61,8 @@ class Variant(NamedTuple):
     Args:
         planner: Its name.
         step: Longest edge, or the side of a lattice's cell [rad].
-        bias: Share of samples that are the goal, None for planners without one.
-        record: What it did.
+        bias: Share of samples that are the goal, None for planners without a bias.
+        record: The recorded search.
     """
 
     planner: str
@@ -72,7 +72,7 @@ class Variant(NamedTuple):
 
 
 class PlanningLesson(Lesson):
-    """Six planners on the same question."""
+    """Six planners on the same query."""
 
     name = "planning"
 
@@ -91,13 +91,13 @@ class PlanningLesson(Lesson):
         self.steps = _steps(self)
 
     def variant(self, planner: str) -> Variant:
-        """A planner with its usual options."""
+        """A planner with its default options."""
         usual = [v for v in self.variants if v.planner == planner and v.bias in (None, 0.05)]
         return min(usual, key=lambda v: abs(v.step - _USUAL[planner]))
 
     @cached_property
     def effect(self) -> Array:
-        """Of RRT for each step and bias the median over seeds of edges checked, and of path length; (4, 3, 2)."""
+        """For RRT, each step and bias: medians over seeds of edges checked and of path length, shape (4, 3, 2)."""
         table = np.empty((len(_STEPS), len(_BIASES), 2))
         for i, step in enumerate(_STEPS):
             for k, bias in enumerate(_BIASES):
@@ -132,7 +132,7 @@ class PlanningLesson(Lesson):
         self._draw_effect(figure.add_subplot(grid[1, 3]))
 
     def _draw_search(self, axes: Axes, variant: Variant) -> None:
-        """The configuration space with a planner's edges, and those it rejected."""
+        """The configuration space with a planner's edges and rejected edges."""
         from matplotlib.collections import LineCollection
 
         space, record = self.picture.grid, variant.record
@@ -213,7 +213,7 @@ def _variants(problem: Problem) -> tuple[Variant, ...]:
 
 
 def _edges(record: SearchRecord) -> list[tuple[Array, Array]]:
-    """The edges that stand at the end: of the tree, and those of a roadmap."""
+    """The final edges, of a tree or of a roadmap."""
     parents: dict[int, int] = {}
     edges = []
     for event in (event for step in record.steps for event in step):
@@ -226,13 +226,13 @@ def _edges(record: SearchRecord) -> list[tuple[Array, Array]]:
 
 
 def _joined(space: Any, a: Array, b: Array) -> Array:
-    """The two ends of an edge, the second by whole turns as near to the first as it comes."""
+    """The two ends of an edge, the second shifted by whole turns to be nearest to the first."""
     turn = np.where(space.periodic, 2.0 * np.pi, np.inf)
     return np.array([a, b - np.where(space.periodic, 2.0 * np.pi * np.round((b - a) / turn), 0.0)])
 
 
 def _row(variant: Variant, kinematics: Kinematics) -> dict[str, object]:
-    """A variant as the page reads it: events in columns, points with the tool's positions."""
+    """A variant as data for the page: events in columns, points with the tool's positions."""
     record = variant.record
     events = [event for step in record.steps for event in step]
     points = np.array([(0.0, 0.0) if event.point is None else event.point for event in events])
@@ -241,7 +241,7 @@ def _row(variant: Variant, kinematics: Kinematics) -> dict[str, object]:
         "step": variant.step,
         "bias": variant.bias,
         "ends": pack_array(np.cumsum([len(step) for step in record.steps]), "u4"),
-        # Vertices are counted from 1, so that 0 is none.
+        # Vertices are numbered from 1, so that 0 means none.
         "events": pack_array([(EVENTS.index(e.kind), e.vertex + 1, e.parent + 1) for e in events], "u4"),
         "points": pack_array(points),
         "pointTools": pack_array(_tools(points, kinematics)),
@@ -271,66 +271,64 @@ def _steps(lesson: PlanningLesson) -> tuple[LessonStep, ...]:
     texts = (
         (
             "question",
-            "One question, six planners",
+            "One query, six planners",
             f"""<p>Start (●) and goal (★) are two points of the configuration space of {names}; the colored areas
-            are the obstacles’ images. A planner looks for a curve between them that stays in free space. None of
-            these knows the areas: it can only <b>check an edge</b>, which is certified over its whole
-            length.</p><p>Choose a planner, press <b>Grow</b> (P), or step with <kbd>,</kbd> and <kbd>.</kbd> A
-            cross ✕ is a rejected sample or the far end of a rejected edge. The arm stands at the newest
-            one.</p>""",
+            are the obstacles’ images. A planner searches for a curve between them that stays in free space. No planner
+            uses these areas: it can only <b>check an edge</b>, which is certified over its whole length.</p><p>Choose a
+            planner, press <b>Grow</b> (P), or step with <kbd>,</kbd> and <kbd>.</kbd> A cross ✕ is a rejected sample or
+            the far end of a rejected edge. The arm is shown at the newest one.</p>""",
         ),
         (
             "dijkstra",
             "Dijkstra’s algorithm: cheapest first",
-            f"""<p>The space is cut into a lattice, each point joined to its 8 neighbors. The open vertex with the
-            least <b>cost so far</b> g is closed next: circles grow around the start. When the goal is closed, its
-            path is a shortest one <b>on this lattice</b>. {outcome("Dijkstra")}</p><p>The step slider changes the
-            lattice: half the step, four times the vertices; in six joints 64 times. (Dijkstra 1959; LaValle
-            2.2)</p>""",
+            f"""<p>The space is covered by a lattice, each point connected to its 8 neighbors. The open vertex with the
+            least <b>cost so far</b> g is closed next: circles grow around the start. When the goal is closed, its path
+            is a shortest one <b>on this lattice</b>. {outcome("Dijkstra")}</p><p>The step slider changes the lattice:
+            half the step, four times the vertices; in six joints 64 times. (Dijkstra 1959; LaValle 2.2)</p>""",
         ),
         (
             "astar",
             "A*: aimed at the goal",
-            f"""<p>A* closes the vertex with the least g + h, where h is the distance to the goal{torus}. As h never
-            overestimates, the path is as short as Dijkstra’s, with fewer vertices closed.
-            {outcome("A*")}</p> <p>(Hart, Nilsson, Raphael 1968; Choset, appendix H)</p>""",
+            f"""<p>A* closes the vertex with the least g + h, where h is the distance to the goal{torus}. Because h
+            never overestimates, the path is as short as Dijkstra’s, with fewer vertices closed. {outcome("A*")}</p>
+            <p>(Hart, Nilsson, Raphael 1968; Choset, appendix H)</p>""",
         ),
         (
             "rrt",
             "RRT: pulled by samples",
             f"""<p>A random sample (+) pulls the <b>nearest</b> vertex by one step toward it; if that edge is free,
-            a vertex is added. Vertices at the rim have the largest Voronoi regions, so the tree rushes into the
-            unknown. A few samples are the goal itself: the <b>goal bias</b>. {outcome("RRT")}</p><p>(LaValle
-            1998)</p>""",
+            a vertex is added. Vertices at the border of the tree have the largest Voronoi regions, so the tree grows
+            fast into unexplored space. A few samples are the goal itself: the <b>goal bias</b>.
+            {outcome("RRT")}</p><p>(LaValle 1998)</p>""",
         ),
         (
             "connect",
             "RRT-Connect: two trees",
             f"""<p>One tree takes a step toward the sample, the other then runs toward the new vertex until it meets
-            it or an obstacle; then they change roles. Two trees leave a narrow place more easily than one finds
-            into it. {outcome("RRT-Connect")}</p><p>(Kuffner, LaValle 2000). It is rr1plan’s own planner,
-            compiled.</p>""",
+            it or an obstacle; then they change roles. Growing out of a narrow place is easier than finding the way into
+            it. {outcome("RRT-Connect")}</p><p>(Kuffner, LaValle 2000). rr1plan’s default planner is a compiled
+            version.</p>""",
         ),
         (
             "rrtstar",
             "RRT*: rewired",
-            f"""<p>A new vertex looks around: it takes the parent that makes it <b>cheapest</b>, and becomes the
-            parent of those that it makes cheaper. Almost surely the path converges to a shortest one, and the price
-            is paid in edges. {outcome("RRT*")}</p><p>(Karaman, Frazzoli 2011)</p>""",
+            f"""<p>Among its neighbors a new vertex gets the parent that makes it <b>cheapest</b>, and becomes the
+            parent of those that it makes cheaper. Almost surely the path converges to a shortest one, at the price of
+            more edges. {outcome("RRT*")}</p><p>(Karaman, Frazzoli 2011)</p>""",
         ),
         (
             "prm",
-            "PRM: a map for many questions",
-            f"""<p>Free samples are joined to their nearest neighbors, blocked ones (✕) are rejected. The roadmap
-            knows no question: another start and goal cost only their own edges and a graph search.
+            "PRM: a roadmap for many queries",
+            f"""<p>Free samples are connected to their nearest neighbors, blocked ones (✕) are rejected. The roadmap
+            does not depend on the query: another start and goal cost only their own edges and a graph search.
             {outcome("PRM")}</p> <p>(Kavraki, Švestka, Latombe, Overmars 1996)</p>""",
         ),
         (
             "race",
-            "The same question: length over work",
+            "The same query: length over work",
             """<p>The chart shows the best path so far over the edges checked, which take most of a planner’s time.
-            RRT and RRT-Connect are done with their first path; RRT* and PRM improve; the lattice has nothing until
-            it has everything. After planning, a path is shortened: see lesson “From path to motion”.</p>""",
+            RRT and RRT-Connect end with their first path; RRT* and PRM improve it; a lattice search has no path until
+            its last step. After planning, a path is shortened: see lesson “From path to motion”.</p>""",
         ),
         (
             "options",
@@ -338,8 +336,8 @@ def _steps(lesson: PlanningLesson) -> tuple[LessonStep, ...]:
             """<p>Move the sliders. <b>Short steps</b> creep: four times the edges for a quarter of the step. <b>Long
             steps</b> cross open space with few vertices, but more of them are rejected and the path has fewer
             corners to fit a narrow passage. <b>Bias</b> helps while the way to the goal is open; behind an obstacle
-            it tries the same rejected edge again and again. Change one option at a time, and compare several seeds:
-            one run proves nothing.</p>""",
+            it tries the same rejected edge again and again. Change one option at a time, and compare several seeds: one
+            run proves nothing.</p>""",
         ),
     )
     return tuple(LessonStep(name, title, text) for name, title, text in texts)

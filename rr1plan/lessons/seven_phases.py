@@ -31,8 +31,8 @@ class SevenPhases(Value):
     """A motion of one joint from rest to rest.
 
     Args:
-        durations: Of each phase [s], shape (7,); zero for those that do not occur.
-        jerk: Of each phase [rad/s³], shape (7,).
+        durations: Duration of each phase [s], shape (7,); zero for phases that do not occur.
+        jerk: Jerk of each phase [rad/s³], shape (7,).
     """
 
     durations: Array
@@ -40,7 +40,7 @@ class SevenPhases(Value):
 
     @property
     def duration(self) -> float:
-        """The whole motion [s]."""
+        """Duration of the whole motion [s]."""
         return float(self.durations.sum())
 
     def __repr__(self) -> str:
@@ -66,7 +66,7 @@ def seven_phases(distance: float, velocity: float, acceleration: float, jerk: fl
     """The fastest motion of one joint from rest to rest under three limits.
 
     Args:
-        distance: How far [rad], above 0.
+        distance: Distance [rad], above 0.
         velocity: Limit [rad/s].
         acceleration: Limit [rad/s²].
         jerk: Limit [rad/s³].
@@ -76,10 +76,10 @@ def seven_phases(distance: float, velocity: float, acceleration: float, jerk: fl
     """
     h, v = positive_number("distance", distance), positive_number("velocity", velocity)
     a, j = positive_number("acceleration", acceleration), positive_number("jerk", jerk)
-    # The jerk phase and the whole acceleration when the speed limit is reached.
+    # Durations of a jerk phase and of the whole acceleration if the speed limit is reached.
     rise, up = (a / j, a / j + v / a) if v * j >= a * a else (np.sqrt(v / j), 2.0 * np.sqrt(v / j))
     if h < v * up:
-        # It is not reached: the motion is as long as its acceleration and its deceleration.
+        # It is not reached: the motion consists of acceleration and deceleration only.
         if h >= 2.0 * a**3 / j**2:
             rise, up = a / j, 0.5 * (a / j + np.sqrt((a / j) ** 2 + 4.0 * h / a))
         else:

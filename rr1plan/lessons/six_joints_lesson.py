@@ -1,4 +1,4 @@
-"""Lesson "six_joints": the picture of two joints, where there are six."""
+"""Lesson "six_joints": the picture of two joints for an arm with six."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _SELF = "self-collision"
 _FREE, _TOUCH, _OPEN = "#14855a", "#c2255c", "#e08a00"
-# Of RR1 in the shipped scene: its tool's pose has eight solutions; its self-motion touches something.
+# Configurations of RR1 in the shipped scene: a tool pose with eight solutions; a self-motion with contacts.
 _POSED, _TURNING = (0.21, 0.12, -0.43, -1.45, 2.19, -2.34), (-0.719, -0.057, -0.386, -0.358, 0.639, -0.315)
 _AXES = {"x": "around x", "y": "around y", "z": "yaw (z)"}
 _CELLS = 180  # of a slice in the figure
@@ -123,7 +123,7 @@ class SixJointsLesson(Lesson):
         robot = self.scene.arms[self.arm].robot
         posed = np.array(self.solutions[0].q)
         handles: dict[str, Patch] = {}
-        # Two joints while another one turns; then other pairs.
+        # One pair of joints at several values of another joint; then other pairs.
         lower, upper = robot.limits.lower, robot.limits.upper
         views = [((0, 2), 4, lower[4] + share * (upper[4] - lower[4])) for share in (0.2, 0.5, 0.8)]
         views += [((1, 2), 4, posed[4]), ((2, 4), 4, posed[4])]
@@ -155,7 +155,7 @@ class SixJointsLesson(Lesson):
 
 
 def _draw_slice(axes: Axes, grid: CSpaceGrid) -> dict[str, Patch]:
-    """One slice; returns what stands for its layers in a legend."""
+    """Draw one slice; returns the legend symbols of its layers."""
     handles, patterns = {}, layer_patterns(grid)
     for name, color in layer_colors(grid).items():
         mask: NDArray[np.bool_] = grid.layers[name]
@@ -184,7 +184,7 @@ def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple
             "slices",
             "A point in six dimensions",
             """<p>RR1 has six joints: a configuration is a point in a box of six dimensions, and obstacles are bodies in
-            there. What can be drawn is a <b>slice</b>: two joints move, four stand still. In the slice everything is
+            this box. What can be drawn is a <b>slice</b>: two joints move, four are fixed. In the slice everything is
             as in the lessons on two joints. Click into it, and choose other joints above.</p>
             <p>Drag an obstacle or a link of the arm: the images follow.</p>""",
             home,
@@ -194,7 +194,7 @@ def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple
             "Every other joint changes the picture",
             """<p>Move the slider of a joint that is not in the slice, the wrist for instance. Images of obstacles move,
             grow, tear and vanish: they are cuts through one body in six dimensions, as a plane cuts an apple.</p>
-            <p>Two free parts that look separate here may be joined through the four joints that are not drawn.
+            <p>Two free parts that look separate here may be connected through the four joints that are not drawn.
             <b>A slice proves nothing about connections.</b></p>""",
             home,
         ),
@@ -204,8 +204,8 @@ def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple
             f"""<p>There are 15 pairs of joints, and for each pair a slice for every value of four others. At 360 cells
             per joint two joints have 129 600 cells, which takes the page a few milliseconds. Six joints have
             360⁶ = 2.2 · 10¹⁵; at 50 µs each that is {years:,.0f} years.</p>
-            <p>So planners for six joints never compute the configuration space. They ask single configurations and
-            edges, and remember the answers as a tree or a roadmap.</p>""",
+            <p>So planners for six joints never compute the configuration space. They check single configurations and
+            edges, and store the results as a tree or a roadmap.</p>""",
             home,
         ),
         LessonStep(
@@ -213,18 +213,18 @@ def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple
             f"One pose, {counted(len(solutions), 'solution')}",
             f"""<p>The elbow of a 2R arm has two sides. A six-axis arm has shoulder, elbow and wrist to turn over:
             this pose of the tool has {len(solutions)} solutions. {len(inside)} of them are within RR1's joint limits,
-            and {len(valid)} free of contact. Keys <kbd>1</kbd> to <kbd>{len(solutions)}</kbd> go to them: the tool
-            stays where it is.</p>
+            and {len(valid)} free of contact. Keys <kbd>1</kbd> to <kbd>{len(solutions)}</kbd> go to them: the tool does
+            not move.</p>
             <p>Each dot is drawn at its two joints, but lies in another slice. A planner that takes all of them as goals
             finds shorter paths, and finds one where a single goal would be walled off.</p>""",
         ),
         LessonStep(
             "self_motion",
             "One condition less, and the arm can move",
-            """<p>If the tool may turn around one of its axes, six joints have five conditions, and the solutions form
-            <b>curves</b>: the arm moves, the tool does not leave its place. For RR1 the yaw is its last joint alone.
-            Around a rod between the fingers (x or y) all six joints move; where the curve is dashed, the arm touches
-            something.</p>
+            """<p>If the tool may turn about one of its axes, six joints have five conditions, and the solutions form
+            <b>curves</b>: the arm moves, but the tool keeps its position. For RR1 the yaw is the last joint alone.
+            About a rod between the fingers (x or y) all six joints move; where the curve is dashed, the arm is in
+            contact.</p>
             <p>The velocities of such a motion lie in the null space of the Jacobian's five rows.</p>""",
         ),
         LessonStep(

@@ -38,7 +38,7 @@ def torus_image(colors: Array, pixels: int = _PIXELS) -> Array:
     m, n = colors.shape[:2]
     reach = 1.02 * (_RADIUS + _TUBE)
     height = int(0.8 * pixels)
-    # Points so dense that each pixel of the surface is hit, and drawn from the farthest to the nearest.
+    # Points dense enough to hit each pixel of the surface, drawn from the farthest to the nearest.
     u = np.linspace(-np.pi, np.pi, int(5.0 * pixels), endpoint=False)
     v = np.linspace(-np.pi, np.pi, int(2.4 * pixels), endpoint=False)
     tone = np.array([np.cos(_RISE), np.sin(_RISE)])

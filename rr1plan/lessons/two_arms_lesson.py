@@ -42,7 +42,7 @@ _PICTURE = 240  # cells of a slice in the figure
 _SEED = 0
 _GRAY = ListedColormap([_BLOCKED])
 
-# Of each arm a path that is free by itself.
+# A path of each arm that is free without the other arm.
 PATHS: dict[str, tuple[ArrayLike, ArrayLike]] = {
     "take_turns": ([[1.2, -2.5], [0.0, -0.7], [-1.2, 2.5]], [[1.5, -2.2], [-0.3, -0.8], [-1.5, 2.2]]),
     "back_up": (
@@ -53,7 +53,7 @@ PATHS: dict[str, tuple[ArrayLike, ArrayLike]] = {
 }
 _OWN = "own"  # the paths of a teacher's own query
 _TITLES = {"take_turns": "Take turns", "back_up": "Back up", "swap_sides": "Swap sides", _OWN: "Your paths"}
-# What each step shows: paths, schedule, time [s], and the picture that a small window scrolls to.
+# Content of each step: paths, schedule, time [s], and the picture to which a small window scrolls.
 _SHOWN = {
     "slices": ("take_turns", "right_first", 0.0, ".slice"),
     "moving": ("take_turns", "right_first", 2.6, ".slice"),
@@ -66,7 +66,7 @@ _SHOWN = {
 
 
 class _Schedule(NamedTuple):
-    """A way to move both arms: a curve in the diagram, or configurations of both arms that are on no path."""
+    """A motion of both arms: a curve in the diagram, or configurations of both arms off their paths."""
 
     name: str
     title: str
@@ -78,7 +78,7 @@ class _Schedule(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """When the last arm arrives [s]."""
+        """Arrival time of the last arm [s]."""
         if self.curve is not None:
             return self.curve.duration
         assert self.times is not None
@@ -86,7 +86,7 @@ class _Schedule(NamedTuple):
 
 
 class TwoArmsLesson(Lesson):
-    """Two 2R arms: slices of four joints, coordination diagrams, and what no order of the arms solves."""
+    """Two 2R arms: slices of four joints, coordination diagrams, and a query that no order of the arms solves."""
 
     name = "two_arms"
 
@@ -110,7 +110,7 @@ class TwoArmsLesson(Lesson):
         self._shown: dict[str, tuple[str, str, float, str]] = _SHOWN
 
     def _take_query(self, problem: Problem) -> None:
-        """A teacher's own query: of each arm a path that is planned without the other arm, and their schedules."""
+        """Use a teacher's own query: a path of each arm, planned without the other arm, and their schedules."""
         scene, arms = problem.scene, problem.arms
         flat = [name for name in scene.arms if flat_arm(scene.arms[name]) is not None]
         if len(scene.arms) != 2 or len(arms) != 2 or len(flat) != 2:
@@ -220,7 +220,7 @@ class TwoArmsLesson(Lesson):
         axes.spines[["top", "right"]].set_visible(False)
 
     def _draw_slice(self, axes: Axes, k: int, pair: PathPair, configurations: Sequence[Array]) -> None:
-        """The slice of arm k while the other one stands still, with its path."""
+        """The slice of arm k with the other arm fixed, and its path."""
         name, other = self.arms[k], self.arms[1 - k]
         grid = compute_grid(self.scene.with_configuration(other, configurations[1 - k]), name, resolution=_PICTURE)
         for layer, color in {other: arm_color(1 - k), **dict.fromkeys(self.scene.obstacles, "#6b9b5e")}.items():
@@ -236,7 +236,7 @@ class TwoArmsLesson(Lesson):
 
 
 def _draw_diagram(axes: Axes, pair: PathPair, schedules: Sequence[_Schedule], now: Array | None) -> None:
-    """The diagram of two paths with its schedules, and where both arms are now."""
+    """The diagram of two paths with its schedules, and the current positions of both arms."""
     one, two = pair.lengths
     inner = np.where(pair.blocked[1:-1, 1:-1], 1.0, np.nan)
     axes.pcolormesh(one, two, inner.T, cmap=_GRAY, shading="flat", rasterized=True)
@@ -338,7 +338,7 @@ def _path_alone(problem: Problem, name: str) -> Array:
 
 
 def _schedules(scene: Scene, pair: PathPair) -> tuple[_Schedule, ...]:
-    """Both at once, each arm first, backing up where neither order is possible, and both planned together."""
+    """Both at once, each arm first, backing up if neither order is possible, and both planned together."""
     at_once = unscheduled_curve(pair)
     if not pair.is_blocked(at_once):
         text = _words("The arms do not get in each other's way", at_once)
@@ -396,8 +396,8 @@ def _first_steps(pair: PathPair) -> list[tuple[str, str, str]]:
             "slices",
             "Four joints make four dimensions",
             "<p>Two arms of two joints have one configuration space of <b>four</b> dimensions: a point of it "
-            f"says where both are. Nobody can draw that, but everybody can draw a <b>slice</b>: {two} "
-            f"stands still, and {one} has a configuration space of two joints, in which {two} is "
+            f"gives both. It cannot be drawn, but a <b>slice</b> can: {two} "
+            f"is fixed, and {one} has a configuration space of two joints, in which {two} is "
             "an obstacle like all others.</p><p>Click into the slice, or walk with the arrow keys. "
             f"<b>{two}</b> shows the other slice.</p>",
         ),
@@ -412,7 +412,7 @@ def _first_steps(pair: PathPair) -> list[tuple[str, str, str]]:
         (
             "diagram",
             "Two paths make a square",
-            "<p>With both paths given, only two numbers are left: how far each arm has come. Each point of the "
+            "<p>With both paths given, only two numbers remain: the progress of each arm. Each point of the "
             "<b>coordination diagram</b> is one pair of configurations; it is blocked where the arms touch "
             f"(O’Donnell and Lozano-Pérez 1989). Drag the point: the arms follow.</p><p>The {cells} cells here "
             "are not sampled. A cell is free if the arms are proven not to touch anywhere on the two "
@@ -431,7 +431,7 @@ def _steps(pairs: dict[str, PathPair], schedules: dict[str, tuple[_Schedule, ...
             "orders",
             "A schedule is a curve",
             "<p>From the lower left corner to the upper right one, without touching the blocked region. Where "
-            "the curve is level, right waits; where it rises straight, left waits. It may pass on either side: "
+            "the curve is level, right waits; where it is vertical, left waits. It may pass on either side: "
             f"below, left goes first ({left.duration:.1f} s); above, right does ({right.duration:.1f} s). No "
             "curve can be bent into one on the other side without crossing the region: the two orders are two "
             "classes of schedules.</p>",
@@ -456,7 +456,7 @@ def _steps(pairs: dict[str, PathPair], schedules: dict[str, tuple[_Schedule, ...
         (
             "joint",
             "Plan both together",
-            "<p>In the four joints of both arms there is a way: RRT-Connect finds it at once. Both arms make "
+            "<p>In the four joints of both arms there is a path: RRT-Connect finds it at once. Both arms make "
             "detours that neither needs when it is alone, and only a planner that moves both at the same time finds "
             "them. The price is dimension: four arms have eight, twelve RR1 "
             "seventy-two.</p><p>rr1plan therefore times paths of single arms where it can, and plans the few "

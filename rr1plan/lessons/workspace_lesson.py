@@ -1,4 +1,4 @@
-"""Lesson "workspace": what the tool reaches, and in how many ways."""
+"""Lesson "workspace": the points that the tool reaches, and in how many ways."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 _TURN = 2.0 * np.pi
-# Of regions reached twice and once; safe for red-green color blindness, and one is hatched.
+# Colors of regions reached in two ways and in one; safe for red-green color blindness, and one is hatched.
 TWICE, ONCE = "#9dbfe8", "#f6c98f"
 _PIXELS = 420  # of the map in the figure
 
 
 class WorkspaceLesson(Lesson):
-    """What the tool of a planar arm reaches: the annulus, joint limits, obstacles."""
+    """The workspace of a planar arm: the annulus, joint limits, obstacles."""
 
     name = "workspace"
 
@@ -73,13 +73,13 @@ class WorkspaceLesson(Lesson):
 def solution_counts(
     picture: CSpace, arm: FlatArm, points: ArrayLike, ignore: tuple[str, ...] = ()
 ) -> NDArray[np.int64]:
-    """In how many ways the tool reaches points of the plane, by the cells of the configuration space.
+    """Number of ways in which the tool reaches points of the plane, from the cells of the configuration space.
 
     Args:
         picture: The configuration space.
         arm: The arm.
         points: Positions [m], shape (..., 2).
-        ignore: Layers that do not count, e.g. "joint limits" or an obstacle.
+        ignore: Layers to ignore, e.g. "joint limits" or an obstacle.
 
     Returns:
         Numbers 0, 1 or 2, shape (...).
@@ -111,32 +111,33 @@ def _steps(arm: FlatArm, q: tuple[float, ...], limited: bool) -> tuple[LessonSte
             "reach",
             "What the tool can reach",
             f"""{_reach(arm)}
-            <p>Drag the tool along the rim. Where it cannot follow the pointer, it stays as near as it can.</p>""",
+            <p>Drag the tool along the boundary. Where it cannot follow the pointer, it stays as near as
+            possible.</p>""",
             q,
         ),
-        LessonStep("solutions", "How many solutions has a point?", _solutions(arm), q),
+        LessonStep("solutions", "How many solutions does a point have?", _solutions(arm), q),
         LessonStep(
             "limits",
-            "Joint limits take solutions away",
-            f"""<p>A joint with limits forbids the gray margins of the configuration space. Points whose one solution
-            is in there are reached <b>once</b>, points with both in there never.</p>
+            "Joint limits remove solutions",
+            f"""<p>Joint limits block the gray margins of the configuration space. Points with one solution there are
+            reached <b>once</b>, points with both there never.</p>
             <p>{task}</p>""",
             q,
         ),
         LessonStep(
             "obstacles",
             "So do obstacles",
-            """<p>A solution in which a link touches an obstacle does not count either. An obstacle therefore takes
-            more of the workspace than its own area: it has a <b>shadow</b>, which no link passes.</p>
+            """<p>A solution in which a link touches an obstacle does not count either. An obstacle therefore removes
+            more of the workspace than its own area: it has a <b>shadow</b>, which no link can pass.</p>
             <p>Reached in two ways, in one, or in none: the boundaries are images of the boundaries in the
             configuration space.</p>""",
             q,
         ),
         LessonStep(
             "question",
-            "Reached is not yet attainable",
-            """<p>A point counts here if the arm can <i>stand</i> there. Whether it can <i>get</i> there from where
-            it is now depends on how the free configurations hang together.</p>
+            "Reachable does not mean connected",
+            """<p>A point counts here if the arm can <i>stand</i> there. Whether it can <i>get</i> there from where it
+            is now depends on how the free configurations are connected.</p>
             <p>Find two colored points between which the arm cannot move. The lesson <i>Configuration space</i>
             shows why.</p>""",
             q,
@@ -145,15 +146,15 @@ def _steps(arm: FlatArm, q: tuple[float, ...], limited: bool) -> tuple[LessonSte
 
 
 def _reach(arm: FlatArm) -> str:
-    """The first paragraph about the region of an arm, with its formula."""
+    """The first paragraph about the workspace of an arm, with its formula."""
     a, c = (abs(bar) for bar in arm.bars)
     first, second, slide = sub("l", 1), sub("l", 2), sub("d", 2)
     match arm.kinds:
         case "RR":
             bounds = math("|", first, "−", second, "|", "≤", "r", "≤", first, "+", second)
             return f"""<p>Two links of lengths {math(first)} = {a:g} m and {math(second)} = {c:g} m. Stretched, the
-            tool is farthest from the base; folded, it is nearest. What lies between is the <b>workspace</b>, an
-            annulus: {bounds}, here {abs(a - c):.3g} m ≤ {math("r")} ≤ {a + c:.3g} m.</p>"""
+            tool is farthest from the base; folded, it is nearest. The points between these distances are the
+            <b>workspace</b>, an annulus: {bounds}, here {abs(a - c):.3g} m ≤ {math("r")} ≤ {a + c:.3g} m.</p>"""
         case "RP":
             return f"""<p>A sleeve of {math(first)} = {a:g} m that turns, and a rod that slides out of it by
             {math(slide)}. The <b>workspace</b> is the set of points that the tool reaches, an annulus:
@@ -170,19 +171,20 @@ def _reach(arm: FlatArm) -> str:
 
 def _solutions(arm: FlatArm) -> str:
     """The text about inverse kinematics without limits and obstacles."""
-    other = """<p>The hollow ring in the configuration space is the other solution. Press <kbd>E</kbd> to go there:
-            the tool stays where it is.</p>"""
+    other = """<p>The hollow ring in the configuration space is the other solution. Press <kbd>E</kbd> to go there: the
+            tool does not move.</p>"""
     match arm.kinds:
         case "RR":
             return f"""<p>A point inside the annulus has <b>two</b> solutions, with the elbow on the left or on the
-            right. On the rims both are one: the arm is straight or folded, it is <b>singular</b>.</p>{other}"""
+            right. On the boundaries the two coincide: the arm is straight or folded, it is
+            <b>singular</b>.</p>{other}"""
         case "RP":
             return """<p>A direction and a distance determine both joints, so a point has <b>one</b> solution. The
             second solution of the equations points backwards, with a negative distance: most rods cannot do
             that.</p>"""
         case "PR":
             return f"""<p>The carriage can be on the left of a point or on its right: <b>two</b> solutions, if its
-            travel is long enough. With the link at a right angle to the rail both are one, and the arm is
+            travel is long enough. With the link at a right angle to the rail the two coincide, and the arm is
             <b>singular</b>.</p>{other}"""
         case _:
             return """<p>Each coordinate belongs to one joint, so every point has <b>one</b> solution, and the arm

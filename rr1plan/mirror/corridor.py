@@ -1,11 +1,12 @@
 """The certified corridor of a motion: configurations around it that are proven free of collision.
 
-A joint that turns by an angle moves no point of a body farther than the angle times the largest distance that the body
-can ever have from its axis, its lever. A configuration q' is therefore free of collision if for each pair of bodies
+A joint that turns by an angle moves no point of a body farther than the angle times the lever, the largest distance
+that the body can have from the joint's axis. A configuration q' is therefore free of collision if for each pair of
+bodies
 
-    sum of lever_j |q'_j - q_j| over the joints j that move the pair against each other  <  distance of the pair at q.
+    sum of lever_j |q'_j - q_j| over the joints j that move the pair relative to each other < distance of the pair at q.
 
-The corridor is the union of these neighborhoods of samples q of the motion, with the distances that Coal measures.
+The corridor is the union of these neighborhoods of samples q of the motion, with distances computed by Coal.
 """
 
 from __future__ import annotations
@@ -23,25 +24,25 @@ from rr1plan.model.joint_turns import TURN, rotary
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
-# Samples are so dense that each one uses at most this part of the distances at the one before ...
+# Samples are so dense that each one uses at most this share of the distances at the previous one ...
 _OVERLAP = 0.5
-# ... at intervals of time between these [s].
+# ... at time intervals between these bounds [s].
 _LONGEST, _SHORTEST = 0.05, 0.001
-# Distances of a corridor, 160 MB.
+# Largest number of distances in a corridor, 160 MB.
 _MOST_DISTANCES = 20_000_000
 # Error of a distance [m].
 _ACCURACY = 1e-5
-# Samples that are compared in full, the nearest ones.
+# Number of nearest samples that are compared in full.
 _NEAREST = 24
 
 
 class CorridorPosition(NamedTuple):
-    """Where a configuration is in a corridor.
+    """The position of a configuration in a corridor.
 
     Args:
-        use: Part of the certified distances that is used; below 1 the configuration is proven free of collision.
-        time: Time of the sample of the motion for which that is so [s].
-        pair: The two elements that leave the least room; empty if no pair can touch, and all configurations are free.
+        use: Used share of the certified distances; below 1 the configuration is proven free of collision.
+        time: Time of the sample of the motion with this share [s].
+        pair: The two elements with this share; empty if no pair can touch, so that all configurations are free.
     """
 
     use: float
@@ -51,18 +52,18 @@ class CorridorPosition(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Corridor(Value):
-    """Configurations around a motion that are proven free of collision; `certified_corridor` makes one.
+    """Configurations around a motion that are proven free of collision; `certified_corridor` computes it.
 
-    The proof holds for the scene as it was given: bodies as described, other arms and obstacles where they are.
+    The proof holds for the scene as given: bodies as described, other arms and obstacles at their poses.
 
     Args:
         joint_names: Columns, "arm/joint".
         times: Times of the samples [s], shape (k,).
         configurations: The motion at these times [rad or m], shape (k, nq).
         distances: Distances of all pairs of bodies there [m], shape (k, p).
-        levers: How far a change of each joint moves each pair against each other at most [m/rad], shape (p, nq).
+        levers: Largest relative displacement of each pair per change of each joint [m/rad], shape (p, nq).
         pairs: The elements of each pair.
-        rotary: Which joints are where they were after a whole turn, shape (nq,).
+        rotary: Joints for which a whole turn is the identity, shape (nq,).
     """
 
     joint_names: tuple[str, ...]
@@ -79,17 +80,17 @@ class Corridor(Value):
         return f"Corridor({len(self.times)} samples, at least {free.min():.3g} rad or m for {name!r})"
 
     def free_change(self) -> Array:
-        """How far each joint alone may be off anywhere on the motion [rad or m], shape (nq,)."""
+        """Largest deviation of each single joint that is free everywhere on the motion [rad or m], shape (nq,)."""
         with np.errstate(divide="ignore"):
             each = self.distances.min(axis=0)[:, None] / self.levers
         return np.asarray(each.min(axis=0, initial=np.inf))
 
     def deviation(self, q: ArrayLike, planned: ArrayLike) -> Array:
-        """Configurations less planned ones, without whole turns of joints.
+        """Configurations minus planned ones, without whole turns of joints.
 
         Args:
             q: Configurations [rad or m], shape (nq,) or (n, nq), columns as in `joint_names`.
-            planned: Others, of the same shape.
+            planned: Planned configurations, of the same shape.
 
         Raises:
             InputError: wrong shapes, not finite or too large.
@@ -106,7 +107,7 @@ class Corridor(Value):
         return np.where(self.rotary, off - TURN * np.round(off / TURN), off)
 
     def position(self, q: ArrayLike) -> CorridorPosition:
-        """Where a configuration is in the corridor, at the sample of the motion that leaves it the most room.
+        """The position of a configuration in the corridor, at the sample of the motion with the smallest used share.
 
         Args:
             q: Configuration [rad or m], shape (nq,), columns as in `joint_names`.
@@ -125,15 +126,15 @@ class Corridor(Value):
 
 
 def certified_corridor(scene: Scene, trajectory: Trajectory) -> Corridor:
-    """Find how far arms may be off a motion so that they are proven free of collision.
+    """Compute the deviations from a motion at which arms are proven free of collision.
 
     Args:
         scene: The scene.
         trajectory: A motion without collision, of all joints of some of its arms.
 
     Raises:
-        InputError: the trajectory is not of all joints of some arms, it is in collision or nearly so, it is too long
-            for the number of bodies, or the scene cannot be checked.
+        InputError: the trajectory lacks joints of an arm, is in collision or nearly so, or is too long for the number
+            of bodies; or the scene cannot be checked.
         UnknownNameError: an arm that the scene does not have.
     """
     of_kind("scene", scene, Scene)

@@ -1,7 +1,7 @@
 """Streams of joint states: JSON lines in a file or over UDP, messages in a ROS bag, or your own.
 
-A stream is an iterable of `StateMessage`. A `StreamError` stands for a damaged message or for silence, so that neither
-ends the stream.
+A stream is an iterable of `StateMessage`. A `StreamError` represents a damaged message or silence, so that neither ends
+the stream.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ class StateMessage(Value):
     """The positions of some joints at an instant, as in `sensor_msgs/JointState`.
 
     Args:
-        time: When the sender measured them, on its clock [s].
-        joint_names: Their names; "joint" alone where only one arm has it.
+        time: Time of measurement, on the clock of the sender [s].
+        joint_names: Their names; "joint" alone if only one arm has it.
         positions: Positions [rad or m], shape (n,); NaN and infinities are kept, for the receiver to report.
-        received: When it arrived, on the clock of the receiver [s]; None: when it is used.
+        received: Time of arrival, on the clock of the receiver [s]; None: the time of use.
 
     Raises:
-        InputError: a time that is not finite, no names or the same twice, or another number of positions.
+        InputError: a time that is not finite, no names or a repeated one, or another number of positions.
     """
 
     time: float
@@ -67,12 +67,12 @@ class StateMessage(Value):
 
 @dataclass(frozen=True)
 class StreamError:
-    """What is wrong with a part of a stream.
+    """A fault in a stream.
 
     Args:
         fault: "format" (cannot be read), "joints" (unknown or missing ones), "finite" (NaN, infinite, or beyond 1e4),
-            "order" (not after the message before), "restart" (the sender counts its time anew), "jump" (faster than the
-            joint can move), or "silence" (no message for too long).
+            "order" (not after the previous message), "restart" (the clock of the sender begins anew), "jump" (faster
+            than the joint can move), or "silence" (no message for too long).
         message: Description for people.
     """
 
@@ -85,7 +85,7 @@ class StateStream(Iterator[StateMessage | StreamError]):
 
     Args:
         items: The messages and errors.
-        close: Closes what they are read from.
+        close: Closes their source.
     """
 
     def __init__(self, items: Iterator[StateMessage | StreamError], close: Callable[[], object]) -> None:
@@ -110,16 +110,16 @@ def read_states(source: str | pathlib.Path, *, silence: float = 1.0, topic: str 
     """The joint states of a file or a socket.
 
     Args:
-        source: "udp://HOST:PORT" to listen for the datagrams of a `JointStateBroadcaster`; or a file of its lines
-            (.jsonl), or a bag with `sensor_msgs/JointState` (.mcap, .db3, .bag, a folder).
-        silence: A socket that is silent for this long gives a `StreamError` [s], and again after as long.
-        topic: The topic of a bag (default: the only one that holds such messages).
+        source: "udp://HOST:PORT" to listen for the datagrams of a `JointStateBroadcaster`; a file of its lines
+            (.jsonl); or a bag with `sensor_msgs/JointState` (.mcap, .db3, .bag, a folder).
+        silence: Interval without messages from a socket [s] after which a `StreamError` is reported, repeatedly.
+        topic: The topic of a bag (default: the only one with such messages).
 
     Returns:
         Messages, and an error in place of each one that cannot be read. A socket is listened to until it is closed.
 
     Raises:
-        InputError: another kind of source, an address that cannot be listened to, a file that cannot be read.
+        InputError: another kind of source, an address at which listening fails, a file that cannot be read.
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
     """
     positive_number("silence", silence)

@@ -1,4 +1,4 @@
-"""Messages as configurations of a scene, or what is wrong with them."""
+"""Conversion of messages to configurations of a scene, or to faults."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rr1plan.mirror.joint_states import StateMessage, StreamError
 from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.scene import Scene
 
-# A joint jumps if it moves farther between messages than at this multiple of its highest speed, and this [rad or m].
+# A joint jumps if it moves farther between messages than at this multiple of its velocity limit plus this [rad or m].
 _FASTER, _SLACK = 1.5, 0.01
 
 
@@ -19,8 +19,8 @@ class MessageReader:
     """Reads messages one after the other.
 
     Args:
-        scene: The scene; joints without messages stay in its configuration.
-        needed: Joints that each message must have, "arm/joint".
+        scene: The scene; joints without messages keep their values in it.
+        needed: Joints that each message must contain, "arm/joint".
 
     Attributes:
         joints: All movable joints of the scene.
@@ -48,10 +48,10 @@ class MessageReader:
         return q
 
     def accept(self, time: float, q: Array) -> StreamError | None:
-        """Make this the state before the next message; returns a jump from the one before.
+        """Store the state to compare with the next message; returns an error if it jumps from the previous one.
 
         Args:
-            time: When it was measured, by a clock that does not go back [s].
+            time: Time of measurement, by a monotonic clock [s].
             q: The configuration of all planning joints [rad or m], shape (nq,).
         """
         last, moved = self._time, np.abs(q - self._q)

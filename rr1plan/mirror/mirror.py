@@ -4,8 +4,8 @@
         mirror.show()
         print(mirror.run(rp.read_states("udp://127.0.0.1:9000"), duration=10.0))
 
-A message that cannot be used never ends the stream: it is counted in the report. Where the sender was restarted and
-its time stamps jump back, its clock is continued by that of this machine.
+A message that cannot be used never ends the stream: it is counted in the report. If the sender is restarted and its
+time stamps jump back, its clock is continued by that of this machine.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ class Mirror:
     """Follows a stream of joint states; use it in a `with` statement, or `close` it.
 
     Args:
-        scene: The scene; joints without messages stay in its configuration.
-        plan: The planned motion; None: states are compared with no plan.
+        scene: The scene; joints without messages keep their values in it.
+        plan: The planned motion; None: states are not compared with a plan.
         corridor: The certified corridor of the plan (default: computed).
-        start: When the plan begins, on the clock of the sender [s] (default: at the first message).
-        record: A file (.jsonl) that gets all messages, and that `read_states` reads.
+        start: Start of the plan, on the clock of the sender [s] (default: at the first message).
+        record: A file (.jsonl) for all messages, readable by `read_states`.
         on_event: Called with each `MirrorEvent`.
 
     Attributes:
-        scene, plan, corridor: The same.
-        model, data: MuJoCo's model and data, in the newest state.
+        scene, plan, corridor: The arguments, with the computed corridor.
+        model, data: MuJoCo's model and data, in the latest state.
         events: All events so far.
-        state: The newest `MirrorState`; None before the first message.
+        state: The latest `MirrorState`; None before the first message.
 
     Raises:
         InputError: a scene without arms, a plan that is in collision or of other joints, a corridor of other joints,
@@ -103,7 +103,7 @@ class Mirror:
         self.close()
 
     def close(self) -> None:
-        """Close the file and the page; more than once is fine. A closed mirror receives nothing."""
+        """Close the file and the page; may be called repeatedly. A closed mirror accepts no messages."""
         self._closed = True
         if self._record is not None:
             self._record.close()
@@ -114,7 +114,7 @@ class Mirror:
         """Open a live page that shows the arms as measured, with their deviation from the plan.
 
         Args:
-            options: How the page looks (default: `ViewOptions()`); it does not play and does not plan.
+            options: How the page looks (default: `ViewOptions()`); the page neither plays nor plans.
 
         Raises:
             BackendError: no free port.
@@ -126,11 +126,11 @@ class Mirror:
         """Follow a stream to its end, for a time, or until Ctrl-C.
 
         Args:
-            stream: Messages, as of `read_states`.
-            duration: How long at most [s], by this machine's clock (default: without a limit).
+            stream: Messages, e.g. from `read_states`.
+            duration: Longest time [s], by this machine's clock (default: no limit).
 
         Raises:
-            InputError: a stream of something else, or a duration that is not above zero.
+            InputError: a stream of other values, or a duration that is not above zero.
         """
         try:
             items = iter(stream)
@@ -149,7 +149,7 @@ class Mirror:
         return self.report()
 
     def receive(self, item: StateMessage | StreamError) -> MirrorState | None:
-        """Take in one message.
+        """Process one message.
 
         Args:
             item: The message; an error of the stream is counted.
@@ -158,7 +158,7 @@ class Mirror:
             The state of the arms; None if the message cannot be used; `events` gives the reason.
 
         Raises:
-            InputError: something other than a message, or the mirror is closed.
+            InputError: a value other than a message, or the mirror is closed.
         """
         if self._closed:
             raise InputError("the mirror is closed")
@@ -200,7 +200,7 @@ class Mirror:
     # ---- inside --------------------------------------------------------------------------
 
     def _fault(self, error: StreamError) -> None:
-        """Count a fault; many of the same kind in a row are one event."""
+        """Count a fault; consecutive faults of one kind are one event."""
         self._statistics.faults[error.fault] += 1
         if not self.events or self.events[-1].kind != error.fault:
             self._notice(MirrorEvent(self.state.time if self.state else 0.0, error.fault, error.message))
@@ -211,7 +211,7 @@ class Mirror:
             self._on_event(event)
 
     def _compared(self, now: float, q: Array) -> tuple[Array | None, CorridorPosition | None]:
-        """Deviation from the plan at its time, and the place in the corridor."""
+        """Deviation from the plan at its time, and the position in the corridor."""
         if self.plan is None or self.corridor is None or self._start is None:
             return None, None
         names = self.corridor.joint_names
@@ -221,9 +221,9 @@ class Mirror:
         return read_only(self.corridor.deviation(measured, planned)), self.corridor.position(measured)
 
     def _contacts(self, q: Array) -> tuple[tuple[str, str], ...]:
-        """Pairs that touch in MuJoCo, which is put into the state."""
+        """Pairs in contact according to MuJoCo, after setting its data to the state."""
         positions = self._reader.joints.expand(q)
-        self.data.qpos[: len(positions)] = positions  # loose bodies stay where they stand
+        self.data.qpos[: len(positions)] = positions  # loose bodies keep their initial poses
         mujoco.mj_forward(self.model, self.data)
         elements = self._world.geom_elements
         geoms, distances = self.data.contact.geom, self.data.contact.dist
@@ -231,7 +231,7 @@ class Mirror:
         return tuple(sorted({(elements[first], elements[second]) for first, second in touching}))
 
     def _note_changes(self, state: MirrorState, was_inside: bool) -> None:
-        """Notice what begins or ends with a state."""
+        """Record events that begin or end with a state."""
         is_inside = state.corridor is None or state.proven_free
         if was_inside and not is_inside and state.corridor is not None:
             nearest = " and ".join(state.corridor.pair)

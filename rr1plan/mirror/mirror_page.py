@@ -13,13 +13,13 @@ from rr1plan.playback.viewer.view_options import with_panel
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
-# Least time between two updates of the page, and of its panel [s].
+# Shortest interval between updates of the page, and of its panel [s].
 _FRAME, _PANEL = 1 / 60, 0.1
 _WIDTH = 380  # [px]
 
 
 class MirrorPage:
-    """The page, which is sent no more than it can draw.
+    """The page, which gets no more updates than it can draw.
 
     Args:
         scene: The scene.
@@ -41,7 +41,7 @@ class MirrorPage:
         self._next_frame = self._next_panel = -math.inf
 
     def draw(self, state: MirrorState, now: float, statistics: MirrorStatistics, event: MirrorEvent | None) -> None:
-        """Show a state that arrived at a time of this machine's clock [s], with the newest event."""
+        """Show a state that arrived at a time of this machine's clock [s], with the latest event."""
         if self.viewer.closed:
             return
         if now >= self._next_frame:

@@ -1,4 +1,4 @@
-"""What a mirror finds: states, events and reports."""
+"""Results of a mirror: states, events and reports."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from rr1plan.checks import Array, Value, counted
 from rr1plan.mirror.corridor import CorridorPosition
 from rr1plan.mirror.joint_states import StreamFault
 
-# Messages that the present rate and the median delay are of, the newest ones.
+# Number of latest messages for the current rate and the median delay.
 _RECENT, _TYPICAL = 50, 10_000
 
 
 @dataclass(frozen=True)
 class MirrorEvent:
-    """Something that a mirror noticed.
+    """An event detected by a mirror.
 
     Args:
-        time: On the clock of the sender, continued over restarts [s]; that of the last message where there is none.
+        time: Time on the clock of the sender, continued over restarts [s]; that of the last message if the event has
+            none.
         kind: "outside" or "inside" (the arms left the certified corridor, or came back), "contact" (bodies touch), or
             a fault of the stream as in `StreamError`.
         message: Description for people.
@@ -40,14 +41,14 @@ class MirrorEvent:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MirrorState(Value):
-    """The arms by the newest message.
+    """The arms according to the latest message.
 
     Args:
-        time: When it was measured, on the clock of the sender, continued over restarts [s].
+        time: Time of measurement, on the clock of the sender, continued over restarts [s].
         q: Planning joints of all arms of the scene [rad or m], shape (nq,).
-        deviation: Measured less planned positions [rad or m], of the joints of the corridor; None without a plan.
-        corridor: Where the arms are in the certified corridor; None without a plan.
-        contacts: Pairs of elements that touch and must not.
+        deviation: Measured minus planned positions [rad or m], of the joints of the corridor; None without a plan.
+        corridor: Position of the arms in the certified corridor; None without a plan.
+        contacts: Pairs of elements in forbidden contact.
     """
 
     time: float
@@ -64,7 +65,7 @@ class MirrorState(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MirrorReport(Value):
-    """What came in, and how it compares with the plan.
+    """Summary of the messages, and their comparison with the plan.
 
     Args:
         messages: Number of messages that were used.
@@ -87,7 +88,7 @@ class MirrorReport(Value):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def __bool__(self) -> bool:
-        """All messages were good, and the arms stayed in the corridor."""
+        """Whether all messages were valid, and the arms stayed in the corridor."""
         return self.messages > 0 and not self.outside and not self.faults
 
     def __str__(self) -> str:
@@ -110,13 +111,13 @@ class MirrorReport(Value):
 
 @dataclass
 class MirrorStatistics:
-    """Running figures of a mirror, of bounded size however long it runs.
+    """Running statistics of a mirror, of bounded size however long it runs.
 
     Args:
         joint_names: Joints of the plan.
         max_deviation: Largest deviation of each so far [rad or m], shape (n,).
-        arrivals: When the newest messages arrived, on this machine's clock [s].
-        offsets: How much later than they were measured, on different clocks [s].
+        arrivals: Arrival times of the latest messages, on this machine's clock [s].
+        offsets: Arrival times minus times of measurement, on different clocks [s].
         totals: Number of messages, first and last arrival, least and largest offset [s].
         outside: Intervals outside the certified corridor [s].
         faults: Number of faults of the stream of each kind.
@@ -142,16 +143,16 @@ class MirrorStatistics:
             self.outside.append((begin, state.time))
 
     def rate(self) -> float:
-        """Messages per second, by the arrival of the newest."""
+        """Messages per second, from the arrivals of the latest ones."""
         lasted = self.arrivals[-1] - self.arrivals[0] if self.arrivals else 0.0
         return (len(self.arrivals) - 1) / lasted if lasted > 0.0 else 0.0
 
     def delay(self) -> float:
-        """Delay of the newest message beyond that of the fastest one [s]."""
+        """Delay of the latest message beyond that of the fastest one [s]."""
         return self.offsets[-1] - self.totals.least_offset
 
     def report(self) -> MirrorReport:
-        """The figures so far."""
+        """The statistics so far."""
         totals = self.totals
         lasted, delays = totals.last - totals.first, (0.0, 0.0)
         if totals.count:
@@ -169,7 +170,7 @@ class MirrorStatistics:
 
 @dataclass(frozen=True)
 class Totals:
-    """Of all messages so far: number, first and last arrival, least and largest offset between the clocks [s]."""
+    """For all messages so far: number, first and last arrival, least and largest offset between the clocks [s]."""
 
     count: int = 0
     first: float = 0.0
@@ -178,7 +179,7 @@ class Totals:
     largest_offset: float = -math.inf
 
     def with_message(self, arrival: float, offset: float) -> Totals:
-        """The same with one more message."""
+        """The totals with another message."""
         first = arrival if self.count == 0 else self.first
         least, largest = min(self.least_offset, offset), max(self.largest_offset, offset)
         return Totals(self.count + 1, first, arrival, least, largest)

@@ -1,23 +1,23 @@
-"""The clock of a sender of joint states, which goes on where it is restarted.
+"""The clock of a sender of joint states, continued over restarts.
 
-A message from before the newest one came late or twice, and is dropped. Some in a row that follow each other are no
-accident: the sender was restarted and counts its time anew. From then on its times are shifted, so that the
-time since the last message is what this machine's clock says.
+A message older than the latest one is late or repeated, and is dropped. Several consecutive old messages in increasing
+order indicate that the sender was restarted and its clock begins anew. From then on its times are shifted such that the
+time since the last message agrees with this machine's clock.
 """
 
 from __future__ import annotations
 
 from rr1plan.mirror.joint_states import StreamError
 
-# Messages from before the newest one, each after the other, that make a restart.
+# Number of consecutive old messages in increasing order that indicate a restart.
 _IN_A_ROW = 3
 
 
 class SenderClock:
-    """Reads the times of messages.
+    """Converts the times of messages.
 
     Attributes:
-        now: Time of the newest message, continued over restarts [s]; None before the first.
+        now: Time of the latest message, continued over restarts [s]; None before the first.
     """
 
     def __init__(self) -> None:
@@ -26,11 +26,11 @@ class SenderClock:
         self._late: list[float] = []
 
     def read(self, time: float, arrival: float) -> tuple[float | None, StreamError | None]:
-        """The continued time of a message, None if it is dropped; and what is wrong with it, if anything.
+        """The continued time of a message, None if it is dropped; and its fault, if any.
 
         Args:
-            time: When it was measured, on the clock of the sender [s].
-            arrival: When it arrived, on the clock of the receiver [s].
+            time: Time of measurement, on the clock of the sender [s].
+            arrival: Time of arrival, on the clock of the receiver [s].
         """
         if self.now is None or time + self._shift > self.now:
             self._late.clear()
@@ -41,7 +41,7 @@ class SenderClock:
         newest = self.now - self._shift
         if len(self._late) < _IN_A_ROW:
             return None, StreamError("order", f"the message of {time:.3f} s came after that of {newest:.3f} s")
-        # Times of arrival say nothing about a file that is read at once.
+        # Arrival times are meaningless for a file that is read at once.
         since = max(arrival - self._arrival, time - self._late[0])
         self._shift = self.now + since - time
         said = f"the sender's clock went back from {newest:.3f} s to {self._late[0]:.3f} s: it goes on from there"
@@ -49,10 +49,10 @@ class SenderClock:
         return self.now + since, StreamError("restart", said)
 
     def accept(self, time: float, arrival: float) -> None:
-        """Make a message the newest one.
+        """Record a message as the latest one.
 
         Args:
             time: Its continued time [s].
-            arrival: When it arrived [s].
+            arrival: Time of arrival [s].
         """
         self.now, self._arrival = time, arrival

@@ -1,4 +1,4 @@
-"""A point cloud as few boxes: together exactly the cells that hold a point."""
+"""A point cloud as few boxes, whose union is exactly the cells that contain a point."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rr1plan.shapes import PointCloud
 def cloud_boxes(cloud: PointCloud) -> tuple[Array, Array]:
     """Boxes whose union is the union of a cloud's cells.
 
-    Cells in a row become one box, rows of one length side by side a plate, equal plates a block.
+    Consecutive cells become a bar, adjacent bars of equal length a plate, adjacent equal plates a block.
 
     Returns:
         Centers and half edges [m], each of shape (n, 3).
@@ -25,7 +25,7 @@ def cloud_boxes(cloud: PointCloud) -> tuple[Array, Array]:
 
 
 def _join(lower: Array, upper: Array, axis: int) -> tuple[Array, Array]:
-    """Boxes (n, 3) that follow each other along an axis and are alike across it become one."""
+    """Merge boxes (n, 3) that are adjacent along an axis and have the same extent across it."""
     across = [i for i in range(3) if i != axis]
     section = np.column_stack([lower[:, across], upper[:, across]])
     order = np.lexsort([lower[:, axis], *section.T])

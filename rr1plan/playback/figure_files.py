@@ -1,4 +1,4 @@
-"""Figures as files, and what they have in common."""
+"""Figures as files, and their common style."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _WIDEST = 100.0  # [inch]
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
-# So that the same figure gives the same bytes.
+# The same figure gives the same bytes.
 _NO_DATES: dict[str, dict[str, object]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
 
@@ -25,11 +25,11 @@ class Look(NamedTuple):
 
     Args:
         paper: The background.
-        ink: Lines and letters.
-        soft: What matters less.
+        ink: Lines and text.
+        soft: Secondary text and lines.
         faint: Rows and grids.
-        blocked: Cells of a diagram in which two arms exclude each other.
-        conflict: What must not be.
+        blocked: Blocked cells of a coordination diagram.
+        conflict: Collisions and other conflicts.
     """
 
     paper: str
@@ -50,7 +50,7 @@ def look_of(dark: bool) -> Look:
 
 
 def style_of(look: Look) -> dict[str, object]:
-    """Settings of matplotlib: letters that are read from the last row when the figure fills a slide."""
+    """Settings of matplotlib: text that is readable from the last row when the figure fills a slide."""
     return {
         "font.family": "DejaVu Sans",
         "font.size": 13,
@@ -79,7 +79,7 @@ def check_width(width: float) -> float:
 
 
 def save_figure(file: str | FilePath, draw: Callable[[], Figure], dpi: int = 150) -> FilePath:
-    """Draw a figure and write it in the format that the name ends in, atomically.
+    """Draw a figure and write it atomically in the format given by the file's suffix.
 
     Args:
         file: The file.
@@ -87,7 +87,7 @@ def save_figure(file: str | FilePath, draw: Callable[[], Figure], dpi: int = 150
         dpi: Dots per inch of a PNG.
 
     Raises:
-        InputError: a name that ends otherwise, or a file that cannot be written.
+        InputError: another suffix, or a file that cannot be written.
     """
     target = check_writable(file, *FIGURE_SUFFIXES)
     kind = target.suffix.lower()[1:]

@@ -1,4 +1,4 @@
-"""Outlines of shapes: their shadow on a plane, for flat drawings."""
+"""Outlines of shapes: their projection onto a plane, for flat drawings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _TURN = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
 
 
 def silhouette(shape: Shape, pose: Array) -> Array:
-    """Corners of the shape's shadow on the xy plane, counter-clockwise, shape (k, 2); empty for a half-space.
+    """Corners of the shape's projection onto the xy plane, counter-clockwise, shape (k, 2); empty for a half-space.
 
     Round shapes are drawn with 64 corners; concave meshes by their convex hull.
 
@@ -25,7 +25,7 @@ def silhouette(shape: Shape, pose: Array) -> Array:
         return np.zeros((0, 2))
     flat = (points @ pose[:3, :3].T + pose[:3, 3])[:, :2]
     if isinstance(shape, Sphere | Capsule):
-        # The shadow of a ball is a disc whichever way it is turned.
+        # A ball projects to a disc whatever its orientation.
         flat = np.concatenate([flat + shape.radius * np.array([np.cos(a), np.sin(a)]) for a in _TURN])
     try:
         return np.asarray(flat[ConvexHull(flat).vertices])
@@ -34,7 +34,7 @@ def silhouette(shape: Shape, pose: Array) -> Array:
 
 
 def _points(shape: Shape) -> Array:
-    """Points whose hull (widened by the radius of balls) casts the shape's shadow, shape (k, 3)."""
+    """Points whose hull (widened by the radius of balls) has the shape's projection, shape (k, 3)."""
     match shape:
         case Box():
             corners = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from rr1plan.checks import Array
 from rr1plan.planning import SearchTree
 
-_SAME = 1e-3  # two ways to a goal's configuration agree within this [rad or m]
+_SAME = 1e-3  # configurations of a goal that differ by less are the same [rad or m]
 _TURN = 2.0 * np.pi
 MOST_EDGES = 4000  # drawn of one tree
 _FINEST_RASTER = 256  # cells along each axis
@@ -37,11 +37,11 @@ class DrawnTree:
 
 
 def drawn_tree(tree: SearchTree, start: Array | None, goals: Sequence[Array], most: int = MOST_EDGES) -> DrawnTree:
-    """A search tree to draw, thinned to at most `most` edges, unless fewer do not hang together.
+    """A search tree to draw, thinned to at most `most` edges, or as far as the result remains connected.
 
-    Thinning lays a raster over the configurations and keeps, of the edges of one tree that end in one of its cells, the
-    one nearest to the root, and all edges between those and their root: what is left is a part of the tree and hangs
-    together. The raster is halved until few enough edges are left.
+    Thinning lays a raster over the configurations. Among the edges of one tree that end in the same cell it keeps the
+    one nearest to the root, and all edges between the kept ones and their root, so the result is a connected part of
+    the tree. The resolution of the raster is halved until few enough edges remain.
 
     Args:
         tree: The explored tree.
@@ -63,7 +63,7 @@ def _thinned(
     kept, cells = np.arange(len(edges)), _FINEST_RASTER
     if len(kept) <= most:
         return kept
-    # The end of each edge that is farther from the root, and the edge before it on the way from there, or -1.
+    # The end of each edge that is farther from the root, and the edge before it on the path from the root, or -1.
     far, near = (np.where((reach[edges[:, 0]] > reach[edges[:, 1]]) == flip, *edges.T) for flip in (True, False))
     into = np.full(len(vertices), -1)
     into[far[::-1]] = np.arange(len(edges))[::-1]
@@ -81,10 +81,9 @@ def _thinned(
 
 
 def trees_of(tree: SearchTree, start: Array | None, goals: Sequence[Array]) -> tuple[NDArray[np.int64], Array]:
-    """The tree that holds each edge, 0: the start's, 1: a goal's; and how far along it its farther end is [rad or m].
+    """The tree of each edge (0: the start's, 1: a goal's), and the distance of its far end from the root [rad or m].
 
-    Of trees that have met, the edge that joined them counts as the start's; it is the last one of a path between
-    them to have been found.
+    The edge that connects two trees belongs to the start's; it is the one found last on the path between their roots.
 
     Args:
         tree: What a planner explored, its edges in the order in which they were found.
@@ -98,7 +97,7 @@ def trees_of(tree: SearchTree, start: Array | None, goals: Sequence[Array]) -> t
 def _explored(
     tree: SearchTree, start: Array | None, goals: Sequence[Array]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-    """The edges, and for each vertex the tree that holds it and how far along it it is."""
+    """The edges, and for each vertex its tree and its distance from the root along the tree."""
     edges = np.asarray(tree.edges, dtype=np.int64).reshape(-1, 2)
     sides = np.full(len(tree.vertices), -1)
     for side, ends in enumerate(([] if start is None else [start], goals)):
@@ -113,7 +112,7 @@ def _explored(
 
 
 def _joined(edges: NDArray[np.int64], sides: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Which edges lie within one tree; and the side of each vertex, by the roots of its tree or a goal."""
+    """Which edges lie within one tree; and the side of each vertex, determined by the roots of its tree or a goal."""
     group = np.arange(len(sides))
     side, within = sides.copy(), np.ones(len(edges), dtype=np.bool_)
 

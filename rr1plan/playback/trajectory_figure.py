@@ -12,17 +12,17 @@ from rr1plan.trajectory import Trajectory
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# For color-blind eyes too (Okabe and Ito 2008); beyond these, joints differ by the dashes of their lines.
+# Safe for color-blind readers (Okabe and Ito 2008); further joints differ by line style.
 _COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#22262b")
 _DASHES = ("-", "--", ":", "-.")
 _INK, _FAINT = "#22262b", "#e3e7ec"
 _SAMPLES = 600
-_LEGEND = 14  # joints that are named; of many arms the legend would be larger than the curves
+_LEGEND = 14  # joints in the legend; with many arms it would be larger than the curves
 _ROWS = {"position": "rad or m", "velocity": "rad/s or m/s", "acceleration": "rad/s² or m/s²"}
 
 
 def trajectory_svg(trajectory: Trajectory) -> str:
-    """The curves as SVG text that can stand in a page; equal trajectories give equal text."""
+    """The curves as SVG text for embedding in a page; equal trajectories give equal text."""
     from matplotlib import rc_context
 
     buffer = io.StringIO()
@@ -39,7 +39,7 @@ def _figure(trajectory: Trajectory) -> Figure:
     figure = Figure(figsize=(9.6, 6.0), layout="constrained", facecolor="white")
     FigureCanvasSVG(figure)
     axes = figure.subplots(3, 1, sharex=True)
-    # Both ends of each piece, so that jumps of the acceleration are upright.
+    # Both ends of each piece, so that jumps of the acceleration are vertical.
     breaks = trajectory.breaks if len(trajectory.breaks) <= _SAMPLES else trajectory.breaks[[0, -1]]
     even = np.linspace(trajectory.breaks[0], trajectory.breaks[-1], _SAMPLES)
     times = np.unique(np.concatenate([even, breaks, np.nextafter(breaks[1:], -np.inf)]))

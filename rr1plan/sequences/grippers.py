@@ -1,7 +1,7 @@
-"""The gripper of a robot: its joints and links, and how far its fingers close around something.
+"""The gripper of a robot: its joints and links, and the opening of its fingers around an object.
 
-While an arm moves, its gripper is locked. Where the gripper itself moves, its joints become planning joints of another
-value of the robot (`unlocked_robot`), so that checker, referee, simulator and pages treat them as any others.
+While an arm moves, its gripper is locked. If the gripper itself moves, its joints become planning joints of a copy of
+the robot (`unlocked_robot`), so that checker, referee, simulator and pages treat them like any others.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from rr1plan.scene.unlocked_joints import unlocked_robot
 from rr1plan.shapes import Box
 from rr1plan.transforms import inverse, pose
 
-# A plate between the fingers, to measure their opening: how wide and how long it is [m].
+# A plate between the fingers, to measure their opening: its width and length [m].
 _PLATE_WIDTH, _PLATE_LENGTH = 0.002, 0.5
 # A contact this far from the side of a plate is one with its front [m].
 _SIDE = 1e-4
-# Fingers that travel this near to the x axis travel along it [rad].
+# Fingers whose direction of travel is this near to the x axis travel along it [rad].
 _STRAIGHT = 1e-3
 # A change of the opening small enough to be linear [rad or m].
 _STEP = 1e-3
@@ -34,14 +34,14 @@ _STEP = 1e-3
 
 @lru_cache(maxsize=64)
 def gripper_joints(robot: Robot) -> tuple[str, ...]:
-    """The independent joints of a robot's gripper: locked ones that the planning joints carry."""
+    """The independent joints of a robot's gripper: locked joints moved by the planning joints."""
     carried = _carried_by(robot, robot.joint_names)
     return tuple(name for name in robot.locked_joints if robot.joint(name).parent in carried)
 
 
 @lru_cache(maxsize=64)
 def gripper_links(robot: Robot) -> tuple[str, ...]:
-    """The links that the gripper's joints move, or where there are none the links fixed to the tool."""
+    """The links that the gripper's joints move or, without such joints, the links fixed to the tool."""
     joints = set(gripper_joints(robot))
     movers = [j.name for j in robot.joints if j.name in joints or _leader(robot, j) in joints]
     moved = _carried_by(robot, movers)
@@ -55,14 +55,14 @@ def gripper_links(robot: Robot) -> tuple[str, ...]:
 def _carried_by(robot: Robot, joints: Iterable[str]) -> set[str]:
     """The links that some joints move."""
     carried = {robot.joint(name).child for name in joints}
-    for joint in robot.joints:  # each after the joint that moves its parent
+    for joint in robot.joints:  # a joint comes after the one that moves its parent
         if joint.parent in carried:
             carried.add(joint.child)
     return carried
 
 
 def _leader(robot: Robot, joint: Joint) -> str:
-    """The joint that a joint follows through a chain of mimics; its own name if it follows none."""
+    """The joint that a joint follows through a chain of mimic joints; its own name if it follows none."""
     while joint.mimic is not None and joint.name not in robot.joint_names and joint.name not in robot.locked_joints:
         joint = robot.joint(joint.mimic.joint)
     return joint.name
@@ -89,11 +89,11 @@ def finger_contacts(robot: Robot, arm: str, thing: str) -> frozenset[Pair]:
 
 
 def gripper_values(robot: Robot, position: str | float) -> dict[str, float]:
-    """The gripper's joint values of a named state, or of a value of its only joint.
+    """The gripper's joint values for a named state, or for a value of its only joint.
 
     Raises:
         UnknownNameError: no such state.
-        InputError: a number, and the gripper has not exactly one joint; or it is out of limits.
+        InputError: a number for a gripper without exactly one joint, or a value out of limits.
     """
     if isinstance(position, str):
         states = robot.locked_joint_states
@@ -103,12 +103,12 @@ def gripper_values(robot: Robot, position: str | float) -> dict[str, float]:
 
 
 def closing_value(arm: Arm, thing: Obstacle, squeeze: float) -> float:
-    """The joint value at which the fingers, closing, touch an object, and are then commanded closer by `squeeze` [m].
+    """The joint value at which the closing fingers touch an object and are commanded closer by `squeeze` [m].
 
     Args:
-        arm: The arm, where it is.
+        arm: The arm at its configuration.
         thing: The object.
-        squeeze: How much closer the fingers are commanded [m].
+        squeeze: Distance by which the fingers are commanded closer [m].
 
     Raises:
         InputError: the fingers touch the object before they close, or do not reach it.
@@ -131,7 +131,7 @@ def closing_value(arm: Arm, thing: Obstacle, squeeze: float) -> float:
     toward_open = _STEP * np.sign(opened - closed)
     between = [i for i, both in enumerate(checker.pairs) if "thing" in both and fingers & set(both)]
     gaps = [checker.distances(np.append(q, at))[between].clip(0.0) for at in (value, value + toward_open)]
-    # Distances are of both fingers: the opening changes by their sum.
+    # Both fingers move: the opening changes by the sum of their distances.
     rate = float((gaps[1] - gaps[0]).sum()) / _STEP
     command = value - np.sign(toward_open) * squeeze / max(rate, 1e-3)
     return float(np.clip(command, joint.lower, joint.upper))
@@ -149,7 +149,7 @@ def opening_value(robot: Robot, width: float) -> float:
 
 
 def grip_depth(robot: Robot, width: float) -> float:
-    """How far beyond the tool frame fingers touch a plate of a thickness [m], along the tool's z axis [m].
+    """Distance [m] beyond the tool frame, along its z axis, at which fingers touch a plate of a thickness [m].
 
     Raises:
         InputError: a gripper that does not open so wide.
@@ -158,7 +158,7 @@ def grip_depth(robot: Robot, width: float) -> float:
 
 
 class _PlateContact(NamedTuple):
-    """Joint value at which fingers touch a plate, and where in the grip frame [m], shape (3,)."""
+    """Joint value at which fingers touch a plate, and position of the contact in the grip frame [m], shape (3,)."""
 
     value: float
     point: Array
@@ -166,7 +166,7 @@ class _PlateContact(NamedTuple):
 
 @lru_cache(maxsize=256)
 def _plate_contact(robot: Robot, width: float) -> _PlateContact:
-    """Where fingers that close touch a plate of a thickness [m] that begins at the tool frame.
+    """Contact of closing fingers with a plate of a thickness [m] that begins at the tool frame.
 
     Raises:
         InputError: a gripper that does not open so wide.
@@ -195,7 +195,7 @@ def open_value(robot: Robot) -> float:
 
 @lru_cache(maxsize=64)
 def grip_frame(robot: Robot) -> Array:
-    """T_tool_grip: the tool frame turned around its z axis until x is along the travel of the fingers.
+    """T_tool_grip: the tool frame rotated about its z axis until x is along the travel of the fingers.
 
     Raises:
         InputError: a gripper without exactly one joint.
@@ -208,13 +208,13 @@ def grip_frame(robot: Robot) -> Array:
         center = np.mean([geometry.pose[:3, 3] for geometry in robot.link(name).collisions], axis=0)
         centers.append((inverse(poses[robot.tool]) @ poses[name] @ np.append(center, 1.0))[:2])
     x, y = centers[0] - centers[1]
-    # Both fingers travel, so that the direction along the line does not matter.
+    # Both fingers travel, so the sign of the direction does not matter.
     angle = (float(np.arctan2(y, x)) + np.pi / 2 - _STRAIGHT) % np.pi - np.pi / 2 + _STRAIGHT
     return pose(rpy=[0.0, 0.0, 0.0 if abs(angle) < _STRAIGHT else angle])
 
 
 def _plate(robot: Robot, width: float) -> Obstacle:
-    """A plate of a thickness [m] in front of the tool frame, while the robot is at home."""
+    """A plate of a thickness [m] in front of the tool frame, with the robot at home."""
     T = robot.link_poses(robot.home)[robot.tool] @ grip_frame(robot)
     box = Box((width, _PLATE_WIDTH, _PLATE_LENGTH))
     (geometry,) = Scene().with_obstacle("plate", box).obstacles["plate"].geometries
@@ -222,7 +222,7 @@ def _plate(robot: Robot, width: float) -> Obstacle:
 
 
 def _open_and_closed(robot: Robot, joint: Joint) -> tuple[float, float]:
-    """The limits of a gripper's joint, the open one first: where the fingers are farther from each other."""
+    """The limits of a gripper's joint, first the one at which the fingers are farther apart."""
     ends = []
     for value in (joint.lower, joint.upper):
         poses = robot.with_locked_joints({joint.name: value}).link_poses(robot.home)

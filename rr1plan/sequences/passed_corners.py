@@ -1,6 +1,6 @@
-"""Segments that do not stop at their ends: their paths are timed together, and the corners between them are rounded.
+"""Segments that do not stop at their ends: their paths are timed together, with rounded corners between them.
 
-A segment then ends at the moment at which the motion is nearest to the end of its path.
+A segment then ends at the time at which the motion is nearest to the end of its path.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from rr1plan.sequences.segments import FreeMotion, StraightLine
 from rr1plan.sequences.sequence_search import PlannedSegment
 from rr1plan.trajectory import Trajectory
 
-# Samples on each piece of a motion, by which the end of a segment is looked for, and their number when it is refined.
+# Samples on each piece of a motion in the search for the end of a segment, and their number for refinement.
 _PER_PIECE, _FINE, _ROUNDS = 8, 33, 4
-# Rounded corners make a motion shorter than its path, by this share of it at the most.
+# Rounded corners shorten a motion by at most this share of its path.
 _SHORTER = 0.2
-# A corner is met, and an arm rests, within this [rad or m; per second].
+# Tolerance for reaching a corner, and for rest [rad or m; per second].
 _MET = 1e-9
 
 
 def pass_corners(steps: Sequence[PlannedSegment]) -> tuple[PlannedSegment, ...]:
-    """The same segments, without stops between those that can do without.
+    """The segments without stops where none is needed.
 
-    Blends are certified where the pairs of all segments of a run may touch, and the referee judges each segment.
+    Blends are certified with the allowed pairs of all segments of a run, and the referee validates each segment.
 
     Args:
         steps: Planned segments; motions are from rest to rest.
@@ -84,7 +84,7 @@ def _timed_together(run: Sequence[PlannedSegment]) -> list[PlannedSegment]:
 
 
 def _ends(trajectory: Trajectory, corners: Sequence[Array], shares: Array) -> list[float]:
-    """When a motion is nearest to some points, each after a share of its length."""
+    """Times at which a motion is nearest to some points, each near a share of its length."""
     breaks = trajectory.breaks
     within = np.diff(breaks)[:, None] * np.arange(_PER_PIECE) / _PER_PIECE
     times = np.append((breaks[:-1, None] + within).ravel(), breaks[-1])
@@ -103,7 +103,7 @@ def _ends(trajectory: Trajectory, corners: Sequence[Array], shares: Array) -> li
 
 
 def _nearest(trajectory: Trajectory, point: Array, begin: float, end: float) -> float:
-    """When a motion is nearest to a point, between two times."""
+    """Time between two others at which a motion is nearest to a point."""
     for _ in range(_ROUNDS):
         times = np.linspace(begin, end, _FINE)
         k = int(np.argmin(np.linalg.norm(trajectory(times) - point, axis=1)))

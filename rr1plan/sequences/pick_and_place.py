@@ -36,13 +36,13 @@ from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, 
 from rr1plan.shapes import Box
 from rr1plan.transforms import as_pose, inverse, pose, quaternion_from_rotation, rotation_about
 
-# Where fingers grasp an object, as shares of its height.
+# Heights at which fingers grasp an object, as shares of its height.
 _HEIGHTS = (0.5, 0.65, 0.8, 0.9)
-# An object fits between fingers that are open by this much more than its width on each side [m].
+# Clearance on each side with which an object fits between the fingers [m].
 _PLAY = 2e-4
-# How much wider than the object the fingers are open on each side [m].
+# Clearance of the open fingers on each side of the object [m].
 _ROOM = 0.015
-# Things nearer than this below an object support it [m].
+# Objects nearer than this below an object support it [m].
 _SUPPORTS = 2e-3
 # A box stands on a face if its axis is this near to the vertical (cosine).
 _UPRIGHT = 1.0 - 1e-6
@@ -51,12 +51,12 @@ _UPRIGHT = 1.0 - 1e-6
 def top_grasps(scene: Scene, obstacle: str, *, arm: str | None = None, yaws: int = 8) -> list[PoseGoal]:
     """Poses of the tool from which a gripper with two fingers can grasp an object from above.
 
-    A box that stands on a face is grasped at two opposite faces, anything else at some angles around the vertical, each
-    at its middle or higher up. Sides that the gripper does not open for are left out. The tool's z axis has to point
-    out of the hand.
+    A box that stands on a face is grasped at two opposite faces, other objects at several angles around the vertical,
+    each at mid-height or higher up. Sides too wide for the gripper are omitted. The tool's z axis has to point out of
+    the hand.
 
     Args:
-        scene: The scene; the object is where it has it.
+        scene: The scene with the object at its pose.
         obstacle: The object.
         arm: The arm (default: the only one).
         yaws: Angles around the vertical for objects other than boxes.
@@ -84,25 +84,25 @@ def pick_and_place(
     height: float = 0.08,
     stop: bool = True,
 ) -> list[Segment]:
-    """The segments that take an object and put it down elsewhere, to be planned alone or with others as a `Sequence`.
+    """The segments that pick up an object and place it elsewhere, to be planned alone or with others as a `Sequence`.
 
     Open, move above the object, approach along the tool, close, lift, move above the place, lower, release, withdraw.
 
     Args:
-        scene: The scene when this begins, with the object where it is then.
+        scene: The scene at the beginning, with the object at its pose at that time.
         obstacle: The object.
-        place: Where to: its position [m], shape (3,), upright as it is and turned by any of eight angles around the
-            vertical; its pose T_world_object, shape (4, 4); or goals whose frame is the object.
+        place: Target: a position [m], shape (3,), in the current orientation rotated by any of eight angles about the
+            vertical; a pose T_world_object, shape (4, 4); or goals whose frame is the object.
         arm: The arm (default: the only one).
         grasps: Poses of the tool at the object (default: `top_grasps`).
-        supports: What the object stands on, before and after, and may touch while it is lifted and lowered (default:
-            what is less than 2 mm below it in the scene).
-        height: How far it is lifted, and the tool approaches [m].
+        supports: Objects on which the object stands before and after, and which it may touch while it is lifted and
+            lowered (default: those less than 2 mm below it in the scene).
+        height: Length of the lift and of the approach [m].
         stop: Whether to come to rest above the object and the place, see `FreeMotion`.
 
     Raises:
         UnknownNameError: no such object or arm.
-        InputError: as `top_grasps`; or a place that is none.
+        InputError: as for `top_grasps`; or an invalid place.
     """
     of_kind("scene", scene, Scene)
     check_text("obstacle", obstacle)
@@ -180,7 +180,7 @@ def _grasps(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple[f
 
 
 def _fit(robot: Robot, thing: Obstacle, width: float) -> Callable[[Array], bool]:
-    """Whether an object fits between fingers that are open for its width, nothing but its sides near the fingers.
+    """Whether an object fits between fingers opened for its width, with only its sides near the fingers.
 
     Raises:
         InputError: the gripper does not open so wide.
@@ -197,7 +197,7 @@ def _fit(robot: Robot, thing: Obstacle, width: float) -> Callable[[Array], bool]
 
 
 def _box_angles(thing: Obstacle) -> list[float] | None:
-    """Angles around the vertical at which fingers meet faces of a box that stands on a face; None of another object."""
+    """Angles around the vertical at which fingers meet faces of a box that stands on a face; None for other objects."""
     if len(thing.geometries) != 1 or not isinstance(thing.geometries[0].shape, Box):
         return None
     R = (thing.pose @ thing.geometries[0].pose)[:3, :3]
@@ -210,7 +210,7 @@ def _box_angles(thing: Obstacle) -> list[float] | None:
 
 
 def _places(thing: Obstacle, name: str, place: PoseGoal | ArrayLike | Sequence[PoseGoal]) -> list[PoseGoal]:
-    """Goals of an object."""
+    """Goals for the pose of an object."""
     goals: list[PoseGoal]
     if isinstance(place, PoseGoal):
         goals = [place]
@@ -233,7 +233,7 @@ def _places(thing: Obstacle, name: str, place: PoseGoal | ArrayLike | Sequence[P
 
 
 def _supports(scene: Scene, name: str, arm: str, poses: Iterable[Array]) -> list[str]:
-    """What an object stands on at some poses."""
+    """The supports of an object at some poses."""
     found: dict[str, None] = {}
     for T in poses:
         held = scene.with_obstacle_at(name, T).attach(name, arm)
@@ -247,7 +247,7 @@ def _supports(scene: Scene, name: str, arm: str, poses: Iterable[Array]) -> list
 
 
 def _open(robot: Robot, arm: str, width: float | None, allow: Iterable[tuple[str, str]] = ()) -> MoveGripper:
-    """Open the fingers for a width [m] with room on both sides, or as far as they go."""
+    """Open the fingers for a width [m] with clearance on both sides, or as far as possible."""
     if width is not None:
         wide = width + 2.0 * _ROOM
         try:

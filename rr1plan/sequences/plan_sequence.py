@@ -33,27 +33,27 @@ def plan_sequence(
     rng: Seed = None,
     progress: ProgressCallback | None = None,
 ) -> SequencePlan:
-    """Plan all segments of a sequence, so that each ends where the next ones can go on.
+    """Plan all segments of a sequence such that each ends where the next ones can continue.
 
-    Where a segment has a choice (several goals, several configurations that reach one) and a later segment fails, the
-    next candidate is tried. Each segment ends at rest unless it has `stop=False`, which takes the retiming "blend". The
-    referee judges each in its scene; should it reject a rounded corner between two, all end at rest.
+    If a segment has a choice (several goals, several configurations that reach one) and a later segment fails, the next
+    candidate is tried. Each segment ends at rest unless it has `stop=False`, which requires the retiming "blend". The
+    referee validates each segment in its scene; if it rejects a rounded corner between two, all end at rest.
 
     Args:
         sequence: The sequence.
-        planner: Of free motions: a name of `planner_names()`, or an instance of `Planner`.
+        planner: Planner of free motions: a name of `planner_names()`, or an instance of `Planner`.
         retiming: A name of `retiming_names()`.
-        budget: When to stop (default: 10 s); iterations are those of the planner, of all attempts together.
+        budget: Budget (default: 10 s); iterations are those of the planner in all attempts together.
         rng: Seed; the same seed and a budget of iterations give the same motion.
         progress: Called about ten times a second and before each attempt; False cancels.
 
     Returns:
-        A `SequencePlan`; `found` says whether there is a motion, `reason` which segment failed and why.
+        A `SequencePlan`; `found` says whether there is a motion, `reason` names the failed segment and the cause.
 
     Raises:
         UnknownNameError: an unknown planner or retiming.
-        PlannerError: a planner of your own raised something, or returned a path that is no answer.
-        InputError: something other than a sequence, or a scene that cannot be checked.
+        PlannerError: a user's planner raised an exception, or returned an invalid path.
+        InputError: a value other than a sequence, or a scene that cannot be checked.
         RetimingError: a motion cannot be timed under the limits.
     """
     of_kind("sequence", sequence, Sequence)
@@ -81,11 +81,11 @@ def plan_sequence(
 def _on_one_clock(
     before: Scene, scene: Scene, steps: Rows[PlannedSegment]
 ) -> tuple[Trajectory, tuple[SequenceStage, ...]]:
-    """One trajectory of all that moves, and the stages of it.
+    """One trajectory of all moving joints, and its stages.
 
     Args:
         before: The scene at the beginning.
-        scene: The same, in which all that moves is a planning joint.
+        scene: The same scene with all moving joints as planning joints.
         steps: The planned segments.
     """
     moving = {

@@ -1,4 +1,4 @@
-"""The segments of a sequence: what is to happen, one after the other."""
+"""The segments of a sequence: actions that follow each other."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ _Pairs = Iterable[tuple[str, str]]
 class FreeMotion(Value):
     """Move to a goal along any free path.
 
-    Of several goals and configurations the first one is taken from which the following segments can be planned.
+    Among several goals and configurations, the first one is used from which the following segments can be planned.
 
     Args:
-        goal: As the goal of a `Problem`: a configuration, a pose, a region, or a list of alternatives; for several arms
-            that move at once a mapping by arm. The frame of a `PoseGoal` may be a held object.
+        goal: Like the goal of a `Problem`: a configuration, a pose, a region, or a list of alternatives; for several
+            arms that move at once, a mapping by arm. The frame of a `PoseGoal` may be a held object.
         arm: The arm (default: the only one, or those of a mapping).
         allow: Pairs of elements (or arms, for all their links) that may touch during this segment.
-        stop: Whether to come to rest at its end. Without, the corner to the next segment of the same arms is rounded
-            where that is free of collision, so that its end is passed at a small distance.
+        stop: Whether to come to rest at its end. Otherwise the corner to the next segment of the same arms is rounded
+            if that is free of collision, so that its end is passed at a small distance.
     """
 
     goal: GoalLike | Mapping[str, GoalLike]
@@ -80,14 +80,14 @@ class FreeMotion(Value):
 class StraightLine(Value):
     """Move the tool along a straight line, to a pose or by an offset.
 
-    With a quaternion the orientation is interpolated, without one it is free; by an offset it is kept.
+    With a quaternion the orientation is interpolated, without one it is free; with an offset it is kept.
 
     Args:
-        goal: A `PoseGoal` or a list of alternatives; its frame may be a held object. None with an offset.
-        offset: From where the tool is to where it goes [m], shape (3,).
+        goal: A `PoseGoal` or a list of alternatives; its frame may be a held object. None if an offset is given.
+        offset: Displacement of the tool [m], shape (3,).
         axes: The axes of the offset: those of the "world", or of the "tool".
         arm: The arm (default: the only one).
-        allow: Pairs of elements that may touch during this segment, such as a held object and what it stands on.
+        allow: Pairs of elements that may touch during this segment, such as a held object and its support.
         stop: Whether to come to rest at its end, see `FreeMotion`.
     """
 
@@ -140,14 +140,14 @@ class StraightLine(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MoveGripper(Value):
-    """Open or close a gripper, while its arm stands still.
+    """Open or close a gripper while its arm rests.
 
     Args:
         position: A named state of the robot such as "open", or the gripper's joint value [rad or m].
-        width: Instead, the thickness of a plate that just fits between the fingers, beyond the tool frame [m].
-        around: Instead, an object: the fingers close until they touch it, and by `squeeze` beyond.
-        squeeze: How much closer the fingers are commanded than they can get [m]; this is what holds the object.
-        seconds: How long it takes at least [s].
+        width: Alternatively, the thickness of a plate that just fits between the fingers, beyond the tool frame [m].
+        around: Alternatively, an object: the fingers close until they touch it, and are commanded closer by `squeeze`.
+        squeeze: Distance by which the fingers are commanded beyond contact [m]; this produces the grasp force.
+        seconds: Least duration [s].
         arm: The arm (default: the only one).
         allow: Pairs of elements that may touch during this segment; with `around` fingers may touch the object anyway.
     """
@@ -200,7 +200,7 @@ class MoveGripper(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Attach(Value):
-    """From here on an obstacle is held by an arm, and moves with it.
+    """Attach an obstacle to an arm; from here on it moves with the arm.
 
     Args:
         obstacle: The obstacle.
@@ -245,7 +245,7 @@ class Attach(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Detach(Value):
-    """From here on a held object is an obstacle, where it is.
+    """Detach a held object; from here on it is an obstacle at its current pose.
 
     Args:
         name: The held object.
@@ -264,10 +264,10 @@ class Detach(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pause(Value):
-    """Nothing moves for a while.
+    """A pause without motion.
 
     Args:
-        seconds: How long [s].
+        seconds: Duration [s].
     """
 
     seconds: float
@@ -287,7 +287,7 @@ Segment = FreeMotion | StraightLine | MoveGripper | Attach | Detach | Pause
 
 
 def alternatives(goal: object) -> tuple[object, ...]:
-    """The alternatives of a goal of one arm, as they were given."""
+    """The alternatives of a goal of one arm, as given."""
     if isinstance(goal, str | Goal) or not isinstance(goal, Sequence):
         return (goal,)
     several = any(isinstance(one, str | Goal | Sequence) for one in goal)

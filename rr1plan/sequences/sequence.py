@@ -1,4 +1,4 @@
-"""A sequence: a scene, and what arms are to do in it, segment after segment."""
+"""A sequence: a scene, and the actions of arms in it, segment by segment."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ _KINDS = (FreeMotion, StraightLine, MoveGripper, Attach, Detach, Pause)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sequence(Value):
-    """What arms are to do in a scene, segment after segment; `plan_sequence` plans it.
+    """Actions of arms in a scene, segment by segment; `plan_sequence` plans them.
 
-    Arms, grippers and held objects begin as they are in the scene.
+    Arms, grippers and held objects begin in their states in the scene.
 
     Args:
         scene: The scene.
         segments: `FreeMotion`, `StraightLine`, `MoveGripper`, `Attach`, `Detach` and `Pause`, in order.
 
     Raises:
-        UnknownNameError: a segment names an arm, link, object or gripper state that there is not at that point.
-        InputError: no segments, or one that does not fit the scene; the message says which.
+        UnknownNameError: a segment names an arm, link, object or gripper state that does not exist at that point.
+        InputError: no segments, or one that does not fit the scene; the message names it.
     """
 
     scene: Scene
@@ -72,13 +72,13 @@ class Sequence(Value):
 
     @property
     def moving_grippers(self) -> Mapping[str, tuple[str, ...]]:
-        """The gripper joints of each arm of which a segment opens or closes the gripper."""
+        """The gripper joints of each arm whose gripper is opened or closed by a segment."""
         arms = dict.fromkeys(self.scene.only_arm(s.arm) for s in self.segments if isinstance(s, MoveGripper))
         return {name: gripper_joints(arm.robot) for name, arm in self.scene.arms.items() if name in arms}
 
 
 class SegmentCheck:
-    """Checks segments of a sequence one after the other; what is held when follows from those before.
+    """Checks segments of a sequence one after the other; held objects follow from the previous segments.
 
     Args:
         scene: The scene at the beginning.
@@ -93,7 +93,7 @@ class SegmentCheck:
         """Check the next segment.
 
         Raises:
-            UnknownNameError: an arm, link, object or gripper state that there is not at that point.
+            UnknownNameError: an arm, link, object or gripper state that does not exist at that point.
             InputError: a segment that does not fit the scene.
         """
         scene = self._scene
@@ -116,7 +116,7 @@ class SegmentCheck:
 
 
 def _check_gripper(scene: Scene, segment: MoveGripper) -> None:
-    """Refuse what the gripper cannot do, or something to close around that there is not."""
+    """Reject gripper motions that are impossible, or around an object that does not exist."""
     robot = scene.arms[scene.only_arm(segment.arm)].robot
     if segment.around is not None:
         known_name("object", segment.around, (*scene.obstacles, *scene.attachments))
@@ -127,7 +127,7 @@ def _check_gripper(scene: Scene, segment: MoveGripper) -> None:
 
 
 def _check_attach(scene: Scene, segment: Attach, holders: dict[str, str]) -> None:
-    """Refuse what is held already, or links that there are not, and note who holds it from here on."""
+    """Reject objects that are already held and unknown links, and record the arm that holds the object from here on."""
     known_name("obstacle", segment.obstacle, {*scene.obstacles, *scene.attachments} - set(holders))
     arm = scene.only_arm(segment.arm)
     for link in (segment.link, *(segment.touch or ())):
@@ -141,7 +141,7 @@ def goals_by_arm(segment: FreeMotion, scene: Scene) -> dict[str, tuple[Any, ...]
 
     Raises:
         UnknownNameError: an unknown arm.
-        InputError: no goals, or no arm where there are several.
+        InputError: no goals, or no arm if there are several.
     """
     if isinstance(segment.goal, Mapping):
         if not segment.goal:
@@ -151,7 +151,7 @@ def goals_by_arm(segment: FreeMotion, scene: Scene) -> dict[str, tuple[Any, ...]
 
 
 def _check_goals(scene: Scene, arm: str, goals: tuple[Any, ...], holders: Mapping[str, str]) -> None:
-    """Refuse goals that are none in this scene; what a goal of a held object means is not known yet."""
+    """Reject goals that are invalid in this scene; goals of held objects cannot be checked yet."""
     plain = []
     for goal in goals:
         if isinstance(goal, PoseGoal) and holders.get(goal.frame) == arm:
@@ -164,7 +164,7 @@ def _check_goals(scene: Scene, arm: str, goals: tuple[Any, ...], holders: Mappin
 
 
 def goals_of_links(scene: Scene, arm: str, goals: Iterable[Any]) -> list[Any]:
-    """Goals of an arm as those of its links; goals of an object become those of the link that holds it."""
+    """Goals of an arm as goals of its links; goals of an object become goals of the link that holds it."""
     found = []
     for goal in goals:
         held = scene.attachments.get(goal.frame) if isinstance(goal, PoseGoal) else None

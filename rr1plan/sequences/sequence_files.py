@@ -1,4 +1,4 @@
-"""Planned sequences from files: their stages are judged again when they are read."""
+"""Planned sequences from files; their stages are validated again when they are read."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from rr1plan.sequences.sequence_plan import SequencePlan
 from rr1plan.sequences.stage_validation import validate_stages
 from rr1plan.sequences.stages import SequenceStage, check_stages
 
-# The kind of a file stands in its first bytes.
+# The kind of a file is in its first bytes.
 _HEAD = 200
 
 
 def holds_sequence(file: str | pathlib.Path) -> bool:
-    """Whether a file names itself that of a sequence; `load_sequence` says what is wrong with one."""
+    """Whether a file declares itself a sequence; `load_sequence` reports its errors."""
     path = file_path(file)
     if path.suffix != ".json" or not path.is_file():
         return False
@@ -50,11 +50,11 @@ def load_sequence(
             result lists the differences from the scene in which the sequence was planned.
         torque_limits: Check torques too.
         jerk_limits: Check jerk limits too.
-        progress: Called during the collision certificate.
+        progress: Called during the collision proof.
 
     Raises:
-        FormatError: a truncated, modified or unsupported file, one that holds no sequence, or one that does not fit
-            the scene.
+        FormatError: a truncated, modified or unsupported file, one without a sequence, or one that does not fit the
+            scene.
     """
     of_kind("scene", scene, Scene, optional=True)
     check_callback("progress", progress)
@@ -78,7 +78,7 @@ def load_sequence(
 
 
 def with_planned_grippers(scene: Scene, grippers: Mapping[str, tuple[str, ...]]) -> Scene:
-    """The scene with some gripper joints as planning joints, as far as they are locked in it."""
+    """The scene with some gripper joints as planning joints, if they are locked in it."""
     locked = {
         arm: tuple(name for name in joints if name in scene.arm(arm).robot.locked_joints)
         for arm, joints in grippers.items()

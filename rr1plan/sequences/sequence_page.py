@@ -37,7 +37,7 @@ class SequenceViewer(Viewer):
 
     Args:
         motion: The motion and its stages.
-        replay: What a simulation made of it, or None.
+        replay: The simulated sequence, or None.
         options: As in `rr1plan.show`.
     """
 
@@ -61,7 +61,7 @@ def page_parts(
         trajectory=trajectory,
         report=motion.report,
         replay=None if replay is None else replay.replay,
-        # What is held changes from stage to stage, and with it what may be touched: each stage has its planner.
+        # Held objects and allowed contacts change from stage to stage, so each stage has its planner.
         options=replace(options, clearances=False, planner=False),
     )
     if replay is None and names:

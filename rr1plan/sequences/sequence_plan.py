@@ -1,4 +1,4 @@
-"""What `plan_sequence` returns: one trajectory with its stages and the referee's report; to show, save and simulate."""
+"""The result of `plan_sequence`: one trajectory with its stages and the referee's report; to show, save, simulate."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ if TYPE_CHECKING:
 class SequencePlan(Value, NotebookView):
     """Result of `plan_sequence`, or a sequence from a file.
 
-    Asking a plan that failed for its trajectory or report raises `NoPlanError` with the reason; look at `found` first.
+    Accessing the trajectory or report of a failed plan raises `NoPlanError` with the reason; check `found` first.
 
     Args:
         scene: The scene at the beginning. Gripper joints that move are planning joints in it.
-        status: How planning ended.
-        reason: Which segment was not found and why; empty if all were.
+        status: Status of planning.
+        reason: The segment that was not found, and the reason; empty if all were found.
         failed: Index of that segment in `sequence.segments`.
         sequence: The sequence; None for one from a file.
-        stages: When each segment happens; empty without a plan.
+        stages: The stage of each segment; empty without a plan.
         gripper_joints: The planning joints of `scene` that belong to grippers, by arm.
         changes: For a sequence from a file: differences between the scene it was planned in and `scene`.
     """
@@ -62,12 +62,12 @@ class SequencePlan(Value, NotebookView):
 
     @property
     def found(self) -> bool:
-        """All segments were found; whether the motion is `valid` is another matter."""
+        """Whether all segments were found; `valid` is a separate question."""
         return self._trajectory is not None
 
     @property
     def valid(self) -> bool:
-        """The referee found no violation in any stage."""
+        """Whether the referee found no violation in any stage."""
         return self._report is not None and self._report.valid
 
     def __bool__(self) -> bool:
@@ -98,7 +98,7 @@ class SequencePlan(Value, NotebookView):
         return tuple(stage for stage in self.stages if stage.change is not None)
 
     def scenes(self) -> list[Scene]:
-        """The scene of each stage: arms where it begins, objects held or put down, with the pairs allowed in it.
+        """The scene of each stage: arms at its beginning, objects held or put down, and the pairs allowed in it.
 
         Raises:
             NoPlanError: there is no motion.
@@ -107,11 +107,11 @@ class SequencePlan(Value, NotebookView):
 
     @property
     def carried_names(self) -> tuple[str, ...]:
-        """The objects that are attached or detached, in the order in which that happens first."""
+        """The objects that are attached or detached, in the order of the first such event."""
         return carried_names(self.stages)
 
     def object_poses(self, name: str, times: ArrayLike) -> Array:
-        """Where an object is while it is held, and where it was put down.
+        """Poses of an object, held or put down.
 
         Args:
             name: An object of the scene, held or not.
@@ -157,7 +157,7 @@ class SequencePlan(Value, NotebookView):
     def show(self, *, replay: SequenceReplay | None = None, options: ViewOptions | None = None) -> Viewer:
         """Open the motion in a live page, where held objects move with the hand; arguments as in `rr1plan.show`.
 
-        With a replay, objects are where the simulation had them, and a shadow shows what the arms did.
+        With a replay, objects have their simulated poses, and a shadow shows the simulated arms.
 
         Raises:
             NoPlanError: there is no motion.
@@ -190,7 +190,7 @@ class SequencePlan(Value, NotebookView):
 
         Args:
             file: The file.
-            embed: Put large meshes into the file, not into the folder "geometry" beside it; see `save_motion`.
+            embed: Put large meshes into the file, not into the folder "geometry" next to it; see `save_motion`.
 
         Raises:
             NoPlanError: there is no motion.

@@ -1,4 +1,4 @@
-"""What a replay of a planned sequence was: motions of the joints, and of the objects that fingers held."""
+"""The result of replaying a planned sequence: motions of the joints, and of the objects held by fingers."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 from rr1plan.checks import Array, Value, counted
 from rr1plan.playback.simulation.replay import Replay, ReplayContact
 
-# An object is where the plan has it while it is no farther away than this [m].
+# Tolerance for an object at its planned position [m].
 _NEAR = 0.01
-# A joint that is tracked stays this near its set-point [rad or m].
+# Tolerance for a joint at its set-point [rad or m].
 _TRACKED = 0.01
 
 
@@ -25,7 +25,7 @@ class CarriedObject(Value):
     Args:
         name: The object.
         poses: T_world_object at the times of the record, shape (n, 4, 4).
-        offsets: Its distance from where the plan has it at those times [m], shape (n,).
+        offsets: Its distance from the planned position at those times [m], shape (n,).
         angle: Angle of rotation between its final orientation and the planned one [rad].
     """
 
@@ -36,12 +36,12 @@ class CarriedObject(Value):
 
     @property
     def max_offset(self) -> float:
-        """Largest distance from where the plan has it [m]."""
+        """Largest distance from the planned position [m]."""
         return float(self.offsets.max(initial=0.0))
 
     @property
     def final_offset(self) -> float:
-        """Its distance from where the plan leaves it [m]."""
+        """Its distance from the planned final position [m]."""
         return float(self.offsets[-1])
 
 
@@ -50,8 +50,8 @@ class SequenceReplay(Value):
     """The outcome of `simulate_sequence`.
 
     Args:
-        replay: Motions of joints and loose bodies. Objects keep fingers from their set-points, so tracking errors of
-            gripper joints are not counted as failures.
+        replay: Motions of joints and loose bodies. Held objects keep fingers from their set-points, so tracking errors
+            of gripper joints do not count as failures.
         objects: Motions of the objects that are attached or detached, by name.
         max_error: Largest tracking error of any joint of an arm [rad or m].
         remarks: Assumptions of the replay, such as masses.
@@ -72,16 +72,16 @@ class SequenceReplay(Value):
 
     @property
     def carried(self) -> bool:
-        """All objects stayed within 1 cm of where the plan has them."""
+        """Whether all objects stayed within 1 cm of their planned positions."""
         return all(one.max_offset <= _NEAR for one in self.objects.values())
 
     @property
     def tracked(self) -> bool:
-        """No joint of an arm was farther than 0.01 rad (or m) from its set-point."""
+        """Whether no joint of an arm was farther than 0.01 rad (or m) from its set-point."""
         return self.max_error <= _TRACKED
 
     def __bool__(self) -> bool:
-        """Arms followed their motion without contact, and objects did, too."""
+        """Whether arms followed their motion without contact, and objects followed theirs."""
         return self.carried and self.tracked and not self.contacts
 
     def __repr__(self) -> str:
@@ -96,7 +96,7 @@ class SequenceReplay(Value):
             f"  tracking error: {self.max_error:.2e} rad at most",
         ]
         lines += [
-            f"  {one.name}: at most {1e3 * one.max_offset:.2f} mm from where the plan has it, "
+            f"  {one.name}: at most {1e3 * one.max_offset:.2f} mm from its planned position, "
             f"{1e3 * one.final_offset:.2f} mm and {np.degrees(one.angle):.2f} degrees in the end"
             for one in self.objects.values()
         ]

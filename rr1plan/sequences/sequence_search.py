@@ -1,9 +1,9 @@
-"""The search for a sequence's motions: where a segment has a choice, the rest of the sequence decides.
+"""The search for a sequence's motions: if a segment has a choice, the rest of the sequence decides.
 
 A free motion may end at several goals and configurations. They are tried nearest first: the segments up to the next
-free motion are planned from there, then the free motion itself, then the rest. What fails goes back to the last choice
-(depth-first search). Free motions get few iterations at first and more in each further round, so that one which is hard
-or impossible does not use up the budget while other candidates are easy.
+free motion are planned from there, then the free motion itself, then the rest. On failure the search backtracks to the
+last choice (depth-first search). Free motions get few iterations at first and more in each further round, so that a
+hard or impossible one does not use up the budget while other candidates are easy.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from rr1plan.trajectory import Trajectory
 
 # Configurations of one goal, and of all goals of a free motion.
 _MOST_PER_GOAL, _MOST_CANDIDATES = 8, 200
-# Iterations of a free motion in the first round, and how many times more in each further round.
+# Iterations of a free motion in the first round, and their growth factor per round.
 _FIRST_EFFORT, _MORE_EFFORT = 3000, 5
 
 
@@ -53,8 +53,8 @@ class PlannedSegment:
     Args:
         segment: The segment.
         trajectory: The motion of its joints, from time zero; None if nothing moves.
-        seconds: How long it takes [s].
-        motion: Of a planned motion its path, scene and margin.
+        seconds: Duration [s].
+        motion: Path, scene and margin of a planned motion.
     """
 
     segment: Segment
@@ -65,7 +65,7 @@ class PlannedSegment:
 
 @dataclass(eq=False)
 class _FreeLeg:
-    """A free motion to one configuration, which is planned when it is known what follows.
+    """A free motion to one configuration, planned after the segments that follow it.
 
     Args:
         number: Index of the segment.
@@ -80,7 +80,7 @@ class _FreeLeg:
 
 @dataclass
 class _Failures:
-    """Why a segment failed, and how often."""
+    """The reasons why a segment failed, and their counts."""
 
     first: str
     status: PlanStatus
@@ -92,10 +92,10 @@ class SequenceSearchResult:
     """Outcome of the search.
 
     Args:
-        status: How it ended.
-        steps: A step for each segment; empty unless found.
-        reason: Why there are none.
-        failed: Index of the segment that failed, of those that did the last one; None unless one did.
+        status: Status of the search.
+        steps: The planned segments; empty unless found.
+        reason: Why there are no steps.
+        failed: Index of the last segment that failed; None if none did.
     """
 
     status: PlanStatus
@@ -119,8 +119,8 @@ class SequenceSearch:
         sequence: The sequence.
         planner: The planner of free motions.
         retiming: The retiming of all motions.
-        budget: When to stop.
-        rng: Seed of everything random.
+        budget: Budget of the search.
+        rng: Seed of all random numbers.
         progress: Called before each attempt; False cancels.
     """
 
@@ -137,7 +137,7 @@ class SequenceSearch:
         self._rng = as_generator(rng)
         self._budget, self._began = budget, time.monotonic()
         self._iterations_left = math.inf if budget.iterations is None else budget.iterations
-        # Of this round and of the one before, by segment.
+        # Failures of this round and of the previous one, by segment.
         self._failures: dict[int, _Failures] = {}
         self._earlier: dict[int, _Failures] = {}
         self._effort = _FIRST_EFFORT
@@ -157,7 +157,7 @@ class SequenceSearch:
             return self._failed(stopped)
 
     def _failed(self, stopped: _Stopped | None) -> SequenceSearchResult:
-        """The outcome without a motion: the last segment that any candidate got to is named."""
+        """The outcome without a motion, naming the last segment that any candidate reached."""
         failures = self._earlier | self._failures
         if stopped is not None and (stopped.status is PlanStatus.CANCELLED or not failures):
             return SequenceSearchResult(stopped.status, reason=stopped.reason)
@@ -180,7 +180,7 @@ class SequenceSearch:
     # ---- depth-first search ------------------------------------------------------------------
 
     def _extend(self, k: int, scene: Scene, pending: _FreeLeg | None) -> tuple[PlannedSegment, ...] | None:
-        """Steps of the segments from k on, and before them that of the pending free motion; None if there are none."""
+        """Planned segments from k on, preceded by the pending free motion; None if there are none."""
         segments = self._sequence.segments
         if pending is not None and (k == len(segments) or isinstance(segments[k], FreeMotion)):
             if not self._plan_leg(pending):
@@ -228,17 +228,17 @@ class SequenceSearch:
         return list(found.configurations)
 
     def _plan_leg(self, leg: _FreeLeg) -> bool:
-        """Plan a free motion, unless that has been done."""
+        """Plan a free motion unless it has been planned already."""
         if leg.motion is None:
             leg.motion = self._plan(leg.number, leg.problem, self._planner)
         return leg.motion.valid
 
-    # ---- what moves along given ways ---------------------------------------------------------
+    # ---- segments with given paths -----------------------------------------------------------
 
     def _options(
         self, k: int, segment: StraightLine | MoveGripper | Attach | Detach | Pause, scene: Scene
     ) -> Iterator[tuple[PlannedSegment, Scene]]:
-        """The ways in which a segment can be done, each with the scene after it."""
+        """The candidates for a segment, each with the scene after it."""
         self._go_on(k)
         if isinstance(segment, StraightLine):
             arm = scene.only_arm(segment.arm)
@@ -273,7 +273,7 @@ class SequenceSearch:
         return [PoseGoal(tool, T)]
 
     def _move_gripper(self, k: int, segment: MoveGripper, scene: Scene) -> tuple[PlannedSegment, Scene] | None:
-        """The motion of a gripper, while its arm stands still."""
+        """The motion of a gripper while its arm rests."""
         name = scene.only_arm(segment.arm)
         arm = scene.arms[name]
         try:
@@ -307,7 +307,7 @@ class SequenceSearch:
     # ---- budget, failures --------------------------------------------------------------------
 
     def _plan(self, k: int, problem: Problem, planner: str | Planner) -> MotionPlan:
-        """Plan a motion within what is left of the budget, and note why there is none."""
+        """Plan a motion within the rest of the budget, and record the reason for a failure."""
         self._go_on(k)
         left = self._budget.seconds - (time.monotonic() - self._began)
         iterations = int(min(self._effort, self._iterations_left))
@@ -329,7 +329,7 @@ class SequenceSearch:
         return motion
 
     def _go_on(self, k: int) -> None:
-        """Stop if the budget has ended, or the caller wants to."""
+        """Stop if the budget has ended or the caller cancels."""
         seconds = time.monotonic() - self._began
         label = f"segment {k + 1} ({self._sequence.segments[k].label})"
         if self._progress is not None:
@@ -355,7 +355,7 @@ def gripper_target(segment: MoveGripper, scene: Scene, arm: str) -> Mapping[str,
     """Values of the gripper joints at the end of a segment.
 
     Raises:
-        InputError: fingers that do not get there.
+        InputError: fingers that cannot reach it.
     """
     placed = scene.arms[arm]
     if segment.position is not None:
@@ -373,7 +373,7 @@ def gripper_target(segment: MoveGripper, scene: Scene, arm: str) -> Mapping[str,
 
 
 def _why_no_goal(problem: Problem, checker: CollisionChecker, reason: str) -> str:
-    """Why no configuration was found; of many alternatives for the first one only."""
+    """Why no configuration was found; if there are many alternatives, only for the first one."""
     count = max(len(goals) for goals in problem.goal.values())
     if count == 1:
         return reason
@@ -395,6 +395,6 @@ def _placed(scene: Scene, arms: tuple[str, ...], q: Array) -> Scene:
 
 
 def _to_configuration(problem: Problem, q: Array) -> Problem:
-    """The same motion, to one configuration."""
+    """The problem with one configuration as its goal."""
     goals = {arm: JointGoal(own) for arm, own in problem.scene.split(q, problem.arms).items() if arm in problem.arms}
     return Problem(problem.scene, None, goals, arms=problem.arms)

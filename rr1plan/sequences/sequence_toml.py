@@ -1,4 +1,4 @@
-"""Sequence files: a scene, and what arms are to do in it, as readable TOML.
+"""Sequence files: a scene, and the actions of arms in it, as readable TOML.
 
     scene = "cell.toml"                # a shipped scene, or a file relative to this one
 
@@ -15,7 +15,7 @@
     [[segments]]
     attach = "block"
 
-Each segment has one of these keys, and options of its kind beside it:
+Each segment has one of these keys, and further keys as options of its kind:
 
     free_motion     a goal as in the queries of a scene file: a name, numbers, a table, or a list of alternatives
     free_motions    goals by arm, for several arms that move at once
@@ -27,7 +27,7 @@ Each segment has one of these keys, and options of its kind beside it:
     pick_and_place  an obstacle; place, and grasps, supports, height, stop: stands for the segments of `pick_and_place`
 
 `arm` and `allow` go with the first four, `stop` with the first three, `arm` with `attach` and `pick_and_place`. The
-reader is strict: an unknown key, a wrong type, NaN or a missing entry is an error with its place.
+reader is strict: an unknown key, a wrong type, NaN or a missing entry is an error that names its position.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _MAX_BYTES = 16 * 1024 * 1024
 
 
 def is_sequence_file(file: str | Path) -> bool:
-    """Whether a file is TOML with segments; `load_segments` says what is wrong with one."""
+    """Whether a file is TOML with segments; `load_segments` reports its errors."""
     path = file_path(file)
     if path.suffix != ".toml" or not is_regular(path):
         return False
@@ -65,10 +65,10 @@ def load_segments(file: str | Path) -> Sequence:
     """Read the segments of a sequence, and its scene, from a TOML file; `plan_sequence` plans it.
 
     Args:
-        file: The file, as the module describes it.
+        file: The file, in the format described in this module.
 
     Raises:
-        FormatError: not TOML, or not a sequence of its scene; names the place and the line.
+        FormatError: not TOML, or not a sequence of its scene; names the position and the line.
         UnknownNameError: no shipped scene of that name.
     """
     path = file_path(file)
@@ -96,7 +96,7 @@ def load_segments(file: str | Path) -> Sequence:
 
 
 def _motion_options(row: Table) -> dict[str, Any]:
-    """The same, and whether the motion stops at its end."""
+    """The common options, and whether the motion stops at its end."""
     return _options(row) | {"stop": row.boolean("stop", True)}
 
 
@@ -179,7 +179,7 @@ def _pause(row: Table) -> Segment:
 
 
 def _read_pick(row: Table, scene: Scene, moved: set[str]) -> list[Segment]:
-    """The segments of a pick-and-place, of an object that is where the scene has it."""
+    """The segments of a pick-and-place of an object at its pose in the scene."""
     obstacle = row.string(_PICK)
     if obstacle in moved:
         raise row.error(

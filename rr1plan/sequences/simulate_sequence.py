@@ -1,4 +1,4 @@
-"""Replay of a planned sequence in MuJoCo: objects are loose bodies that fingers hold by contact and friction alone."""
+"""Replay of a planned sequence in MuJoCo: objects are loose bodies held by fingers through friction only."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from rr1plan.sequences.sequence_plan import SequencePlan
 from rr1plan.sequences.sequence_replay import CarriedObject, SequenceReplay
 from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 
-# MuJoCo's number of dimensions of a contact with friction across it and around its normal.
+# MuJoCo's contact dimension (condim) for tangential and torsional friction.
 _WITH_TORSION = 4
-# Iterations of the solver that keeps what friction holds from creeping, as MuJoCo's soft contacts do by themselves.
+# Iterations of the no-slip solver, without which objects held by MuJoCo's soft contacts creep.
 _NO_SLIP = 5
-# Least inertia of a finger that slides, with that of its drive [kg]. The gains of servos follow from the inertia, and
-# those of fingers of some grams would press with less than a newton.
+# Least inertia of a sliding finger including its drive [kg]. The gains of servos follow from the inertia, and fingers
+# of a few grams would press with less than a newton.
 _FINGER_INERTIA = 0.25
 # Steps between two reports of progress.
 _REPORT_EVERY = 50
@@ -40,24 +40,24 @@ def simulate_sequence(
     hold: float = 0.5,
     progress: ProgressCallback | None = None,
 ) -> SequenceReplay:
-    """Replay a planned sequence in MuJoCo, where fingers hold objects by contact and friction alone.
+    """Replay a planned sequence in MuJoCo, where fingers hold objects by contact and friction only.
 
-    Objects that are attached or detached are loose bodies all the time. One without a mass gets that of its shapes at
-    1000 kg/m³, as a remark says. Their contacts have friction around the normals, too. Fingers that slide have at
+    Objects that are attached or detached are loose bodies all the time. The mass of an object without one is computed
+    from its shapes at 1000 kg/m³, with a remark. Their contacts also have torsional friction. Sliding fingers have at
     least the inertia of a drive, 0.25 kg.
 
     Args:
         plan: The sequence, found.
         dt: Time of a step [s].
         record_dt: Time between recorded positions [s].
-        stiffness: Natural frequency of the joint servos [rad/s]; those of the fingers press with it.
-        hold: How long to go on after the end [s].
+        stiffness: Natural frequency of the joint servos [rad/s]; that of the fingers determines the grasp force.
+        hold: Time to continue after the end [s].
         progress: Called about ten times a second; False cancels.
 
     Raises:
         NoPlanError: there is no motion.
         InputError: numbers out of range, or an object that cannot be loose.
-        BackendError: MuJoCo does not take the scene, or its simulation became unstable.
+        BackendError: MuJoCo does not accept the scene, or its simulation became unstable.
         CancelledError: `progress` returned False.
     """
     of_kind("plan", plan, SequencePlan)
@@ -93,7 +93,7 @@ def simulate_sequence(
 
 
 def _physical(plan: SequencePlan) -> tuple[Scene, tuple[str, ...], tuple[str, ...]]:
-    """The scene with loose objects and all contacts that a stage allows; the objects; what was assumed."""
+    """The scene with loose objects and all contacts that a stage allows; the objects; assumptions."""
     scene, remarks = plan.scene, []
     names = plan.carried_names
     for name in names:
@@ -118,17 +118,17 @@ def _physical(plan: SequencePlan) -> tuple[Scene, tuple[str, ...], tuple[str, ..
 
 
 def _hold_by_friction(sim: Simulation, names: tuple[str, ...]) -> None:
-    """Let friction hold bodies as dry friction does: they neither creep nor turn freely between two fingers."""
+    """Approximate dry friction, so that bodies neither creep nor turn freely between two fingers."""
     for tile in sim.tiles:
         tile.model.opt.noslip_iterations = _NO_SLIP
         held = [k for k, element in enumerate(tile.world.geom_elements) if element in names]
         tile.model.geom_condim[held] = _WITH_TORSION
-        # The solver needs matrices that are made with the contacts; without them MuJoCo crashes.
+        # The no-slip solver needs matrices that are created with contacts; without them MuJoCo crashes.
         tile.refresh()
 
 
 def _drive_fingers(sim: Simulation, plan: SequencePlan) -> None:
-    """Add the inertia of their drives to fingers that slide, and make their servos stiffer by as much."""
+    """Add the inertia of their drives to sliding fingers, and scale the gains of their servos accordingly."""
     for tile in sim.tiles:
         model, light = tile.model, False
         for column, name in enumerate(tile.world.joint_names):

@@ -1,4 +1,4 @@
-"""What a page of a sequence plans with: the scene of each stage, with the gripper locked and in it what is held."""
+"""Planner data of a page of a sequence: the scene of each stage, with the gripper locked and held objects attached."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _STILL = 1e-9  # [rad or m]
 
 
 def planning_scenes(motion: StagedMotion) -> list[Scene | None]:
-    """The scene of each stage as a page plans in it, the gripper joints locked; None where they move."""
+    """The scene of each stage for planning in a page, with locked gripper joints; None if they move."""
     scenes: list[Scene | None] = []
     names = list(motion.trajectory.joint_names)
     own = [names.index(f"{arm}/{joint}") for arm, joints in motion.gripper_joints.items() for joint in joints]
@@ -31,14 +31,14 @@ def planning_scenes(motion: StagedMotion) -> list[Scene | None]:
 
 
 def stage_planners(motion: StagedMotion) -> dict[str, Any]:
-    """The planners of the page of a sequence, as `page/scene_stages.js` takes them.
+    """The planners of the page of a sequence, as data for `page/scene_stages.js`.
 
     Args:
         motion: The motion and its stages.
 
     Returns:
-        Plain values that JSON can hold: `stages`, of each when it begins, its planner, what is held, and the
-        configuration at its beginning; and the `planners`, equal ones once.
+        Plain values that JSON can represent: for each of the `stages` its start, its planner, the held objects, and the
+        configuration at its start; and the `planners`, without duplicates.
     """
     columns = motion.scene.joint_names()
     planners: list[dict[str, Any]] = []
@@ -75,7 +75,7 @@ def _planner(
 
 
 def _content(scene: Scene) -> object:
-    """All that distinguishes the scenes of stages, the configuration left out."""
+    """Everything that distinguishes the scenes of stages, except the configuration."""
     return (
         tuple((name, o.pose.tobytes()) for name, o in scene.obstacles.items()),
         tuple((name, h.arm, h.link, h.pose.tobytes(), h.touch) for name, h in scene.attachments.items()),

@@ -1,8 +1,8 @@
-"""The referee's verdict on a sequence: every stage in its own scene, with or without what is held.
+"""The referee's verdict on a sequence: every stage in its own scene, with the objects held in it.
 
-A motion may go on from one stage to the next without a stop, but not through an instant at which something is attached
-or detached. Nothing of the search is used: the scenes follow from the first one, the trajectory and the stages, so that
-an object stays where it was put down and moves with the link that took it.
+A motion may continue from one stage to the next without a stop, but not through an instant at which an object is
+attached or detached. The search is not used: the scenes follow from the first one, the trajectory and the stages, so
+that an object stays where it was put down and moves with the link that holds it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def validate_stages(
     jerk_limits: bool = False,
     progress: ProgressCallback | None = None,
 ) -> Report:
-    """Check every stage of a sequence in its scene, and that each begins where the one before ended.
+    """Check every stage of a sequence in its scene, and that each begins where the previous one ended.
 
     Args:
         trajectory: The whole motion, with the gripper joints that move.
@@ -79,7 +79,7 @@ def validate_stages(
 
 
 def _goes_through(trajectory: Trajectory, stages: Sequence[SequenceStage], k: int, time: float | None) -> bool:
-    """Whether a motion goes on steadily from one stage to another at that end of stage k which is nearer to a time."""
+    """Whether a motion continues smoothly between two stages at the end of stage k that is nearer to a time."""
     stage = stages[k]
     if time is None:
         return False
@@ -94,7 +94,7 @@ def _goes_through(trajectory: Trajectory, stages: Sequence[SequenceStage], k: in
 
 
 def _jumps(kind: ViolationKind, names: tuple[str, ...], time: float, expected: Array, found: Array) -> list[Violation]:
-    """Joints that are elsewhere than where they should be at a time."""
+    """Violations for joints that differ from their expected values at a time."""
     where = "starts" if kind == "start" else "goes on"
     return [
         Violation(kind, (name,), time, got, want, f"{name} {where} at {got:.9g}, expected {want:.9g}")
@@ -104,13 +104,13 @@ def _jumps(kind: ViolationKind, names: tuple[str, ...], time: float, expected: A
 
 
 def _merged(reports: Sequence[Report], violations: Sequence[Violation], duration: float) -> Report:
-    """One report of those of all stages that take time."""
+    """One report, merged from those of all stages with a duration."""
     margins: dict[str, Margin] = {}
     for report in reports:
         for name, margin in report.margins.items():
             if name.endswith(("_start", "_end")):
                 continue
-            # Of clearances the smallest counts, of shares of limits the largest.
+            # The smallest clearance counts, and the largest share of a limit.
             kept = margins.setdefault(name, margin)
             if (margin.value < kept.value) if margin.unit == "m" else (margin.value > kept.value):
                 margins[name] = margin
@@ -129,7 +129,7 @@ def _merged(reports: Sequence[Report], violations: Sequence[Violation], duration
 
 
 def _in_stage(progress: ProgressCallback | None, k: int, count: int) -> ProgressCallback | None:
-    """Progress of one stage as that of all."""
+    """Progress of one stage as progress of the whole."""
     if progress is None:
         return None
     return lambda part: progress(replace(part, fraction=(k + part.fraction) / count))

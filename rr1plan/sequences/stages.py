@@ -1,4 +1,4 @@
-"""The stages of a planned sequence: when each segment happens, and the scene in which it does."""
+"""The stages of a planned sequence: the times of each segment, and its scene."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from rr1plan.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SequenceStage(Value):
-    """When a segment of a sequence happens, and what it changes.
+    """The times of a segment of a sequence, and its change of the scene.
 
     Args:
-        label: What happens, in a few words.
-        begin: When it begins [s].
-        end: When it ends [s]; the same where something is attached or detached.
-        allowed: Pairs of elements that may touch meanwhile, beyond those of the scene.
-        change: What is attached or detached.
+        label: Description in a few words.
+        begin: Start [s].
+        end: End [s]; equal to `begin` if an object is attached or detached.
+        allowed: Pairs of elements that may touch during this stage, in addition to those of the scene.
+        change: The object that is attached or detached.
 
     Raises:
         InputError: an end before the beginning, or a change that takes time.
@@ -64,7 +64,7 @@ class SequenceStage(Value):
 
 @dataclass(frozen=True, eq=False)
 class StagedMotion:
-    """A trajectory, the stages that it consists of, and the verdict on them.
+    """A trajectory, its stages, and the verdict on them.
 
     Args:
         scene: The scene at the beginning; the columns of the trajectory are its joints.
@@ -81,7 +81,7 @@ class StagedMotion:
     gripper_joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def object_poses(self, name: str, times: Array) -> Array:
-        """Where an object is while it is held, and where it was put down; see `SequencePlan.object_poses`."""
+        """Poses of an object, held or put down; see `SequencePlan.object_poses`."""
         scenes = stage_scenes(self.scene, self.trajectory, self.stages)
         begins = np.array([stage.begin for stage in self.stages])
         numbers = np.clip(np.searchsorted(begins, times, side="right") - 1, 0, len(scenes) - 1)
@@ -102,7 +102,7 @@ def check_stages(trajectory: Trajectory, stages: Sequence[SequenceStage]) -> Non
     """Require that stages follow each other without a gap, from the beginning of the trajectory to its end.
 
     Raises:
-        InputError: no stages, or others; or a trajectory that does not begin at zero.
+        InputError: no stages, or stages with gaps; or a trajectory that does not begin at zero.
     """
     if trajectory.start_time != 0.0:
         raise InputError(f"the trajectory of a sequence begins at {trajectory.start_time:g} s, expected 0 s")
@@ -117,13 +117,13 @@ def check_stages(trajectory: Trajectory, stages: Sequence[SequenceStage]) -> Non
 
 
 def carried_names(stages: Sequence[SequenceStage]) -> tuple[str, ...]:
-    """The objects that are attached or detached, in the order in which that happens first."""
+    """The objects that are attached or detached, in the order of the first such event."""
     changes = (stage.change for stage in stages)
     return tuple(dict.fromkeys(c.obstacle if isinstance(c, Attach) else c.name for c in changes if c is not None))
 
 
 def stage_scenes(scene: Scene, trajectory: Trajectory, stages: Sequence[SequenceStage]) -> list[Scene]:
-    """The scene of each stage: arms where it begins, objects held or where they were put down, its pairs allowed.
+    """The scene of each stage: arms at its beginning, objects held or put down, and its allowed pairs.
 
     Args:
         scene: The scene at the beginning; the columns of the trajectory are its joints.
@@ -131,7 +131,7 @@ def stage_scenes(scene: Scene, trajectory: Trajectory, stages: Sequence[Sequence
         stages: The stages.
 
     Raises:
-        UnknownNameError: what is attached or detached is not there, or is held already.
+        UnknownNameError: an object to attach or detach does not exist, or is already held.
         InputError: an object that cannot be held.
     """
     scenes = []
@@ -143,7 +143,7 @@ def stage_scenes(scene: Scene, trajectory: Trajectory, stages: Sequence[Sequence
 
 
 def scene_at(scene: Scene, trajectory: Trajectory, time: float) -> Scene:
-    """The scene with its arms where a trajectory has them at a time."""
+    """The scene with its arms at their configurations in a trajectory at a time."""
     q: Array = trajectory(time)
     values = dict(zip(trajectory.joint_names, q.tolist(), strict=True))
     moved = {
@@ -155,7 +155,7 @@ def scene_at(scene: Scene, trajectory: Trajectory, time: float) -> Scene:
 
 
 def resolved_change(change: Attach | Detach, scene: Scene) -> Attach | Detach:
-    """What is attached or detached, with arm, link and touching links named; in a scene with locked grippers."""
+    """A change with arm, link and touching links filled in, for a scene with locked grippers."""
     if isinstance(change, Detach):
         return change
     arm = scene.only_arm(change.arm)
@@ -165,7 +165,7 @@ def resolved_change(change: Attach | Detach, scene: Scene) -> Attach | Detach:
 
 
 def changed_scene(scene: Scene, change: Attach | Detach | None) -> Scene:
-    """The scene after something was attached or detached, with the arms where they are."""
+    """The scene after an object was attached or detached, with the arms at their configurations."""
     if isinstance(change, Attach):
         return scene.attach(change.obstacle, change.arm, change.link, touch=change.touch or ())
     return scene if change is None else scene.detach(change.name)

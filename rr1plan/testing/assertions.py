@@ -32,9 +32,9 @@ from rr1plan.testing.replay_variations import ReplayVariations, VariedReplays
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import certify_path, validate
 
-# How long the arms may take to settle after the end of a motion [s].
+# Settling time of the arms after the end of a motion [s].
 _SETTLE = 0.3
-# Violations that a message names before it says how many more there are.
+# Violations listed in a message before the number of further ones.
 _MOST_NAMED = 3
 
 
@@ -46,13 +46,13 @@ def assert_valid(
     torque_limits: bool = False,
     jerk_limits: bool = False,
 ) -> Report:
-    """Assert that the referee certifies a motion, now: a report that the motion carries is ignored.
+    """Assert that the referee certifies a motion; a report that the motion carries is ignored.
 
     Args:
-        motion: The motion; of a motion without times the path, of a sequence all stages.
+        motion: The motion; for a motion without times the path, for a sequence all stages.
         scene: The scene (default: that of the `MotionPlan`, or that at the beginning of the `SequencePlan`).
-        problem: The problem whose start and goal it has to have (default: that of the `MotionPlan`, unless another
-            scene is given).
+        problem: The problem with the required start and goal (default: that of the `MotionPlan`, unless another scene
+            is given).
         torque_limits: Check torques too.
         jerk_limits: Check jerk limits too.
 
@@ -116,24 +116,24 @@ def assert_replays(
     """Assert that simulated arms follow a motion: without contact, within a tolerance, and to its end.
 
     Args:
-        motion: The motion; in that of a sequence friction alone holds objects, and they have to stay within 1 cm of
-            where the plan has them.
+        motion: The motion; in that of a sequence, objects are held by friction only and have to stay within 1 cm of
+            their planned positions.
         scene: The scene (default: that of the `MotionPlan`); not for a sequence, see `load_sequence`.
-        tolerance: Largest tracking error of any joint on the way [rad or m].
+        tolerance: Largest tracking error of any joint during the motion [rad or m].
         goal_tolerance: Largest distance of any joint from the end of the motion, 0.3 s after it [rad or m]; not for a
             sequence.
-        variations: Replay with arms that differ from their description, too: payload, masses and friction that the
-            servos do not know of; not for a sequence.
+        variations: Also replay with arms that differ from their description: payload, masses and friction that the
+            servos do not model; not for a sequence.
         dt: Time of a step of the simulation [s].
 
     Returns:
-        The replays: that of the arms as described, then those of varied arms; of a sequence its replay.
+        The replays: that of the arms as described, then those of varied arms; for a sequence its replay.
 
     Raises:
         AssertionError: a replay failed; names the worst one, its payload, masses and friction, and the joint or the
             elements and the time.
         InputError: a trajectory without a scene, a motion without times, numbers that are not above zero.
-        BackendError: MuJoCo does not take the scene, or its simulation became unstable.
+        BackendError: MuJoCo does not accept the scene, or its simulation became unstable.
     """
     tolerance = positive_number("tolerance", tolerance)
     goal_tolerance = positive_number("goal_tolerance", goal_tolerance)
@@ -154,7 +154,7 @@ def assert_replays(
 
 
 def _replayed_sequence(plan: SequencePlan, tolerance: float, dt: float) -> SequenceReplay:
-    """The replay of a sequence, if arms and objects follow it."""
+    """The replay of a sequence, provided that arms and objects follow it."""
     replay = simulate_sequence(plan, dt=dt, hold=_SETTLE)
     away = [f"{one.name} is {1e3 * one.max_offset:.3g} mm from its plan" for one in replay.objects.values()]
     wrong = [f"{' and '.join(contact.pair)} touch at {contact.first:.3f} s" for contact in replay.contacts]

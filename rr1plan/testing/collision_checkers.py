@@ -1,4 +1,4 @@
-"""Contacts of bodies by python-fcl, by Coal and by MuJoCo, each from the shapes of the description alone."""
+"""Contacts of bodies by python-fcl, by Coal and by MuJoCo, each from the shapes of the description only."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ElementPair = tuple[str, str]
 
 
 class FclChecker:
-    """python-fcl, which separated from Coal's ancestor long ago and shares no narrow phase with it.
+    """python-fcl, whose code base separated from Coal's long ago and has a different narrow phase.
 
     Args:
         bodies: The bodies.
@@ -49,7 +49,7 @@ class FclChecker:
         """Distance of two bodies at these poses [m]; not above zero if they touch."""
         fcl = self._fcl
         one, two = self._placed(a, T_a, b, T_b)
-        # One order of the two may give a distance too large by a quarter of a millimeter.
+        # For one order of the arguments the distance may be too large by a quarter of a millimeter.
         orders = ((one, two), (two, one))
         return float(min(fcl.distance(*order, fcl.DistanceRequest(), fcl.DistanceResult()) for order in orders))
 
@@ -81,7 +81,7 @@ def fcl_geometry(shape: Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh) ->
 
 
 def _primitive(library: Any, shape: Box | Sphere | Cylinder | Capsule | HalfSpace) -> Any:
-    """A shape in FCL or Coal, which name them alike."""
+    """A shape in FCL or Coal, which use the same names."""
     match shape:
         case Box(size):
             return library.Box(*size)
@@ -104,7 +104,7 @@ def _fcl() -> Any:
 
 
 class CoalChecker:
-    """Coal alone, without a broad phase and without the guesses that it keeps between queries.
+    """Coal alone, without a broad phase and without guesses cached between queries.
 
     Args:
         bodies: The bodies.
@@ -115,20 +115,20 @@ class CoalChecker:
 
         self._coal = coal
         self._geometries = [coal_geometry(body.shape) for body in bodies]
-        # Without contacts it misses some shapes whose core lies in the other's surface.
+        # Without contacts, Coal misses some shapes whose core lies in the other's surface.
         self._request = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1)
         self._surfaces = [body.is_surface for body in bodies]
 
     def touches(self, a: int, T_a: Array, b: int, T_b: Array) -> bool:
         """Whether two bodies touch at these poses, each (4, 4)."""
         if self._surfaces[a] or self._surfaces[b]:
-            # Its collision test of a surface misses a ball that penetrates by a tenth of a millimeter.
+            # Coal's collision test of a surface misses a ball that penetrates by a tenth of a millimeter.
             return self.distance(a, T_a, b, T_b) <= 0.0
         result = self._coal.CollisionResult()
         return bool(self._coal.collide(*self._placed(a, T_a, b, T_b), self._request, result) > 0)
 
     def distance(self, a: int, T_a: Array, b: int, T_b: Array) -> float:
-        """Signed distance of two bodies at these poses [m]; that of surfaces is not below about zero."""
+        """Signed distance of two bodies at these poses [m]; for surfaces not below about zero."""
         coal = self._coal
         placed = self._placed(a, T_a, b, T_b)
         return float(coal.distance(*placed, coal.DistanceRequest(), coal.DistanceResult()))
@@ -146,7 +146,7 @@ def coal_geometry(shape: Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh) -
         return _primitive(coal, shape)
     points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     if not is_surface(shape):
-        # Coal's own hull fails where many faces meet at a corner.
+        # Coal's own hull fails if many faces meet at a corner.
         hull = convex_hull(shape.vertices)
         points.extend(list(np.array(hull.vertices)))
         triangles.extend([coal.Triangle(*face) for face in hull.faces.tolist()])
@@ -171,7 +171,7 @@ class MujocoChecker:
 
     Args:
         scene: The scene.
-        motion: A motion of some of its arms, which names the columns of configurations.
+        motion: A motion of some of its arms, which defines the columns of configurations.
     """
 
     def __init__(self, scene: Scene, motion: Trajectory) -> None:
@@ -184,10 +184,10 @@ class MujocoChecker:
         self._checked = {frozenset(pair): pair for pair in scene.checked_pairs}
 
     def contacts(self, time: float) -> dict[ElementPair, float]:
-        """The elements that must not touch and do at a time of the motion, in the scene's order, and how deep [m]."""
+        """Forbidden contacts at a time of the motion: pairs of elements in the scene's order, with their depth [m]."""
         data, model = self._data, self._world.model
         q = self._targets(np.array([time]))[0]
-        data.qpos[: len(q)] = q  # loose bodies stay where they stand
+        data.qpos[: len(q)] = q  # loose bodies keep their initial poses
         self._mujoco.mj_kinematics(model, data)
         self._mujoco.mj_collision(model, data)
         found: dict[ElementPair, float] = {}
@@ -199,14 +199,14 @@ class MujocoChecker:
         return found
 
 
-# ---- what the libraries leave out ----------------------------------------------------------------
+# ---- cases that the libraries do not cover -------------------------------------------------------
 
 
 def encloses(body: SceneBody, T: Array, other: SceneBody, T_other: Array) -> bool:
-    """Whether a closed surface encloses another body that does not touch it, which no test of surfaces notices.
+    """Whether a closed surface encloses another body without contact, which tests of surfaces do not detect.
 
     Args:
-        body: A body; other shapes than surfaces enclose nothing here.
+        body: A body; the result is False for shapes other than surfaces.
         T: Its pose, shape (4, 4).
         other: The other body.
         T_other: Its pose, shape (4, 4).
@@ -219,7 +219,7 @@ def encloses(body: SceneBody, T: Array, other: SceneBody, T_other: Array) -> boo
 
 
 def height_above(plane: SceneBody, T: Array, other: SceneBody, T_other: Array) -> float | None:
-    """Signed distance of a surface from a half-space [m], which no library has; None for other shapes.
+    """Signed distance of a surface from a half-space [m], which no library computes; None for other shapes.
 
     Args:
         plane: A body, either of the two.
@@ -241,19 +241,19 @@ def height_above(plane: SceneBody, T: Array, other: SceneBody, T_other: Array) -
 
 
 class ElementChecker:
-    """The elements of a scene that touch at configurations, by python-fcl and Coal.
+    """Elements of a scene in contact at given configurations, by python-fcl and Coal.
 
     Args:
         scene: The scene.
         joint_names: Columns of the configurations, "arm/joint"; arms without columns rest.
-        checkers: Names of checkers, of which FCL and Coal are made here; bodies inside closed meshes count for all.
+        checkers: Names of checkers, of which FCL and Coal are used here; bodies inside closed meshes count for all.
 
     Attributes:
         bodies: The bodies of the elements.
         queries: Number of pairs of bodies that each library has checked.
 
     Raises:
-        UnknownNameError: a column that is no joint of the scene.
+        UnknownNameError: a column that is not a joint of the scene.
         InputError: only some joints of an arm have columns.
         MissingPackageError: python-fcl is not installed.
     """
@@ -271,11 +271,11 @@ class ElementChecker:
             self._libraries["Coal"] = self._coal
 
     def contacts(self, q: Array, pairs: NDArray[np.int64] | None = None) -> list[dict[ElementPair, set[str]]]:
-        """The pairs of elements that touch at each of some configurations, and the checkers that find so.
+        """The pairs of elements in contact at each configuration, and the checkers that find the contact.
 
         Args:
             q: Configurations, shape (n, nq).
-            pairs: Indices of the bodies to check, shape (m, 2) (default: all that must not touch).
+            pairs: Indices of the bodies to check, shape (m, 2) (default: all pairs that must not touch).
         """
         pairs = self.bodies.pairs if pairs is None else pairs
         frames = self.bodies.frames(q)
@@ -301,7 +301,7 @@ class ElementChecker:
         return self._coal.distance(a, T_a, b, T_b) if height is None else height
 
     def _touching(self, a: int, T_a: Array, b: int, T_b: Array) -> frozenset[str]:
-        """Checkers for which two bodies touch."""
+        """Checkers that find two bodies in contact."""
         one, two = self.bodies.bodies[a], self.bodies.bodies[b]
         height = height_above(one, T_a, two, T_b)
         if height is not None:

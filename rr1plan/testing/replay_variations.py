@@ -1,4 +1,4 @@
-"""Replays with arms that differ from their description: which differences, and what came of them."""
+"""Replays with arms that differ from their description: the differences and the results."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ReplayVariations:
         rng: Seed or generator.
 
     Raises:
-        InputError: numbers that are negative or not finite, a share of masses of one or more, no replays.
+        InputError: numbers that are negative or not finite, a mass share of one or more, or no replays.
     """
 
     payload: float = 0.0
@@ -59,8 +59,8 @@ class VariedReplays:
     Args:
         replays: The replays.
         cases: How the arms of each differed from their description; None: not at all.
-        tolerance: Largest tracking error allowed on the way [rad or m].
-        goal_tolerance: Largest distance allowed from the end of the motion at the end [rad or m].
+        tolerance: Largest tracking error allowed during the motion [rad or m].
+        goal_tolerance: Largest distance from the goal of the motion allowed at the end [rad or m].
     """
 
     replays: tuple[Replay, ...]
@@ -75,7 +75,7 @@ class VariedReplays:
 
     @property
     def worst_case(self) -> int:
-        """Number of the worst replay: one with a contact, else that with the largest error against its tolerance."""
+        """Index of the worst replay: one with a contact, otherwise the one with the largest error over tolerance."""
         return int(np.argmax([self._share(replay) for replay in self.replays]))
 
     @property
@@ -84,7 +84,7 @@ class VariedReplays:
         return self.replays[self.worst_case]
 
     def __bool__(self) -> bool:
-        """All replays passed."""
+        """Whether all replays passed."""
         return all(self.passed)
 
     def _share(self, replay: Replay) -> float:

@@ -1,8 +1,8 @@
-"""The collision bodies of a scene at many configurations, by plain NumPy.
+"""The collision bodies of a scene at many configurations, in plain NumPy.
 
-Nothing of the planners' or the referee's kinematics and collision checking is used. Frames are products of the
-description's transforms, vectorized over samples. Pairs of bodies with disjoint oriented boxes (separating axes,
-Gottschalk, Lin, Manocha 1996) are free; only the other pairs are candidates for a checker.
+No kinematics or collision checking of the planners or the referee is used. Frames are products of the description's
+transforms, vectorized over samples. Pairs of bodies with disjoint oriented boxes (separating axes, Gottschalk, Lin,
+Manocha 1996) are free; only the other pairs are candidates for a checker.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from rr1plan.shapes.convex_hulls import is_own_hull
 from rr1plan.transforms import pose
 
 MotionFunction = Callable[[Array], Array]  # times (n,) to configurations (n, nq)
-# Bodies at samples that are placed at once.
+# Poses of bodies at samples that are computed at once.
 _MOST_PLACED = 100_000
-# More samples than this take days.
+# More samples than this would take days.
 _MOST_SAMPLES = 2_000_000
 
 
@@ -40,7 +40,7 @@ class SceneBody:
         shape: The shape; clouds are split into boxes.
         center: Center of the box around it, in its own coordinates [m], shape (3,).
         half: Half edges of that box [m], shape (3,); inf for a half-space.
-        is_surface: Whether the shape is a mesh that is not convex, which libraries know as a surface without an inside.
+        is_surface: Whether the shape is a non-convex mesh, which libraries treat as a surface without an inside.
     """
 
     element: str
@@ -57,7 +57,8 @@ class SceneBodies:
 
     Args:
         scene: The scene.
-        joint_names: Columns of the configurations, "arm/joint", all joints of each arm named; the other arms rest.
+        joint_names: Columns of the configurations, "arm/joint", with all joints of each arm that moves; other arms
+            rest.
 
     Attributes:
         bodies: The bodies.
@@ -132,12 +133,12 @@ class SceneBodies:
         return reach
 
     def parts(self, times: Array) -> list[Array]:
-        """The times in parts, so that all bodies can be placed at once at each."""
+        """The times in parts small enough to compute all poses of a part at once."""
         most = max(1, _MOST_PLACED // max(1, len(self.bodies)))
         return np.array_split(times, max(1, -(-len(times) // most)))
 
     def sample_times(self, curve: MotionFunction, breaks: Array, step: float) -> Array:
-        """Times so close together that no point of a moving body travels farther than `step` [m] between two.
+        """Times between which no point of a moving body travels farther than `step` [m].
 
         Args:
             curve: The motion.
@@ -145,7 +146,7 @@ class SceneBodies:
             step: The largest distance [m].
 
         Raises:
-            InputError: that takes too many samples.
+            InputError: too many samples would be needed.
         """
         times = np.unique(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 50)]))
         while True:
@@ -165,7 +166,7 @@ class SceneBodies:
         return np.asarray(np.einsum("nbij,bj->nbi", frames[..., :3, :3], self._center) + frames[..., :3, 3])
 
     def _above_plane(self, frames: Array, centers: Array, plane: int, other: int) -> NDArray[np.bool_]:
-        """At which samples the ball around a body is wholly outside of a half-space, shape (n,)."""
+        """The samples at which the ball around a body is completely outside a half-space, shape (n,)."""
         shape = self.bodies[plane].shape
         assert isinstance(shape, HalfSpace)
         T = frames[:, plane]
@@ -174,7 +175,7 @@ class SceneBodies:
         return np.asarray(height > self._radius[other])
 
     def _travel(self, curve: MotionFunction, times: Array) -> Array:
-        """How far the fastest corner of any box moves from each time to the next [m], shape (n - 1,)."""
+        """Displacement of the fastest corner of any box from each time to the next [m], shape (n - 1,)."""
         if not self._moving:
             return np.zeros(max(0, len(times) - 1))
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
@@ -254,7 +255,7 @@ def _box_around(shape: Shape) -> tuple[Array, Array]:
 
 def link_frames(robot: Robot, q: Array) -> dict[str, Array]:
     """T_base_link of every link at configurations q (n, nq), each (n, 4, 4); Rodrigues' formula for every joint."""
-    # All joints follow the planning joints by an affine map, whatever mimics what.
+    # All joints are an affine function of the planning joints, including mimic joints.
     rest = robot.joint_values(np.zeros(robot.nq))
     units = [robot.joint_values(unit) for unit in np.eye(robot.nq)]
     frames: dict[str, Array] = {robot.base: np.broadcast_to(np.eye(4), (len(q), 4, 4))}
@@ -274,7 +275,7 @@ def link_frames(robot: Robot, q: Array) -> dict[str, Array]:
 
 
 def boxes_meet(turn_a: Array, half_a: Array, turn_b: Array, half_b: Array, offset: Array) -> NDArray[np.bool_]:
-    """Whether boxes intersect or touch, by their fifteen separating axes.
+    """Whether boxes intersect or touch, by the fifteen separating axes.
 
     Args:
         turn_a: Rotations of the first boxes, shape (n, 3, 3).

@@ -30,7 +30,7 @@ class SampledContact:
         checker: "FCL", "Coal" or "MuJoCo".
         pair: The two elements, e.g. ("arm/hand", "shelf").
         first: The first sample in contact [s].
-        last: The last one [s].
+        last: The last sample in contact [s].
         samples: Number of samples in contact.
     """
 
@@ -69,7 +69,7 @@ class Disagreement:
 
 @dataclass(frozen=True)
 class SecondOpinion:
-    """What other checkers say of a motion; true if all of them find it free of contacts.
+    """Verdicts of other checkers on a motion; true if all of them find it free of contacts.
 
     Args:
         checkers: The checkers.
@@ -77,7 +77,7 @@ class SecondOpinion:
         queries: Number of pairs of bodies with intersecting boxes, over all samples, which FCL and Coal checked.
         contacts: Contacts that a checker finds, in order of time.
         disagreements: Contacts that some find and others do not, in order of time.
-        grazing: Number of pairs at samples that they judge differently within the tolerance of contact.
+        grazing: Number of pairs at samples with different verdicts within the tolerance of contact.
     """
 
     checkers: tuple[str, ...]
@@ -89,12 +89,12 @@ class SecondOpinion:
 
     @property
     def free(self) -> bool:
-        """No checker finds a contact."""
+        """Whether no checker finds a contact."""
         return not self.contacts
 
     @property
     def agree(self) -> bool:
-        """The checkers agree at all samples, except within the tolerance of contact."""
+        """Whether the checkers agree at all samples, except within the tolerance of contact."""
         return not self.disagreements
 
     def __bool__(self) -> bool:
@@ -139,25 +139,25 @@ def second_opinion(
     """Check samples of a motion with python-fcl, Coal and MuJoCo, without the planner's and the referee's code.
 
     FCL and Coal check the shapes of the description at frames computed by plain NumPy, MuJoCo its own model with its
-    own kinematics. All check for contact, whatever the paddings of the scene. Samples prove nothing in between: that
-    is the referee's task (`validate`).
+    own kinematics. All check for contact only, ignoring the paddings of the scene. Between samples nothing is proven:
+    that is the referee's task (`validate`).
 
     Args:
-        motion: The motion; arms without columns rest in their configurations of the scene. Times of a path count its
-            waypoints.
-        scene: Where it happens.
+        motion: The motion; arms without columns rest at their configurations in the scene. The "times" of a path are
+            indices of its waypoints.
+        scene: The scene of the motion.
         step: No point of a robot moves farther than this between two samples [m].
         checkers: The checkers, of "FCL", "Coal" and "MuJoCo".
-        tolerance: Contacts and gaps smaller than this count as grazing, not as disagreements [m]: MuJoCo has plates
-            20 µm thick for triangles, and each has other tolerances.
+        tolerance: Contacts and distances smaller than this count as grazing, not as disagreements [m]: MuJoCo has
+            plates 20 µm thick for triangles, and each checker has other tolerances.
         progress: Called about a hundred times; False cancels.
 
     Raises:
         UnknownNameError: a joint that the scene does not have, or another checker.
-        InputError: an arm with only some of its joints, a step that takes too many samples, a shape that a checker
-            cannot have.
+        InputError: an arm with only some of its joints, a step that needs too many samples, a shape that a checker does
+            not support.
         MissingPackageError: python-fcl is not installed.
-        BackendError: MuJoCo does not take the scene.
+        BackendError: MuJoCo does not accept the scene.
         CancelledError: `progress` returned False.
     """
     if not isinstance(motion, Trajectory | Path):
@@ -188,7 +188,7 @@ def second_opinion(
 
 @dataclass
 class _Seen:
-    """Samples of one kind: times of the first and the last [s], their number, signed distance at the first [m]."""
+    """Samples with one verdict: times of the first and the last [s], their number, signed distance at the first [m]."""
 
     first: float
     last: float
@@ -203,7 +203,7 @@ class _Comparison:
         scene: The scene.
         motion: The motion.
         names: The checkers.
-        tolerance: Contacts and gaps smaller than this are grazing [m].
+        tolerance: Contacts and distances smaller than this are grazing [m].
     """
 
     def __init__(self, scene: Scene, motion: Trajectory, names: tuple[CheckerName, ...], tolerance: float) -> None:
@@ -229,7 +229,7 @@ class _Comparison:
                     self._disagree(float(times[n]), pair, names, deepest.get(pair, 0.0))
 
     def _disagree(self, time: float, pair: ElementPair, names: set[str], depth: float) -> None:
-        """Note a pair of elements that only some checkers find in contact."""
+        """Record a pair of elements that only some checkers find in contact."""
         by_coal = self._libraries.distance(self._motion(time), pair)
         distance = -depth if depth > abs(by_coal) else by_coal
         if abs(distance) <= self._tolerance:
@@ -239,7 +239,7 @@ class _Comparison:
             _extend(self._differences, (pair, yes), time, distance)
 
     def opinion(self, samples: int) -> SecondOpinion:
-        """What they say, of that many samples."""
+        """The result for a number of samples."""
         contacts = [
             SampledContact(name, pair, s.first, s.last, s.samples) for (name, pair), s in self._contacts.items()
         ]

@@ -351,9 +351,9 @@ def test_a_path_that_is_not_that_of_its_trajectory_is_refused(
 
 
 def test_only_our_own_values_have_a_form(tmp_path: FilePath, scene: Scene) -> None:
-    with pytest.raises(InputError, match="no form in a motion file"):
+    with pytest.raises(InputError, match="object cannot be stored in a motion file"):
         plain(object())
-    with pytest.raises(InputError, match="NaN has no form"):
+    with pytest.raises(InputError, match="NaN cannot be stored"):
         plain({"a": [np.nan]})
     assert plain({"a": frozenset({"x"}), "b": (np.inf, None, np.int64(3))}) == {"a": ["x"], "b": ["inf", None, 3]}
     unreadable = Report((), {"clearance": Margin(np.inf, "m")}, ())

@@ -128,7 +128,7 @@ def test_the_graph_says_who_waits_for_whom(ring: Plan) -> None:
         assert node in graph.nodes
         assert after in graph.nodes
         assert node.arms != after.arms
-    assert "does not go beyond where the plan has it at" in str(waiting[0])
+    assert "does not go beyond its planned position at" in str(waiting[0])
     with pytest.raises(rp.UnknownNameError, match="arm07"):
         graph.waits_for("arm07")
 

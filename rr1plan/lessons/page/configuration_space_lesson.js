@@ -1,4 +1,4 @@
-// What is emphasized in the picture of the configuration space.
+// Emphasis in the picture of the configuration space.
 
 const space = viewer.lesson;
 const layer = (name) => viewer.panelData.cspace.layers.findIndex((one) => one.name === name);

@@ -1,4 +1,4 @@
-// What the steps of the lesson show; `viewer.edge` is edge_panel.js.
+// The content of the lesson's steps; `viewer.edge` is edge_panel.js.
 
 const { edge } = viewer;
 const enter = (name, act) => steps.on(name, act);

@@ -1,5 +1,5 @@
 // A straight edge, checked at fixed steps, by halving and by advancing. Follows cspace_picture.js, picture_sketch.js and
-// planar_distance.js; `rr1plan/lessons/edge_intervals.py` has the same in Python.
+// planar_distance.js; `rr1plan/lessons/edge_intervals.py` is the Python counterpart.
 
 const part = (selector) => root.querySelector(selector);
 const TOLERANCE = 1e-6, MOST = 4000, SHORTEST = 1e-6;
@@ -17,7 +17,7 @@ class Edge {
     Object.assign(this, { q0, q1 });
     const change = [0, 1].map((axis) => Math.abs(q1[axis] - q0[axis]));
     this.length = Math.hypot(...change);
-    /** How far each pair moves on the whole edge at most. */
+    /** Bound on the relative motion of each pair on the whole edge. */
     this.travel = data.pairs.map(({ levers }) => levers[0] * change[0] + levers[1] * change[1]);
     this.halved = this.halve();
     this.advanced = this.advance();
@@ -34,7 +34,7 @@ class Edge {
     return { begin, end, where, distances, distance: distances[k], bound: half * this.travel[k], pair: data.pairs[k], verdict: touching ? "contact" : rooms[k] > 0 ? "free" : "halved" };
   }
 
-  /** All intervals in the order in which they are looked at, long ones first. */
+  /** All intervals in the order in which they are checked, long ones first. */
   halve() {
     const found = [], waiting = [[0, 1]];
     for (let head = 0; head < waiting.length && found.length < MOST; head++) {
@@ -46,7 +46,7 @@ class Edge {
     return found;
   }
 
-  /** Steps from the begin, each as long as the distances at its begin allow. */
+  /** Steps from the start of the edge, each as long as the distances at its own start allow. */
   advance() {
     const found = [];
     for (let at = 0; at < 1 && found.length < MOST;) {
@@ -66,7 +66,7 @@ class Edge {
     return Array.from({ length: count + 1 }, (_, k) => ({ s: k / count, free: Math.min(...clearances(this.at(k / count))) > -TOLERANCE }));
   }
 
-  /** Parts of the edge in contact, as fractions, from a fine sampling that bisection sharpens. */
+  /** Parts of the edge in contact, as fractions, from fine sampling refined by bisection. */
   contacts() {
     const inside = (s) => Math.min(...clearances(this.at(s))) <= 0, found = [];
     const border = (a, b) => { for (let k = 0; k < 40; k++) { const c = 0.5 * (a + b); if (inside(c) === inside(a)) a = c; else b = c; } return b; };
@@ -119,7 +119,7 @@ class EdgeLesson {
   }
 
   setPreset(name) {
-    // A lesson about an edge of one's own has only that.
+    // A lesson about a user's edge has only that edge.
     const preset = data.presets.find((row) => row.name === name) || data.presets[0];
     this.preset = preset.name;
     this.setEdge(preset.start, preset.goal);
@@ -154,7 +154,7 @@ class EdgeLesson {
   /** Time for each interval [ms]. */
   get pace() { return clamp(9000 / this.list.length, 60, 700); }
 
-  /** What a video shows: the intervals one after the other. */
+  /** Animation for a video: the intervals one after the other. */
   film() {
     if (this.mode === "steps") return null;
     const show = (t) => { this.shown = clamp(Math.floor((1000 * t) / this.pace) + 1, 1, this.list.length); this.refresh(); };
@@ -237,7 +237,7 @@ class EdgeLesson {
     this.bars.redraw();
   }
 
-  /** The arm at the configuration that is looked at, with what it may sweep around it. */
+  /** The arm at the checked configuration, with the region that it may sweep. */
   pose() {
     const { current, edge } = this, full = viewer.q.slice();
     const hit = this.mode === "steps" ? this.samples.find((sample) => !sample.free) : null;
@@ -259,7 +259,7 @@ class EdgeLesson {
     return mesh;
   }
 
-  /** The obstacles' outlines, so that a thin plate is seen from above. */
+  /** The obstacles' outlines, so that a thin plate is visible from above. */
   outlines() {
     const { THREE } = viewer, group = new THREE.Group();
     for (const [name, parts] of Object.entries(data.outlines)) {
@@ -269,7 +269,7 @@ class EdgeLesson {
     return group;
   }
 
-  /** Everything that the links can reach in the interval, whatever way they take: the links, widened by the bound. */
+  /** The region that the links can reach in the interval, whatever their path: the links, widened by the bound. */
   sweep(interval) {
     const { THREE } = viewer, group = new THREE.Group(), poses = viewer.poses(viewer.q);
     const half = Math.max(interval.where - interval.begin, interval.end - interval.where), seen = new Set();
@@ -419,7 +419,7 @@ class EdgeLesson {
     if (this.mode !== "steps") bars.write("motion bound", right, 9 * unit, { color: current && current.verdict === "halved" ? "#9a5f00" : FREE, align: "right", size: 11.5 });
   }
 
-  /** The bound of each interval as a box over it: proven where the distance at its middle is above the box. */
+  /** The bound of each interval as a box over it: proven if the distance at its middle is above the box. */
   drawBounds(pen, unit, x, y) {
     const { current } = this, floor = y(0);
     this.list.slice(0, this.shown).forEach((interval) => {
@@ -429,7 +429,7 @@ class EdgeLesson {
       pen.globalAlpha = now ? 0.5 : 0.26;
       pen.fillStyle = color;
       if (this.mode === "advance") {
-        // What the links may have moved since the begin of the step.
+        // Bound on the motion of the links since the start of the step.
         pen.beginPath(); pen.moveTo(x(begin), floor); pen.lineTo(x(end), y(bound)); pen.lineTo(x(end), floor); pen.fill();
       } else pen.fillRect(x(begin), y(bound), Math.max(1, x(end) - x(begin)), floor - y(bound));
       pen.globalAlpha = 1;

@@ -27,7 +27,7 @@ class Kinematics {
     this.legend = steps.corner("kinematics");
   }
 
-  /** The reach of the tool, which scales what is drawn. */
+  /** The reach of the tool, which scales the drawing. */
   reach() {
     return flat.bars.map(([x, y]) => Math.hypot(x, y)).reduce((a, b) => a + b, 0) || 1.7;
   }
@@ -86,7 +86,7 @@ class Kinematics {
     return mesh;
   }
 
-  /** A closed curve as a flat ribbon; dashed where asked. */
+  /** A closed curve as a flat ribbon, optionally dashed. */
   loop(color, dashed) {
     const mesh = this.put(new THREE.Mesh(new THREE.BufferGeometry(), this.material(color)));
     const wide = 0.011 * this.size, count = 96;
@@ -127,10 +127,10 @@ class Kinematics {
 
   // ---- kinematics ----------------------------------------------------------------------------
 
-  /** Joint values now. */
+  /** Current joint values. */
   get q() { return viewer.panelData.cspace.columns.map((column) => viewer.q[column]); }
 
-  /** Where first joint, second joint and tool are: complex numbers in the plane. */
+  /** Positions of first joint, second joint and tool as complex numbers. */
   points(q) {
     const times = ([a, b], [c, d]) => [a * c - b * d, a * d + b * c];
     let at = flat.base, rot = [1, 0];
@@ -150,7 +150,7 @@ class Kinematics {
     return [...found, at];
   }
 
-  /** The tool's velocity per joint velocity, rows x and y: axis × (tool - joint), or the way a joint slides. */
+  /** The tool's velocity per joint velocity, rows x and y: axis × (tool - joint), or the direction of a prismatic joint. */
   jacobian(q) {
     const points = this.points(q), tip = points[2];
     let heading = 0;
@@ -172,14 +172,14 @@ class Kinematics {
     return { sizes: [Math.sqrt(sum + spread), Math.sqrt(Math.max(0, sum - spread))], turn: 0.5 * Math.atan2(mixed, difference) };
   }
 
-  /** The other joint values with the tool where it is, or null. */
+  /** The other joint values with the same tool position, or null. */
   twin(q) {
     if (flat.kinds !== "RR") return null;
     const other = space.workspace.twin(q);
     return other.every((v, k) => Math.abs(wrap(v - q[k])) < 1e-4) ? null : other;
   }
 
-  // ---- what moves with the arm ------------------------------------------------------------------
+  // ---- elements that move with the arm ----------------------------------------------------------
 
   follow() {
     const { q } = this, points = this.points(q), J = this.jacobian(q), tip = points[2], on = (name) => this.shown.has(name);

@@ -1,9 +1,9 @@
-// The steps of a lesson. A lesson's own script, which follows this one, sees `viewer`, `data.own` and `steps`:
+// The steps of a lesson. A lesson's own script, which follows this one, has `viewer`, `data.own` and `steps` in scope:
 //
 //   steps.on(name, enter)    enter() is called whenever the step of that name is entered
-//   steps.reset = f          f() is called before every step, and undoes what steps have shown
+//   steps.reset = f          f() is called before every step, and undoes the changes of steps
 //   steps.corner(name)       an element in a corner of the workspace, for a legend or numbers
-//   steps.torus(on)          shows the configuration space as a torus or as a square, where the page can
+//   steps.torus(on)          shows the configuration space as a torus or as a square, if the page can
 //   steps.go(index)          enter a step;  steps.index, steps.name: the present one
 //
 // On the page it is RR1.steps.
@@ -20,16 +20,16 @@ class Steps {
     this.texts.onscroll = () => this.fade();
     new ResizeObserver(() => this.fade()).observe(this.texts);
     for (const button of root.querySelectorAll("[data-move]")) button.onclick = () => this.go(this.index + Number(button.dataset.move));
-    // Not where a slider has the focus, or a handle.
+    // Not while a slider or a handle has the focus.
     const free = (target) => !target || (target.tagName !== "INPUT" && !target.classList.contains("handle"));
-    // PageUp and PageDown are what presenters send.
+    // Presenters send PageUp and PageDown.
     viewer.keys.add("Lesson", [
       { keys: ["ArrowLeft", "PageUp"], text: "The step before", when: free, act: () => this.go(this.index - 1) },
       { keys: ["ArrowRight", "PageDown"], text: "The next step", when: free, act: () => this.go(this.index + 1) },
     ]);
   }
 
-  /** Text that goes on below fades out. */
+  /** Text that continues below fades out. */
   fade() {
     const { scrollHeight, scrollTop, clientHeight } = this.texts;
     this.texts.classList.toggle("more", scrollHeight - scrollTop > clientHeight + 4);
@@ -52,7 +52,7 @@ class Steps {
     if (space.toggleTorus && !space.tools.torus.hidden && Boolean(space.torus) !== on) space.toggleTorus();
   }
 
-  /** Enters the first step, or the one that the page's address names. */
+  /** Enters the first step, or the one in the page's address. */
   begin() {
     const wish = Number(new URLSearchParams(location.hash.slice(1)).get("step"));
     this.go(wish >= 1 && wish <= this.articles.length ? wish - 1 : 0);

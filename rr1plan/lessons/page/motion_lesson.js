@@ -1,4 +1,4 @@
-// The steps of the lesson choose what the panel shows.
+// The steps of the lesson select the content of the panel.
 
 const { timing } = viewer;
 steps.reset = () => timing.stop();

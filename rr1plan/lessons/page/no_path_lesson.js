@@ -30,7 +30,7 @@ const show = ({ tint = false, tree = false, torus = false, proof = false, verdic
   proves = proof;
   space.repaint();
   steps.torus(torus);
-  // The answer is not given away before the question has been tried.
+  // The result is hidden until the student has tried.
   document.querySelector("#panel-cspace .verdict").hidden = !verdict;
 };
 steps.reset = () => show({});

@@ -4,7 +4,7 @@
 const part = (selector) => root.querySelector(selector);
 const CELLS = 220, BLOCKED = "#aab4c2";
 
-/** The value at x of a table of increasing places. */
+/** The interpolated value at x in a table with increasing positions. */
 function interpolated(places, rows, x) {
   let k = places.findIndex((p) => p >= x);
   if (k <= 0) return rows[k < 0 ? rows.length - 1 : 0].slice();
@@ -99,7 +99,7 @@ class TwoArms {
     if (viewer.planner || viewer.noPlanner) this.meet(viewer.planner, viewer.noPlanner);
   }
 
-  /** Takes in the planner of the page, with whose kernels slices are computed. */
+  /** Takes the planner of the page, whose kernels compute slices. */
   meet(planner, reason) {
     const note = part(".missing");
     note.hidden = Boolean(planner);
@@ -135,7 +135,7 @@ class TwoArms {
     this.setTime(0);
   }
 
-  /** Puts both arms where the schedule has them. */
+  /** Moves both arms to their positions in the schedule. */
   setTime(time) {
     const { times, places, joint } = this.schedule;
     this.time = Math.min(Math.max(time, 0), times[times.length - 1]);
@@ -145,7 +145,7 @@ class TwoArms {
     } else this.setPlaces(interpolated(times, places, this.time));
   }
 
-  /** Puts both arms at places on their paths. */
+  /** Moves both arms to positions on their paths. */
   setPlaces(places) {
     this.places = places;
     const [one, two] = [0, 1].map((k) => interpolated(this.scenario.lengths[k], this.scenario.configurations[k], places[k]));
@@ -164,7 +164,7 @@ class TwoArms {
 
   get end() { return this.schedule.times[this.schedule.times.length - 1]; }
 
-  /** Short motions are slowed down, so that eyes can follow. */
+  /** Short motions are slowed down, so that the eye can follow. */
   get rate() { return Math.min(1, this.end / 4); }
 
   run() {
@@ -236,7 +236,7 @@ class TwoArms {
     part(".walk output").textContent = `${this.time.toFixed(1)} / ${end.toFixed(1)} s`;
   }
 
-  /** What the slice depends on: the other arm, and obstacles that were moved. */
+  /** The inputs of the slice: the other arm, and moved obstacles. */
   rasterKey() {
     return [...this.q().slice(2 - 2 * this.shown, 4 - 2 * this.shown), ...obstaclePoses()].join();
   }

@@ -1,8 +1,8 @@
-// A picture of two joints that a lesson draws into: cells, axes, and a pointer. Follows cspace_picture.js.
+// A picture of two joints into which a lesson draws: cells, axes, and a pointer. Follows cspace_picture.js.
 
 const FREE = "#14855a", OPEN = "#e08a00", TOUCH = "#c2255c", BLUE = "#2f66c8";
 
-/** A canvas as wide as the element it stands in, sharp on every screen. */
+/** A canvas as wide as its parent element, sharp on every screen. */
 class Sketch {
   constructor(canvas, aspect, draw) {
     Object.assign(this, { canvas, aspect, draw, pen: canvas.getContext("2d") });
@@ -42,7 +42,7 @@ class Sketch {
     this.pen.font = `${weight} ${size * this.unit}px ${FONT}`;
   }
 
-  /** Letters that are read on every ground. */
+  /** Text that is readable on every background. */
   write(text, x, y, { color = INK, size = 12, weight = 600, align = "center", base = "middle" } = {}) {
     const { pen } = this;
     this.font(size, weight);
@@ -92,7 +92,7 @@ class Square extends Sketch {
     return [x + u * size, y + (1 - v) * size];
   }
 
-  /** The place of a configuration. */
+  /** The position of a configuration in the picture. */
   of(q) { return this.at(share(0, q[0]), share(1, q[1])); }
 
   /** Joint values under the pointer. */
@@ -101,7 +101,7 @@ class Square extends Sketch {
     return [value(0, ((event.clientX - box.left) * ratio - x) / size), value(1, 1 - ((event.clientY - box.top) * ratio - y) / size)];
   }
 
-  /** A line through configurations, shown in every copy of the square that it enters. */
+  /** A line through configurations, drawn in every copy of the square that it enters. */
   line(points) {
     for (const copy of wrappedCopies(points.map((q) => [share(0, q[0]), share(1, q[1])]))) {
       this.pen.beginPath();
@@ -110,7 +110,7 @@ class Square extends Sketch {
     }
   }
 
-  /** Calls mark(x, y) for every copy of a configuration that is seen. */
+  /** Calls mark(x, y) for every visible copy of a configuration. */
   mark(q, mark) {
     const [u, v] = [0, 1].map((axis) => share(axis, wrapped(axis, q[axis])));
     for (const du of data.periodic[0] ? [-1, 0, 1] : [0]) for (const dv of data.periodic[1] ? [-1, 0, 1] : [0]) {
@@ -137,7 +137,7 @@ function cross(pen, x, y, r, color, width) {
   pen.lineCap = "butt";
 }
 
-/** Buttons of which one is pressed; pick(name) is called with it. */
+/** Buttons, one of which is pressed; pick(name) is called with its name. */
 function choices(box, names, pick) {
   const buttons = names.map(([name, text, title]) => {
     const button = document.createElement("button");
@@ -155,7 +155,7 @@ function fillSlider(slider) {
   slider.style.setProperty("--part", `${(100 * (slider.value - slider.min)) / (slider.max - slider.min || 1)}%`);
 }
 
-/** Looks at a part of the plane from above, [[x, y], [x, y]], until the view is turned by hand. */
+/** Frames a part of the plane from above, [[x, y], [x, y]], until the user rotates the view. */
 function lookFromAbove([low, high], height) {
   const { THREE, stage } = viewer;
   stage.key.intensity = 0.42;

@@ -9,7 +9,7 @@ function toSegment(px, py, ax, ay, bx, by) {
   return Math.hypot(px - ax - t * dx, py - ay - t * dy);
 }
 
-/** Distance of two segments, 0 where they cross. */
+/** Distance of two segments, 0 if they cross. */
 function betweenSegments(a, b, c, d) {
   const side = (p, q, r) => (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
   if (side(a, b, c) * side(a, b, d) < 0 && side(c, d, a) * side(c, d, b) < 0) return 0;
@@ -41,7 +41,7 @@ function outlineDistance(one, two) {
   return least - one.radius - two.radius;
 }
 
-/** An outline moved by a pose of 16 numbers, column after column; null leaves it where it is. */
+/** An outline moved by a pose of 16 numbers, column-major; null does not move it. */
 function movedOutline({ points, radius }, T) {
   return { radius, points: T ? points.map(([x, y]) => [T[0] * x + T[4] * y + T[12], T[1] * x + T[5] * y + T[13]]) : points };
 }

@@ -1,4 +1,4 @@
-// The steps of the lesson choose the search that the panel shows, as it ended; P grows it from the beginning.
+// The steps of the lesson select the search that the panel shows in its final state; P replays it from the beginning.
 
 const { search } = viewer;
 const show = (planner) => () => search.choose({ planner, step: viewer.panelData.search.usual[planner], bias: 0.05 });

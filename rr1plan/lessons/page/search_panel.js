@@ -1,7 +1,7 @@
 // A recorded search, step by step: in the configuration space, in the workspace and in numbers. On the page it is
 // RR1.search:
 //
-//   search.choose({planner, step, bias})   show another search; what is left out stays, or is the nearest there is
+//   search.choose({planner, step, bias})   show another search; omitted options keep their values, or the nearest available
 //   search.go(k)                           show the first k steps;  search.at, search.length
 //   search.play()                          grow from the beginning, or stop
 
@@ -137,7 +137,7 @@ class Search {
     viewer.setQ(full, "search");
   }
 
-  /** What the newest step did, in a sentence. */
+  /** A sentence about the latest step. */
   say() {
     const { record, at } = this, { newest } = this.state;
     if (!at) return "Nothing has been examined yet.";
@@ -191,7 +191,7 @@ class Search {
     pen.restore();
   }
 
-  /** The newest step: its sample, its edges, and what it rejected. */
+  /** The latest step: its sample, its edges, and rejected ones. */
   drawNewest(pen, line) {
     const { record, state, space } = this, { unit } = space;
     for (const event of state.newest) {
@@ -209,7 +209,7 @@ class Search {
 
   // ---- the workspace --------------------------------------------------------------------------
 
-  /** The places of tool points of this search, drawn as far as it has come. */
+  /** The tool positions of this search, drawn up to the current step. */
   place() {
     const { THREE } = viewer, { record } = this, group = new THREE.Group(), color = new THREE.Color(data.colors[record.planner]).convertSRGBToLinear();
     const points = (count, style) => {
@@ -250,7 +250,7 @@ class Search {
 
   // ---- the race ---------------------------------------------------------------------------------
 
-  /** Length of the best path over the edges checked, of every planner with its usual options and of this search. */
+  /** Length of the best path over the edges checked, for every planner with its default options and for this search. */
   drawRace() {
     const canvas = part(".race"), ratio = Math.min(devicePixelRatio || 1, 2), wide = canvas.clientWidth, high = canvas.clientHeight;
     if (!wide) return;
@@ -299,7 +299,7 @@ class Search {
   }
 }
 
-/** The columns of a record as rows that are read often. */
+/** The columns of a record converted to rows for fast access. */
 function unpacked(row) {
   const rows = (packed) => {
     const { values, shape } = viewer.unpack(packed), wide = shape[1] || 1;
@@ -317,7 +317,7 @@ function unpacked(row) {
   };
 }
 
-/** What stands after k steps: vertices, edges [parent, vertex], rejected points, the path, what the newest step did. */
+/** The state after k steps: vertices, edges [parent, vertex], rejected points, the path, the events of the latest step. */
 function stateOf(record, k) {
   const end = k ? record.ends[k - 1] : 0, begin = k > 1 ? record.ends[k - 2] : 0;
   const parents = new Map(), edges = [], rejected = [], rejectedTools = [];
@@ -350,7 +350,7 @@ function plus(pen, x, y, r) {
   pen.stroke();
 }
 
-/** A small white picture, which the points' color tints. */
+/** A small white picture, tinted by the points' color. */
 function sprite(THREE, draw) {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 32;

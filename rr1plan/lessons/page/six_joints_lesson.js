@@ -1,4 +1,4 @@
-// What the steps of the lesson show; `viewer.slices` is slices_panel.js.
+// The content of the lesson's steps; `viewer.slices` is slices_panel.js.
 
 const { slices } = viewer;
 const show = (mode, columns, more = () => {}) => () => {

@@ -1,9 +1,9 @@
-// Slices of a configuration space: two joints move, the others stand, and the kernels of the page's planner say which
-// cells are in contact (`kernels/raster.c`). Follows cspace_picture.js.
+// Slices of a configuration space: two joints move, the others are fixed, and the kernels of the page's planner decide
+// which cells are in contact (`kernels/raster.c`). Follows cspace_picture.js.
 
 class SliceRaster {
   /**
-   * layers: names and colors; layerOf: for each pair of solids the number of its layer, or -1 for pairs that do not count.
+   * layers: names and colors; layerOf: for each pair of solids the index of its layer, or -1 for ignored pairs.
    */
   constructor(planner, layers, layerOf, cells) {
     const { core } = planner, exact = core.at("ExactTables", planner.scene.exact);
@@ -28,7 +28,7 @@ class SliceRaster {
     this.out = core.array("uint8_t", cells * cells);
   }
 
-  /** The layers that forbid each cell as bits, shape (cells, cells); q: all columns of the planner. */
+  /** The layers that block each cell as bits, shape (cells, cells); q: all columns of the planner. */
   bits(columns, low, high, q) {
     const { core, cells, tables } = this, bits = new Uint32Array(cells * cells);
     tables.columns.set(columns.map(BigInt));
@@ -47,7 +47,7 @@ class SliceRaster {
   }
 }
 
-/** Where obstacles are that can be moved in the page. */
+/** Poses of the obstacles that can be moved in the page. */
 const obstaclePoses = () => (viewer.planner ? viewer.planner.obstacles.flatMap((name) => [...viewer.planner.obstaclePose(name)]) : []);
 
 /** Cells for `Square`, from bits of layers. */

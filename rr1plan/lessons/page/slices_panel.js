@@ -34,7 +34,7 @@ class SixJoints {
     viewer.on("planner", (planner, reason) => this.meet(planner, reason));
     if (viewer.planner || viewer.noPlanner) this.meet(viewer.planner, viewer.noPlanner);
     this.setColumns(data.pair);
-    // There and back along the self-motion.
+    // Forward and back along the self-motion.
     viewer.films.push(() => (this.mode === "motion" ? { start: 0, end: 8, show: (t) => this.setAlong(0.5 - 0.5 * Math.cos((t * Math.PI) / 4)) } : null));
   }
 
@@ -55,7 +55,7 @@ class SixJoints {
       select.replaceChildren(...data.all.joints.map(({ name }, k) => new Option(`${k + 1} ${name}`, k)));
       select.onchange = () => {
         const columns = this.columns.slice(), chosen = Number(select.value);
-        // The same joint twice swaps both.
+        // Choosing the other axis' joint swaps both.
         if (columns[1 - axis] === chosen) columns[1 - axis] = columns[axis];
         columns[axis] = chosen;
         this.setColumns(columns);
@@ -102,7 +102,7 @@ class SixJoints {
     this.setAlong(data.motions[name].begin);
   }
 
-  /** Puts the arm on the curve of its self-motion, by a share of it. */
+  /** Moves the arm to a share of the curve of its self-motion. */
   setAlong(share) {
     const { rows } = data.motions[this.axis];
     this.along = clamp(share, 0, 1);
@@ -143,7 +143,7 @@ class SixJoints {
     ]);
   }
 
-  // ---- what is shown ---------------------------------------------------------------------------
+  // ---- display ---------------------------------------------------------------------------------
 
   follow() {
     const q = this.q();
@@ -158,13 +158,13 @@ class SixJoints {
     this.say();
   }
 
-  /** The number of the inverse solution that the arm is in, or -1. */
+  /** The index of the inverse solution equal to the current configuration, or -1. */
   solution() {
     const q = this.q();
     return data.solutions.findIndex((row) => row.q.every((v, k) => Math.abs(v - q[k]) < 1e-6));
   }
 
-  /** What the slice depends on: the other joints, and obstacles that were moved. */
+  /** The inputs of the slice: the other joints, and moved obstacles. */
   rasterKey() {
     return [...this.q().filter((_, k) => !this.columns.includes(k)), ...obstaclePoses()].join();
   }
@@ -219,7 +219,7 @@ class SixJoints {
     dot(pen, x, y, 6 * unit, ACCENT);
   }
 
-  /** The curve of the self-motion seen from the slice; dashed where the arm is in contact. */
+  /** The curve of the self-motion projected to the slice; dashed where the arm is in contact. */
   drawMotion(pen, unit, place) {
     const { rows, free } = data.motions[this.axis];
     pen.lineJoin = pen.lineCap = "round";
@@ -240,7 +240,7 @@ class SixJoints {
 
   // ---- the free share --------------------------------------------------------------------------
 
-  /** A uniform number in [0, 1) of a generator that every browser computes alike (mulberry32). */
+  /** A uniform number in [0, 1) from a generator with the same sequence in every browser (mulberry32). */
   random() {
     this.seed = (this.seed + 0x6d2b79f5) | 0;
     let t = Math.imul(this.seed ^ (this.seed >>> 15), 1 | this.seed);

@@ -23,7 +23,7 @@ function rowsAt(first, second, limit) {
   return first.flatMap((d, i) => [[d, second[i], limit[i]], [-d, -second[i], limit[i]]]);
 }
 
-/** The largest x >= 0 for which some u fulfills all rows a u + b x <= c. */
+/** The largest x >= 0 for which some u satisfies all rows a u + b x <= c. */
 function largestX(rows) {
   const up = rows.filter(([a]) => a > 1e-12), down = rows.filter(([a]) => a < -1e-12);
   let best = Infinity;
@@ -70,7 +70,7 @@ function sevenPhases(h, v, a, j) {
   return piecewise([rise, flat, rise, Math.max(0, (h - v * up) / v), rise, flat, rise], [j, 0, -j, 0, -j, 0, j]);
 }
 
-/** Without a jerk limit: as pieces of constant acceleration. */
+/** Without a jerk limit: pieces of constant acceleration. */
 function threePhases(h, v, a) {
   const up = h >= (v * v) / a ? v / a : Math.sqrt(h / a);
   return piecewise([up, Math.max(0, h / v - v / a), up], [0, 0, 0], [a, 0, -a]);
@@ -180,7 +180,7 @@ class Timing {
     this.show(this.mode);
   }
 
-  /** What is shown and how it is driven: q(t). */
+  /** The displayed motion as a function q(t). */
   compute() {
     const { values } = this, grid = this.blends[this.mode === "blend" || this.mode === "plane" ? values.blend : this.blends.length - 1];
     const full = data.velocity, push = data.acceleration;
@@ -239,13 +239,13 @@ class Timing {
     part(".play").textContent = "Drive";
   }
 
-  /** The arm some time [s] later or before. */
+  /** Moves the arm by some time [s], forward or back. */
   walk(by) {
     this.stop();
     this.at(Math.min(Math.max(this.share + by / this.duration, 0), 1));
   }
 
-  /** The arm at a share of the time. */
+  /** Moves the arm to a share of the duration. */
   at(share) {
     this.share = share;
     const t = share * this.duration, slider = part(".at");
@@ -259,12 +259,12 @@ class Timing {
     this.drawChart();
   }
 
-  /** A click in the chart: the arm at that place. */
+  /** A click in the chart moves the arm to that point. */
   point(x, y) {
     const { left, right } = this.frame || {};
     if (left === undefined || this.mode === "cost") return;
     let place = x * part(".chart").clientWidth - left;
-    if (this.frame.again && place > this.frame.again) place -= this.frame.again;  // two plots stand side by side
+    if (this.frame.again && place > this.frame.again) place -= this.frame.again;  // two plots are side by side
     const share = Math.min(Math.max(place / (right - left), 0), 1);
     if (!this.plane || this.mode !== "plane") { this.at(share); return; }
     const s = share * this.grid.s[this.grid.s.length - 1], k = Math.max(0, this.grid.s.findIndex((v) => v >= s));
@@ -440,10 +440,10 @@ class Timing {
     pen.fillStyle = ACCENT; pen.beginPath(); pen.arc(x, y, 4.2, 0, 7); pen.fill();
   }
 
-  /** Lines and what they are, right of the top. */
+  /** Legend of the lines, at the top right. */
   legend(pen, { left, right, top: up }, rows) {
     let x = right;
-    // Where the title of the axis leaves no room, below it.
+    // Below the axis title if it leaves no room.
     const wide = rows.reduce((sum, [, , text]) => sum + pen.measureText(text).width + 57, 0);
     if (wide > right - left - 130) up += 17;
     pen.textAlign = "right";
@@ -459,14 +459,14 @@ class Timing {
 
 const indexOf = (times, t) => { let low = 0, high = times.length - 1; while (high - low > 1) { const middle = (low + high) >> 1; if (times[middle] <= t) low = middle; else high = middle; } return low; };
 
-/** Where the motion of a phase plane is at a time. */
+/** The position of a phase-plane motion at a time. */
 function positionAt(grid, plane, t) {
   const k = Math.min(indexOf(plane.times, t), grid.s.length - 2), h = Math.min(t, plane.duration) - plane.times[k];
   const s = h * (plane.speed[k] + 0.5 * h * plane.acceleration[k]);
   return grid.q[k].map((v, i) => v + s * (grid.begin[k][i] + 0.5 * s * grid.bend[k][i]));
 }
 
-/** Straight lines with a stop at every waypoint. */
+/** A motion along straight lines with a stop at every waypoint. */
 function alongLines(path, velocity, acceleration) {
   const lines = path.slice(1).map((q, k) => {
     const long = lengthOf([path[k], q]), way = q.map((v, i) => (v - path[k][i]) / long);

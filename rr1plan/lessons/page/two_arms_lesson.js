@@ -1,4 +1,4 @@
-// What the steps of the lesson show; `viewer.pair` is pair_panel.js.
+// The content of the lesson's steps; `viewer.pair` is pair_panel.js.
 
 const { pair } = viewer;
 steps.reset = () => pair.stop();
@@ -8,7 +8,7 @@ for (const [name, [scenario, schedule, time, picture]] of Object.entries(data.ow
     pair.setScenario(scenario);
     pair.setSchedule(schedule);
     pair.setTime(time);
-    // In a small window the picture that the step is about.
+    // In a small window, scroll to the picture of the step.
     document.querySelector(`#panel-pair ${picture}`).scrollIntoView({ block: "nearest" });
   });
 }

@@ -23,12 +23,12 @@ class ReachMap {
     this.corner.innerHTML = '<b></b><span><i class="twice"></i>reached in two ways</span><span><i class="once"></i>in one way</span><span><i class="never"></i>not at all</span>';
     this.ignored = null;
     viewer.on("change", () => this.read());
-    // The picture is painted anew when its cells have changed; the map follows once they stay as they are.
+    // The picture is repainted when its cells have changed; the map follows once they no longer change.
     const { repaint } = viewer.lesson;
     viewer.lesson.repaint = () => { repaint.call(viewer.lesson); clearTimeout(this.waiting); this.waiting = setTimeout(() => this.paint(), 80); };
   }
 
-  /** Counts with all layers but those for which ignore(layer) is true; null hides the map. */
+  /** Counts with all layers except those for which ignore(layer) is true; null hides the map. */
   show(ignore) {
     this.ignored = ignore;
     this.plane.visible = ignore !== null;
@@ -41,7 +41,7 @@ class ReachMap {
     return this.space.layers.reduce((bits, layer, k) => (this.ignored(layer) ? bits : bits | (1 << k)), 0);
   }
 
-  /** In how many ways the tool reaches a point. */
+  /** Number of ways in which the tool reaches a point. */
   count(x, y, mask) {
     const { arm, cells } = viewer.lesson, { low, high } = this.space;
     let ways = 0;
@@ -61,7 +61,7 @@ class ReachMap {
         const x = center[0] + this.span * ((2 * i + 1) / SIDE - 1), y = center[1] + this.span * (1 - (2 * j + 1) / SIDE);
         const ways = this.count(x, y, mask), at = 4 * (j * SIDE + i);
         if (!ways) continue;
-        // Hatched where there is one way, so that no reader depends on colors.
+        // Hatched for one way, so that no reader depends on colors.
         const stripe = ways === 1 && (i + j) % 9 < 2;
         image.data.set(stripe ? [190, 120, 40, 190] : [...colors[ways], 190], at);
       }
@@ -71,13 +71,13 @@ class ReachMap {
     viewer.redraw();
   }
 
-  /** The same for many points, with the layers that count now. */
+  /** Likewise for many points, with the active layers. */
   counts(points) {
     const mask = this.mask();
     return points.map(([x, y]) => this.count(x, y, mask));
   }
 
-  /** Says in how many ways the tool is where it is. */
+  /** Shows in how many ways the tool reaches its current position. */
   read() {
     if (!this.ignored) { this.corner.hidden = true; return; }
     this.corner.hidden = false;

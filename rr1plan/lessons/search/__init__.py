@@ -1,1 +1,1 @@
-"""Planners to read in a lecture: each records every step that it takes."""
+"""Planners to read in a lecture; each records every step."""

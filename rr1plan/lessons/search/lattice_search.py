@@ -23,14 +23,14 @@ _GOAL: Index = ()  # the goal is a vertex that is not on the lattice
 def search_lattice(problem: Problem, *, cells: int = 36, weight: float = 1.0) -> SearchRecord:
     """Search a lattice through the start, whose points have 3^nq - 1 neighbors; one step closes one vertex.
 
-    The goal is one more vertex, joined to the lattice points around it. The path is a shortest one on this graph, if
-    `weight` is at most 1.
+    The goal is an additional vertex, connected to the lattice points around it. The path is a shortest one on this
+    graph if `weight` is at most 1.
 
     Args:
         problem: One arm, a start, a joint goal.
         cells: Lattice points along each joint, 4 to 120.
-        weight: 0: Dijkstra's algorithm. 1: A*, with the distance to the goal as the heuristic. Above 1: aimed more, and
-            the path is at most `weight` times as long as a shortest one.
+        weight: 0: Dijkstra's algorithm. 1: A*, with the distance to the goal as the heuristic. Above 1: more directed
+            toward the goal; the path is at most `weight` times as long as a shortest one.
 
     Raises:
         InputError: a problem that `SearchSpace` rejects, or a number out of range.
@@ -66,7 +66,7 @@ def search_lattice(problem: Problem, *, cells: int = 36, weight: float = 1.0) ->
             else:
                 costs[w], parents[w] = cost, v
                 note.add(PARENT, w, v)
-            # Of equal estimates the one that has come farther is closed first.
+            # Among equal estimates the vertex with the larger cost so far is closed first.
             heapq.heappush(queue, (cost + weight * float(space.distance(q, space.goal)), -cost, w))
         note.step()
     return note.record()
@@ -90,7 +90,7 @@ class Lattice:
         return self.space.wrapped(self.space.start + np.array(index) * self.size)
 
     def neighbors(self, index: Index) -> list[tuple[Index, Array]]:
-        """The points one step away, also diagonally, and the goal where it is not farther than that."""
+        """The points one step away, also diagonally, and the goal if it is not farther than that."""
         found = []
         for move in self.moves:
             moved = np.array(index) + move

@@ -1,4 +1,4 @@
-"""A probabilistic roadmap, one sample a step.
+"""A probabilistic roadmap, one sample per step.
 
 Kavraki, Svestka, Latombe, Overmars, "Probabilistic roadmaps for path planning in high-dimensional configuration
 spaces", IEEE Trans. Robotics and Automation 12 (1996).
@@ -19,13 +19,13 @@ from rr1plan.scene.problem import Problem
 def grow_prm(
     problem: Problem, *, neighbors: int = 6, longest: float = 1.2, samples: int = 200, rng: Seed = 0
 ) -> SearchRecord:
-    """PRM: free samples become vertices, joined to the nearest ones by free edges; Dijkstra's algorithm finds the path.
+    """PRM: free samples are connected to the nearest vertices by free edges; Dijkstra's algorithm finds the path.
 
     Start and goal are the first two vertices, so that the path gets shorter as the roadmap grows.
 
     Args:
         problem: One arm, a start, a joint goal.
-        neighbors: Vertices to which a new one is joined, at most.
+        neighbors: Largest number of vertices to which a new one is connected.
         longest: Longest edge [rad or m].
         samples: Samples to draw.
         rng: Seed or generator.
@@ -63,7 +63,7 @@ def grow_prm(
 
 
 def _shortest(graph: list[dict[int, float]], start: int, goal: int) -> list[int]:
-    """Dijkstra's algorithm: the vertices of a shortest path, none where there is no path."""
+    """Dijkstra's algorithm: the vertices of a shortest path, none if there is no path."""
     costs, parents, queue, closed = {start: 0.0}, {start: -1}, [(0.0, start)], set()
     while queue:
         cost, v = heapq.heappop(queue)

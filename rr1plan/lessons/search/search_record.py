@@ -1,4 +1,4 @@
-"""What a search did, step by step: the events that a lecture shows one after the other."""
+"""A record of a search, step by step: the events that a lecture shows one after the other."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ EVENTS = (SAMPLE, BLOCKED, REFUSED, VERTEX, EDGE, PARENT, CLOSED, FOUND)
 """Kinds of events:
 
 - sample: `point` was drawn;
-- blocked: `point` is in collision, it is rejected;
-- refused: the edge from `vertex` to `point` is not free, it is rejected;
-- vertex: `vertex` is new, joined to `parent` (-1: a root);
-- edge: `vertex` and `parent` are joined by one more edge of a roadmap;
-- parent: `vertex` is cheaper by way of `parent`, which replaces its old one;
+- blocked: `point` is in collision and rejected;
+- refused: the edge from `vertex` to `point` is not free and rejected;
+- vertex: `vertex` is new, connected to `parent` (-1: a root);
+- edge: `vertex` and `parent` are connected by another edge of a roadmap;
+- parent: `vertex` is cheaper via `parent`, which replaces its previous parent;
 - closed: the cost of `vertex` is final, and its neighbors are examined;
 - found: a path to the goal, cheaper than those before.
 """
@@ -46,7 +46,7 @@ class SearchEvent(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SearchRecord(Value):
-    """A search with everything that it did.
+    """A search with all its events.
 
     Args:
         planner: Its name.
@@ -55,7 +55,7 @@ class SearchRecord(Value):
         steps: The events of each step.
         edges_checked: Number of edges checked at the end of each step, shape (steps,).
         costs: Length of the best path at the end of each step, infinite before the first [rad], shape (steps,).
-        paths: The paths found, each shorter than the one before: (step, configurations (k, nq)).
+        paths: The paths found, each shorter than the previous one: (step, configurations (k, nq)).
     """
 
     planner: str
@@ -77,7 +77,7 @@ class SearchRecord(Value):
 
     @property
     def path(self) -> Array | None:
-        """The best path, continuous over the seams [rad or m], shape (k, nq); None without one."""
+        """The best path, continuous across the seams [rad or m], shape (k, nq); None without one."""
         return self.paths[-1][1] if self.paths else None
 
     @property
@@ -91,7 +91,7 @@ class SearchRecord(Value):
 
 
 class Recorder:
-    """Collects what a search does; `step()` closes a step, `record()` ends."""
+    """Collects the events of a search; `step()` ends a step, `record()` the search."""
 
     def __init__(self, planner: str, space: SearchSpace) -> None:
         self.planner, self.space = planner, space

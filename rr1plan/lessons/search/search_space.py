@@ -46,16 +46,16 @@ class SearchSpace:
                 raise InputError(f"the {name} is not free; try another one")
 
     def difference(self, a: Array, b: Array) -> Array:
-        """The shortest way from a to b, b - a without whole turns [rad or m], shape (..., nq)."""
+        """The shortest difference from a to b, b - a without whole turns [rad or m], shape (..., nq)."""
         delta = np.asarray(b - a)
         return np.where(self.wraps, (delta + np.pi) % (2.0 * np.pi) - np.pi, delta)
 
     def distance(self, a: Array, b: Array) -> Array:
-        """Length of the shortest way from a to b [rad or m], shape (...)."""
+        """Length of the shortest difference from a to b [rad or m], shape (...)."""
         return np.asarray(np.linalg.norm(self.difference(a, b), axis=-1))
 
     def steer(self, a: Array, b: Array, step: float) -> Array:
-        """The point on the shortest way from a to b that is at most `step` from a."""
+        """The point toward b along the shortest edge from a, at most `step` from a."""
         delta = self.difference(a, b)
         return self.wrapped(a + delta * min(1.0, step / max(float(np.linalg.norm(delta)), 1e-12)))
 
@@ -68,15 +68,15 @@ class SearchSpace:
         return rng.uniform(self.lower, self.upper)
 
     def is_free(self, q: Array) -> bool:
-        """The configuration is within the limits and touches nothing."""
+        """Whether the configuration is within the limits and free of contact."""
         return bool((q >= self.lower).all() and (q <= self.upper).all() and self.checker.is_free(q))
 
     def edge_is_free(self, a: Array, b: Array) -> bool:
-        """Every configuration on the shortest way from a to b is certified free. Counted."""
+        """Whether every configuration on the shortest edge from a to b is certified free. Calls are counted."""
         self.edges_checked += 1
         return self.checker.edge_is_free(a, a + self.difference(a, b))
 
     def unwrapped(self, points: Array) -> Array:
-        """A path (k, nq) whose continuous joints go on over the seam instead of jumping."""
+        """A path (k, nq) whose continuous joints continue across the seam instead of jumping."""
         steps = self.difference(points[:-1], points[1:])
         return np.vstack([points[:1], points[0] + np.cumsum(steps, axis=0)])

@@ -1,4 +1,4 @@
-"""Shortening a path by random shortcuts, one try a step.
+"""Shortening a path by random shortcuts, one try per step.
 
 Geraerts, Overmars, "Creating high-quality paths for motion planning", IJRR 26 (2007).
 """
@@ -20,7 +20,7 @@ class Shortcut(NamedTuple):
     Args:
         begin: A point on the path [rad or m], shape (nq,).
         end: Another one, farther along it, shape (nq,).
-        free: The straight line between them is certified free, and taken.
+        free: Whether the straight line between them is certified free, and used.
         path: The path afterwards, shape (k, nq).
     """
 
@@ -33,12 +33,12 @@ class Shortcut(NamedTuple):
 def record_shortcuts(
     checker: CollisionChecker, waypoints: ArrayLike, *, tries: int = 60, rng: Seed = 0
 ) -> tuple[Shortcut, ...]:
-    """Join two random points of a path by a straight line, again and again.
+    """Repeatedly connect two random points of a path by a straight line.
 
     Args:
         checker: Certifies edges.
-        waypoints: A free path, continuous over the seams [rad or m], shape (k, nq).
-        tries: How often.
+        waypoints: A free path, continuous across the seams [rad or m], shape (k, nq).
+        tries: Number of tries.
         rng: Seed or generator.
 
     Raises:

@@ -1,4 +1,4 @@
-"""RRT, RRT-Connect and RRT*, one sample a step.
+"""RRT, RRT-Connect and RRT*, one sample per step.
 
 LaValle, "Rapidly-exploring random trees: a new tool for path planning", TR 98-11, Iowa State University (1998).
 Kuffner, LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000.
@@ -19,7 +19,7 @@ _MOST_SAMPLES = 20_000
 
 
 class _Tree:
-    """Vertices of one tree and their parents, by their numbers in the record."""
+    """Vertices of one tree and their parents, by their indices in the record."""
 
     def __init__(self, note: Recorder, root: Array, side: int = 0) -> None:
         self.note, self.side = note, side
@@ -61,7 +61,7 @@ class _Tree:
 def grow_rrt(
     problem: Problem, *, step: float = 0.3, goal_bias: float = 0.05, samples: int = 2000, rng: Seed = 0
 ) -> SearchRecord:
-    """RRT: the vertex nearest to a sample is extended by one step toward it, until the goal is one free step away.
+    """RRT: extend the vertex nearest to a sample by one step toward it, until the goal is one free step away.
 
     Args:
         problem: One arm, a start, a joint goal.
@@ -135,9 +135,9 @@ def grow_rrt_star(
     samples: int = 600,
     rng: Seed = 0,
 ) -> SearchRecord:
-    """RRT*: a new vertex gets the parent that makes it cheapest, and becomes the parent of those it makes cheaper.
+    """RRT*: a new vertex gets the parent that makes it cheapest, and becomes the parent of vertices it makes cheaper.
 
-    All samples are used: the path gets shorter after it was found.
+    All samples are used: the path gets shorter after it has been found.
 
     Args:
         problem: One arm, a start, a joint goal.
@@ -154,7 +154,8 @@ def grow_rrt_star(
     note = Recorder("RRT*", space)
     tree, costs = _Tree(note, space.start), {0: 0.0}
     goal = -1
-    # The constant of Karaman and Frazzoli, theorem 38, with the whole space for its free part, in two dimensions.
+    # The constant of Karaman and Frazzoli, theorem 38, in two dimensions, with the whole space instead of its free
+    # part.
     area, dimension = float(np.prod(space.upper - space.lower)), len(space.start)
     constant = 2.0 * ((1.0 + 1.0 / dimension) * area / np.pi) ** (1.0 / dimension)
     note.step()
@@ -179,7 +180,7 @@ def grow_rrt_star(
 
 
 def _join_cheapest(tree: _Tree, costs: dict[int, float], q: Array, near: int, radius: float) -> int:
-    """Add q below the cheapest of the vertices around it, and those around it below q where that is cheaper."""
+    """Add q as a child of the cheapest vertex around it, and rewire the vertices around it to q if that is cheaper."""
     note, space = tree.note, tree.note.space
     distances = space.distance(tree.points(), q)
     around = [(v, float(d)) for v, d in zip(tree.members, distances, strict=True) if d <= radius or v == near]
@@ -202,7 +203,7 @@ def _join_cheapest(tree: _Tree, costs: dict[int, float], q: Array, near: int, ra
 
 
 def _subtree(tree: _Tree, root: int) -> list[int]:
-    """A vertex and everything below it."""
+    """A vertex and all its descendants."""
     children: dict[int, list[int]] = {}
     for vertex, parent in tree.parents.items():
         children.setdefault(parent, []).append(vertex)
@@ -215,7 +216,7 @@ def _subtree(tree: _Tree, root: int) -> list[int]:
 def _checked(
     problem: Problem, step: float, samples: int, rng: Seed
 ) -> tuple[SearchSpace, float, int, np.random.Generator]:
-    """The arguments that all of them have."""
+    """Check the arguments common to all planners."""
     step = positive_number("step", step)
     samples = whole_number("samples", samples, 1, _MOST_SAMPLES)
     return SearchSpace(problem), step, samples, as_generator(rng)

@@ -1,1 +1,1 @@
-"""Plans that run: temporal plan graphs, executions with delays, new goals on the way."""
+"""Execution of plans: temporal plan graphs, executions with delays, new goals during the motion."""

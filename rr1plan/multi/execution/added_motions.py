@@ -1,13 +1,14 @@
-"""New goals for single arms while the others move: wait for them, go around them, or have them yield.
+"""New goals for single arms while the others move: wait for them, go around them, or make them yield.
 
     added = add_motion(plan, "arm02", rp.PoseGoal("tool", point), at=now)
     if added:
         plan = added.plan
 
-Everything before `at + freeze` stays as it is, because it is on its way to the drives. An arm that moves then brakes on
-its path to the first gridpoint from which its new motion is possible; new paths are timed among what all others do from
-then on (`safe_intervals.py`). Where that fails, those in the way are timed again after it, to the goals that they have.
-Where that fails, too, the motion begins when all others have arrived, and all arms are planned together.
+Nothing changes before `at + freeze`, because that part of the plan is already on its way to the drives. An arm that
+moves at that time brakes on its path to the first gridpoint from which its new motion is possible; new paths are timed
+around the remaining motions of all others (`safe_intervals.py`). If that fails, the arms in the way are retimed after
+it, to their current goals. If that fails, too, the motion begins when all others have arrived, and all arms are planned
+together.
 """
 
 from __future__ import annotations
@@ -46,19 +47,19 @@ from rr1plan.scene.problem import Goal, Problem
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
 
-# Numbers of detours from each stop, of evasive motions, and of goal configurations that are tried.
+# Numbers of tried detours from each stop, evasive motions, and goal configurations.
 _DETOURS, _STEPS_ASIDE, _GOALS = 4, 12, 3
-_SAMPLES = 20  # random configurations that are tried for one that is free
-# A motion that takes no more than this times as long as the fastest one alone is good enough.
+_SAMPLES = 20  # random configurations tried to find a free one
+# A motion is good enough if it takes at most this times as long as the fastest one alone.
 _GOOD_ENOUGH = 1.5
 _FREEZE, _SHORTEST = 0.3, 0.1  # defaults [s]
 _LATEST = 1e7  # later times are rounded to more than a nanosecond [s]
-# Share of the budget that is kept for the referee and for kernel calls, and most of it [s].
+# Share of the budget reserved for the referee and for kernel calls, and its upper bound [s].
 _RESERVE, _MOST_RESERVE = 0.2, 0.1
-# Share of the budget for a motion that changes no other arm, and of the rest for one to which single arms yield.
+# Share of the budget for a motion that changes no other arm, and share of the rest for one to which single arms yield.
 _SHARE, _SHARE_OF_YIELDING = 0.3, 0.6
 _GoalLike = Goal | Array | str | Sequence[Goal | Array]
-# The referee begins so much before the change, so that it sees the two motions meet [s].
+# The referee begins this long before the change, so that it checks the transition between the motions [s].
 _LEAD = 0.01
 
 
@@ -67,12 +68,12 @@ class AddedMotion(Value):
     """The outcome of `add_motion`.
 
     Args:
-        plan: The new plan; the old one where there is none.
-        stage: "wait", "detour" or "yield"; empty where nothing was found.
+        plan: The new plan; the old one if none was found.
+        stage: "wait", "detour" or "yield"; empty if nothing was found.
         reason: Why nothing was found, in words; empty if something was.
         blocked_by: Arms that are in the way; those that yield, if something was found.
-        arrival: When the arm is at its new goal [s]; nan where nothing was found.
-        report: What the referee says of the motion from the change on; None where nothing was found.
+        arrival: Time at which the arm reaches its new goal [s]; nan if nothing was found.
+        report: The referee's report on the motion from the change on; None if nothing was found.
         seconds: Wall time [s].
     """
 
@@ -86,7 +87,7 @@ class AddedMotion(Value):
 
     @property
     def found(self) -> bool:
-        """There is a new plan, and the referee has certified it."""
+        """Whether there is a new plan, certified by the referee."""
         return not self.reason
 
     def __bool__(self) -> bool:
@@ -113,18 +114,19 @@ def add_motion(
     """Give an arm a new goal while the others move.
 
     Args:
-        plan: What runs: a plan of `plan_many_arms`, or what `add_motion` made of one.
+        plan: The running plan: a result of `plan_many_arms` or of `add_motion`.
         arm: The arm; it may still be moving.
-        goal: Its new goal, in place of the one that it had: a goal, a configuration (nq,) or its name, or a list of
+        goal: Its new goal, which replaces the previous one: a goal, a configuration (nq,) or its name, or a list of
             alternatives.
         at: The time of the plan at which the goal is given [s].
-        freeze: How long after that nothing changes any more [s].
-        budget: When the answer has to be there (default: after `freeze`, but at least 0.1 s): a part of it is kept for
-            the referee. Of iterations only the seconds count.
-        rng: Seed; where time does not run out the same seed gives the same motion.
+        freeze: Time after `at` during which nothing changes [s].
+        budget: Time budget (default: `freeze`, but at least 0.1 s); a part of it is reserved for the referee. Only its
+            seconds are used.
+        rng: Seed; unless time runs out, the same seed gives the same motion.
 
     Returns:
-        The new plan, certified by the referee from `at + freeze` on and the same before, or why there is none.
+        The new plan, unchanged before `at + freeze` and certified by the referee from then on, or the reason why there
+        is none.
 
     Raises:
         InputError: no plan, a time before its beginning, a goal that does not fit the arm.
@@ -147,7 +149,7 @@ def add_motion(
 
 @dataclass(frozen=True)
 class _NewMotion:
-    """A way to a goal: an arm's parts from before the change on, and its trajectory from the change on."""
+    """A motion to a goal: an arm's parts from before the change on, and its trajectory from the change on."""
 
     parts: tuple[Part, ...]
     trajectory: Trajectory
@@ -157,11 +159,11 @@ class _NewMotion:
 
 @dataclass
 class _Attempt:
-    """The motions tried for one arm.
+    """The attempted motions of one arm.
 
     Args:
         paths: The paths found, with the stop at which each begins.
-        alone: Duration of the fastest from there [s].
+        alone: Duration of the fastest motion from that stop [s].
         best: The motion that arrives first.
     """
 
@@ -175,15 +177,15 @@ class _Change:
 
     Args:
         plan: The plan.
-        now: When the change begins [s].
-        rng: Where random numbers come from.
-        watch: Says when to give up.
+        now: Start of the change [s].
+        rng: Source of random numbers.
+        watch: Deadline.
     """
 
     def __init__(self, plan: RunningPlan, now: float, rng: np.random.Generator, watch: Stopwatch) -> None:
         self.plan, self.now, self._rng, self._watch = plan, now, rng, watch
         self._near = arms_in_reach(plan.scene, plan.arms, MARGINS[0])
-        # What others do from now on; those that yield are changed.
+        # Motions of the others from now on; those of yielding arms are changed.
         self._parts: dict[str, tuple[Part, ...]] = {
             name: tuple(part for part in parts if part.end > now) for name, parts in plan.parts.items()
         }
@@ -194,7 +196,7 @@ class _Change:
         self._blockers: set[str] = set()
 
     def run(self, arm: str, goal: _GoalLike) -> AddedMotion:
-        """Wait, go around, or have others yield; in this order."""
+        """Wait, go around, or make others yield, in this order."""
         found = self._by_itself(arm, goal, _SHARE)
         if isinstance(found, _NewMotion):
             return self._result(arm, {arm: found}, found.stage)
@@ -218,12 +220,12 @@ class _Change:
     # ---- one arm ---------------------------------------------------------------------------
 
     def _by_itself(self, arm: str, goal: _GoalLike, share: float = 1.0) -> _NewMotion | _Attempt | None:
-        """A motion among what the others do, or what was tried; None where that goal cannot be.
+        """A motion among those of the others, or the failed attempt; None if the goal is impossible.
 
         Args:
             arm: The arm.
             goal: Its goal.
-            share: Of the time that is left, how much may be taken.
+            share: Share of the remaining time that may be used.
         """
         stops = stops_of(self.plan, arm, self.now)
         goals = self._goals(self._agent(arm, stops[0].q, goal))
@@ -265,7 +267,7 @@ class _Change:
                 return
 
     def _pool(self, arm: str, stop: Stop, goals: list[Array]) -> PathPool:
-        """The paths that are known from a stop to some goals; they stay good when others move otherwise."""
+        """The known paths from a stop to some goals; they remain valid when others change their motions."""
 
         def empty() -> PathPool:
             agent = self._agent(arm, stop.q, goals)
@@ -274,7 +276,7 @@ class _Change:
         return kept_in(self._pools, (arm, stop.q.tobytes(), np.array(goals).tobytes()), empty)
 
     def _new_path(self, arm: str, pool: PathPool, goals: list[Array], number: int, time: float) -> AgentPath | None:
-        """One more path: the straight way if there is none yet, around others, or a random detour."""
+        """Another path: the straight line if there is none yet, then around others, or a random detour."""
         others = self._standing(pool.agent, goals, number, time) if pool.paths else {}
         path, reason = pool.add(others, detour=bool(pool.paths) and not others, patient=not pool.paths)
         if not pool.paths:
@@ -282,7 +284,7 @@ class _Change:
         return path
 
     def _timed(self, arm: str, stop: Stop, path: AgentPath, others: Iterable[str]) -> _NewMotion | None:
-        """The earliest motion from a stop along a path among what some others do."""
+        """The earliest motion from a stop along a path, given the motions of some others."""
         blocked = self._blocked_times(path, stop.time, others)
         since = BlockedTimes(blocked.rows, blocked.begin - stop.time, blocked.end - stop.time)
         schedule = earliest_schedule(path, since)
@@ -296,7 +298,7 @@ class _Change:
         return _NewMotion(tuple(parts), motion, stop.time + schedule.arrival)
 
     def _is_safe_until(self, stop: Stop, arm: str) -> bool:
-        """Whether an arm that brakes keeps clear of those that expected it to go on."""
+        """Whether a braking arm stays clear of others that relied on its original motion."""
         if stop.braking is None:
             return True
         occupied = stop.before.occupancy
@@ -310,7 +312,7 @@ class _Change:
         return True
 
     def _agent(self, arm: str, q: Array, goal: _GoalLike) -> Agent:
-        """An arm that goes from a configuration to a goal; the others of the plan do not count."""
+        """An arm that moves from a configuration to a goal, without the others of the plan."""
         starts = {name: self.plan.configuration(name, self.now) for name in self.plan.arms}
         return Agent(Problem(self.plan.scene, {**starts, arm: q}, {arm: goal}, arms=self.plan.arms), [arm])
 
@@ -335,7 +337,7 @@ class _Change:
             if not touching:
                 free.append(np.asarray(q))
         if not free:
-            self._reason = f"the goal of {arm} is where others end"
+            self._reason = f"the goal of {arm} is not clear of the final configurations of others"
             self._blockers |= in_the_way
         return free[:_GOALS]
 
@@ -344,11 +346,11 @@ class _Change:
         return are_apart(agent, placed, theirs.agent, self._placed(theirs.agent, theirs.goal))
 
     def _placed(self, agent: Agent, q: Array) -> CStruct:
-        """The bodies of an arm in a configuration, placed once."""
+        """The bodies of an arm in a configuration, cached."""
         return kept_in(self._placements, (agent.arms, q.tobytes()), lambda: placed_configuration(agent.bodies, q))
 
     def _standing(self, agent: Agent, goals: list[Array], number: int, time: float) -> dict[str, Array | None]:
-        """Configurations of others that a path should avoid: by `number` none, their goals, present ones, or none."""
+        """Configurations of others that a path should avoid, by `number`: none, their goals, current ones, or none."""
         standing: dict[str, Array | None] = {}
         if number not in (1, 2):
             return standing
@@ -367,7 +369,7 @@ class _Change:
         return [other for other in self.plan.arms if other in self._near[arm] and other in self._parts]
 
     def _blocked_times(self, path: AgentPath, time: float, others: Iterable[str]) -> BlockedTimes:
-        """When an arm must not be where on a path because of others."""
+        """Times at which parts of a path are blocked for an arm by others."""
         found = []
         for other in others:
             for part in self._parts[other]:
@@ -379,7 +381,7 @@ class _Change:
         return blocked_times(path, found)
 
     def _diagram(self, path: AgentPath, part: Part, time: float) -> Blocked | None:
-        """The diagram with the largest margin that the arm and the other one have where they rest."""
+        """The diagram with the largest margin that the arm and the other one have at rest."""
         key = (path, part.path)
         if key not in self._diagrams and not may_touch(path, part.path, MARGINS[0]):
             self._diagrams[key] = None
@@ -395,7 +397,7 @@ class _Change:
     # ---- others yield --------------------------------------------------------------------------
 
     def _by_yielding(self, arm: str, goal: _GoalLike, attempt: _Attempt) -> dict[str, _NewMotion] | None:
-        """Motions of the arm and of others that are timed again after it, or step aside for it and go on afterwards."""
+        """Motions of the arm and of others that are retimed after it, or step aside for it and continue afterwards."""
         in_the_way: dict[str, None] = {}
         for stop, path in attempt.paths:
             met = [o for o in self._others(arm) if len(self._blocked_times(path, stop.time, [o]).rows)]
@@ -419,7 +421,7 @@ class _Change:
         return None
 
     def _moves(self, arm: str) -> bool:
-        """Whether an arm is not where it ends when the change begins."""
+        """Whether an arm has not reached its goal when the change begins."""
         return not np.array_equal(self.plan.configuration(arm, self.now), self.plan.goal(arm))
 
     def _after(self, arm: str, new: _NewMotion, victims: list[str]) -> dict[str, _NewMotion] | None:
@@ -438,7 +440,7 @@ class _Change:
             return changed
 
     def _stepping_aside(self, arm: str, goal: _GoalLike, victim: str) -> dict[str, _NewMotion] | None:
-        """Another arm goes somewhere else, the arm goes to its goal, and the other one to its own."""
+        """Another arm steps aside, the arm goes to its goal, and the other one to its own."""
         with self._trying():
             stop = stops_of(self.plan, arm, self.now)[0]
             self._parts[arm] = (stop.before.until(stop.time), self._rest_at(arm, stop))
@@ -461,7 +463,7 @@ class _Change:
             return {arm: new, victim: _NewMotion((*away.parts[:-1], *back.parts), whole, back.arrival)}
 
     def _after_all(self, arm: str, goal: _GoalLike) -> dict[str, _NewMotion] | None:
-        """Motions that begin when all arms are at their goals, planned together: others step aside and come back."""
+        """Motions that begin when all arms are at their goals, planned together: others step aside and return."""
         plan, start = self.plan, max(self.now, self.plan.trajectory.end_time)
         ends = {name: plan.goal(name) for name in plan.arms}
         problem = Problem(plan.scene, ends, {**ends, arm: goal}, arms=plan.arms)
@@ -494,7 +496,7 @@ class _Change:
         self._parts[arm] = tuple(part for part in new.parts if part.end > self.now)
 
     def _rest_at(self, arm: str, stop: Stop) -> Part:
-        """An arm that stays where it stops."""
+        """An arm that remains at a stop."""
         agent = self._agent(arm, stop.q, stop.q)
         question = agent.question({}, 0.0)
         with checker_from_pool(question.scene, question.arms) as checker:
@@ -502,7 +504,7 @@ class _Change:
         return part_of(Schedule(path, ()), stop.time)
 
     def _random_configuration(self, arm: str) -> Array | None:
-        """A free configuration of an arm, nearer ones to where it is more often."""
+        """A random free configuration of an arm, more often one near its current configuration."""
         q = self.plan.configuration(arm, self.now)
         agent = self._agent(arm, q, q)
         limits, question = agent.limits, agent.question({}, 0.0)
@@ -549,14 +551,14 @@ class _Change:
 
 
 def _report(motion: Trajectory, scene: Scene) -> Report:
-    """The referee's report on a motion, at whose first instant the arms may move."""
+    """The referee's report on a motion that may begin with nonzero velocity."""
     report = validate(motion, scene)
     kept = tuple(v for v in report.violations if v.kind != "rest" or v.time != motion.start_time)
     return replace(report, violations=kept)
 
 
 def _joined(one: Trajectory, two: Trajectory) -> Trajectory:
-    """One motion after the other; the second begins where and when the first ends."""
+    """Two motions joined; the second begins at the configuration and time at which the first ends."""
     if one.duration == 0.0:
         return two
     if two.duration == 0.0:

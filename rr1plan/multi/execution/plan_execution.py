@@ -1,7 +1,7 @@
-"""Executing a plan of many arms with delays: who has to wait stops before the segment that is not free yet.
+"""Executing a plan of many arms with delays: an agent that has to wait stops before the segment not yet released.
 
-Nobody knows what the others will do: an agent may go up to the first step for which it waits, and drives so that it can
-stop there. When what it waits for has happened it goes on, from whatever speed it has.
+No agent relies on future events: it may go up to the first step for which it has to wait, and moves such that it can
+stop there. When that step is released it continues, from its current speed.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class ArmDelay(Value):
     """Delays of an arm. The arms of one agent move as one and are delayed together.
 
     Args:
-        start: It starts so much later [s].
-        slowdown: It takes this much longer for everything: 0.3 is 30 %.
-        pauses: Pairs of a time [s] at which it begins to stop, and of how long after that it does not go on [s].
+        start: Delay of its start [s].
+        slowdown: Relative increase of all durations: 0.3 is 30 %.
+        pauses: Pairs of the time at which it begins to stop [s], and the time after that until it may continue [s].
 
     Raises:
         InputError: a number that is not finite, or below zero.
@@ -59,8 +59,8 @@ class PlanExecution(Value):
     Args:
         trajectory: All arms of the plan on one clock.
         graph: The plan graph with the times of this execution, whose `skew_tolerance` is that of this trajectory.
-        waiting: How much later each arm arrives because of others, its delays not counted [s].
-        waits: Its rests before it arrives, and which arms it let pass there; for `rr1plan.timeline`.
+        waiting: Delay of each arm's arrival caused by others, without its own delays [s].
+        waits: Rests of arms before they arrive, and the arms they let pass; for `rr1plan.timeline`.
     """
 
     trajectory: Trajectory
@@ -70,23 +70,23 @@ class PlanExecution(Value):
 
     @property
     def makespan(self) -> float:
-        """When the last arm arrives [s]."""
+        """Arrival time of the last arm [s]."""
         return self.trajectory.end_time
 
 
 def execute_plan(
     graph: PlanGraph, scene: Scene, delays: Mapping[str, ArmDelay] | None = None, *, gap: float = 0.0
 ) -> PlanExecution:
-    """The motion of all arms of a plan when some are delayed and all dependencies are kept.
+    """The motion of all arms of a plan if some are delayed and all dependencies are kept.
 
-    An agent goes as soon as its dependencies allow, so that it may be earlier than planned where it planned to wait.
+    An agent moves as soon as its dependencies allow, so it may be earlier than planned if the plan contains a wait.
 
     Args:
         graph: The plan graph.
         scene: The scene of the plan; joint limits are those of its robots.
         delays: The delay of each arm that has one.
-        gap: How long something has to be past until others go on [s]; the execution then tolerates that arms start
-            late by up to this without waiting for each other (`graph.skew_tolerance` of the result).
+        gap: Time between a release and the continuation of the waiting agent [s]; without waiting for each other, arms
+            may then start late by up to this (`graph.skew_tolerance` of the result).
 
     Raises:
         UnknownNameError: a delay of an arm that is not in the plan.
@@ -118,14 +118,14 @@ def _together(delays: list[ArmDelay]) -> ArmDelay:
 
 
 class _Event(NamedTuple):
-    """Something that changes how far an agent may go.
+    """An event that changes the gridpoint up to which an agent may go.
 
     Args:
-        time: When [s].
-        number: Events of one instant happen in this order.
+        time: Time [s].
+        number: Order of events at the same time.
         agent: The agent.
-        pause: It does not go on before [s]; nothing where that is not later.
-        dependency: What it does not wait for any more; -1 for nothing.
+        pause: Time before which it does not continue [s]; no pause if not after `time`.
+        dependency: The released dependency; -1 for none.
     """
 
     time: float
@@ -136,7 +136,7 @@ class _Event(NamedTuple):
 
 
 class _Run:
-    """One execution, from one event to the next: an agent leaves what others wait for, begins or ends a pause."""
+    """One execution, event by event: an agent releases others, or begins or ends a pause."""
 
     def __init__(self, graph: PlanGraph, scene: Scene, delays: list[ArmDelay], gap: float) -> None:
         self.graph, self.scene, self.delays, self.gap = graph, scene, delays, gap
@@ -145,7 +145,7 @@ class _Run:
             for route, delay in zip(graph.routes, delays, strict=True)
         ]
         dependencies = graph.dependencies
-        # Of each agent what it waits for and what others wait for, each in the order of its route.
+        # For each agent the dependencies for which it waits and those that it releases, each in the order of its route.
         self.waits = [
             sorted((d.node.step, k) for k, d in enumerate(dependencies) if d.node.agent == i)
             for i in range(len(graph.routes))
@@ -181,7 +181,7 @@ class _Run:
         heappush(self.events, _Event(time, next(self.numbers), agent, pause, dependency))
 
     def _next_cause(self) -> tuple[float, int, int]:
-        """The next event that others wait for: time, agent, and the released dependency; -1 if there is none."""
+        """The next event for which others wait: time, agent, and the released dependency; -1 if there is none."""
         first = (math.inf, -1, -1)
         for i, causes in enumerate(self.causes):
             if causes:
@@ -230,7 +230,7 @@ class _Run:
         return PlanExecution(trajectory, self.graph.with_times(times), waiting, waits)
 
     def _waits(self, agent: int) -> list[Wait]:
-        """The rests of an agent's arms, with those whose dependencies were released meanwhile."""
+        """The rests of an agent's arms, with the arms whose dependencies were released meanwhile."""
         steps, found = self.graph.routes[agent].steps, []
         released = [
             (time, int(steps.begins[d.node.step]), d.after.arms)

@@ -1,7 +1,7 @@
-"""Routes: all that an agent passes on its way, in order, whatever its speed.
+"""Routes: the sequence of segments and rests of an agent, independent of its speed.
 
-A route is the agent's path unrolled: where a schedule goes back, the same segments follow once more, backward. It is
-cut into steps, one for each row of coordination diagrams that the agent occupies: rest at the start, segments, rest at
+A route is the agent's path unrolled: if a schedule goes back, the same segments follow again in reverse. It is divided
+into steps, one for each row of coordination diagrams that the agent occupies: rest at the start, segments, rest at
 stops, rest at the goal.
 """
 
@@ -30,11 +30,11 @@ class RouteSteps(Value):
 
     Args:
         begins: Gridpoint at which each step begins, shape (n,).
-        ends: Gridpoint at which it ends: one more for a segment, the same for rest, shape (n,).
-        times: When the plan enters each step [s], shape (n,); the first is -inf.
+        ends: Gridpoint at which each step ends: the next one for a segment, the same for rest, shape (n,).
+        times: Times at which the plan enters each step [s], shape (n,); the first is -inf.
 
     Raises:
-        InputError: arrays that do not fit each other, steps that do not follow each other, or times that decrease.
+        InputError: arrays of inconsistent shapes, steps that do not follow each other, or times that decrease.
     """
 
     begins: NDArray[np.int64]
@@ -65,7 +65,7 @@ class RouteSteps(Value):
 
     @property
     def leave_times(self) -> Array:
-        """When the plan leaves each step [s], shape (n,); the last is inf."""
+        """Times at which the plan leaves each step [s], shape (n,); the last is inf."""
         return np.append(self.times[1:], np.inf)
 
 
@@ -75,14 +75,14 @@ class Route(Value):
 
     Args:
         joint_names: Name of each column, "arm/joint", length nq.
-        start: Where it begins, shape (nq,).
+        start: First configuration, shape (nq,).
         curve: The unrolled path: pieces q(s) = c[0] + c[1] s + c[2] s².
         grid: Its m segments.
-        stops: Gridpoints at which the agent has to stop, ascending, the last one m; empty where it does not move.
+        stops: Gridpoints at which the agent has to stop, ascending, the last one m; empty if it does not move.
         steps: Its segments and the rests between them, with the times of the plan.
 
     Raises:
-        InputError: arrays that do not fit each other, or segments that do not follow each other.
+        InputError: arrays of inconsistent shapes, or segments that do not follow each other.
     """
 
     joint_names: tuple[str, ...]
@@ -115,7 +115,7 @@ class Route(Value):
         self._check_segments()
 
     def _check_segments(self) -> None:
-        """The segments lie on their pieces, and one begins where that before ends."""
+        """Check that segments lie on their pieces, and that each begins where the previous one ends."""
         piece, offset, delta = self.grid
         longest = self.curve.lengths[piece]
         room = _SAME_PLACE * (1.0 + longest)
@@ -132,12 +132,12 @@ class Route(Value):
 
     @property
     def arms(self) -> tuple[str, ...]:
-        """The arms that move along it."""
+        """The arms that move along the route."""
         return tuple(dict.fromkeys(name.split("/", 1)[0] for name in self.joint_names))
 
     @property
     def segments(self) -> int:
-        """Number of its segments."""
+        """Number of segments."""
         return len(self.grid.piece)
 
     @property
@@ -154,7 +154,7 @@ def _indices(name: str, values: ArrayLike, size: int) -> NDArray[np.int64]:
 
 
 def passed_gridpoints(schedule: Schedule) -> NDArray[np.int64]:
-    """The gridpoints of a path that an agent passes by a schedule, in order, shape (m + 1,)."""
+    """The gridpoints of a path in the order in which a schedule passes them, shape (m + 1,)."""
     passed = [0]
     for leg in schedule.legs:
         step = 1 if leg.end > leg.begin else -1
@@ -163,7 +163,7 @@ def passed_gridpoints(schedule: Schedule) -> NDArray[np.int64]:
 
 
 def route_of(schedule: Schedule) -> Route:
-    """The route of an agent that moves by a schedule."""
+    """The route of an agent with a schedule."""
     path = schedule.path
     nq = len(path.start)
     lengths, coefficients = [np.zeros(0)], [np.zeros((0, 3, nq))]

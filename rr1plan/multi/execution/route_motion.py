@@ -1,6 +1,6 @@
-"""The motion of one agent along its route while it happens: go on up to a gridpoint, brake, wait, go on again.
+"""The motion of one agent along its route during execution: move up to a gridpoint, brake, wait, continue.
 
-Speeds are those of time-optimal parameterization from where the agent is and as fast as it is there, so that it can
+Speeds come from time-optimal parameterization that begins at the agent's current position and speed, so that it can
 always stop at the gridpoint up to which it may go.
 """
 
@@ -20,16 +20,16 @@ from rr1plan.retiming.timed_pieces import SHORTEST, Pieces, concatenate
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.trajectory import Trajectory
 
-# Speeds are limited at some points of each segment of a blend, not between them: this much of the limit is not used.
+# Speeds are limited only at some points of each segment of a blend, so this share of the limit is not used.
 _SPARE = 5e-3
-# What counts as the same squared speed, relative: rounding of two passes.
+# Relative tolerance for equal squared speeds: rounding of two passes.
 _SAME_SPEED = 1e-9
-# A part of a segment shorter than this share of it is not taken by itself.
+# A part of a segment shorter than this share of it is not a separate segment.
 _SLIVER = 1e-6
 
 
 def slower(limits: Limits, factor: float) -> Limits:
-    """Limits under which every motion takes `factor` times as long, with some speed to spare."""
+    """Limits under which every motion takes `factor` times as long, with a small reserve of speed."""
     return Limits(
         limits.lower,
         limits.upper,
@@ -41,7 +41,7 @@ def slower(limits: Limits, factor: float) -> Limits:
 
 
 class _Moved(NamedTuple):
-    """A part of a segment that was passed: from where, how far, its squared path speeds at both ends, and when."""
+    """A traversed part of a segment: its start and length, squared path speeds at both ends, and times."""
 
     piece: int
     offset: float
@@ -56,10 +56,10 @@ class _Profile:
     """The plan from now on: segments with their squared speeds and the times of their ends.
 
     Args:
-        grid: The segments, the first from where the agent is.
+        grid: The segments, the first one from the agent's current position.
         x: Squared path speeds at their ends, shape (k + 1,).
-        times: When each end is passed [s], shape (k + 1,).
-        gridpoint: Of the route, at the end of each segment; -1 within one, shape (k,).
+        times: Times at the ends [s], shape (k + 1,).
+        gridpoint: Gridpoint of the route at the end of each segment; -1 inside a segment, shape (k,).
     """
 
     grid: Grid
@@ -77,11 +77,11 @@ class RouteMotion:
     Args:
         route: The route.
         limits: Velocity and acceleration limits of its joints.
-        now: When it is at the beginning, at rest [s].
+        now: Time at which it is at rest at the beginning [s].
 
     Attributes:
         now: The time up to which its motion is decided [s].
-        segment: The segment on which it is, or at the beginning of which.
+        segment: The segment on which it is, or at whose beginning.
         limit: The gridpoint up to which it may go.
     """
 
@@ -89,7 +89,7 @@ class RouteMotion:
         self.route, self.limits, self.now = route, limits, now
         self._began = now
         self.segment, self.limit = 0, 0
-        self._share, self._x = 0.0, 0.0  # how far on the segment [rad], and how fast
+        self._share, self._x = 0.0, 0.0  # distance along the segment [rad], and squared speed
         self._hold = -math.inf
         self._profile = _Profile(_NOTHING, np.zeros(1), np.array([now]), [])
         self._done: list[_Moved] = []
@@ -106,7 +106,7 @@ class RouteMotion:
             limits: Velocity and acceleration limits of its joints.
             now: The time [s].
             segment: The segment.
-            share: How far on it the agent is [rad].
+            share: Distance of the agent along it [rad].
             x: Squared path speed there.
         """
         motion = cls(route, limits, now)
@@ -116,10 +116,10 @@ class RouteMotion:
         motion._plan()
         return motion
 
-    # ---- what will happen ----------------------------------------------------------------
+    # ---- future --------------------------------------------------------------------------
 
     def pass_time(self, gridpoint: int) -> float:
-        """When it gets to a gridpoint [s]; inf if that is not decided."""
+        """Time at which it reaches a gridpoint [s]; inf if not decided yet."""
         if gridpoint <= self.segment and math.isfinite(self._passed[gridpoint]):
             return float(self._passed[gridpoint])
         try:
@@ -128,7 +128,7 @@ class RouteMotion:
             return math.inf
 
     def leave_time(self, gridpoint: int) -> float:
-        """When it goes on from a gridpoint [s]; inf if that is not decided."""
+        """Time at which it continues from a gridpoint [s]; inf if not decided yet."""
         if math.isfinite(self._left[gridpoint]):
             return float(self._left[gridpoint])
         if gridpoint == self.segment and self._share == 0.0:
@@ -139,13 +139,13 @@ class RouteMotion:
 
     @property
     def stop_time(self) -> float:
-        """When it will be at rest [s]."""
+        """Time at which it will be at rest [s]."""
         return float(self._profile.times[-1])
 
     # ---- decisions -------------------------------------------------------------------------
 
     def go_to(self, gridpoint: int, now: float) -> None:
-        """From now on it may go up to a gridpoint, which is not before the one at which it can stop.
+        """Allow motion up to a gridpoint, which is not before the first one at which it can stop.
 
         Args:
             gridpoint: The gridpoint.
@@ -159,8 +159,8 @@ class RouteMotion:
         """Stop at the first gridpoint at which it can, and rest there.
 
         Args:
-            now: When that is wanted [s].
-            until: It does not go on before [s].
+            now: Time of the request [s].
+            until: Time before which it does not continue [s].
         """
         self._advance(now)
         self._hold = max(self._hold, until)
@@ -191,7 +191,7 @@ class RouteMotion:
             x[0] = first
             stop = next((k for k, speed in zip(marks[:-1], x[1:-1], strict=True) if speed == 0.0 and k >= 0), end)
             if stop < end:
-                # Where it can only rest another motion begins, which a single segment does not hold otherwise.
+                # Where it has to rest, a new motion begins, which a single segment cannot represent otherwise.
                 ends = [stop, end, *ends]
                 continue
             grids.append(grid)
@@ -218,7 +218,7 @@ class RouteMotion:
         return Grid(piece, offset + cut, delta - cut)
 
     def _span(self, begin: int, share: float, end: int, first: float) -> tuple[Grid, list[int]]:
-        """The same, with one segment from rest to rest in two halves; and the gridpoints at the ends of all."""
+        """Like `_grid`, with one segment from rest to rest divided into halves; and the gridpoints at all ends."""
         grid, marks = self._grid(begin, share, end), list(range(begin + 1, end + 1))
         if len(marks) > 1 or first > 0.0:
             return grid, marks
@@ -227,7 +227,7 @@ class RouteMotion:
         return Grid(grid.piece.repeat(2), offset, np.array([half, half])), [-1, *marks]
 
     def _advance(self, now: float) -> None:
-        """Record the part of the plan before now as done."""
+        """Record the part of the profile before now as executed."""
         plan = self._profile
         over = int(np.searchsorted(plan.times[1:], now, side="right"))
         if over < len(plan.gridpoint) and now > plan.times[over]:
@@ -235,7 +235,7 @@ class RouteMotion:
             slope = float(plan.x[over + 1] - plan.x[over]) / length
             distance = passed * (math.sqrt(plan.x[over]) + 0.25 * slope * passed)
             if distance > (1.0 - _SLIVER) * length:
-                over += 1  # as if it were at the end, so that no sliver is left
+                over += 1  # treat it as at the end, so that no sliver remains
             elif distance > _SLIVER * length:
                 for k in range(over):
                     self._pass(k)
@@ -247,7 +247,7 @@ class RouteMotion:
         self.now = now if self._x == 0.0 else float(plan.times[over])
 
     def _pass(self, k: int) -> None:
-        """Record a whole segment of the profile as done."""
+        """Record a whole segment of the profile as executed."""
         plan = self._profile
         self._record(k, float(plan.grid.delta[k]), float(plan.x[k + 1]))
         if plan.gridpoint[k] >= 0:
@@ -255,7 +255,7 @@ class RouteMotion:
             self._passed[self.segment] = plan.times[k + 1]
 
     def _record(self, k: int, distance: float, x: float) -> None:
-        """Record the first part of a segment of the profile as done."""
+        """Record the first part of a segment of the profile as executed."""
         plan = self._profile
         if self._share == 0.0:
             self._left[self.segment] = plan.times[k]
@@ -264,7 +264,7 @@ class RouteMotion:
         self._share += distance
         self._x = x
 
-    # ---- what has happened -------------------------------------------------------------------
+    # ---- past --------------------------------------------------------------------------------
 
     def trajectory(self) -> Trajectory:
         """The motion from the beginning to the end of the current profile."""
@@ -292,13 +292,13 @@ class RouteMotion:
         return Trajectory(route.joint_names, breaks, whole.coefficients[kept])
 
     def rests(self) -> list[tuple[int, float, float]]:
-        """Gridpoints at which it rested before the end of its route, since when, and until when [s]."""
+        """Gridpoints at which it rested before the end of its route, with start and end of each rest [s]."""
         self._advance(self.stop_time)
         at = np.flatnonzero(np.isfinite(self._left) & (self._left - self._passed > SHORTEST))
         return [(int(k), float(self._passed[k]), float(self._left[k])) for k in at]
 
     def steps_entered(self) -> Array:
-        """When it entered each step of its route [s], shape (n,); the first is -inf."""
+        """Times at which it entered each step of its route [s], shape (n,); the first is -inf."""
         self._advance(self.stop_time)
         steps = self.route.steps
         found = np.where(steps.is_rest, self._passed[steps.begins], self._left[steps.begins])

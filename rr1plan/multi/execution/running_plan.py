@@ -1,6 +1,6 @@
-"""A plan of many arms while it runs: what each arm does from now on, in parts of one path each.
+"""A running plan of many arms: the motion of each arm, in parts of one path each.
 
-Everything is stored by arm: the path of a meta-agent is projected to each of its arms, with the same times.
+All data are stored by arm: the path of a meta-agent is projected to each of its arms, with the same times.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ _NEWTON_STEPS = 8
 
 @dataclass(frozen=True, eq=False)
 class Part(Value):
-    """An arm on one path for some time.
+    """An arm on one path for an interval of time.
 
     Args:
         path: The path.
-        route: All that it passes, with the times of its steps.
+        route: Its route, with the times of the steps.
         rows: The row of extended diagrams of each step, shape (n,).
-        gridpoints: Of the path, at each gridpoint of the route, shape (m + 1,).
-        begin: Since when it is on this path [s]; -inf for the first part.
-        end: Until when [s]; inf for the last.
+        gridpoints: Gridpoint of the path at each gridpoint of the route, shape (m + 1,).
+        begin: Start of the interval [s]; -inf for the first part.
+        end: End of the interval [s]; inf for the last part.
     """
 
     path: AgentPath
@@ -52,46 +52,46 @@ class Part(Value):
 
     @property
     def occupancy(self) -> Occupancy:
-        """Which rows of extended diagrams it occupies, from `begin` to `end`."""
+        """The rows of extended diagrams that it occupies from `begin` to `end`."""
         enter, leave = self.route.steps.times.copy(), self.route.steps.leave_times
         enter[0], leave[-1] = -np.inf, np.inf
         enter, leave = np.maximum(enter, self.begin), np.minimum(leave, self.end)
         kept = leave > enter
-        if not kept.any():  # it is left as soon as it is reached
+        if not kept.any():  # the part is left as soon as it is reached
             kept = np.arange(len(enter)) == int(np.searchsorted(enter, self.end, side="right")) - 1
             leave = np.maximum(leave, enter)
         return Occupancy(self.rows[kept], enter[kept], leave[kept])
 
     @property
     def passed_steps(self) -> int:
-        """How many steps of its route it passes; the last one is rest."""
+        """Number of steps of its route that it passes; the last one is rest."""
         steps = self.route.steps
         return int(np.flatnonzero(steps.is_rest & (steps.times <= self.end))[-1]) + 1
 
     def until(self, time: float) -> Part:
-        """The same part, left for another path at a time [s]."""
+        """The part, left for another path at a time [s]."""
         return replace(self, end=min(self.end, time))
 
     def shifted(self, time: float) -> Part:
-        """The same motion, later by a time [s], on this path from that time on."""
+        """The part with its motion delayed by a time [s], on this path from that time on."""
         steps = self.route.steps
         later = replace(self.route, steps=RouteSteps(steps.begins, steps.ends, steps.times + time))
         return replace(self, route=later, begin=time)
 
 
 def part_of(schedule: Schedule, begin: float) -> Part:
-    """An arm that moves by a schedule from some time on, for good."""
+    """The part of an arm that follows a schedule from some time on, without end."""
     return Part(schedule.path, route_of(schedule), schedule.occupancy.rows, passed_gridpoints(schedule), begin, np.inf)
 
 
 @dataclass(frozen=True, eq=False)
 class RunningPlan(Value):
-    """A plan that may be changed while it runs, see `rr1plan.add_motion`.
+    """A plan that can be changed while it runs, see `rr1plan.add_motion`.
 
     Args:
         scene: The scene.
         trajectory: All arms of the plan on one clock.
-        parts: What each of them does, one path after the other.
+        parts: The parts of each arm, one path after the other.
     """
 
     scene: Scene
@@ -113,7 +113,7 @@ class RunningPlan(Value):
         """
         of_kind("result", result, ManyArmsResult)
         if result.trajectory is None:
-            raise InputError(f"there is no plan that could run: {result.reason}")
+            raise InputError(f"there is no plan to execute: {result.reason}")
         scene = result.schedules[0].path.agent.problem.scene
         schedules = result.separated.schedules
         parts = {arm: (part_of(own, -np.inf),) for s in schedules for arm, own in schedules_of_arms(s).items()}
@@ -125,7 +125,7 @@ class RunningPlan(Value):
         return tuple(self.parts)
 
     def configuration(self, arm: str, time: float) -> Array:
-        """Configuration of an arm at a time [s], shape (nq,), within its limits in spite of rounding.
+        """Configuration of an arm at a time [s], shape (nq,), clipped to its limits against rounding.
 
         Raises:
             UnknownNameError: the plan has no such arm.
@@ -168,7 +168,7 @@ class RunningPlan(Value):
         """The plan with other motions of some arms.
 
         Args:
-            changed: What they do, from before `now` on.
+            changed: Their parts, from before `now` on.
             trajectory: The motion of all arms.
             now: Paths that are over by then are kept without their placed bodies [s].
         """
@@ -183,10 +183,10 @@ class Stop:
     """A rest from which an arm can begin a new motion.
 
     Args:
-        time: Since when [s].
+        time: Start of the rest [s].
         q: Its configuration, shape (nq,).
-        before: Its part until then.
-        braking: Its motion from now to there; None if it rests already.
+        before: Its part until that time.
+        braking: Its motion from now until the stop; None if it rests already.
     """
 
     time: float
@@ -204,7 +204,7 @@ def stops_of(plan: RunningPlan, arm: str, now: float) -> list[Stop]:
     route, steps = part.route, part.route.steps
     step = int(np.searchsorted(steps.times, now, side="right")) - 1
     while steps.is_rest[step] and step > 0:
-        step -= 1  # rounding: it moves, so it is on a segment
+        step -= 1  # rounding: a moving arm is on a segment
     segment = int(steps.begins[step])
     share, x = _state_on(route, segment, q, rates)
     limits = part.path.agent.limits

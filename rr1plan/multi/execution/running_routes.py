@@ -1,4 +1,4 @@
-"""All that an arm of a running plan passes, one path after the other, and the order in which two of them do."""
+"""The complete routes of arms of a running plan, path after path, and the order in which two arms pass each other."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from rr1plan.retiming.path_speed import Grid
 
 @dataclass(frozen=True)
 class RunningRoute:
-    """All that an arm passes.
+    """The complete route of an arm.
 
     Args:
-        route: The routes of its parts, one behind the other, as far as they are passed.
+        route: The routes of its parts, concatenated, as far as they are traversed.
         parts: The parts.
-        first_steps: The step of the route with which each part begins: where one ends and the next begins the arm
-            rests, which is one step, shape (parts,).
+        first_steps: The step of the route with which each part begins, shape (parts,). The rest between two parts is
+            one step.
     """
 
     route: Route
@@ -39,16 +39,16 @@ class RunningRoute:
 
     @property
     def occupancy(self) -> Occupancy:
-        """When it is in each step; rows have no meaning."""
+        """Times of each step; the rows have no meaning."""
         steps = self.route.steps
         return Occupancy(np.arange(len(steps)), steps.times, steps.leave_times)
 
 
 def running_route(parts: Sequence[Part]) -> RunningRoute:
-    """The whole route of an arm.
+    """The complete route of an arm.
 
     Args:
-        parts: All that it does, from the beginning of the plan on.
+        parts: All its parts, from the beginning of the plan on.
     """
     lengths, coefficients = [np.zeros(0)], [np.zeros((0, *parts[0].route.curve.coefficients.shape[1:]))]
     grids: list[Grid] = []
@@ -83,7 +83,7 @@ def running_route(parts: Sequence[Part]) -> RunningRoute:
 
 
 def running_order(one: RunningRoute, two: RunningRoute, agents: tuple[int, int]) -> list[Precedence] | None:
-    """The order of two arms with the largest margin with which they have one, see `passing_order`; None without one.
+    """The order of two arms with the largest margin for which there is one, see `passing_order`; None without one.
 
     Args:
         one: An arm.
@@ -99,9 +99,9 @@ def running_order(one: RunningRoute, two: RunningRoute, agents: tuple[int, int])
 
 
 def _shared_cells(one: RunningRoute, two: RunningRoute, margin: float) -> Cells:
-    """Which steps of two arms must not be occupied at once.
+    """The steps of two arms that must not be occupied at the same time.
 
-    Where an arm goes from one path to the next its rest belongs to both, and is free where it is so on either.
+    Between two paths the rest of an arm belongs to both, and is free if it is free on either.
     """
     hit = np.ones((len(one.route.steps), len(two.route.steps)), bool)
     for begin, part in zip(one.first_steps.tolist(), one.parts, strict=True):

@@ -15,7 +15,7 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
-# A plan passes the gridpoints of its routes at the times of its steps, up to the rounding of times [rad or m].
+# A plan is at the gridpoints of its routes at the times of its steps, up to the rounding of times [rad or m].
 _SAME_PLACE = 1e-4
 
 
@@ -51,9 +51,10 @@ def save_plan_graph(
 
 
 def load_plan_graph(file: str | pathlib.Path, scene: Scene | None = None) -> PlanGraph:
-    """Read the temporal plan graph of a motion file that `save_plan_graph` wrote.
+    """Read the temporal plan graph of a motion file written by `save_plan_graph`.
 
-    That the trajectory of the file follows the routes of the graph is checked; that cells are free is not proven again.
+    The function checks that the trajectory of the file follows the routes of the graph; it does not prove cells free
+    again.
 
     Args:
         file: The file.
@@ -90,7 +91,7 @@ def _difference(graph: PlanGraph, trajectory: Trajectory, scene: Scene) -> str:
 
 
 def _follows(trajectory: Trajectory, route: Route) -> bool:
-    """Whether a trajectory is at the gridpoint at which each step begins when the plan enters it."""
+    """Whether a trajectory is at the first gridpoint of each step when the plan enters the step."""
     if not set(route.joint_names) <= set(trajectory.joint_names):
         return False
     columns = [trajectory.joint_names.index(name) for name in route.joint_names]

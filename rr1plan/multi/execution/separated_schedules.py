@@ -1,9 +1,9 @@
-"""One schedule for each arm of a plan, also where a planner moved several arms as one.
+"""One schedule for each arm of a plan, also for arms that a planner moved as one.
 
-A path in the joint space of several arms with one timing is a path and a timing of each arm: its columns, without those
-pieces on which it rests, passed when the joint motion passes them, so that the motion stays the same. Coordination
-diagrams then say in which order the arms pass each other. Segments begin as long as those of single arms and are cut
-where arms pass each other too closely for that. Arms between which there is still no order stay together.
+A composite path of several arms with one timing is a path and a timing for each arm: its columns, without the pieces on
+which it rests, traversed at the same times, so that the motion does not change. Coordination diagrams then determine
+the order in which the arms pass each other. Segments are initially as long as those of single arms and are cut where
+arms pass each other too closely. Arms that still have no order remain together.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import Grid
 from rr1plan.trajectory import Trajectory
 
-# An arm that gets no farther than this on a piece of a path rests there, in the norm of its joints [rad].
+# An arm that moves no farther than this on a piece of a path rests there, in the norm of its joints [rad].
 _STILL = 1e-9
-# How often segments are cut, into how many, and how many there may be: finer cells would take too long.
+# Number of rounds of cutting, parts per cut, and largest number of segments: finer cells would take too long.
 _CUTS, _PARTS, _MOST_SEGMENTS = 5, 4, 800
 _NEWTON_STEPS = 8
 
@@ -50,9 +50,9 @@ class ProjectedSchedule(Schedule):
     """The motion of some arms of an agent that moves more arms as one.
 
     Args:
-        path: Their path, unrolled: where the agent goes back, the same segments follow once more, backward.
+        path: Their path, unrolled: if the agent goes back, the same segments follow again in reverse.
         legs: The motions in order.
-        times: When each leg is at the gridpoints on its way [s].
+        times: Times of each leg at its gridpoints [s].
         motion: The motion.
     """
 
@@ -60,11 +60,11 @@ class ProjectedSchedule(Schedule):
     motion: Trajectory
 
     def instants(self, leg: Leg) -> Array:
-        """When a leg is at the gridpoints on its way [s]."""
+        """Times of a leg at its gridpoints [s]."""
         return self.times[self.legs.index(leg)]
 
     def leg_duration(self, leg: Leg) -> float:
-        """How long a leg takes [s]."""
+        """Duration of a leg [s]."""
         return float(self.instants(leg)[-1] - leg.departure)
 
     def trajectory(self) -> Trajectory:
@@ -74,7 +74,7 @@ class ProjectedSchedule(Schedule):
 
 @dataclass(frozen=True)
 class SeparatedSchedules:
-    """The schedules of a plan, of one arm each wherever diagrams certify an order of the arms.
+    """The schedules of a plan, of one arm each if diagrams certify an order of the arms.
 
     Args:
         schedules: The schedules.
@@ -95,7 +95,7 @@ class SeparatedSchedules:
 
 
 def separate(schedules: Sequence[Schedule]) -> SeparatedSchedules:
-    """Give each arm of a plan its own schedule where an order of the arms is certified, without changing any motion.
+    """Give each arm of a plan its own schedule if an order of the arms is certified, without changing any motion.
 
     Args:
         schedules: The schedules of a plan, one for each agent.
@@ -112,17 +112,17 @@ def separate(schedules: Sequence[Schedule]) -> SeparatedSchedules:
 
 
 def _ordered(schedules: Sequence[Schedule], agents: Sequence[range]) -> dict[int, Schedule]:
-    """Schedules with shorter segments, of those that have no order with one of another agent.
+    """Schedules with shorter segments, for those without an order with a schedule of another agent.
 
-    The segments of single arms are longer than those of a joint path, which has been certified.
+    The segments of single arms are longer than those of the composite path, which has been certified.
 
     Args:
-        schedules: Of each arm, or of those that stay together.
-        agents: Indices of those that come from one agent.
+        schedules: Schedules of arms, or of arms that remain together.
+        agents: Ranges of indices of schedules from the same agent.
     """
     unordered: dict[int, None] = {}
     for one, two in combinations(agents, 2):
-        # What two agents of one schedule each pass is what they were scheduled by.
+        # Two agents with one schedule each were scheduled against each other, so they have an order.
         for i, j in product(one, two) if max(len(one), len(two)) > 1 else ():
             blocked = simultaneous_cells(schedules[i], schedules[j], 0.0)
             if blocked is not None and order_between(blocked, schedules[i], schedules[j]) is None:
@@ -133,7 +133,7 @@ def _ordered(schedules: Sequence[Schedule], agents: Sequence[range]) -> dict[int
 
 
 def schedules_of_arms(schedule: Schedule) -> dict[str, Schedule]:
-    """The motion of each arm of an agent by itself, whether or not there is an order among them.
+    """The motion of each arm of an agent separately, whether or not there is an order among them.
 
     Args:
         schedule: The agent's schedule.
@@ -145,7 +145,7 @@ def schedules_of_arms(schedule: Schedule) -> dict[str, Schedule]:
 
 
 def _separated(schedule: Schedule) -> list[Schedule]:
-    """The schedules of an agent's arms, or of those that have to stay together."""
+    """The schedules of an agent's arms, or of arms that have to remain together."""
     if len(schedule.arms) == 1:
         return [schedule]
     whole = _JointMotion(schedule, route_of(schedule), schedule.trajectory())
@@ -161,10 +161,10 @@ def _separated(schedule: Schedule) -> list[Schedule]:
 
 
 def _circle(parts: Sequence[_Projection]) -> list[int]:
-    """Parts between which there is no order; none if there is one between all."""
+    """Parts without an order among them; none if all are ordered."""
     precedences: list[Precedence] = []
     for i, j in combinations(range(len(parts)), 2):
-        # Events at one instant decide whether parts wait for each other in a circle.
+        # Simultaneous events decide whether parts wait for each other in a cycle.
         found = first_order(parts[i].schedule, parts[j].schedule, (i, j))
         if found is None:
             return [i, j]
@@ -202,8 +202,8 @@ class _Projection:
 
     Args:
         schedule: The motion.
-        segments: Segment of the joint route of each step; -1 for rest.
-        whole: The joint motion with these segments.
+        segments: Segment of the composite route for each step; -1 for rest.
+        whole: The composite motion with these segments.
     """
 
     schedule: Schedule
@@ -211,7 +211,7 @@ class _Projection:
     whole: _JointMotion
 
     def cut(self, segments: NDArray[np.int64]) -> _Projection:
-        """The same motion with some segments of the joint route in several; -1 counts for nothing."""
+        """The same motion with some segments of the composite route subdivided; -1 is ignored."""
         segments = segments[segments >= 0]
         count = self.whole.route.segments + (_PARTS - 1) * len(segments)
         if len(segments) == 0 or count > _MOST_SEGMENTS:
@@ -225,8 +225,8 @@ class _JointMotion:
 
     Args:
         schedule: Its schedule.
-        route: All that it passes.
-        motion: The same in time.
+        route: Its route.
+        motion: Its trajectory.
     """
 
     schedule: Schedule
@@ -234,7 +234,7 @@ class _JointMotion:
     motion: Trajectory
 
     def merged(self, arms: tuple[str, ...]) -> _JointMotion:
-        """The same motion with fewer segments, about as many as a path of some of its arms has."""
+        """The same motion with fewer segments, about as many as a path of some of its arms would have."""
         route, steps, agent = self.route, self.route.steps, self._agent(arms)
         slopes = np.abs(route.grid.first(route.curve, 0.5)[:, self._columns(agent)])
         moved = np.concatenate([[0.0], np.cumsum(slopes @ agent.bodies.reach * route.grid.delta)])
@@ -256,7 +256,7 @@ class _JointMotion:
         return replace(self, route=made)
 
     def cut(self, segments: NDArray[np.int64]) -> _JointMotion:
-        """The same motion with some segments in several, which take equal times."""
+        """The same motion with some segments subdivided into parts of equal duration."""
         route, steps = self.route, self.route.steps
         piece, offset, delta = route.grid
         step = np.flatnonzero(np.isin(steps.begins, segments) & ~steps.is_rest).repeat(_PARTS - 1)
@@ -266,7 +266,7 @@ class _JointMotion:
         names = self.motion.joint_names
         q = self.motion(times)[:, [names.index(name) for name in route.joint_names]]
         ends = offset[at] + _distances(route, at, q)
-        # Where the parts begin and end on their pieces; new gridpoints come after the beginning of a segment.
+        # Start and end of the parts on their pieces; new gridpoints come after the start of a segment.
         begin, end = np.insert(offset, at + 1, ends), np.insert(offset + delta, at, ends)
         moved = np.arange(len(piece) + 1) + np.bincount(at + 1, minlength=len(piece) + 1).cumsum()
         begins = np.insert(moved[steps.begins], step + 1, moved[at] + number)
@@ -318,7 +318,7 @@ class _JointMotion:
 
 
 def _distances(route: Route, segments: NDArray[np.int64], q: Array) -> Array:
-    """How far on some segments of a route some configurations (n, nq) are [rad], shape (n,)."""
+    """Distances of configurations (n, nq) along segments of a route [rad], shape (n,)."""
     offset = route.grid.offset[segments]
     c, s = route.curve.coefficients[route.grid.piece[segments]], offset + 0.5 * route.grid.delta[segments]
     for _ in range(_NEWTON_STEPS):
@@ -330,9 +330,9 @@ def _distances(route: Route, segments: NDArray[np.int64], q: Array) -> Array:
 
 
 def _curve(route: Route, coefficients: Array, moves: NDArray[np.bool_], halts: tuple[int, ...]) -> tuple[Curve, Grid]:
-    """The pieces of a route on which some arms move, with a parameter that is about the length of the arms' path.
+    """The pieces of a route on which some arms move, with a parameter close to the length of the arms' path.
 
-    Between two halts the parameter is that of the route times a constant, so that the curve stays smooth.
+    Between two halts the parameter is that of the route times a constant, so that the curve remains smooth.
 
     Args:
         route: The route.
@@ -352,7 +352,7 @@ def _curve(route: Route, coefficients: Array, moves: NDArray[np.bool_], halts: t
 
 
 def _lengths(lengths: Array, coefficients: Array) -> Array:
-    """About how long pieces of a curve with any parameter are, by Simpson's rule [rad], shape (k,)."""
+    """Approximate lengths of pieces of a curve with any parameter, by Simpson's rule [rad], shape (k,)."""
     speeds = [
         np.linalg.norm(coefficients[:, 1] + 2.0 * share * lengths[:, None] * coefficients[:, 2], axis=1)
         for share in (0.0, 0.5, 1.0)

@@ -1,12 +1,12 @@
-"""The temporal plan graph of many arms: who has to wait for whom, so that a plan stays safe whatever is delayed.
+"""The temporal plan graph of many arms: who has to wait for whom, so that a plan remains safe under any delays.
 
     graph = plan_graph(plan_many_arms(problem))
 
-A node is the instant at which an agent enters a step of its route. It has two kinds of predecessors: the step before it
-on the same route, and, where a cell of the coordination diagram of two agents is not proven free, the instant at which
-the other agent has left its part of it (Hönig et al., Multi-agent path finding with kinematic constraints, 2016).
-Cells are certified at any speed within them, so that agents that enter their steps in an order that the graph allows
-never touch, in continuous time, however long each takes.
+A node is the instant at which an agent enters a step of its route. It has two kinds of predecessors: the previous step
+on the same route, and, if a cell of the coordination diagram of two agents is not proven free, the instant at which the
+other agent has left its part of the cell (Hönig et al., Multi-agent path finding with kinematic constraints, 2016).
+Cells are certified for any speed within them, so agents that enter their steps in an order allowed by the graph never
+touch, in continuous time, however long each step takes.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import Grid
 from rr1plan.scene import Scene
 
-# Rounding of times, subtracted from tolerances [s].
+# Rounding error of times, subtracted from tolerances [s].
 _ROUNDING = 1e-9
 
 
@@ -44,7 +44,7 @@ class Node(NamedTuple):
         agent: Its index.
         step: The step.
         arms: The agent's arms.
-        time: When the plan enters it [s].
+        time: Time at which the plan enters it [s].
     """
 
     agent: int
@@ -57,8 +57,8 @@ class Dependency(NamedTuple):
     """One agent waits for another.
 
     Args:
-        node: What has to wait.
-        after: What has to happen first: the other agent leaves what is in the way.
+        node: The waiting node.
+        after: The node that has to happen first, at which the other agent has left the blocked cell.
     """
 
     node: Node
@@ -67,8 +67,8 @@ class Dependency(NamedTuple):
     def __str__(self) -> str:
         waits, first = " and ".join(self.node.arms), " and ".join(self.after.arms)
         return (
-            f"{waits} does not go beyond where the plan has it at {self.node.time:.3f} s "
-            f"before {first} is where it is at {self.after.time:.3f} s"
+            f"{waits} does not go beyond its planned position at {self.node.time:.3f} s "
+            f"before {first} has reached its planned position at {self.after.time:.3f} s"
         )
 
 
@@ -78,10 +78,10 @@ class PlanGraph(Value):
 
     Args:
         routes: The route of each agent: an arm, or a few arms that move as one.
-        dependencies: Who waits for whom, without those that follow from others.
+        dependencies: Who waits for whom, without transitively implied dependencies.
 
     Raises:
-        InputError: an arm of two agents, or dependencies on steps that are not there or on each other in a circle.
+        InputError: an arm of two agents, or dependencies on nonexistent steps or in a cycle.
     """
 
     routes: tuple[Route, ...]
@@ -111,7 +111,7 @@ class PlanGraph(Value):
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
-        """All nodes: each agent enters each step of its route but the first, at which it begins."""
+        """All nodes: each agent enters each step of its route except the first, at which it begins."""
         return tuple(
             Node(i, k, route.arms, float(route.steps.times[k]))
             for i, route in enumerate(self.routes)
@@ -120,9 +120,9 @@ class PlanGraph(Value):
 
     @property
     def skew_tolerance(self) -> float:
-        """Each arm may start late by up to this time, without any waiting, and no two arms touch [s].
+        """Delay by which each arm may start late, without any waiting, such that no two arms touch [s].
 
-        A certified lower bound; inf where no two arms come near each other, 0 where some only move as one.
+        A certified lower bound; inf if no two arms come near each other, 0 if some move only as one.
         """
         if any(len(route.arms) > 1 and route.segments for route in self.routes):
             return 0.0
@@ -133,7 +133,7 @@ class PlanGraph(Value):
         """The same graph for another execution of the plan.
 
         Args:
-            times: When each agent enters each step of its route [s], shape (n,) each; the first is ignored.
+            times: Times at which each agent enters each step of its route [s], shape (n,) each; the first is ignored.
         """
         routes = tuple(
             replace(route, steps=replace(route.steps, times=t)) for route, t in zip(self.routes, times, strict=True)
@@ -156,7 +156,7 @@ class PlanGraph(Value):
         return tuple(sorted(found, key=lambda d: d.node.step))
 
     def to_dict(self) -> dict[str, Any]:
-        """The graph as numbers, texts and lists; `from_dict` reads it back."""
+        """The graph as plain values; `from_dict` reads it back."""
         return {
             "routes": [
                 {
@@ -184,7 +184,7 @@ class PlanGraph(Value):
 
     @staticmethod
     def from_dict(entries: Mapping[str, Any]) -> PlanGraph:
-        """The graph that `to_dict` wrote; motion files check types and keys before (`export/motion_schema.py`).
+        """The graph from the result of `to_dict`; motion files check types and keys before (`export/motion_schema.py`).
 
         Raises:
             FormatError: content that is not a plan graph.
@@ -230,7 +230,7 @@ def plan_graph(plan: ManyArmsResult | RunningPlan) -> PlanGraph:
     """The temporal plan graph of a plan, from its beginning.
 
     Args:
-        plan: What `plan_many_arms` found, or a plan with the new goals that `add_motion` gave it.
+        plan: A result of `plan_many_arms`, or a plan with new goals from `add_motion`.
 
     Raises:
         InputError: no plan, or one whose agents are not proven free of contact.
@@ -266,7 +266,7 @@ def pairs_in_reach(scene: Scene, agents: Sequence[tuple[str, ...]]) -> list[tupl
 
     Args:
         scene: The scene.
-        agents: The arms of each.
+        agents: The arms of each agent.
     """
     near = arms_in_reach(scene, tuple(arm for arms in agents for arm in arms), MARGINS[0])
     reach = [frozenset().union(*(near[arm] for arm in arms)) for arms in agents]
@@ -277,9 +277,9 @@ def pairs_in_reach(scene: Scene, agents: Sequence[tuple[str, ...]]) -> list[tupl
 
 
 def _reduced(routes: tuple[Route, ...], found: list[Precedence]) -> list[Precedence]:
-    """The dependencies that do not follow from others: the transitive reduction of an acyclic graph.
+    """The transitive reduction of the dependencies, an acyclic graph.
 
-    Of each node the clock is known: how far all agents are at least, when it happens.
+    Each node has a vector clock: the least progress of all agents when it happens.
     """
     incoming: dict[Step, list[Step]] = {}
     for node, after in sorted(found):
@@ -309,10 +309,10 @@ def _reduced(routes: tuple[Route, ...], found: list[Precedence]) -> list[Precede
 
 
 def _check_acyclic(routes: tuple[Route, ...], dependencies: tuple[Dependency, ...]) -> None:
-    """Enter steps for as long as something can be entered.
+    """Enter steps as long as any step can be entered.
 
     Raises:
-        InputError: agents wait for each other in a circle.
+        InputError: agents wait for each other in a cycle.
     """
     steps = {agent: len(route.steps) for agent, route in enumerate(routes)}
     circle = passage(steps, (Precedence(Step(*d.node[:2]), Step(*d.after[:2])) for d in dependencies)).circle

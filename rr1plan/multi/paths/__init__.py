@@ -1,1 +1,1 @@
-"""Paths of agents: in segments, with their bodies, found by the planners of single arms."""
+"""Paths of agents, found by the planners of single arms: their segments, and their placed bodies."""

@@ -1,7 +1,7 @@
 """The path of an agent: a smooth curve in segments, the fastest motion between any two stops, and its placed bodies.
 
-A path is a polyline with rounded corners (`retiming/blends.py`). What happens in time is decided later, so the path
-itself never changes: an agent may wait at a gridpoint, go on, or go back, and never leaves the curve.
+A path is a polyline with rounded corners (`retiming/blends.py`). Timing is decided later, so the path itself never
+changes: an agent may wait at a gridpoint, continue, or go back, but never leaves the curve.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from rr1plan.retiming.path_speed import Grid, fastest_speeds, hop_times, timed
 from rr1plan.retiming.timed_pieces import Pieces, concatenate
 from rr1plan.retiming.torque_limits import check_gravity, torque_stretch
 
-# How far any point of the arms gets on a segment [m]: in the middle of a path, and at its ends, where other arms may be
-# near; between them it grows by this share of the way from the end.
+# Largest displacement of any point of the arms on a segment [m]: in the middle of a path, and at its ends, where other
+# arms may be near; in between it grows by this share of the distance from the end.
 _LONGEST, _SHORTEST, _GROWTH = 0.08, 0.006, 0.3
-# Leaves of the interval tree per segment: a cell of a diagram is certified in the square of that many parts.
+# Leaves of the interval tree per segment: a cell of a diagram is certified in the square of this number of parts.
 _LEAVES = 4
 # Inner gridpoints at which an agent may wait.
 _STOPS = 12
-_FEWEST = 2  # segments of a piece, so that a motion can begin and end on it
+_FEWEST = 2  # segments of a piece at least, so that a motion can begin and end on it
 LARGEST_BLEND = 1.0
-"""Size of a rounded corner, at most [rad]."""
-_SAME = 1e-9  # relative difference of path accelerations that count as one
-# A motion is stretched by this more than its torques need [ratio].
+"""Largest size of a rounded corner [rad]."""
+_SAME = 1e-9  # relative tolerance for equal path accelerations
+# A motion is stretched by this factor more than its torques require.
 _TORQUE_ROUNDING = 1e-3
 # Far above the rounding of configurations [rad].
 _ROUNDING = 1e-12
@@ -47,18 +47,18 @@ class AgentPath:
 
     Args:
         agent: Its agent.
-        path: The path; of its arms.
-        checker: What certifies rounded corners against all that stands still; None for an estimate of the duration,
-            with corners as round as their edges allow.
+        path: The path of its arms.
+        checker: Certifies rounded corners against stationary objects; None for an estimate of the duration, with
+            corners as round as their edges allow.
 
     Attributes:
-        curve: The rounded polyline, smooth but at `halts`.
+        curve: The rounded polyline, smooth except at `halts`.
         grid: Its segments.
-        halts: Gridpoints where the motion has to stop: corners that cannot be rounded.
-        segments: How many there are; 0 for an agent that does not move.
+        halts: Gridpoints at which the motion has to stop: corners that cannot be rounded.
+        segments: Number of segments; 0 for an agent that does not move.
 
     Raises:
-        RetimingError: a moving joint without a limit, or gravity torque above an effort limit that has to be kept.
+        RetimingError: a moving joint without a limit, or a gravity torque above a required effort limit.
     """
 
     def __init__(self, agent: Agent, path: Path, checker: CurveChecker | None) -> None:
@@ -91,10 +91,10 @@ class AgentPath:
 
     @classmethod
     def chained(cls, paths: Sequence[AgentPath]) -> AgentPath:
-        """Paths of an agent one behind the other, with stops where they join; each as it is by itself, to the last bit.
+        """Concatenated paths of an agent, with stops at the joints; each path is unchanged to the last bit.
 
         Args:
-            paths: The paths, none of length zero; each begins where the one before ends.
+            paths: The paths, none of length zero; each begins where the previous one ends.
         """
         chain = cls.__new__(cls)
         chain.agent = paths[0].agent
@@ -120,7 +120,7 @@ class AgentPath:
         return f"AgentPath({', '.join(self.agent.arms)}: {self.segments} segments)"
 
     def __getstate__(self) -> dict[str, object]:
-        """The path without memory of kernels, and without times of hops, which are soon made again."""
+        """The path without memory of kernels, and without times of hops, which are quickly recomputed."""
         return {name: value for name, value in self.__dict__.items() if name not in ("placed", "_times")}
 
     @property
@@ -165,11 +165,11 @@ class AgentPath:
         return np.asarray(hop_times(self.curve, self.grid, self.agent.limits, halts, begin, end))
 
     def hop_times(self, begin: int, end: int) -> Array:
-        """When the fastest motion from rest at one stop to rest at another is at each gridpoint on its way [s].
+        """Times of the fastest motion from rest at one stop to rest at another, at each gridpoint in between [s].
 
         Args:
             begin: A gridpoint of `stops`.
-            end: Another; before it, the motion goes back.
+            end: Another one; if it is smaller, the motion goes back.
         """
         if begin == end:
             return np.zeros(1)
@@ -180,7 +180,7 @@ class AgentPath:
         return np.asarray((forward[-1] - forward)[::-1])
 
     def hop_duration(self, begin: int, end: int) -> float:
-        """How long it takes [s]."""
+        """Duration of a hop [s]."""
         if begin == end:
             return 0.0
         begin, end = min(begin, end), max(begin, end)
@@ -199,7 +199,7 @@ class AgentPath:
         return pieces if factor == 1.0 else pieces.stretched(factor)
 
     def _stretch(self, begin: int, end: int) -> float:
-        """How much longer than without torque limits a hop takes, from a gridpoint to a later one; back the same."""
+        """Factor by which torque limits stretch a hop from a gridpoint to a later one; the same for the way back."""
         if not self.agent.timing.torque_limits:
             return 1.0
         if (begin, end) not in self._stretches:
@@ -213,7 +213,7 @@ class AgentPath:
         return concatenate([self._between(a, b) for a, b in self._legs(begin, end)])
 
     def _legs(self, begin: int, end: int) -> Iterable[tuple[int, int]]:
-        """From a gridpoint to a later one, by way of the halts between them."""
+        """Intervals from a gridpoint to a later one, split at the halts between them."""
         return pairwise([begin, *(k for k in self.halts if begin < k < end), end])
 
     def _jerk_limited_times(self, begin: int, end: int) -> Array:
@@ -259,7 +259,7 @@ class AgentPath:
         """Duration of the motion without waiting [s]."""
         if self.segments == 0:
             return 0.0
-        # By itself, because a path that no other one meets needs no other hop.
+        # Computed separately, because a path that no other one meets needs no other hop.
         if self._limits_jerk:
             duration = self._jerk_limited_times(0, self.segments)[-1]
         else:
@@ -270,7 +270,7 @@ class AgentPath:
 
     @property
     def cells(self) -> int:
-        """Rows of its coordination diagrams: the start, each segment, the goal."""
+        """Number of rows of its coordination diagrams: the start, each segment, the goal."""
         return self.segments + 2
 
     @cached_property
@@ -294,11 +294,11 @@ class AgentPath:
         return placed_path(bodies, q, reach, empty, cell)
 
     def release(self) -> None:
-        """Forget the placed bodies, most of the memory of a path; they are made again when they are needed."""
+        """Free the placed bodies, most of the memory of a path; they are recomputed on demand."""
         self.__dict__.pop("placed", None)
 
     def _fill_leaves(self, q: Array, reach: Array) -> None:
-        """The configuration in the middle of each leaf, and how far each column gets from there."""
+        """The configuration in the middle of each leaf, and the largest deviation of each column from it."""
         part = np.arange(_LEAVES)
         half = np.repeat(0.5 * self.grid.delta / _LEAVES, _LEAVES)[:, None]
         s = (self.grid.offset[:, None] + self.grid.delta[:, None] * (part + 0.5) / _LEAVES).reshape(-1, 1)
@@ -310,11 +310,11 @@ class AgentPath:
 
     @cached_property
     def boxes(self) -> Array:
-        """Low and high corner of a box around what each body of the agent sweeps [m], shape (bodies, 6)."""
+        """Low and high corner of a box around the swept volume of each body of the agent [m], shape (bodies, 6)."""
         targets = self.placed.targets
         bodies = len(self.agent.bodies.elements)
         used = targets["is_empty"] == 0
-        used[1 : targets["is_empty"].shape[0] // 2 - 1] = False  # all nodes but leaves and ends
+        used[1 : targets["is_empty"].shape[0] // 2 - 1] = False  # all nodes except leaves and ends
         centers = targets["centers"].reshape(-1, bodies, 3)[used]
         reach = targets["travel"].reshape(-1, bodies)[used] + self.agent.bodies.tables.body_values[:, 15]
         low, high = centers - reach[..., None], centers + reach[..., None]
@@ -322,10 +322,10 @@ class AgentPath:
 
 
 def segments_up_to(moved: Array) -> Array:
-    """How many segments a path should have up to some points on it, fractions included, shape (n,).
+    """Number of segments that a path should have up to some points on it, with fractions, shape (n,).
 
     Args:
-        moved: How far the bodies get up to each point [m], ascending from 0 to the end of the path, shape (n,).
+        moved: Displacement of the bodies up to each point [m], ascending from 0 to the end of the path, shape (n,).
     """
     far = np.linspace(0.0, moved[-1], 400)
     spacing = np.clip(_SHORTEST + _GROWTH * np.minimum(far, moved[-1] - far), _SHORTEST, _LONGEST)
@@ -334,7 +334,7 @@ def segments_up_to(moved: Array) -> Array:
 
 
 def even_grid(lengths: Array, counts: NDArray[np.int64]) -> Grid:
-    """Each piece of a curve cut into some segments of equal length."""
+    """The grid that divides each piece of a curve into segments of equal length."""
     piece = np.repeat(np.arange(len(lengths)), counts)
     delta = np.repeat(lengths / counts, counts)
     number = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -365,7 +365,7 @@ def _merged(pieces: Pieces, grid: Grid, x: Array, curve: Curve) -> Pieces:
     goes_on = (np.abs(np.diff(gain)) <= scale) & (grid.piece[1:] == grid.piece[:-1]) & ~bent[1:]
     first = np.flatnonzero(np.concatenate([[True], ~goes_on]))
     durations, coefficients = np.add.reduceat(pieces.durations, first), pieces.coefficients[first].copy()
-    # From its two ends, so that it ends exactly where the next one begins, however long it is.
+    # Computed from both ends, so that it ends exactly where the next one begins, however long it is.
     last = np.append(first[1:], len(grid.delta))
     joined = np.flatnonzero(last - first > 1)
     length, direction = np.add.reduceat(grid.delta, first)[joined], curve.coefficients[grid.piece[first[joined]], 1]

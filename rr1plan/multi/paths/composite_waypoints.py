@@ -1,4 +1,4 @@
-"""Between schedules of several agents and one path in the joint space of all their arms."""
+"""Conversion between schedules of several agents and one composite path of all their arms."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.timing.schedule import Schedule
 
-# Instants closer than this are one [s].
+# Instants closer than this are merged [s].
 _SAME_TIME = 1e-6
 
 

@@ -1,4 +1,4 @@
-"""How motions from stop to stop are timed, and jerk-limited ones on straight lines."""
+"""Timing of motions from stop to stop, and jerk-limited motions on straight lines."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from rr1plan.retiming.polynomial_extrema import evaluate
 from rr1plan.retiming.timed_pieces import Pieces
 from rr1plan.robot.joint_limits import Limits
 
-# Retiming methods that stay on a path whatever its timing is.
+# Retiming methods that stay on the path.
 _METHODS = ("blend", "stop", "ruckig")
-_BISECTIONS = 60  # of a time between two breaks: to the rounding of numbers
+_BISECTIONS = 60  # of a time between two breaks, down to rounding errors
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,11 @@ class HopTiming:
 
     Args:
         method: "blend" rounds corners, "stop" stops at them, "ruckig" stops at them and limits jerk.
-        torque_limits: Whether motions also keep the joints' effort limits: each is stretched until it does.
+        torque_limits: Whether motions also keep the joints' effort limits; each is stretched until it does.
 
     Raises:
         UnknownNameError: no such retiming.
-        InputError: a retiming that leaves the path, where nothing is certified between the arms.
+        InputError: a retiming that leaves the path, off which nothing is certified between the arms.
     """
 
     method: str = "blend"
@@ -53,10 +53,10 @@ def jerk_limited_line(start: Array, direction: Array, length: float, limits: Lim
     """The fastest jerk-limited motion on a straight line, from rest to rest.
 
     Args:
-        start: Where it begins, shape (nq,).
+        start: First configuration, shape (nq,).
         direction: Unit vector, shape (nq,).
-        length: How far it goes [rad].
-        limits: Velocity, acceleration and jerk limits, finite for joints that move.
+        length: Length of the line [rad].
+        limits: Velocity, acceleration and jerk limits, finite for moving joints.
 
     Raises:
         RetimingError: Ruckig fails.
@@ -68,7 +68,7 @@ def jerk_limited_line(start: Array, direction: Array, length: float, limits: Lim
 
 
 def times_along(line: Pieces, direction: Array, distances: Array) -> Array:
-    """When a motion along a straight line has gone some distances [s].
+    """Times at which a motion along a straight line has covered some distances [s].
 
     Args:
         line: The motion; it never goes back.

@@ -1,8 +1,8 @@
-"""A polyline of several arms at the velocity limits, and random changes of it that may save time.
+"""A polyline of several arms timed at the velocity limits, and random changes that may save time.
 
-Arms that take longest on an edge decide how long it takes, so mostly these change. A waypoint moves toward one of its
-neighbors or toward the line between them: that of one arm, or of all. Or one arm goes between two waypoints by way of a
-random configuration, past another arm on its other side, where no small change leads.
+The slowest arms on an edge determine its duration, so mostly these are changed. A waypoint of one arm, or of all, moves
+toward one of its neighbors or toward the line between them. Alternatively one arm moves between two waypoints via a
+random configuration, e.g. past another arm on its other side, which small changes cannot reach.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.robot.joint_limits import Limits
 
-# How often a waypoint of one arm moves, and one of all arms; else one arm goes through a random configuration.
+# Probabilities that a waypoint of one arm moves, and of all arms; otherwise one arm goes via a random configuration.
 _ONE, _ALL = 0.5, 0.25
-# Weight of an arm in the choice: its share of the edge's time to this power, and at least that.
+# Weight of an arm in the choice: its share of the edge's time to this power, and the least weight.
 _POWER, _LEAST = 3, 1e-3
-_AWAY = 0.5  # largest standard deviation of a random configuration, as a share of the arm's way
+_AWAY = 0.5  # largest standard deviation of a random configuration, as a share of the arm's displacement
 
 
 class PacedPolyline:
-    """A polyline on a clock on which each edge takes as long as its slowest joint does at the velocity limit.
+    """A timed polyline, on which the duration of each edge is that of its slowest joint at the velocity limit.
 
     Args:
         points: Waypoints, no two consecutive ones equal, shape (n, nq).
-        limits: Of the joints; without a velocity limit, 1 counts.
+        limits: Limits of the joints; a missing velocity limit counts as 1.
         columns: Joints of each arm.
     """
 
@@ -37,13 +37,13 @@ class PacedPolyline:
         durations = steps.max(axis=1, initial=0.0)
         self._times = np.concatenate([[0.0], np.cumsum(durations)])
         shares = np.column_stack([steps[:, own].max(axis=1) for own in columns]) / durations[:, None]
-        # Of the arms at each inner waypoint, on the edge on which they are slower.
+        # Weights of the arms at each inner waypoint, from the adjacent edge on which they are slower.
         weights = np.maximum(shares[:-1], shares[1:]) ** _POWER + _LEAST
-        # Up to each arm but the last, so that a number below 1 always belongs to one.
+        # Cumulative up to each arm except the last, so that a number below 1 always selects an arm.
         self._chances = (np.cumsum(weights, axis=1) / weights.sum(axis=1, keepdims=True))[:, :-1]
 
     def replaced(self, points: Array) -> PacedPolyline:
-        """The polyline of other waypoints."""
+        """The polyline with other waypoints."""
         return PacedPolyline(points, self._limits, self._columns)
 
     def changed(self, rng: np.random.Generator) -> Array:
@@ -56,7 +56,7 @@ class PacedPolyline:
         return self._pulled(rng, row, arm if kind < _ONE else slice(None))
 
     def _pulled(self, rng: np.random.Generator, row: int, columns: slice) -> Array:
-        """A waypoint nearer to the one before it, to the one behind it, or to the line between them."""
+        """Move a waypoint toward the previous one, the next one, or the line between them."""
         before, here, after = self.points[row - 1 : row + 2, columns]
         toward = int(rng.integers(4))
         if toward < 2:
@@ -69,7 +69,7 @@ class PacedPolyline:
         return made
 
     def _led_away(self, rng: np.random.Generator, row: int, columns: slice) -> Array:
-        """One arm between two waypoints by way of a random configuration at another one."""
+        """Lead one arm between two waypoints via a random configuration."""
         first, last = int(rng.integers(row)), int(rng.integers(row + 1, len(self.points)))
         begin, end = self.points[first, columns], self.points[last, columns]
         times = self._times[first : last + 1]

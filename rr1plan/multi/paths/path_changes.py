@@ -1,7 +1,7 @@
-"""Random changes of a polyline: shortcuts, and waypoints that move, come in or straighten out.
+"""Random changes of a polyline: shortcuts, and waypoints that are moved, inserted or straightened.
 
-Most changes shorten a path where other agents leave room; some lengthen it, because a longer path that nobody else
-crosses may be the faster one.
+Most changes shorten a path where other agents leave room; some lengthen it, because a longer path that no other agent
+crosses may be faster.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from rr1plan.robot.joint_limits import Limits
 
 # Standard deviation of the displacement of a waypoint, as a share of the path length.
 _DISPLACEMENT = 0.1
-# Kinds of changes: a shortcut, a waypoint that comes in, one that moves, a new one.
+# Kinds of changes: a shortcut, straightening at a waypoint, moving a waypoint, inserting one.
 _SHORTCUT, _STRAIGHTEN, _MOVE, _INSERT = range(4)
 _KINDS = (_SHORTCUT, _STRAIGHTEN, _MOVE, _INSERT)
 
@@ -24,7 +24,7 @@ def changed_waypoints(waypoints: Array, limits: Limits, rng: np.random.Generator
     Args:
         waypoints: The polyline, without repeated waypoints, shape (n, nq), n >= 2.
         limits: Position limits.
-        rng: Where random numbers come from.
+        rng: Source of random numbers.
 
     Returns:
         Waypoints, shape (m, nq).
@@ -48,13 +48,13 @@ def changed_waypoints(waypoints: Array, limits: Limits, rng: np.random.Generator
 
 
 def _shortcut(waypoints: Array, rng: np.random.Generator) -> Array:
-    """Two random points joined by a straight line."""
+    """Connect two random points by a straight line."""
     (a, one), (b, two) = sorted((_random_point(waypoints, rng) for _ in range(2)), key=lambda found: found[0])
     return np.vstack([waypoints[:a], one, two, waypoints[b:]])
 
 
 def _straightened(waypoints: Array, rng: np.random.Generator) -> Array:
-    """A waypoint closer to the line between its neighbors, often on it."""
+    """Move a waypoint toward the line between its neighbors, often onto it."""
     row = 1 + int(rng.integers(len(waypoints) - 2))
     before, corner, after = waypoints[row - 1 : row + 2]
     line = after - before
@@ -65,7 +65,7 @@ def _straightened(waypoints: Array, rng: np.random.Generator) -> Array:
 
 
 def _random_point(waypoints: Array, rng: np.random.Generator) -> tuple[int, Array]:
-    """A random point on the polyline, and the row of the waypoint behind it."""
+    """A random point on the polyline, and the row of the waypoint after it."""
     borders = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1))])
     at = rng.random() * borders[-1]
     row = min(int(np.searchsorted(borders, at, side="right")), len(waypoints) - 1)

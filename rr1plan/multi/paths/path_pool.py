@@ -1,7 +1,7 @@
-"""Path pools: several paths of one agent, found by the planner of single arms among others that stand still.
+"""Path pools: several paths of one agent, found by the planner of single arms among stationary ones.
 
-The first path of a pool knows nothing of the others. Later ones are detours: around the goals or the starts of others,
-and through random configurations, which gives idle agents a way to step aside and come back.
+The first path of a pool ignores the others. Later ones are detours: around the goals or the starts of others, and
+through random configurations, which lets idle agents step aside and return.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from rr1plan.planning import Budget, PlanResult, PlanStatus
 from rr1plan.scene.problem import JointGoal, Problem
 
 _SHORTCUTS = 48
-_ITERATIONS = 2000  # of the planner, for each arm of an agent
-# Rounds of shortcuts in time, and how many are tried in each, for each arm of an agent.
+_ITERATIONS = 2000  # of the planner, per arm of an agent
+# Rounds of shortcuts in time, and tries in each, per arm of an agent.
 _ROUNDS_IN_TIME, _SHORTCUTS_IN_TIME = 2, 25
 CHANGES = 50
-"""Random changes of a path that is refined, for each arm of an agent."""
+"""Number of random changes in the refinement of a path, per arm of an agent."""
 _NO_LIMIT = 2**62
-_SAMPLES = 20  # random configurations that are tried for one to go through
+_SAMPLES = 20  # random configurations tried as intermediate point
 
 
 class PathPool:
@@ -40,13 +40,13 @@ class PathPool:
 
     Args:
         agent: The agent.
-        margin: Distance that they keep from all that stands still, beyond the padding [m].
+        margin: Distance that they keep from stationary objects in addition to the padding [m].
         rng: Where random numbers come from.
-        watch: Says when to give up (default: never).
+        watch: Deadline (default: none).
 
     Attributes:
-        paths: Those found so far.
-        impossible: The last search has proven that there is no path among what stands still.
+        paths: The paths found so far.
+        impossible: Whether the last search has proven that there is no path among stationary objects.
     """
 
     def __init__(self, agent: Agent, margin: float, rng: np.random.Generator, watch: Stopwatch | None = None) -> None:
@@ -58,17 +58,17 @@ class PathPool:
     def add(
         self, others: Mapping[str, Array | None], *, detour: bool = False, effort: int = 0, patient: bool = False
     ) -> tuple[AgentPath | None, str]:
-        """Look for one more path.
+        """Search for another path.
 
         Args:
-            others: Moving arms of the problem that it has to avoid, each in a configuration (nq,).
+            others: Moving arms of the problem that it has to avoid, each at a configuration (nq,).
             detour: Whether it has to go through a random configuration.
-            effort: How often to double the iterations after which a hard search is given up.
-            patient: Whether to use all of the time, and then to look for a hint why there is no path; else a hard
-                search is given up soon.
+            effort: Number of doublings of the iterations after which a hard search is abandoned.
+            patient: Whether to use all of the time, and then to search for a hint why there is no path; otherwise a
+                hard search is abandoned early.
 
         Returns:
-            The path, which is part of the pool now, or None and why there is none.
+            The path, which has been added to the pool, or None and the reason.
         """
         question = self.agent.question(others, self.margin)
         via = self._via(question) if detour else None
@@ -79,7 +79,7 @@ class PathPool:
             result = self._plan(leg, effort, patient=patient)
             self.impossible = result.status is PlanStatus.INFEASIBLE
             if result.path is None:
-                # The callback of a planner within the search also ends it when the time is over.
+                # The planner's callback also ends the search when the time is over.
                 late = result.status is PlanStatus.CANCELLED and not self._watch.cancelled
                 return None, f"no path found in {self._watch.seconds:.3g} s" if late else result.reason
             parts.append(result.path)
@@ -89,7 +89,7 @@ class PathPool:
             return None, str(error)
 
     def _shortened(self, parts: Sequence[Path], question: Problem) -> list[Array]:
-        """Waypoints of each part of a path, shortened by itself; each begins where the one before ends."""
+        """Waypoints of each part of a path, shortened separately; each part begins where the previous one ends."""
         shorter: list[Array] = []
         with checker_from_pool(question.scene, question.arms, self.margin) as checker:
             for part in parts:
@@ -101,16 +101,16 @@ class PathPool:
                     seconds=self._watch.time_left,
                     rng=self._rng,
                 ).waypoints
-                # Of joints that wrap, the planner may end some turns farther.
+                # For joints that wrap, the planner may end some whole turns away.
                 shorter.append(points + (shorter[-1][-1] - points[0]) if shorter else points)
         return shorter
 
     def add_shortened(self, parts: Sequence[Path], question: Problem | None = None) -> AgentPath:
-        """Shorten a path that is certified, round its corners, and add it.
+        """Shorten a certified path, round its corners, and add it.
 
         Args:
-            parts: The path in parts, each shortened by itself.
-            question: What it avoids (default: all that stands still).
+            parts: The path in parts, each shortened separately.
+            question: The problem with the objects to avoid (default: all stationary ones).
 
         Raises:
             RetimingError: it cannot be timed under the limits.
@@ -123,7 +123,7 @@ class PathPool:
         return path
 
     def add_faster(self, path: AgentPath) -> AgentPath:
-        """Add a path made from another one by shortcuts in time; a path of a few waypoints may not get faster.
+        """Add a path made from another one by shortcuts in time; a path with few waypoints may not get faster.
 
         Args:
             path: A path of the agent.
@@ -133,7 +133,7 @@ class PathPool:
         """
         question, points = self.agent.question({}, self.margin), path.path.waypoints
         with checker_from_pool(question.scene, question.arms, self.margin) as checker:
-            # In turn with shortcuts that save length, and so corners, which take time.
+            # Alternating with shortcuts that save length, and thereby corners, which cost time.
             for _ in range(_ROUNDS_IN_TIME if self._watch.goes_on() else 0):
                 attempts = _SHORTCUTS_IN_TIME * len(self.agent.arms)
                 points = shorten_in_time(points, self.agent, checker, self._rng, self._watch, attempts)
@@ -148,7 +148,7 @@ class PathPool:
         return self.add_shortened([Path(self.agent.joint_names, points)])
 
     def add_refined(self, path: AgentPath) -> AgentPath:
-        """Add a path made from another one by random changes that save time, or that path if none does.
+        """Add a path made from another one by random changes that save time, or the same path if none does.
 
         Args:
             path: A path of the agent, of several arms.
@@ -187,7 +187,7 @@ class PathPool:
 
 
 def _split(question: Problem, via: Array) -> list[Problem]:
-    """From the start to a configuration, and from there to the goal."""
+    """The problems from the start to a configuration, and from there to the goal."""
     scene, arms = question.scene, question.arms
     middle = scene.split(via, arms)
     begin = {name: q for name, q in scene.split(question.start, arms).items() if name in arms}

@@ -1,7 +1,7 @@
-"""Random changes of an agent's path that are certified, of which those are kept that save time.
+"""Certified random changes of an agent's path; those that save time are kept.
 
-A change is timed before it is certified, with corners as round as their edges allow: most would save nothing.
-Most edges and corners of a changed path are those of the path before, so each is certified once.
+A change is timed before it is certified, with corners as round as their edges allow, because most changes save nothing.
+Most edges and corners of a changed path belong to the previous path, so each is certified once.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class PathRefiner:
 
         Args:
             path: A certified path.
-            longest: Duration from which on a path is of no use [s].
+            longest: Duration above which a path is useless [s].
 
         Returns:
-            The path; None where the change is not free, or of no use.
+            The path; None if the change is not free, or useless.
         """
         if path.segments == 0:
             return None
@@ -67,12 +67,12 @@ class PathRefiner:
         return made if made.fastest < longest else None
 
     def refine(self, path: AgentPath, changes: int, goes_on: Callable[[], bool]) -> AgentPath:
-        """The path of several arms after random changes, of which those are kept that save time.
+        """The path of several arms after random changes, keeping those that save time.
 
         Args:
             path: A certified path.
-            changes: How many to try, at most.
-            goes_on: Whether there is time for another one.
+            changes: Largest number of changes to try.
+            goes_on: Whether there is time for another change.
         """
         agent = path.agent
         best = PacedPolyline(clean(path.path.waypoints), agent.limits, list(agent.columns.values()))
@@ -97,12 +97,12 @@ class PathRefiner:
 
 
 def estimated_duration(points: Array, agent: Agent, checker: CurveChecker | None) -> float:
-    """About how long an agent takes along a polyline with rounded corners, or with stops if it rounds none [s].
+    """Approximate duration of an agent's motion along a polyline with rounded corners, or with stops at them [s].
 
     Args:
         points: Cleaned waypoints, shape (n, nq).
         agent: The agent.
-        checker: What certifies rounded corners; None for corners as round as their edges allow.
+        checker: Certifies rounded corners; None for corners as round as their edges allow.
     """
     rounded = agent.timing.method == "blend"
     sizes = blend_sizes(points, LARGEST_BLEND, checker) if rounded else np.zeros(len(points))

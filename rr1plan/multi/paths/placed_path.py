@@ -18,7 +18,7 @@ def placed_path(
     Args:
         bodies: The bodies.
         q: A configuration of each node, shape (2 leaves + 2, nq).
-        reach: How far each column gets from there, same shape.
+        reach: Largest deviation of each column from it, same shape.
         is_empty: 1 for nodes without anything, shape (2 leaves + 2,).
         cell: Row of coordination diagrams of each leaf and both ends, shape (leaves + 2,).
     """
@@ -44,7 +44,7 @@ def placed_path(
 
 
 def placed_configuration(bodies: AgentBodies, q: Array) -> CStruct:
-    """The bodies in one configuration (nq,): a path of a start and nothing else."""
+    """The bodies in one configuration (nq,), as a path that consists of a start only."""
     nodes = np.zeros((4, len(q)))
     nodes[2] = q
     empty = np.array([1, 1, 0, 1])

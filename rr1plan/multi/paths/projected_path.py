@@ -17,10 +17,10 @@ class ProjectedPath(AgentPath):
 
     Args:
         agent: These arms.
-        curve: The curve; its parameter is not its length.
+        curve: The curve, not parameterized by length.
         grid: Its segments.
         halts: Gridpoints at which every motion stops.
-        ends: Where it begins and ends, shape (2, nq).
+        ends: First and last configuration, shape (2, nq).
     """
 
     def __init__(self, agent: Agent, curve: Curve, grid: Grid, halts: tuple[int, ...], ends: Array) -> None:

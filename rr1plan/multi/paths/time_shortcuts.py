@@ -1,10 +1,10 @@
 """Shortcuts of a path of several arms that save time rather than length.
 
-A shortcut joins two random instants by straight lines, of one arm while the others go on as they were, or of all
+A shortcut connects two random instants by straight lines, for one arm while the others keep their motions, or for all
 (partial shortcuts: Geraerts and Overmars, Creating high-quality paths for motion planning, 2007; of arms: Huang et al.,
-Benchmarking shortcutting techniques for multi-robot-arm motion planning, 2025). So arms that moved one after the other
-come to move at the same time. An edge takes as long as its slowest joint does from rest to rest; where corners are
-rounded later, the motion is faster.
+Benchmarking shortcutting techniques for multi-robot-arm motion planning, 2025). Arms that moved one after the other
+then move at the same time. An edge takes as long as its slowest joint does from rest to rest; the motion gets faster
+when corners are rounded later.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.robot.joint_limits import Limits
 
 # A shortcut has to save this share of the duration. A share of the mean time of the joints counts, too, so that arms
-# take shorter paths while others decide how long an edge takes.
+# take shorter paths while others determine the duration of an edge.
 _LEAST_GAIN, _WAY = 1e-3, 0.1
 # Consecutive shortcuts without a gain after which the search stops, for each arm.
 _PATIENCE = 40
-_ALL = 0.15  # how often all arms are joined straight, and not only one
+_ALL = 0.15  # probability that a shortcut applies to all arms instead of one
 
 
 def shorten_in_time(
@@ -40,7 +40,7 @@ def shorten_in_time(
         agent: The arms.
         checker: Certifies edges of their joints.
         rng: Where random numbers come from.
-        watch: Says when to stop.
+        watch: Deadline.
         attempts: Shortcuts to try, at most.
 
     Returns:
@@ -68,11 +68,11 @@ def shorten_in_time(
 
 
 def joint_times(steps: Array, limits: Limits) -> Array:
-    """How long each joint takes for some differences of configurations from rest to rest [s], shape (n, nq).
+    """Duration of each joint's motion from rest to rest over some differences [s], shape (n, nq).
 
     Args:
         steps: Differences, shape (n, nq).
-        limits: Of the joints; without a limit, 1 counts.
+        limits: Limits of the joints; a missing limit counts as 1.
     """
     velocity, acceleration = (np.where(np.isfinite(most), most, 1.0) for most in (limits.velocity, limits.acceleration))
     far = np.abs(steps)
@@ -82,7 +82,7 @@ def joint_times(steps: Array, limits: Limits) -> Array:
 
 
 def _straightened(section: Array, times: Array, begin: float, end: float, columns: slice) -> Array:
-    """A section on which one arm moves straight, at the pace of the clock."""
+    """A section on which one arm moves in a straight line, at constant speed."""
     new = section.copy()
     share = ((times - begin) / (end - begin))[:, None]
     new[1:-1, columns] = section[0, columns] + share * (section[-1, columns] - section[0, columns])
@@ -90,10 +90,10 @@ def _straightened(section: Array, times: Array, begin: float, end: float, column
 
 
 class _TimedPolyline:
-    """A polyline on a clock.
+    """A timed polyline.
 
     Args:
-        points: Waypoints, repeated ones are dropped, shape (n, nq).
+        points: Waypoints, shape (n, nq); repeated ones are dropped.
         limits: Of its joints.
 
     Attributes:
@@ -114,7 +114,7 @@ class _TimedPolyline:
         return float(times.max(axis=1).sum() + _WAY * times.mean(axis=1).sum())
 
     def at(self, time: float) -> Array:
-        """Where the arms are at an instant, shape (nq,)."""
+        """Configuration of the arms at an instant, shape (nq,)."""
         row = min(int(np.searchsorted(self.times, time, side="right")), len(self.times) - 1)
         share = (time - self.times[row - 1]) / (self.times[row] - self.times[row - 1])
         return np.asarray(self.points[row - 1] + share * (self.points[row] - self.points[row - 1]))

@@ -31,10 +31,10 @@ from rr1plan.shapes.shapes import HalfSpace
 from rr1plan.transforms import pose
 
 CLEARANCE = 2e-3
-"""Smallest distance of starts and goals to everything that does not move with them [m]."""
+"""Smallest distance of starts and goals from all bodies that do not move with them [m]."""
 
 Draw = Callable[[np.random.Generator], Array | None]
-"""Draws a configuration of one arm, shape (nq,); None where that failed."""
+"""Draws a configuration of one arm, shape (nq,); None on failure."""
 
 
 class ToolBox(NamedTuple):
@@ -52,11 +52,11 @@ class ToolBox(NamedTuple):
 
 
 _ROUNDS, _DRAWS = 1000, 200
-# With inverse kinematics, which takes longer and finds room where there is some.
+# With inverse kinematics, which takes longer but finds free space if there is any.
 _BOX_ROUNDS, _BOX_DRAWS = 30, 60
 _REDRAWS = 100  # of a goal that its arm cannot reach
 _STARTS = 20  # of inverse kinematics for a point
-_SAMPLES = 400  # configurations that tell how far a robot reaches
+_SAMPLES = 400  # configurations for estimating the reach of a robot
 
 
 def sample_configurations(
@@ -71,11 +71,11 @@ def sample_configurations(
     Args:
         scene: The arms and obstacles.
         rng: Generator.
-        draws: How to draw a configuration of an arm; of those without, all joints are drawn over their full ranges.
-        advice: What to try where none are found, for the message.
+        draws: Samplers for configurations of arms; for arms without one, all joints are drawn over their full ranges.
+        advice: Advice for the message if none are found.
 
     Raises:
-        InputError: no configurations found; names the arm.
+        InputError: no configuration was found; names the arm.
     """
     near = arms_in_reach(scene, scene.arms, CLEARANCE)
     anywhere = Problem(scene, None, {arm: scene.arms[arm].q for arm in scene.arms})
@@ -97,7 +97,7 @@ def sample_configurations(
             _check_fixed_links(scene, advice)
         if failures > rounds or (not others and draws):
             raise InputError(f"no free configuration found for {arm!r} among the others; {advice}")
-        # Its neighbors may stand where its base is: they are drawn again.
+        # Its neighbors may be at the place of its base: they are drawn again.
         again = [other for other in agents if other in near[arm] and other in placed]
         for other in again:
             del placed[other]
@@ -106,10 +106,10 @@ def sample_configurations(
 
 
 def _check_fixed_links(scene: Scene, advice: str) -> None:
-    """Refuse a scene in which parts that never move touch each other, such as bases of neighbors.
+    """Reject a scene in which stationary parts touch each other, such as bases of neighbors.
 
     Raises:
-        InputError: some do; names two of them.
+        InputError: some parts touch; names two of them.
     """
     touching = CollisionChecker(scene, tuple(scene.arms)).static_contacts
     if touching:
@@ -117,7 +117,7 @@ def _check_fixed_links(scene: Scene, advice: str) -> None:
 
 
 def tool_in_box(scene: Scene, arm: str, box: ToolBox) -> Draw:
-    """Draw configurations with an arm's tool at random points of a box, turned in any way.
+    """Draw configurations with an arm's tool at random points of a box, in any orientation.
 
     Args:
         scene: The arms and obstacles.
@@ -145,10 +145,10 @@ def _anywhere(robot: Robot) -> Draw:
 
 
 def one_turn(robot: Robot) -> tuple[Array, Array]:
-    """The ranges that configurations are drawn from: those of the joints, of which at most half a turn around home.
+    """The sampling ranges of configurations: those of the joints, limited to half a turn on either side of home.
 
-    Of two configurations a whole turn of a joint apart one can often not be reached from the other, as there is a floor
-    or the arm itself between them.
+    Of two configurations a whole turn of a joint apart, one often cannot be reached from the other, because a floor or
+    the arm itself is in between.
 
     Args:
         robot: A robot whose prismatic joints have limits.
@@ -167,7 +167,7 @@ def one_turn(robot: Robot) -> tuple[Array, Array]:
 
 
 def _turned_back(robot: Robot, q: Array) -> Array:
-    """The same configuration with joints that have more than one turn as near to home as their limits allow."""
+    """The same configuration, with joints whose range exceeds one turn as near to home as their limits allow."""
     low, high = one_turn(robot)
     turned = q - 2.0 * np.pi * np.round((q - robot.home) / (2.0 * np.pi))
     return np.asarray(np.where((q < low) | (q > high), np.where((turned >= low) & (turned <= high), turned, q), q))
@@ -180,21 +180,21 @@ def problem_between(
     rng: Seed = None,
     draws: Mapping[str, Draw] | None = None,
 ) -> Problem:
-    """The problem of all arms, without goals that a joint cannot reach past what is between.
+    """The problem of all arms, without goals that a joint cannot reach because of obstacles in between.
 
-    A robot that stands on a floor gets its upper arm from one side to the other over the top only, and shapes of two
-    links may leave no way past each other. Such a goal is put a turn away where the joint has a turn that leads to it,
-    and is drawn again otherwise.
+    A robot on a floor can move its upper arm from one side to the other only over the top, and the shapes of two links
+    may block each other. Such a goal is shifted by a whole turn if that makes it reachable, and is drawn again
+    otherwise.
 
     Args:
         scene: The arms and obstacles.
-        starts: Where each arm begins, shape (nq,).
-        goals: Where each arm ends, shape (nq,).
-        rng: Seed of goals that are drawn again.
-        draws: How to draw a goal of an arm; of those without, all joints are drawn over their full ranges.
+        starts: Start of each arm, shape (nq,).
+        goals: Goal of each arm, shape (nq,).
+        rng: Seed for redrawn goals.
+        draws: Samplers for goals of arms; for arms without one, all joints are drawn over their full ranges.
 
     Raises:
-        InputError: no goal that an arm can reach is found.
+        InputError: no goal was found that an arm can reach.
     """
     given, ends, generator = Problem(scene, starts, goals), dict(goals), as_generator(rng)
     agents = {arm: Agent(given, [arm]) for arm in given.arms}
@@ -216,7 +216,7 @@ def problem_between(
 
 
 def _on_reachable_turn(agent: Agent, start: Array, goal: Array) -> Array | None:
-    """A goal of an arm, or the same a turn of a joint away; None where neither can be reached from a start."""
+    """A goal of an arm, or the same goal a turn of a joint away; None if neither can be reached from a start."""
     barred = _barred_joint(agent, start, goal)
     if barred is None:
         return goal
@@ -227,7 +227,7 @@ def _on_reachable_turn(agent: Agent, start: Array, goal: Array) -> Array | None:
 
 
 def _barred_joint(agent: Agent, start: Array, goal: Array) -> int | None:
-    """A joint of an arm that cannot get from a start to a goal, past links of the arm or what stands still."""
+    """A joint of an arm that links of the arm or stationary objects block between a start and a goal."""
     (arm,) = agent.arms
     robot = agent.problem.scene.arms[arm].robot
     for joint, low, high in _own_bands(robot):
@@ -257,7 +257,7 @@ def _free_among(
     with checker_from_pool(question.scene, question.arms) as checker:
         for _ in range(tries if checker.static_is_free else 0):
             q = draw(rng)
-            # A base may stand nearer to the floor.
+            # A base may be nearer to the floor.
             if q is None or checker.moving_clearance(q, 2.0 * CLEARANCE) < needed:
                 continue
             own = placed_configuration(agent.bodies, q)
@@ -268,7 +268,7 @@ def _free_among(
 
 @lru_cache(maxsize=64)
 def _own_clearance(robot: Robot) -> float:
-    """`CLEARANCE`, or less where links of a robot are nearer to each other nearly everywhere [m]."""
+    """`CLEARANCE`, or less if links of a robot are nearer to each other in nearly all configurations [m]."""
     checker, low_high = CollisionChecker(Scene().with_arm("arm", robot)), one_turn(robot)
     drawn = np.random.default_rng(0).uniform(*low_high, (_SAMPLES, robot.nq))
     usual = float(np.quantile([checker.moving_clearance(q, CLEARANCE) for q in drawn], 0.9))
@@ -276,10 +276,10 @@ def _own_clearance(robot: Robot) -> float:
 
 
 def check_robot(robot: Robot) -> None:
-    """Refuse a robot of which no configurations can be drawn.
+    """Reject a robot for which no configurations can be drawn.
 
     Raises:
-        InputError: not a robot, or one with prismatic joints that have no position limits.
+        InputError: not a robot, or one with prismatic joints without position limits.
     """
     of_kind("robot", robot, Robot)
     for name, low, high in zip(robot.joint_names, *one_turn(robot), strict=True):
@@ -310,12 +310,12 @@ def front_of(robot: Robot, front: Array | None = None) -> Array:
 
 
 def facing(robot: Robot, place: tuple[float, float], angle: float) -> tuple[Array, Array]:
-    """A base with which a robot's front points to an angle, and the frame there whose x axis points ahead.
+    """A base pose for which a robot's front points to an angle, and the frame there whose x axis points forward.
 
     Args:
         robot: The robot.
-        place: Where it stands, x and y [m].
-        angle: Where its front points [rad].
+        place: Position of the base, x and y [m].
+        angle: Direction of its front [rad].
     """
     ahead = front_of(robot)
     turn = math.remainder(angle - math.atan2(ahead[1], ahead[0]), 2.0 * math.pi)
@@ -324,7 +324,7 @@ def facing(robot: Robot, place: tuple[float, float], angle: float) -> tuple[Arra
 
 
 def floor_under(*robots: Robot) -> HalfSpace:
-    """The floor on which robots stand: at the height of their base frames, or lower where their bases reach down to it.
+    """The floor on which robots stand: at the height of their base frames, or lower if their bases extend below them.
 
     Args:
         robots: The robots.
@@ -340,7 +340,7 @@ def _floor_height(robot: Robot) -> float:
         for link in robot.links
         if link.collisions and np.array_equal(home[link.name], other[link.name])
     }
-    # Contact of the base link alone is allowed.
+    # Only contact of the base link is allowed.
     if all(height >= CLEARANCE for link, height in lowest.items() if link != robot.base):
         return 0.0
     return min(lowest.values()) - CLEARANCE

@@ -1,7 +1,7 @@
 """Seeded problems of many arms: random queries on a grid, reaches on a table, swaps in a ring, two arms at a shelf.
 
-All starts and goals are checked: no arm touches the scene or another arm. Problems in cells with more
-around the arms are in `workcell_problems.py`.
+All starts and goals are checked: no arm touches the scene or another arm. Problems in work cells with more obstacles
+are in `workcell_problems.py`.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from rr1plan.shapes.shapes import Box
 from rr1plan.transforms import pose
 
 _ATTEMPTS = 100  # at a ring or a shelf
-# Attempts at a ring after which it is given up if all arms reached neither their starts nor their goals in any: where
-# they do in one of ten or fewer, they hardly ever reach both.
+# Attempts at a ring after which it is abandoned if in none of them all arms reached their starts or all reached their
+# goals: if that succeeds in at most one of ten, they hardly ever reach both.
 _HOPELESS = 25
-# Attempts at a ring whose swaps lead across it, and the box of each arm's tool then, as shares of the radius: along the
-# line from the middle to the arm, across it, and up.
+# Attempts at a ring with swaps across it, and the box for each arm's tool in this case, as shares of the radius: along
+# the line from the center to the arm, across it, and up.
 _CROSSINGS, _ACROSS = 10, ((-0.1, -0.25, 0.2), (0.1, 0.25, 1.3))
 
 
@@ -48,8 +48,8 @@ def random_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng:
     """Arms on a grid, each from one random configuration to another over the full range of its joints.
 
     Args:
-        robot: The robot all of them are, whose joints have limits; or several robots, which take turns.
-        count: How many arms.
+        robot: The robot of all arms, whose joints have limits; or several robots, used alternately.
+        count: Number of arms.
         spacing: Distance between neighbors [m].
         rng: Seed.
 
@@ -63,10 +63,10 @@ def random_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng:
 
 
 def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: Seed = None) -> Problem:
-    """Arms on a grid on a table, turned at random; each tool gets from one point above the table to another.
+    """Arms on a grid on a table, with random headings; each tool moves from one point above the table to another.
 
-    Points are in front of an arm, up to nine tenths of its reach away, and from 5 cm (of arms that
-    reach less than 20 cm, a quarter of it) to half its reach above the table, so that many are within reach of others.
+    Points are in front of an arm, up to nine tenths of its reach away, and from 5 cm (for arms with a reach below 20
+    cm, a quarter of it) to half its reach above the table, so that many are within reach of other arms.
 
     Args:
         robot: As in `random_grid`.
@@ -95,7 +95,7 @@ def reach_grid(robot: Robot | Sequence[Robot], count: int, spacing: float, rng: 
 
 
 def _grid(robot: Robot | Sequence[Robot], count: int, spacing: float) -> Scene:
-    """Arms of one or several robots on a grid that is as square as their number allows."""
+    """Arms of one or several robots on a grid, as square as their number allows."""
     robots = (robot,) if isinstance(robot, Robot) else items_of("robot", robot, "robots")
     if not robots:
         raise InputError("robot is an empty sequence, expected at least one Robot")
@@ -114,17 +114,17 @@ def _grid(robot: Robot | Sequence[Robot], count: int, spacing: float) -> Scene:
 def ring_swap(
     robot: Robot, count: int, radius: float, step: int = 1, rng: Seed = None, *, front: Array | None = None
 ) -> Problem:
-    """Arms in a ring around a plank; the tool of each has to get where that of another one was.
+    """Arms in a ring around a plank; the tool of each has to reach the start position of another arm's tool.
 
     Args:
-        robot: The robot all of them are.
-        count: How many.
+        robot: The robot of all arms.
+        count: Number of arms.
         radius: Radius of the circle of their bases [m].
-        step: How many places farther its goal is: 1 for the neighbor's tool point, count // 2 for the opposite one;
-            for others than neighbors tool points are nearer to the middle.
+        step: Number of places to the arm whose tool point is the goal: 1 for the neighbor, count // 2 for the opposite
+            one; for arms other than neighbors, tool points are nearer to the center.
         rng: Seed.
-        front: Which way the robot's front points in its base frame, shape (3,) (default: the axis nearest to
-            its tool at home).
+        front: Direction of the robot's front in its base frame, shape (3,) (default: the axis nearest to its tool at
+            home).
 
     Raises:
         InputError: numbers out of range, or no collision-free configurations of all arms.
@@ -163,7 +163,7 @@ def ring_swap(
 
 
 def _swap_across(scene: Scene, radius: float, step: int, rng: np.random.Generator) -> Problem:
-    """A swap of tool points with arms farther away, at points near the middle that two arms reach each."""
+    """A swap of tool points with arms farther away, at points near the center, each within reach of two arms."""
     arms, reason = list(scene.arms), ""
     for _ in range(_CROSSINGS):
         try:
@@ -187,10 +187,10 @@ def _swap_across(scene: Scene, radius: float, step: int, rng: np.random.Generato
 
 
 def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Array | None = None) -> Problem:
-    """Two arms side by side before a shelf; each tool goes from one bay to another, which may be the other arm's.
+    """Two arms side by side in front of a shelf; each tool moves from one bay to another, which may be the other arm's.
 
     Args:
-        robot: The robot both are.
+        robot: The robot of both arms.
         spacing: Distance between their bases [m].
         rng: Seed.
         front: As in `ring_swap`.
@@ -227,7 +227,7 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
 
 
 def _reaching(scene: Scene, points: Mapping[str, Array], rng: np.random.Generator) -> tuple[dict[str, Array], str]:
-    """Collision-free configurations of all arms with their tools at given points; or none, and why."""
+    """Collision-free configurations of all arms with their tools at given points; or none, and the reason."""
     aims = {arm: PoseGoal("tool", point) for arm, point in points.items()}
     problem = Problem(scene, None, aims)
     agents = {arm: Agent(problem, [arm]) for arm in problem.arms}
@@ -236,6 +236,6 @@ def _reaching(scene: Scene, points: Mapping[str, Array], rng: np.random.Generato
 
 
 def _draws_at(scene: Scene, points: Mapping[str, Array]) -> dict[str, Draw]:
-    """How to draw configurations of all arms with their tools at given points."""
+    """Samplers for configurations of all arms with their tools at given points."""
     here = (0.0, 0.0, 0.0)
     return {arm: tool_in_box(scene, arm, ToolBox(pose(point), here, here)) for arm, point in points.items()}

@@ -1,7 +1,7 @@
 """Seeded problems of many arms in work cells: a hand-over through a window, a shared bin, a conveyor, shelves.
 
-Sizes of the things that arms work on are fixed; where arms stand follows from how far they reach. All starts and goals
-are checked: no arm touches the scene or another arm.
+Sizes of obstacles are fixed; positions of arms follow from their reach. All starts and goals are checked: no arm
+touches the scene or another arm.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ _BLUE: Color = (0.29, 0.48, 0.65, 1.0)
 _THICK = 0.02  # of walls and boards [m]
 _BIN = (0.40, 0.30, 0.20)  # outer sides of the bin [m]
 _BELT = (0.30, 0.10)  # width and height of the conveyor [m]
-_WINDOWS = (0.05, 1.0)  # widths of windows that make sense [m]
+_WINDOWS = (0.05, 1.0)  # allowed widths of windows [m]
 
 Sides = tuple[float, float, float]
 
 
 class _Cell:
-    """A scene in the making: arms, each with a frame on the floor whose x axis points where the arm looks."""
+    """A scene under construction: arms, each with a frame on the floor whose x axis points along the arm's front."""
 
     def __init__(self, name: str, robot: Robot) -> None:
         self.robot = robot
@@ -51,14 +51,14 @@ class _Cell:
         self.frames: dict[str, Array] = {}
 
     def add_arm(self, place: tuple[float, float], angle: float) -> str:
-        """Place one more arm that looks to an angle [rad]; its name."""
+        """Add an arm whose front points to an angle [rad]; returns its name."""
         name = f"arm{len(self.frames) + 1:02d}"
         base, self.frames[name] = facing(self.robot, place, angle)
         self.scene = self.scene.with_arm(name, self.robot, base)
         return name
 
     def add_boxes(self, name: str, color: Color, *boxes: tuple[Sides, Sides]) -> None:
-        """Add an obstacle of boxes: of each its sides and its middle [m]."""
+        """Add an obstacle of boxes, each given by its sides and its center [m]."""
         parts = [
             Geometry(f"{name}_{k}", Box(sides), pose(middle), color) for k, (sides, middle) in enumerate(boxes, start=1)
         ]
@@ -79,10 +79,10 @@ def handover_window(robot: Robot, width: float = 0.12, rng: Seed = None, *, gap:
     """Two arms on both sides of a wall, whose tools meet in a square window.
 
     Args:
-        robot: The robot both are, whose joints have limits.
+        robot: The robot of both arms, whose joints have limits.
         width: Width and height of the window [m].
         rng: Seed.
-        gap: How far from each other the origins of the tools are then [m]; RR1's fingers end 2.7 cm beyond it.
+        gap: Distance of the origins of the tools at the goal [m]; RR1's fingers end 2.7 cm beyond the tool's origin.
 
     Raises:
         InputError: a width out of range, or a window too narrow for collision-free configurations of all arms.
@@ -116,11 +116,11 @@ def handover_window(robot: Robot, width: float = 0.12, rng: Seed = None, *, gap:
 
 
 def shared_bin(robot: Robot, count: int = 4, rng: Seed = None) -> Problem:
-    """Arms around a bin of 40 x 30 x 20 cm: every second one is in it and leaves, the others come to pick.
+    """Arms around a bin of 40 x 30 x 20 cm: every second one starts in it and leaves, the others reach in to pick.
 
     Args:
         robot: The robot all of them are, whose joints have limits.
-        count: How many arms, 2 or 4.
+        count: Number of arms, 2 or 4.
         rng: Seed.
 
     Raises:
@@ -147,7 +147,7 @@ def shared_bin(robot: Robot, count: int = 4, rng: Seed = None) -> Problem:
         half = 0.5 * (x if abs(math.cos(angle)) > 0.5 else y)
         distance = half + 0.38 * far
         arm = cell.add_arm((distance * math.cos(angle), distance * math.sin(angle)), angle + math.pi)
-        # Above the rim, over the floor beside the bin.
+        # Above the rim, over the floor next to the bin.
         outer[arm] = ToolBox(cell.frames[arm], (0.1 * far, 0.35 * far, z), (0.5 * far, 0.7 * far, z + 0.4 * far))
         inner[arm] = inside
     arms = list(cell.frames)
@@ -157,11 +157,11 @@ def shared_bin(robot: Robot, count: int = 4, rng: Seed = None) -> Problem:
 
 
 def conveyor_line(robot: Robot, count: int, rng: Seed = None) -> Problem:
-    """Arms along both sides of a belt; each tool moves along it, to where the next arms reach, too.
+    """Arms along both sides of a belt; each tool moves along it into the reach of the next arms.
 
     Args:
         robot: The robot all of them are, whose joints have limits.
-        count: How many arms, on either side in turns.
+        count: Number of arms, alternating between the sides.
         rng: Seed.
 
     Raises:
@@ -189,11 +189,11 @@ def conveyor_line(robot: Robot, count: int, rng: Seed = None) -> Problem:
 
 
 def shelf_rows(robot: Robot, count: int = 8, rng: Seed = None) -> Problem:
-    """Rows of arms on both sides of a shelf; each tool goes from its bay to another level of that or the next one.
+    """Rows of arms on both sides of a shelf; each tool moves from its bay to another level of that bay or the next.
 
     Args:
         robot: The robot all of them are, whose joints have limits.
-        count: How many arms, an even number.
+        count: Number of arms, even.
         rng: Seed.
 
     Raises:
@@ -228,7 +228,7 @@ def shelf_rows(robot: Robot, count: int = 8, rng: Seed = None) -> Problem:
 
     for attempt in range(_ATTEMPTS):
         level = generator.integers(2, size=count).tolist()
-        # Each goes to its own bay or the next one.
+        # Each moves to its own bay or the next one.
         bay = np.clip(np.arange(count) // 2 + generator.integers(-1, 2, size=count), 0, bays - 1).tolist()
         starts = {arm: place(k, k // 2, level[k]) for k, arm in enumerate(arms)}
         goals = {arm: place(k, bay[k], 1 - level[k]) for k, arm in enumerate(arms)}

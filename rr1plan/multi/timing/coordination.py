@@ -1,8 +1,8 @@
-"""Coordination diagrams: which segments of two agents' paths are proven not to touch, wherever on them the agents are.
+"""Coordination diagrams: the pairs of segments of two agents' paths on which the agents are proven not to touch.
 
-A diagram has a row for the start, each segment and the goal of one path, and a column for those of the other. It knows
-no time: whatever the schedule, two agents never touch as long as at every instant the cell they are in is free
-(O'Donnell and Lozano-Pérez 1989). Cells are certified by `coordination.c`, none is sampled.
+A diagram has a row for the start, each segment and the goal of one path, and a column for those of the other. It does
+not depend on time: whatever the schedule, two agents never touch if their cell is free at every instant (O'Donnell and
+Lozano-Pérez 1989). Cells are certified by `coordination.c`, not sampled.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def coordination_diagram(
         one: A path of an agent.
         two: A path of another agent, of the same problem.
         margin: Distance to keep beyond the scene's padding [m].
-        stop: A flag, shape (1,). Once another thread sets it, the rest is left out, and no cell counts as free.
-        wanted: Which cells to look at (default: all), shape (cells of one, cells of two); others are 0, and not proven.
+        stop: A flag, shape (1,). Once another thread sets it, the rest is skipped, and no cell counts as free.
+        wanted: Cells to check (default: all), shape (cells of one, cells of two); others are 0, but not proven.
     """
     if not may_touch(one, two, margin):
         return None
@@ -59,7 +59,7 @@ def coordination_diagram(
 
 
 def are_apart(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: float = 0.0) -> bool:
-    """Whether two agents are proven collision-free in one configuration of each, also bodies that no joint moves.
+    """Whether two agents are proven collision-free in one configuration of each, including bodies that no joint moves.
 
     Args:
         one: An agent.
@@ -79,7 +79,7 @@ def _are_apart(one: Agent, two: Agent, placed: CStruct, other: CStruct, pairs: C
 
 
 def ends_are_apart(one: AgentPath, two: AgentPath, margin: float) -> bool:
-    """Whether the starts, and the goals, of two paths are proven collision-free, without bodies that no joint moves.
+    """Whether starts and goals of two paths are proven collision-free, ignoring bodies that no joint moves.
 
     Args:
         one: A path of an agent.
@@ -94,7 +94,7 @@ def ends_are_apart(one: AgentPath, two: AgentPath, margin: float) -> bool:
 
 
 def may_touch(one: AgentPath, two: AgentPath, margin: float) -> bool:
-    """Whether boxes around what the bodies of two agents sweep on their paths meet.
+    """Whether boxes around the swept volumes of two agents' bodies intersect.
 
     Args:
         one: A path of an agent.
@@ -116,7 +116,7 @@ def cross_pairs(one: Agent, two: Agent, margin: float, *, fixed: bool = False) -
         one: An agent.
         two: Another one of the same problem.
         margin: Distance to keep beyond the scene's padding [m].
-        fixed: Whether pairs count of which no joint moves either.
+        fixed: Whether to include pairs of bodies that no joint moves.
     """
     scene = one.problem.scene
     if not scene.allowed and not scene.pair_padding:
@@ -142,7 +142,7 @@ def _cross_pairs(scene: Scene, one: Agent, two: Agent, margin: float, fixed: boo
             padding[i, j] = -np.inf if scene.may_touch(first, second) else distance
     padding += margin + TOLERANCE
     if not fixed:
-        # It touches always or never, which is known before anything is planned.
+        # It is in contact always or never, which is checked before planning.
         padding[a.is_fixed[:, None] & b.is_fixed[None, :]] = -np.inf
     groups = [
         (i, j)

@@ -1,4 +1,4 @@
-"""The coordination diagrams of a problem, each computed once; several at a time on threads."""
+"""The coordination diagrams of a problem, each computed once, in parallel on threads."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import Blocked, coordination_diagram, ends_are_apart, may_touch
 from rr1plan.multi.timing.schedule import extended
 
-_FEWEST = 3  # diagrams for which threads are started
+_FEWEST = 3  # fewest diagrams for which threads are started
 
 
 class DiagramCache:
-    """Extended coordination diagrams of pairs of paths; any thread may use it.
+    """Thread-safe cache of extended coordination diagrams of pairs of paths.
 
     Args:
-        largest: No two agents need to keep more than this from each other beyond the padding [m].
-        watch: Once its time is over, new diagrams have no free cell, and are not kept (default: never).
+        largest: Largest distance that two agents keep from each other in addition to the padding [m].
+        watch: Deadline, after which new diagrams have no free cell and are not cached (default: none).
     """
 
     def __init__(self, largest: float = MARGINS[0], watch: Stopwatch | None = None) -> None:
@@ -49,7 +49,7 @@ class DiagramCache:
         return self._margins[key]
 
     def may_touch(self, one: AgentPath, two: AgentPath) -> bool:
-        """Whether boxes around what two agents sweep on their paths meet.
+        """Whether boxes around the swept volumes of two agents intersect.
 
         Args:
             one: A path of an agent.
@@ -58,7 +58,7 @@ class DiagramCache:
         return may_touch(one, two, self._sizes[0])
 
     def diagram(self, one: AgentPath, two: AgentPath) -> Blocked | None:
-        """The extended diagram of two paths; None where all of it is free.
+        """The extended diagram of two paths; None if all of it is free.
 
         Args:
             one: A path of an agent (rows).
@@ -78,10 +78,10 @@ class DiagramCache:
             return both
 
     def keep_only(self, paths: Iterable[AgentPath]) -> None:
-        """Forget all diagrams but those between some paths; not while other threads use it.
+        """Delete all diagrams except those between some paths; not while other threads use the cache.
 
         Args:
-            paths: These paths.
+            paths: The paths.
         """
         kept = set(paths)
         self._diagrams = {both: found for both, found in self._diagrams.items() if kept.issuperset(both)}
@@ -90,9 +90,9 @@ class DiagramCache:
         """Compute diagrams that will be needed.
 
         Args:
-            pairs: Of these paths.
-            threads: How many to use.
-            watch: Says when to stop.
+            pairs: Pairs of paths.
+            threads: Number of threads.
+            watch: Deadline.
         """
         if not watch.goes_on():
             return

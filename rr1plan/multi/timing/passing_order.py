@@ -1,4 +1,4 @@
-"""In which order two agents pass the cells of their coordination diagram that are not proven free."""
+"""The order in which two agents pass the cells of their coordination diagram that are not proven free."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from rr1plan.multi.timing.coordination import Blocked, coordination_diagram
 from rr1plan.multi.timing.schedule import Occupancy, Schedule, extended
 
 Cells = NDArray[np.bool_]
-"""Which steps of two agents must not be occupied at once, shape (steps of one, steps of the other)."""
+"""Steps of two agents that must not be occupied at the same time, shape (steps of one, steps of the other)."""
 
-# Distances that agents keep beyond the padding [m]: the largest with which a plan agrees.
+# Margins in addition to the padding [m]: the largest one with which a plan is compatible is used.
 PASSING_MARGINS = (*MARGINS, 0.0)
-# Agents that pass within this time of each other pass at once [s].
+# Agents that pass within this time of each other count as simultaneous [s].
 SIMULTANEOUS = 1e-6
 
 
@@ -40,8 +40,8 @@ class Precedence(NamedTuple):
     """A step of one agent that comes after a step of another.
 
     Args:
-        node: What has to wait.
-        after: What has to happen first.
+        node: The step that has to wait.
+        after: The step that has to happen first.
     """
 
     node: Step
@@ -49,15 +49,15 @@ class Precedence(NamedTuple):
 
 
 def closed_diagram(one: AgentPath, two: AgentPath, margin: float, wanted: Cells | None = None) -> Blocked | None:
-    """The extended diagram of two paths, in which rest at an end is free where the segment next to it is.
+    """The extended diagram of two paths, in which rest at an end is free if the adjacent segment is.
 
-    An end is a part of that segment, so that what is proven of the segment holds at the end.
+    An end is a part of that segment, so a proof for the segment also holds at the end.
 
     Args:
         one: A path of an agent.
         two: A path of another one.
         margin: Distance to keep beyond the padding [m].
-        wanted: Cells to look at, see `coordination_diagram` (default: all).
+        wanted: Cells to check, see `coordination_diagram` (default: all).
     """
     blocked = coordination_diagram(one, two, margin, wanted=wanted)
     if blocked is None:
@@ -70,7 +70,7 @@ def closed_diagram(one: AgentPath, two: AgentPath, margin: float, wanted: Cells 
 
 
 def shared_cells(blocked: Blocked, one: Schedule, two: Schedule) -> Cells:
-    """Which steps of two schedules must not be occupied at once.
+    """The steps of two schedules that must not be occupied at the same time.
 
     Args:
         blocked: The extended diagram of their paths.
@@ -81,9 +81,9 @@ def shared_cells(blocked: Blocked, one: Schedule, two: Schedule) -> Cells:
 
 
 def agreed_diagram(one: Schedule, two: Schedule) -> Blocked | None:
-    """The closed diagram with the largest margin with which two schedules keep an order; None where all of it is free.
+    """The closed diagram with the largest margin for which two schedules have an order; None if all of it is free.
 
-    Without any margin where they keep none.
+    If they have no order with any margin, the diagram has no margin.
 
     Args:
         one: Schedule of an agent.
@@ -101,9 +101,9 @@ def agreed_diagram(one: Schedule, two: Schedule) -> Blocked | None:
 
 
 def simultaneous_cells(one: Schedule, two: Schedule, margin: float) -> Blocked | None:
-    """The closed diagram of two schedules in the cells that they are in at once, or one right after the other.
+    """The closed diagram of two schedules, in the cells that both occupy at once or one right after the other.
 
-    These decide whether there is an order, and are few: all others are left out, as if they were free.
+    These few cells decide whether there is an order; all others are omitted, as if they were free.
 
     Args:
         one: Schedule of an agent.
@@ -119,10 +119,10 @@ def simultaneous_cells(one: Schedule, two: Schedule, margin: float) -> Blocked |
 
 
 def _rows_of(path: AgentPath, extended_rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The two rows of diagrams on which each row of closed extended ones depends; twice the same for a segment."""
+    """The two rows of diagrams on which each row of closed extended ones depends; equal for a segment."""
     last, first = path.segments + 1, extended_rows.copy()
     second = first.copy()
-    # Rest between two segments is free where either is, rest at an end where the segment next to it is.
+    # Rest between two segments is free if either segment is, rest at an end if the adjacent segment is.
     rests = first > last
     first[rests] -= last
     second[rests] = first[rests] + 1
@@ -132,9 +132,9 @@ def _rows_of(path: AgentPath, extended_rows: NDArray[np.int64]) -> tuple[NDArray
 
 
 def first_order(one: Schedule, two: Schedule, agents: tuple[int, int] = (0, 1)) -> list[Precedence] | None:
-    """The order of two agents where they pass each other at once, with the largest margin with which they keep one.
+    """The order of two agents where they pass simultaneously, with the largest margin for which there is one.
 
-    All precedences between events at one instant are among these; None if they keep no order with any margin.
+    All precedences between simultaneous events are among these; None if there is no order with any margin.
 
     Args:
         one: Schedule of an agent.
@@ -152,7 +152,7 @@ def first_order(one: Schedule, two: Schedule, agents: tuple[int, int] = (0, 1)) 
 def order_between(
     blocked: Blocked, one: Schedule, two: Schedule, agents: tuple[int, int] = (0, 1)
 ) -> list[Precedence] | None:
-    """The order in which two agents pass each other, as `passing_order` gives it.
+    """The order in which two agents pass each other, see `passing_order`.
 
     Args:
         blocked: The extended diagram of their paths.
@@ -164,12 +164,12 @@ def order_between(
 
 
 def _gaps(one: Occupancy, two: Occupancy) -> Array:
-    """How long one agent has left each of its steps when the other enters its own, shape (steps, steps)."""
+    """Time from one agent's exit of each of its steps to the other's entry into its own, shape (steps, steps)."""
     return np.asarray(two.enter[None, :] - one.leave[:, None])
 
 
 def cell_gaps(one: Occupancy, two: Occupancy) -> Array:
-    """The time between the stays of two agents in each cell [s], below zero where they overlap, shape (steps, steps).
+    """Time between the stays of two agents in each cell [s], negative if they overlap, shape (steps, steps).
 
     Args:
         one: What the one occupies.
@@ -190,14 +190,14 @@ def passing_order(
         agents: Their indices.
 
     Returns:
-        The precedences; None if both are in a shared cell at once, or if each has to pass before the other.
+        The precedences; None if both are in a shared cell at the same time, or if each has to pass before the other.
     """
     if (cell_gaps(one, two)[hit] < 0.0).any():
         return None
     i, j = agents
     found = [Precedence(Step(j, step), Step(i, after)) for step, after in _frontier(hit, one, two)]
     found += [Precedence(Step(i, step), Step(j, after)) for step, after in _frontier(hit.T, two, one)]
-    # Only what happens at the same instant can be in a circle.
+    # Only simultaneous events can form a cycle.
     if not (cell_gaps(one, two)[hit] <= 0.0).any() or not passage({i: hit.shape[0], j: hit.shape[1]}, found).circle:
         return found
     return None
@@ -208,11 +208,11 @@ def _frontier(hit: Cells, first: Occupancy, second: Occupancy) -> list[tuple[int
 
     Args:
         hit: Steps that must not be occupied at once, shape (steps of the first, steps of the second).
-        first: Who may be first there.
-        second: Who may have to wait.
+        first: Occupancy of the agent that may be first.
+        second: Occupancy of the agent that may have to wait.
 
     Returns:
-        Pairs: a step of the second, and the step that the first has to enter before.
+        Pairs of a step of the second, and the step that the first has to enter before it.
     """
     before = hit & (_gaps(first, second) >= 0.0)
     latest = np.where(before.any(axis=0), len(before) - 1 - np.argmax(before[::-1], axis=0), -1)
@@ -221,11 +221,11 @@ def _frontier(hit: Cells, first: Occupancy, second: Occupancy) -> list[tuple[int
 
 
 class Passage(NamedTuple):
-    """What happens if all agents enter their steps for as long as they can.
+    """The outcome if all agents enter their steps as long as they can.
 
     Args:
-        order: The steps that can be entered, each after all that has to happen before it.
-        circle: Agents that wait for each other in a circle; none if all come to their last steps.
+        order: The steps that can be entered, each after all its predecessors.
+        circle: Agents that wait for each other in a cycle; none if all reach their last steps.
     """
 
     order: list[Step]
@@ -236,8 +236,8 @@ def passage(steps: Mapping[int, int], precedences: Iterable[Precedence]) -> Pass
     """Enter all steps of some agents.
 
     Args:
-        steps: How many steps each agent has.
-        precedences: Which step comes after which.
+        steps: Number of steps of each agent.
+        precedences: The precedences between steps.
     """
     waiting: dict[Step, list[Step]] = {}
     for node, after in precedences:
@@ -245,7 +245,7 @@ def passage(steps: Mapping[int, int], precedences: Iterable[Precedence]) -> Pass
     now = dict.fromkeys(steps, 0)
 
     def missing(agent: int) -> Step | None:
-        """What an agent waits for; None if it can go on."""
+        """The step for which an agent waits; None if it can continue."""
         return next(
             (after for after in waiting.get(Step(agent, now[agent] + 1), ()) if now[after.agent] < after.step), None
         )

@@ -1,9 +1,9 @@
 """Timing on a fixed path among agents whose schedules are known: safe-interval path planning.
 
-An agent may wait at some gridpoints of its path, go on, or go back. A state is a gridpoint and an interval of time in
-which resting there is safe; of all schedules that reach a state only the earliest counts (Phillips and Likhachev, SIPP:
-Safe interval path planning for dynamic environments, 2011). Motions between stops have the dynamics of the arms, and
-whether one is safe is decided for all departures at once, in continuous time.
+An agent may wait at some gridpoints of its path, continue, or go back. A state is a gridpoint and an interval of time
+in which resting there is safe; among all schedules that reach a state only the earliest counts (Phillips and Likhachev,
+SIPP: Safe interval path planning for dynamic environments, 2011). Motions between stops have the dynamics of the arms,
+and whether one is safe is decided for all departures at once, in continuous time.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _ROUNDING = 1e-7
 
 
 class BlockedTimes(NamedTuple):
-    """When rows of extended diagrams are blocked by others.
+    """Intervals in which rows of extended diagrams are blocked by others.
 
     Args:
         rows: Rows, ascending, shape (n,).
-        begin: When each is blocked [s].
-        end: Until when [s].
+        begin: Start of each interval [s].
+        end: End of each interval [s].
     """
 
     rows: NDArray[np.int64]
@@ -40,17 +40,17 @@ class BlockedTimes(NamedTuple):
     end: Array
 
     def of(self, row: int) -> tuple[Array, Array]:
-        """Begins and ends of the times in which a row is blocked."""
+        """Starts and ends of the intervals in which a row is blocked."""
         first, last = np.searchsorted(self.rows, [row, row + 1])
         return self.begin[first:last], self.end[first:last]
 
 
 def blocked_times(path: AgentPath, others: Iterable[tuple[Blocked, Occupancy]]) -> BlockedTimes:
-    """When an agent on a path must not be where.
+    """The intervals in which parts of a path are blocked for an agent.
 
     Args:
         path: The path.
-        others: Of each other agent the extended diagram (rows: of `path`) and what it occupies.
+        others: For each other agent the extended diagram (rows: of `path`) and its occupancy.
     """
     rows, begins, ends = [np.zeros(0, np.int64)], [np.zeros(0)], [np.zeros(0)]
     for blocked, occupied in others:
@@ -58,7 +58,7 @@ def blocked_times(path: AgentPath, others: Iterable[tuple[Blocked, Occupancy]]) 
         which = np.flatnonzero(hit.any(axis=1))
         if len(which) == 0:
             continue
-        # Runs of cells that are blocked one after the other are one interval of time.
+        # Consecutive blocked cells form one interval of time.
         edges = np.diff(np.pad(hit[which].astype(np.int8), ((0, 0), (1, 1))), axis=1)
         row, first = np.nonzero(edges == 1)
         _, behind = np.nonzero(edges == -1)
@@ -83,11 +83,11 @@ def safe_intervals(begins: Array, ends: Array) -> list[tuple[float, float]]:
 
 
 def earliest_schedule(path: AgentPath, blocked: BlockedTimes) -> Schedule | None:
-    """The schedule that arrives first of all that wait at the path's stops only; None if there is none.
+    """The earliest of all schedules that wait only at the path's stops; None if there is none.
 
     Args:
         path: The path.
-        blocked: When the agent must not be where.
+        blocked: Blocked times of the path.
     """
     if path.segments == 0:
         begins, _ = blocked.of(0)
@@ -116,7 +116,7 @@ class _Search:
         self.rows, self.begin, self.end = (part[inner] for part in blocked)
 
     def run(self) -> Schedule | None:
-        """Best first, by the time at which the goal could be reached without more waiting."""
+        """Search best first, by the time at which the goal could be reached without further waiting."""
         at_start = [i for i, (a, b) in enumerate(self.safe[0]) if a <= 0.0 < b]
         if not at_start or not self.safe[self.goal] or self.safe[self.goal][-1][1] < math.inf:
             return None
@@ -142,16 +142,16 @@ class _Search:
                     heappush(queue, (arrival + left, next(numbers), new))
                     direct = direct or (target == self.goal and interval == last and departure <= state.time)
                 if direct:
-                    break  # nothing is faster than to go at once
+                    break  # no schedule is faster than an immediate departure
 
         return None
 
     def _targets(self, stop: int) -> Sequence[int]:
-        """Stops to go to, the goal first."""
+        """Target stops, the goal first."""
         return [k for k in reversed(self.stops) if k != stop]
 
     def _arrivals(self, state: _State, target: int, times: Array) -> list[tuple[float, int, float]]:
-        """Of each safe interval of a target that can be reached: arrival [s], interval, departure [s]."""
+        """For each reachable safe interval of a target: arrival [s], interval, departure [s]."""
         departures = self._safe_departures(state.stop, target, times)
         duration = float(times[-1])
         leave_by = self.safe[state.stop][state.interval][1]

@@ -1,4 +1,4 @@
-"""Schedules: when an agent moves along its path, where it waits, and which cells of diagrams it occupies meanwhile."""
+"""Schedules: motions and waits of an agent on its path, and the cells of diagrams that it occupies over time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Leg(NamedTuple):
     """A motion of a schedule: from rest at one gridpoint of the path to rest at another.
 
     Args:
-        departure: When it begins [s].
+        departure: Time of departure [s].
         begin: Gridpoint.
         end: Gridpoint.
     """
@@ -31,12 +31,12 @@ class Leg(NamedTuple):
 
 
 class Occupancy(NamedTuple):
-    """Rows of extended diagrams that an agent occupies in order, each from the end of the one before.
+    """Rows of extended diagrams that an agent occupies in order, each from the end of the previous one.
 
     Args:
         rows: Rows, see `extended`.
-        enter: When it enters each [s]; the first at -inf.
-        leave: When it leaves each [s]; the last at +inf.
+        enter: Time at which it enters each row [s]; the first at -inf.
+        leave: Time at which it leaves each row [s]; the last at +inf.
     """
 
     rows: NDArray[np.int64]
@@ -54,9 +54,9 @@ def rest_row(path: AgentPath, gridpoint: int) -> int:
 
 
 def extended(blocked: Blocked) -> Blocked:
-    """A diagram with rows and columns for rest at inner gridpoints, behind all others.
+    """A diagram with additional rows and columns, after all others, for rest at inner gridpoints.
 
-    What rests between two segments is in both of them: it is free where either is.
+    Rest between two segments is part of both: it is free if either segment is.
     """
     rows = np.concatenate([blocked, blocked[1:-2] & blocked[2:-1]])
     return np.concatenate([rows, rows[:, 1:-2] & rows[:, 2:-1]], axis=1)
@@ -68,7 +68,7 @@ class Schedule:
 
     Args:
         path: The path.
-        legs: The motions in order; none: it stays at its start, which is its goal.
+        legs: The motions in order; none if it stays at its start, which is its goal.
     """
 
     path: AgentPath
@@ -76,28 +76,28 @@ class Schedule:
 
     @property
     def arms(self) -> tuple[str, ...]:
-        """The arms that move by it."""
+        """The arms that follow the schedule."""
         return self.path.agent.arms
 
     @cached_property
     def arrival(self) -> float:
-        """When it is at its goal for good [s]."""
+        """Time from which it remains at its goal [s]."""
         if not self.legs:
             return 0.0
         last = self.legs[-1]
         return last.departure + self.leg_duration(last)
 
     def instants(self, leg: Leg) -> Array:
-        """When a leg is at the gridpoints on its way [s]."""
+        """Times of a leg at its gridpoints [s]."""
         return np.asarray(leg.departure + self.path.hop_times(leg.begin, leg.end))
 
     def leg_duration(self, leg: Leg) -> float:
-        """How long a leg takes [s]."""
+        """Duration of a leg [s]."""
         return self.path.hop_duration(leg.begin, leg.end)
 
     @property
     def waiting(self) -> float:
-        """How long it rests before it is at its goal for good [s]."""
+        """Time that it rests before its final arrival [s]."""
         return self.arrival - sum(self.leg_duration(leg) for leg in self.legs)
 
     @property

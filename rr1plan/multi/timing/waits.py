@@ -16,21 +16,21 @@ from rr1plan.multi.timing.passing_order import agreed_diagram
 from rr1plan.multi.timing.schedule import Leg, Occupancy, Schedule, rest_row
 from rr1plan.planning import Wait
 
-# By how much earlier a leg would have to begin to be in somebody's way: at least so much [s], or shares of the wait.
+# Advances by which an earlier leg is tested for conflicts: at least this [s], or shares of the wait.
 _SOONEST, _SHARES = 1e-3, (0.02, 0.1, 0.3, 1.0)
 _SHORTEST = 1e-6  # [s]
 
 
 @dataclass(frozen=True, eq=False)
 class PairTiming:
-    """Two agents on their paths: where they exclude each other, and when they are where.
+    """Two agents on their paths: blocked cells of their diagram, and their positions over time.
 
     Args:
-        blocked: Which cells are not proven free, shape (m + 2, n + 2): start, segments and goal of both paths.
+        blocked: Cells that are not proven free, shape (m + 2, n + 2): start, segments and goal of both paths.
         lengths: Path length at each gridpoint of both paths [rad], shapes (m + 1,) and (n + 1,).
-        undelayed: When each of them would be at its gridpoints without waiting [s].
+        undelayed: Times at which each of them would be at its gridpoints without waiting [s].
         times: Times of the plan [s], shape (k,).
-        places: Gridpoints where both are then, with fractions between two of them, shape (k, 2).
+        places: Positions of both at these times, as fractional gridpoint indices, shape (k, 2).
     """
 
     blocked: Blocked
@@ -63,15 +63,15 @@ def pair_timing(one: Schedule, two: Schedule) -> PairTiming:
 
 
 def undelayed(schedules: Sequence[Schedule]) -> dict[str, float]:
-    """How long the path of each arm takes without waiting [s]."""
+    """Duration of the path of each arm without waiting [s]."""
     return {arm: schedule.path.fastest for schedule in schedules for arm in schedule.arms}
 
 
 def waits_of(schedules: Sequence[Schedule]) -> tuple[Wait, ...]:
-    """All rests of arms before they arrive, and for which arms they wait then.
+    """All rests of arms before they arrive, and the arms for which they wait.
 
-    An arm waits for another if it could not have gone on a little earlier without entering a blocked cell of their
-    coordination diagram. A rest that has no such reason has no others.
+    An arm waits for another if it could not have continued a little earlier without entering a blocked cell of their
+    coordination diagram. A rest without such a reason lists no arms.
 
     Args:
         schedules: The schedules of a plan, one for each agent.
@@ -86,7 +86,7 @@ def waits_of(schedules: Sequence[Schedule]) -> tuple[Wait, ...]:
 
 
 def _rests(schedule: Schedule) -> list[tuple[float, Leg, Leg | None]]:
-    """When each rest before the arrival begins, the leg after it, and the one after that."""
+    """Start of each rest before the arrival, the leg after it, and the one after that."""
     rests, now = [], 0.0
     for leg, following in pairwise((*schedule.legs, None)):
         assert leg is not None
@@ -104,7 +104,7 @@ def _in_the_way(
     schedules: Sequence[Schedule],
     diagrams: dict[tuple[Schedule, Schedule], Blocked | None],
 ) -> tuple[str, ...]:
-    """The arms that an agent would run into if it began a leg a little earlier; by the time at which it would."""
+    """The arms with which an agent would conflict if it began a leg a little earlier, ordered by time of conflict."""
     wait = leg.departure - began
     for share in _SHARES:
         advance = min(wait, max(_SOONEST, share * wait))
@@ -134,7 +134,7 @@ def _occupancy(schedule: Schedule, leg: Leg, departure: float, following: Leg | 
 
 
 def _first_conflict(blocked: Blocked, one: Occupancy, two: Occupancy) -> float | None:
-    """When two agents are in a blocked cell first; None if they never are."""
+    """Time at which two agents are first in a blocked cell; None if they never are."""
     begin = np.maximum(one.enter[:, None], two.enter[None, :])
     end = np.minimum(one.leave[:, None], two.leave[None, :])
     met: NDArray[np.bool_] = (end - begin > 0.0) & (blocked[np.ix_(one.rows, two.rows)] != 0)
@@ -146,7 +146,7 @@ def _lengths(path: AgentPath) -> Array:
 
 
 def _track(schedule: Schedule) -> tuple[Array, Array]:
-    """When an agent is at which gridpoint: times and gridpoints."""
+    """Times and gridpoints of an agent."""
     times, places, now = [np.zeros(1)], [np.zeros(1)], 0.0
     for leg in schedule.legs:
         step = 1 if leg.end > leg.begin else -1

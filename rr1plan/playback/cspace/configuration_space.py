@@ -1,7 +1,7 @@
 """`cspace`: the workspace and the configuration space of two joints, side by side.
 
-The picture every course on motion planning begins with: the arm among its obstacles on the left,
-each obstacle's image in the torus of joint angles on the right, and the same path in both.
+The picture with which every course on motion planning begins: the arm among its obstacles on the left, each obstacle's
+image on the torus of joint angles on the right, and the same path in both.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CSpace(CSpaceQuery, NotebookView):
-    """The configuration space of two joints with a query and its answer, as figures and pages.
+    """The configuration space of two joints with a query and its result, as figures and pages.
 
-    `CSpaceQuery` lists what it holds.
+    `CSpaceQuery` documents its fields.
     """
 
     @property
     def verdict(self) -> str:
-        """The answer to the query in a sentence: what is proven, what was found, what is open."""
+        """The result of the query in a sentence: what is proven, what was found, what is open."""
         from rr1plan.playback.cspace.cspace_verdict import verdict
 
         return verdict(self)
@@ -61,10 +61,10 @@ class CSpace(CSpaceQuery, NotebookView):
         return draw(self, check_width(width))
 
     def save(self, file: str | FilePath) -> FilePath:
-        """Write it in the format that the name ends in: .png, .svg, .pdf (pictures) or .html (the page), atomically.
+        """Write it atomically in the format given by the suffix: .png, .svg, .pdf (pictures) or .html (the page).
 
         Raises:
-            InputError: another ending, or a file that cannot be written.
+            InputError: another suffix, or a file that cannot be written.
         """
         formats = {".png": self.save_png, ".svg": self.save_svg, ".pdf": self.save_pdf, ".html": self.save_html}
         target = check_writable(file, *formats)
@@ -165,22 +165,22 @@ def cspace(
     resolution: int = 360,
     progress: ProgressCallback | None = None,
 ) -> CSpace:
-    """The configuration space of an arm with two joints (or of two joints of a bigger one).
+    """The configuration space of an arm with two joints (or of two joints of a larger arm).
 
     Args:
         scene: The scene.
-        problem: A query to draw into it: its start and all configurations that reach its goal.
-        result: The planner's answer to that query: its path and, if it kept one, its tree.
+        problem: A query to draw: its start and all configurations that reach its goal.
+        result: The planner's result for that query: its path and, if it kept one, its tree.
         arm: The arm (default: the problem's, or the only one).
         joints: Two of its planning joints (default: the first two). A problem and a result can be drawn
             only when the arm has no other planning joints.
-        at: Where the arm's other joints are: a configuration's name or its numbers [rad or m], shape (nq,); those of
-            the two joints are ignored (default: where the arm stands in the scene).
+        at: Values of the arm's other joints: a configuration's name or its numbers [rad or m], shape (nq,); those of
+            the two joints are ignored (default: the arm's configuration in the scene).
         resolution: Cells along each axis, 8 to 2000; a cell is free if its center is.
-        progress: Called now and then; False cancels.
+        progress: Called periodically; False cancels.
 
     Returns:
-        A value that draws itself: `save_png`, `save_svg`, `save_html`, `show`.
+        A value with the methods `save_png`, `save_svg`, `save_html` and `show`.
 
     Raises:
         UnknownNameError: no such arm, joint or configuration.

@@ -1,4 +1,4 @@
-"""Cells of a grid whose edges may meet: components of free cells, shortest ways over them."""
+"""Cells of a grid with optional periodic axes: components of free cells, and shortest paths over them."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ Mask = NDArray[np.bool_]
 
 
 def label_components(free: Mask, periodic: tuple[bool, bool], diagonal: bool = False) -> NDArray[np.int32]:
-    """Number the components of cells, joined across periodic seams; 0 is no component.
+    """Number the components of cells, connected across periodic seams; 0 marks cells outside the mask.
 
     Args:
         free: The cells, shape (n, m).
         periodic: Whether the ends of each axis are the same place.
-        diagonal: Cells that meet in a corner are joined, not those alone that meet in an edge.
+        diagonal: Cells that share a corner are connected, too, not only those that share an edge.
     """
     n, m = free.shape
-    # The first row and column once more behind the last: what is joined across a seam is joined to these.
+    # Repeat the first row and column after the last: cells connected across a seam are connected to these copies.
     around = np.pad(free, [(0, int(closes)) for closes in periodic], mode="wrap")
     labels, count = ndimage.label(around, np.ones((3, 3)) if diagonal else None)
     same = [
@@ -67,7 +67,7 @@ def shortest_way(
 def _neighbor(
     free: Mask, periodic: tuple[bool, bool], cell: tuple[int, int], step: tuple[int, int]
 ) -> tuple[int, int] | None:
-    """The free cell one step on, or None; a diagonal step needs both its sides free."""
+    """The free cell one step ahead, or None; a diagonal step requires both side cells to be free."""
     moved = []
     for axis in (0, 1):
         index, size = cell[axis] + step[axis], free.shape[axis]
@@ -81,12 +81,12 @@ def _neighbor(
 
 
 def widest_spot(mask: Mask, periodic: tuple[bool, bool], rim: tuple[int, int] = (0, 0)) -> tuple[int, int, float]:
-    """The cell of a mask that is farthest from all cells outside of it, and how far [cells]; 0 where there is none.
+    """The cell of a mask that is farthest from cells outside the mask, and that distance [cells]; 0 if there is none.
 
     Args:
         mask: The cells, shape (n, m).
         periodic: Whether the ends of each axis are the same place.
-        rim: As many cells at both ends of each axis are not chosen.
+        rim: Number of cells at both ends of each axis that are excluded.
     """
     turns = [(3 if closes else 1) for closes in periodic]
     around = np.pad(np.tile(mask, turns), 1)

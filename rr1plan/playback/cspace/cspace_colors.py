@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
 INK = "#22262b"
-# Of the start and its tree, of a goal and its tree; both are told apart without seeing red or green.
+# Of the start and its tree, of a goal and its tree; distinguishable without seeing red or green.
 START, GOAL = "#2f66c8", "#14855a"
-_PALETTE = ARM_COLORS[1:]  # the first is that of the arm and its path
+_PALETTE = ARM_COLORS[1:]  # the first is the color of the arm and its path
 SELF_COLOR = "#4a4f57"
 _LIMIT_COLOR = "#c9ced6"
 _TINTS = ("#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7")  # the page's colors of components
@@ -30,7 +30,7 @@ FAINT = 0.5  # of the ink, on free space, where trees and paths are drawn
 
 
 def layer_colors(grid: CSpaceGrid) -> dict[str, str]:
-    """A color for each layer: the obstacle's own, where it has one, else one of a palette."""
+    """A color for each layer: the obstacle's color if it has one, otherwise one of a palette."""
     colors: dict[str, str] = {}
     for index, name in enumerate(grid.layers):
         obstacle = grid.scene.obstacles.get(name)
@@ -55,13 +55,13 @@ def end_tints(cspace: CSpaceQuery) -> dict[int, str]:
 
 
 def layer_patterns(grid: CSpaceGrid) -> dict[str, int]:
-    """The number of each layer's pattern: obstacles by their order, the arm itself and its limits plain."""
+    """The pattern number of each layer: obstacles by their order; self-collision and joint limits are plain."""
     things = [name for name in grid.layers if name not in (SELF, LIMITS)]
     return {name: things.index(name) % len(HATCHES) if name in things else 0 for name in grid.layers}
 
 
 def pattern_cells(pattern: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Which cells of a picture (first joint, second joint) a pattern inks."""
+    """The cells of a picture (first joint, second joint) that a pattern covers with ink."""
     tile = max(6, shape[0] // 40)
     x, y = np.meshgrid(*((np.arange(count) % tile + 0.5) / tile for count in shape), indexing="ij")
     falls, rises = (x + y) % 1.0 < _LINE, (x - y) % 1.0 < _LINE
@@ -72,13 +72,13 @@ def pattern_cells(pattern: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
 
 
 def ink_on(color: str, share: float = 1.0) -> Array:
-    """The color of a pattern on a color, or of a share of its ink, shape (3,), 0 to 1."""
+    """The color of a pattern's ink on a background color, or of a share of that ink, shape (3,), 0 to 1."""
     rgb = _rgb(color)
     return rgb + share * (0.3 * (_rgb(INK) - rgb) if is_light(color) else 0.38 * (1.0 - rgb))
 
 
 def is_light(color: str) -> bool:
-    """Whether dark letters are read better on a color than white ones."""
+    """Whether dark text is more readable than white text on a color."""
     return float(_rgb(color) @ [0.299, 0.587, 0.114]) > 150 / 255
 
 

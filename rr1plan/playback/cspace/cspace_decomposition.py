@@ -1,15 +1,15 @@
-"""Proof that an arm of two joints cannot get from its start to a goal, by approximate cell decomposition.
+"""Proof that no path of an arm of two joints leads from its start to a goal, by approximate cell decomposition.
 
-The rectangle within the joint limits (a torus where joints have none) is cut into cells. A cell is full when one pair
-of solids provably stays in contact in all of it (`rr1plan.collision.contact_cells`); all others may hold free
-configurations. A path is a connected set, so the cells it runs through meet in edges or corners. If no chain of such
-cells that are not full joins the start to a cell that may hold a goal, no path exists. Otherwise the cells that can
-change this are quartered, down to the finest resolution, which is stated with the answer.
+The rectangle within the joint limits (a torus if joints have none) is divided into cells. A cell is full if one pair of
+solids is provably in contact in the whole cell (`rr1plan.collision.contact_cells`); all others may contain free
+configurations. A path is a connected set, so the cells it crosses meet in edges or corners. If no chain of cells that
+are not full connects the start to a cell that may contain a goal, no path exists. Otherwise the cells that can change
+this are quartered, down to the finest resolution, which is stated with the result.
 
 Sources: Brooks and Lozano-Perez, "A subdivision algorithm in configuration space for findpath with rotation" (1985);
-Zhu and Latombe, "New heuristic algorithms for efficient hierarchical path planning" (1991), whose full, empty and mixed
-cells these are. A proof needs full cells alone, so whether a cell is empty is only estimated: where empty cells seem
-to join the start to a goal, the search ends without a proof.
+Zhu and Latombe, "New heuristic algorithms for efficient hierarchical path planning" (1991), from which the terms full,
+empty and mixed cells are taken. A proof needs full cells only, so whether a cell is empty is only estimated: if empty
+cells seem to connect the start to a goal, the search ends without a proof.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import Goal
 
 _COARSEST, _FINEST = 32, 2048  # cells along each axis
-_MOST_EFFORT = 250_000  # of looking at pairs in cells, see `ContactCells.effort`: a second or two
+_MOST_EFFORT = 250_000  # of checking pairs in cells, see `ContactCells.effort`: a second or two
 _BATCH = 4_000  # classified at once
 _FULL, _EMPTY, _MIXED = 0, 1, 2
 _QUARTERS = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
@@ -40,15 +40,15 @@ _AROUND = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Decomposition(Value):
-    """The plane of two joints in cells, at the resolution at which the search for a proof ended.
+    """Cells of the plane of two joints, at the resolution at which the search for a proof ended.
 
     Args:
         proves_no_path: No goal can be reached from the start.
         lower, upper: The rectangle that is decomposed [rad or m], shape (2,).
         periodic: Whether each axis is a full turn whose ends are the same place.
         full: Cells that are proven to be blocked, shape (n, n).
-        reached: Cells that a path from the start may come to, shape (n, n).
-        goal: Cells that may hold a goal, shape (n, n).
+        reached: Cells that a path from the start may reach, shape (n, n).
+        goal: Cells that may contain a goal, shape (n, n).
     """
 
     proves_no_path: bool
@@ -61,24 +61,24 @@ class Decomposition(Value):
 
     @property
     def resolution(self) -> int:
-        """Cells along each axis, as fine as they became."""
+        """Cells along each axis at the finest resolution reached."""
         return len(self.full)
 
 
 def decompose(
     scene: Scene, arm: str, start: Array, targets: Sequence[Goal], known: Sequence[Array]
 ) -> Decomposition | None:
-    """Search for a proof that an arm of two joints cannot get from its start to a goal.
+    """Search for a proof that no path of an arm of two joints leads from its start to a goal.
 
     Args:
         scene: The scene.
         arm: The arm, which has two planning joints.
-        start: Where it starts [rad or m], shape (2,), free and within the limits.
+        start: The start [rad or m], shape (2,), free and within the limits.
         targets: What counts as the goal: any of these.
-        known: Configurations known to reach it, each (2,); the search ends when one seems to be joined to the start.
+        known: Configurations known to reach it, each (2,); the search ends when one seems to be connected to the start.
 
     Returns:
-        The decomposition; None where the ranges of the joints are neither intervals nor full turns.
+        The decomposition; None if the ranges of the joints are neither intervals nor full turns.
     """
     robot = scene.arms[arm].robot
     domain = _domain(robot.limits, rotary(robot))
@@ -93,7 +93,7 @@ def decompose(
 
 @dataclass(frozen=True, eq=False)
 class _Domain:
-    """The rectangle of two joints, and which of its axes close."""
+    """The rectangle of two joints, and which of its axes are periodic."""
 
     lower: Array
     upper: Array
@@ -106,13 +106,13 @@ class _Domain:
         return np.asarray(self.lower + (2 * cells + 1) * self.half(size))
 
     def cells_of(self, q: Array, size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """An index of the cells that hold a configuration (2,), borders included."""
+        """An index of the cells that contain a configuration (2,), borders included."""
         rows, columns = (np.flatnonzero(mask) for mask in self._holds(q, size).T)
         first, second = np.meshgrid(rows, columns, indexing="ij")
         return first.ravel(), second.ravel()
 
     def _holds(self, q: Array, size: int) -> Mask:
-        """For each axis, which of its intervals hold q, shape (size, 2)."""
+        """For each axis, which of its intervals contain q, shape (size, 2)."""
         centers = self.centers(np.arange(size)[:, None], size)
         return off_by(centers, q, np.array(self.periodic)) <= self.half(size) + NEAR
 
@@ -142,7 +142,7 @@ class _Search:
         self._classify()
 
     def connect(self) -> bool:
-        """Find out what the start is joined to; whether finer cells can lead to a proof, and may be made."""
+        """Compute the cells connected to the start; return whether refinement may lead to a proof and is allowed."""
         passable = label_components(self.state != _FULL, self.domain.periodic, diagonal=True)
         begin = self._parts(passable, self.start)
         self.reached = np.isin(passable, begin) if len(begin) else np.zeros(self.state.shape, dtype=np.bool_)
@@ -156,19 +156,19 @@ class _Search:
         return may and len(self.cells) > 0
 
     def _effort(self) -> float:
-        """Of looking at the pairs of solids in the cells."""
+        """The effort of checking the pairs of solids in the cells."""
         return float((self.near @ self.contacts.effort).sum())
 
     def _parts(self, labels: NDArray[np.int32], q: Array) -> NDArray[np.int32]:
-        """The components that hold a configuration."""
+        """The components that contain a configuration."""
         found = np.unique(labels[self.domain.cells_of(q, self.size)])
         return found[found > 0]
 
     def _choose(self, empty: NDArray[np.int32]) -> None:
-        """Keep the cells that can change the answer, to be quartered.
+        """Select the cells that can change the result, to be quartered.
 
-        These are the connected sets of mixed cells that join different components of the cells that seem empty, or
-        contain the start or a goal; and cells that seem empty and may hold a goal. Of both only those that are reached.
+        These are connected sets of mixed cells that connect different components of seemingly empty cells, or contain
+        the start or a goal; and seemingly empty cells that may contain a goal. Only reached cells are selected.
         """
         mixed = label_components(self.state == _MIXED, self.domain.periodic, diagonal=True)
         i, j = self.cells.T
@@ -183,7 +183,7 @@ class _Search:
         self.cells, self.near = self.cells[chosen], self.near[chosen]
 
     def _around(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """The neighbors of the cells, and they themselves, as an index into arrays of cells."""
+        """The cells and their neighbors, as an index into arrays of cells."""
         found = self.cells[:, None] + _AROUND
         first, second = (
             found[..., axis] % self.size if closes else found[..., axis].clip(0, self.size - 1)
@@ -216,7 +216,7 @@ class _Search:
         self.cells, self.near = self.cells[open_], self.near[open_]
 
     def result(self) -> Decomposition:
-        """The answer and its cells."""
+        """The result and its cells."""
         domain = self.domain
         full = self.state == _FULL
         return Decomposition(

@@ -29,7 +29,7 @@ from rr1plan.playback.cspace.cspace_workspace import draw_workspace
 if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
-# Letters that are read from the last row when the picture fills a slide.
+# Text that is readable from the last row when the picture fills a slide.
 STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 14,
@@ -56,7 +56,7 @@ def draw(cspace: CSpaceQuery, width: float) -> Figure:
 
 
 def swatch(color: str, pattern: int, **options: Any) -> Patch:
-    """What stands in a legend for a layer or a component."""
+    """The legend symbol of a layer or a component."""
     return Patch(facecolor=color, edgecolor=ink_on(color), hatch=HATCHES[pattern], **options)
 
 

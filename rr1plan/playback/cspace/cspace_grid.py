@@ -1,6 +1,6 @@
 """The configuration space of two joints on a grid: each obstacle's image, free space and its components.
 
-`cspace_raster.py` computes the images. Components of free space are joined across the seams of the torus.
+`cspace_raster.py` computes the images. Components of free space are connected across the seams of the torus.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rr1plan.scene import Scene
 LIMITS = "joint limits"
 # Cells along each axis.
 FEWEST_CELLS, MOST_CELLS = 8, 2000
-# Half the length and half the height of a short name, as parts of the picture.
+# Half the width and half the height of a short name, as shares of the picture.
 _HALF_NAME, _ROOM = 0.07, 0.02
 
 
@@ -31,14 +31,13 @@ class CSpaceGrid(Value):
     """Configuration space of two joints, cell by cell; index [i, j] is (first joint, second joint).
 
     Args:
-        scene: The scene; everything but the two joints stands as it does there.
+        scene: The scene, which fixes everything except the two joints.
         arm: The arm the joints belong to.
         joint_names: The two joints.
         axes: Values at the cell centers of each joint [rad], shapes (n,) and (m,).
         periodic: Whether each axis is a full turn whose ends are the same place.
-        layers: For each obstacle (and "self-collision", "joint limits") the cells it makes impossible,
-            shape (n, m).
-        labels: Number of the component of free space of each cell, 0 where it is not free.
+        layers: For each obstacle (and "self-collision", "joint limits") the cells it blocks, shape (n, m).
+        labels: Number of the component of free space of each cell, 0 if it is not free.
     """
 
     scene: Scene
@@ -60,7 +59,7 @@ class CSpaceGrid(Value):
 
     @property
     def turns(self) -> tuple[bool, bool]:
-        """Whether each joint turns; the other ones slide."""
+        """Whether each joint is revolute; otherwise it is prismatic."""
         first, second = (self.scene.arms[self.arm].robot.joint(name).kind != "prismatic" for name in self.joint_names)
         return first, second
 
@@ -70,7 +69,7 @@ class CSpaceGrid(Value):
         return int(self.labels.max(initial=0))
 
     def cell(self, q: ArrayLike) -> tuple[int, int]:
-        """The cell that holds a configuration (2,) [rad]; periodic joints are wrapped.
+        """The cell that contains a configuration (2,) [rad]; periodic joints are wrapped.
 
         Raises:
             InputError: not two finite numbers, or outside the picture.
@@ -114,7 +113,7 @@ class CSpaceGrid(Value):
         return True
 
     def component_of(self, q: ArrayLike) -> int:
-        """Number of the component of free space that holds a configuration (2,), 0 if it is not free or not inside."""
+        """Number of the component of free space that contains a configuration (2,), 0 if it is not free or outside."""
         return int(self.labels[self.cell(q)]) if self.holds(q) else 0
 
     def connected(self, a: ArrayLike, b: ArrayLike) -> bool:
@@ -123,12 +122,12 @@ class CSpaceGrid(Value):
         return first > 0 and first == second
 
     def why_not_free(self, q: ArrayLike) -> tuple[str, ...]:
-        """Names of the layers that forbid the cell of a configuration (2,)."""
+        """Names of the layers that block the cell of a configuration (2,)."""
         cell = self.cell(q)
         return tuple(name for name, mask in self.layers.items() if mask[cell])
 
     def name_spots(self) -> dict[str, tuple[float, float]]:
-        """For each layer with room for a name the configuration [rad] in the middle of its widest part."""
+        """For each layer with room for its name, the configuration [rad] in the middle of its widest part."""
         count = sum((mask.astype(int) for mask in self.layers.values()), np.zeros(self.labels.shape, dtype=int))
         n, m = self.labels.shape
         rim, room = (int(_HALF_NAME * n), int(_ROOM * m)), _ROOM * max(n, m)
@@ -145,7 +144,7 @@ class CSpaceGrid(Value):
             b: Goal [rad], shape (2,).
 
         Returns:
-            Cell centers from the cell of a to that of b, shape (k, 2), or None when there is no path.
+            Cell centers from the cell of a to that of b, shape (k, 2), or None if there is no path.
         """
         if not self.connected(a, b):
             return None
@@ -218,10 +217,10 @@ def two_joints(scene: Scene, arm: str, joints: tuple[str, str] | None) -> tuple[
 
 
 def _axis(joint: Joint, lower: float, upper: float, resolution: int) -> tuple[Array, bool, Mask]:
-    """Cell centers, whether the axis closes, and which centers are within the limits.
+    """Cell centers, whether the axis is periodic, and which centers are within the limits.
 
-    A joint that turns has the full turn about zero if its limits lie in it and leave at least half of it; others have
-    their limits.
+    The axis of a revolute joint is the full turn around zero if the joint's limits lie within it and cover at least
+    half of it; other axes are the range between the limits.
     """
     unlimited, slides = not np.isfinite(lower) or not np.isfinite(upper), joint.kind == "prismatic"
     if unlimited and slides:

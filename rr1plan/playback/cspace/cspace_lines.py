@@ -26,7 +26,7 @@ def along(points: Array, count: int) -> Array:
 def gradient(
     points: Array, width: float, start: float = 0.0, end: float = 1.0, color: Any = None, zorder: int = 3
 ) -> Any:
-    """A polyline colored along its length, the same colors as the arm's configurations."""
+    """A polyline colored along its length, with the same colors as the arm's configurations."""
     segments = np.stack([points[:-1], points[1:]], axis=1)
     shades = colormaps["plasma"](0.05 + 0.8 * np.linspace(start, end, len(segments)))
     return LineCollection(
@@ -35,7 +35,7 @@ def gradient(
 
 
 def write_name(axes: Axes, name: str, at: Any, color: str) -> None:
-    """Write an obstacle's name on it, or on its image, so that nobody has to tell colors apart."""
+    """Write an obstacle's name on it, or on its image, so that colors need not be distinguished."""
     ink, rim = (INK, "white") if is_light(color) else ("white", color)
     text = axes.annotate(name, at, ha="center", va="center", color=ink, fontsize=12, zorder=5)
     text.set_path_effects([withStroke(linewidth=3, foreground=rim)])

@@ -1,8 +1,8 @@
-"""The lesson page: the arm in 3-D beside its configuration space, linked by sliders, clicks and the clock.
+"""The lesson page: the arm in 3-D next to its configuration space, linked by sliders, clicks and the clock.
 
-The picture of the configuration space is drawn by the page itself from the cells of the grid, as a
-panel of the 3-D page, so one offline file holds everything. Where the arm is planar and the page has a planner, it
-computes the cells anew for obstacles that are dragged (`page/cspace_query.js`), and plans.
+The page draws the configuration space from the cells of the grid, as a panel of the 3-D page, so one offline file
+contains everything. If the arm is planar and the page has a planner, it recomputes the cells when obstacles are dragged
+(`page/cspace_query.js`), and replans.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ def save_page(
     """Write the lesson as one self-contained page.
 
     Args:
-        cspace: The configuration space, with a question and its answer if it has one.
-        file: Where to write it; written whole or not at all.
+        cspace: The configuration space, with a query and its result if it has one.
+        file: The file, written atomically.
         trajectory: The timed motion to play; None plays the path at a steady speed.
         options: How the page looks (default: `ViewOptions()`).
 
@@ -91,7 +91,7 @@ def page_parts(
         cspace: The configuration space.
         trajectory: The timed motion to play, or None.
         report: The referee's verdict on the trajectory, or None.
-        replay: What a simulation made of the trajectory, or None.
+        replay: The simulated trajectory, or None.
         options: Title and spheres.
 
     Raises:
@@ -127,7 +127,7 @@ def page_parts(
 
 
 def _color_obstacles(document: Document, colors: Mapping[str, str]) -> None:
-    """Give obstacles without a color that of their images, so that both are found together."""
+    """Give obstacles without a color the color of their images, so that both can be matched."""
     for row in document["obstacles"]:
         for part in row["parts"]:
             if part["color"] is None and row["name"] in colors:
@@ -197,7 +197,7 @@ def _other_joints(grid: CSpaceGrid) -> list[dict[str, object]]:
 
 
 def _live(grid: CSpaceGrid, planar: dict[str, object] | None) -> dict[str, object] | None:
-    """The tables with which the page computes images of obstacles that have been moved; None if none can be."""
+    """The tables with which the page computes images of moved obstacles; None if it cannot."""
     arm = grid.scene.arms[grid.arm]
     checker = CollisionChecker(grid.scene, (grid.arm,))
     if not checker.object_numbers:
@@ -221,13 +221,13 @@ def _outlines(grid: CSpaceGrid, name: str) -> list[Array]:
 
 
 def _bytes(values: NDArray[np.uint8]) -> dict[str, object]:
-    """Bytes as the words the page unpacks, zeros at the end."""
+    """Bytes as the words that the page unpacks, padded with zeros."""
     flat = np.ascontiguousarray(values, dtype=np.uint8).ravel()
     return pack_array(np.frombuffer(flat.tobytes() + bytes(-len(flat) % 4), dtype="<u4"), "u4")
 
 
 def _layers(grid: CSpaceGrid, is_slice: bool) -> list[dict[str, object]]:
-    """The layers, in a slice also that of self-collision where it is empty: other slices of the page have some."""
+    """The layers; in a slice also an empty layer of self-collision, because other slices of the page may have some."""
     kinds, spots, colors, masks = {SELF: "self", LIMITS: "limits"}, grid.name_spots(), layer_colors(grid), grid.layers
     if is_slice and SELF not in masks:
         colors, masks = {**colors, SELF: SELF_COLOR}, {**masks, SELF: np.zeros(grid.free.shape, np.bool_)}
@@ -244,7 +244,7 @@ def _layers(grid: CSpaceGrid, is_slice: bool) -> list[dict[str, object]]:
 
 
 def _ranked_components(cspace: CSpaceQuery) -> tuple[NDArray[np.uint8], list[float]]:
-    """Components as the page colors them: the start's first, then the goals', then by size; and their shares."""
+    """Components in the order of the page's colors: the start's, then the goals', then by size; and their shares."""
     grid = cspace.grid
     counts = np.bincount(grid.labels.ravel(), minlength=grid.components + 1)
     ends = [grid.component_of(q) for q in ([] if cspace.start is None else [cspace.start]) + list(cspace.goals)]
@@ -256,7 +256,7 @@ def _ranked_components(cspace: CSpaceQuery) -> tuple[NDArray[np.uint8], list[flo
 
 
 def _tree(tree: DrawnTree) -> dict[str, object]:
-    """The edges that are drawn, those nearer to their root first, and the tree each belongs to."""
+    """The drawn edges, those nearer to their root first, and the tree of each."""
     return {
         "vertices": pack_array(tree.vertices),
         "edges": pack_array(tree.edges, "u4"),
@@ -283,7 +283,7 @@ def _configuration(grid: CSpaceGrid, q: Any) -> Array:
 
 
 def _planar(grid: CSpaceGrid) -> dict[str, object] | None:
-    """The arm as two joints in a horizontal plane (see `FlatArm`) and what it reaches, or None when it is not that."""
+    """The arm as two joints in a horizontal plane (see `FlatArm`) and its reach, or None if it is not planar."""
     arm = grid.scene.arms[grid.arm]
     flat = flat_arm(arm) if arm.robot.joint_names == grid.joint_names else None
     if flat is None:
@@ -304,7 +304,7 @@ def _planar(grid: CSpaceGrid) -> dict[str, object] | None:
 
 
 def _names(grid: CSpaceGrid, height: float) -> list[dict[str, Any]]:
-    """Positions of the names of obstacles: their centers, seen from above."""
+    """Positions of the obstacles' names: the centers of the obstacles, seen from above."""
     colors, named = layer_colors(grid), []
     for name, thing in grid.scene.obstacles.items():
         shadows = [

@@ -1,4 +1,4 @@
-"""A configuration space of two joints with a query and its answer: what pictures, pages and verdicts are made of."""
+"""A configuration space of two joints with a query and its result: the data of pictures, pages and verdicts."""
 
 from __future__ import annotations
 
@@ -34,25 +34,24 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import Goal, JointGoal, Problem
 
 _MOST_SOLUTIONS = 16  # drawn of each goal
-_SAME = 1e-3  # of several goals a path reaches those that it ends this near to [rad or m]
-_EXACT = 1e-6  # a path that begins and ends this near to its query answers it [rad or m]
+_SAME = 1e-3  # a path reaches the goals within this distance of its end [rad or m]
+_EXACT = 1e-6  # a path whose ends are this near to those of the query answers it [rad or m]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CSpaceQuery(Value):
-    """A configuration space with a query and its answer.
+    """A configuration space with a query and its result.
 
     Args:
         grid: Cells, layers and components.
-        start: Where the query starts [rad or m], shape (2,), or None.
+        start: Start of the query [rad or m], shape (2,), or None.
         goals: Configurations that reach the goal, each (2,): those of joint goals, and those that inverse kinematics
             found for goals of position.
-        path: Waypoints of the answer [rad or m], shape (k, 2), or None. What is said about it is checked: see
-            `path_fault`.
-        tree: What the planner explored, or None.
-        goal_names: What to call each of the goals (default: "goal", or "goal 1" and so on).
-        targets: What the query asks for (default: the goals themselves).
-        unreached: For each target that no configuration was found for: its name, and why.
+        path: Waypoints of the result [rad or m], shape (k, 2), or None. The path is checked: see `path_fault`.
+        tree: The tree that the planner explored, or None.
+        goal_names: Name of each goal (default: "goal", or "goal 1" and so on).
+        targets: The goals as given in the query (default: `goals`).
+        unreached: For each target without a configuration: its name and the reason.
     """
 
     grid: CSpaceGrid
@@ -82,12 +81,12 @@ class CSpaceQuery(Value):
 
     @cached_property
     def start_blocked_by(self) -> tuple[str, ...]:
-        """Names of the layers that the start touches, empty if it is free. The configuration counts, not its cell."""
+        """Names of the layers that block the start, empty if it is free. Decided exactly, not by the grid cell."""
         return () if self.start is None else self._blocked_by(self.start)
 
     @cached_property
     def goals_blocked_by(self) -> tuple[tuple[str, ...], ...]:
-        """The same for each of the goals."""
+        """Like `start_blocked_by`, for each goal."""
         return tuple(self._blocked_by(goal) for goal in self.goals)
 
     def _blocked_by(self, q: Array) -> tuple[str, ...]:
@@ -97,7 +96,7 @@ class CSpaceQuery(Value):
         return tuple(dict.fromkeys(names + [LIMITS] * (not checker.within_limits(full))))
 
     def _whole(self, q: Array) -> Array:
-        """Configurations of the arm from those of the two joints: shape (..., nq) from (..., 2)."""
+        """Configurations of the arm, shape (..., nq), from values of the two joints, shape (..., 2)."""
         arm = self.grid.scene.arms[self.grid.arm]
         full = np.broadcast_to(arm.q, (*q.shape[:-1], arm.robot.nq)).copy()
         full[..., [arm.robot.joint_names.index(name) for name in self.grid.joint_names]] = q
@@ -107,7 +106,7 @@ class CSpaceQuery(Value):
 
     @cached_property
     def path_fault(self) -> str:
-        """Why the path does not answer the query, in words; empty where it does, and without a path or a query."""
+        """Why the path does not answer the query, in words; empty if it does, or without a path or a query."""
         grid, q = self.grid, self.path
         if q is None or self.start is None or not self.targets:
             return ""
@@ -132,7 +131,7 @@ class CSpaceQuery(Value):
 
     @property
     def reachable_goals(self) -> tuple[bool, ...]:
-        """For each goal whether the path ends there, or it is in the start's component of free space on the grid."""
+        """For each goal, whether the path ends there, or the goal is in the start's free component on the grid."""
         if self.start is None:
             return tuple(False for _ in self.goals)
         return tuple(self._ends_at(goal) or self.grid.connected(self.start, goal) for goal in self.goals)
@@ -146,10 +145,10 @@ class CSpaceQuery(Value):
 
     @cached_property
     def decomposition(self) -> Decomposition | None:
-        """The cells that were certified in search of a proof that no path exists; None where none was searched for.
+        """The cells that were certified in the search for a proof that no path exists; None if there was no search.
 
-        That is so without a question, with a path that answers it, for a start that is not free, and for slices of
-        bigger arms.
+        There is no search without a query, with a path that answers it, with a start that is not free, or for slices of
+        larger arms.
         """
         grid = self.grid
         whole = grid.scene.arms[grid.arm].robot.joint_names == grid.joint_names
@@ -162,7 +161,7 @@ class CSpaceQuery(Value):
         """Whether it is proven, at any resolution of the picture, that no path leads from the start to a goal.
 
         Either cells that are blocked as a whole separate them, or no configuration reaches the goal, or the goals are
-        configurations that are not free. False where the path answers the query, and where the question is open.
+        configurations that are not free. False if the path answers the query, or if the query is open.
         """
         if self.start is None or self.found or not self.targets:
             return False
@@ -174,7 +173,7 @@ class CSpaceQuery(Value):
         return self.decomposition is not None and self.decomposition.proves_no_path
 
     def with_result(self, result: PlanResult) -> Self:
-        """The same with a planner's answer to the query: its path and, if it kept one, its tree."""
+        """A copy with a planner's result for the query: its path and, if it kept one, its tree."""
         of_kind("result", result, PlanResult)
         path = None if result.path is None else result.path.waypoints
         found = replace(self, path=path, tree=result.tree)
@@ -184,7 +183,7 @@ class CSpaceQuery(Value):
 
     @cached_property
     def drawn_tree(self) -> DrawnTree | None:
-        """The tree as pictures and pages show it, huge ones thinned; None where there is none, or it has no edges."""
+        """The tree as drawn in pictures and pages, thinned if it is huge; None if there is none, or it has no edges."""
         if self.tree is None or len(self.tree.edges) == 0:
             return None
         return drawn_tree(self.tree, self.start, self.goals)
@@ -209,7 +208,7 @@ def compute_query(
     resolution: int = 360,
     progress: ProgressCallback | None = None,
 ) -> _Query:
-    """A query of a kind with its cells and goal configurations; for the other arguments and errors see `cspace`."""
+    """A query of class `kind` with its cells and goal configurations; for other arguments and errors see `cspace`."""
     of_kind("scene", scene, Scene)
     of_kind("problem", problem, Problem, optional=True)
     of_kind("result", result, PlanResult, optional=True)
@@ -270,8 +269,8 @@ def _check_problem(problem: Problem, arm: str | None, joints: tuple[str, str] | 
 def goal_configurations(problem: Problem) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Configurations (2,) that reach the goal of a two-joint problem, in collision or not, by their names.
 
-    A joint goal is itself. For a goal of position (or pose, or region) they are what inverse kinematics finds, e.g.
-    both elbows; where it finds none, the goal's name and the reason are in the second answer.
+    A joint goal is its own configuration. For a goal of position (or pose, or region) they are the solutions of inverse
+    kinematics, e.g. both elbows; if there are none, the goal's name and the reason are in the second result.
     """
     arm = problem.arms[0]
     kinematics = Kinematics(problem.scene, problem.arms)

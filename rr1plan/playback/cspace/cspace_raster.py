@@ -1,7 +1,7 @@
 """The image of each obstacle in the plane of two joints, on a grid of cells: `kernels/raster.c` and its tables.
 
-Every cell is one configuration, its center; it belongs to an image where the compiled kernel finds a pair of solids in
-contact (Lozano-Perez 1983 for the picture). Pages rasterize with the same kernel and the same tables.
+Every cell stands for one configuration, its center; it belongs to an image if the compiled kernel finds a pair of
+solids in contact there (Lozano-Perez 1983 for the picture). Pages rasterize with the same kernel and the same tables.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ class CSpaceRaster:
     """Computes the image of every obstacle. Threads may share it: each waits while another one uses its checker.
 
     Args:
-        checker: Of the arm whose two joints move.
+        checker: Checker of the arm whose two joints move.
         configuration: The arm's configuration, shape (nq,) [rad or m]; two of its columns are replaced.
-        columns: Those two.
+        columns: These two columns.
         axes: Values at the cell centers of each of them, shapes (n,) and (m,).
 
     Attributes:
-        ranges: For each obstacle, other arm and `SELF` that the arm may touch the first and the last of its pairs.
+        ranges: For each obstacle, other arm and `SELF` that the arm may touch, the range of its pairs.
         struct: The `RasterTables`.
 
     Raises:
@@ -45,7 +45,7 @@ class CSpaceRaster:
         self._axes = axes
         self.shape = (len(axes[0]), len(axes[1]))
         pairs = checker.pair_tables
-        # Pairs that do not move against each other are in contact in all cells or in none.
+        # Pairs without relative motion are in contact in all cells or in none.
         fixed = np.flatnonzero(~pairs.surfaceless[pairs.static].all(axis=1))
         rows = np.concatenate([pairs.moving_rows, pairs.static_rows[fixed]])
         owners = np.concatenate([pairs.moving_owner, pairs.static_owner[fixed]])
@@ -75,8 +75,8 @@ class CSpaceRaster:
 
         Args:
             layer: A key of `ranges`.
-            report: Called now and then with the fraction done, 0 to 1.
-            whole: Only cells that are proven to be in contact in all of their configurations, not in their centers.
+            report: Called periodically with the fraction done, 0 to 1.
+            whole: Only cells proven to be in contact in all of their configurations, not just at their centers.
         """
         half = np.array([0.5 * (axis[1] - axis[0]) if whole else 0.0 for axis in self._axes])
         cells = np.zeros(self.shape, np.uint8)
@@ -89,14 +89,14 @@ class CSpaceRaster:
         return cells.view(np.bool_)
 
     def memory_image(self) -> bytes:
-        """The tables for `core.wasm`, named `raster`; those of the bodies are in the image of the checker."""
+        """The tables for `core.wasm`, named `raster`; the tables of the bodies are in the image of the checker."""
         return memory_image(raster=self.struct)
 
     def images(self, progress: Callable[[float], None] | None = None) -> dict[str, Mask]:
-        """The cells that each obstacle (and `SELF`, if anywhere) makes impossible, shape (n, m).
+        """The cells that each obstacle (and `SELF`, if it occurs) blocks, shape (n, m).
 
         Args:
-            progress: Called now and then with the fraction done, 0 to 1.
+            progress: Called periodically with the fraction done, 0 to 1.
         """
         found: dict[str, Mask] = {}
         for done, name in enumerate(self.ranges):

@@ -1,4 +1,4 @@
-"""Cells of two joints that may hold a configuration that reaches the goal."""
+"""Cells of two joints that may contain a configuration that reaches the goal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _TURN = 2.0 * np.pi
 
 
 class CellTargets:
-    """Excludes cells that cannot hold a goal: its frame is farther off at the center than the cell lets it move.
+    """Excludes cells without a goal: at their center the frame is farther from the target than it can move in the cell.
 
     Args:
         plane: The two joints.
@@ -31,15 +31,15 @@ class CellTargets:
 
     def __init__(self, plane: JointPlane, scene: Scene, arm: str, targets: Sequence[Goal]) -> None:
         self._plane, self._scene, self._arm, self._targets = plane, scene, arm, tuple(targets)
-        # With limits beyond a turn, the same angle a turn away is another configuration.
+        # With limits beyond a turn, an angle a full turn away is another configuration.
         robot = scene.arms[arm].robot
         self._turns = rotary(robot) & ~np.isfinite(robot.limits.upper - robot.limits.lower)
 
     def may_hold(self, centers: Array, half: Array) -> Mask:
-        """Whether cells may hold a goal.
+        """Whether cells may contain a goal.
 
         Args:
-            centers: Of the cells [rad or m], shape (n, 2).
+            centers: Centers of the cells [rad or m], shape (n, 2).
             half: Half their size [rad or m], shape (2,).
         """
         found = np.zeros(len(centers), dtype=np.bool_)

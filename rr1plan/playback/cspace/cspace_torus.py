@@ -1,4 +1,4 @@
-"""The right half of the figure: the square of two joint angles, its obstacles' images, tree and path in it."""
+"""The right half of the figure: the square of two joint angles with the images of obstacles, tree and path."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ _STRIPE = 5
 def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Array:
     """The layers as an image (rows: second joint upwards, columns: first joint), shape (m, n, 3).
 
-    Layers and components have patterns beside their colors; overlaps are striped.
+    Layers and components have patterns in addition to colors; overlaps are striped.
 
     Args:
         grid: The grid.
-        tints: Colors of components of free space, by number; the others stay white.
+        tints: Colors of components of free space, by number; others are white.
     """
     n, m = grid.free.shape
     image = np.ones((n, m, 3))
@@ -61,14 +61,14 @@ def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Arr
     patterns = layer_patterns(grid)
     for (name, mask), color in zip(grid.layers.items(), layer_colors(grid).values(), strict=True):
         fill(mask & (total == 1), color, patterns[name])
-        # Overlaps have stripes of their own.
+        # Overlaps have distinct stripes.
         image[mask & (total > 1) & ((stripe % np.maximum(total, 1)) == count)] = to_rgb(color)
         count += mask
     return np.asarray(image.transpose(1, 0, 2))
 
 
 def draw_torus(axes: Axes, cspace: CSpaceQuery, note: bool = True) -> None:
-    """Draw it; with a note that dashed edges meet, for which narrow axes have no room."""
+    """Draw it; optionally with a note that dashed edges coincide, for which narrow axes have no room."""
     grid = cspace.grid
     axes.set_title("configuration space", loc="left", color=INK)
     extent = (*_edges(grid.axes[0]), *_edges(grid.axes[1]))
@@ -116,7 +116,7 @@ def wrapped_pieces(points: Array, grid: CSpaceGrid) -> list[Array]:
 
 
 def _draw_tree(axes: Axes, cspace: CSpaceQuery, tree: DrawnTree) -> None:
-    """The tree of the start and that of the goals, each in its end's color, a dot at each vertex of small ones."""
+    """The trees of start and goals, each in the color of its root; small trees have a dot at each vertex."""
     dense = len(tree.edges) > 800
     for side, color in enumerate((START, GOAL)):
         edges = tree.edges[tree.sides == side]
@@ -160,7 +160,7 @@ def _draw_ends(axes: Axes, cspace: CSpaceQuery) -> None:
 
 
 def _draw_seams(axes: Axes, grid: CSpaceGrid, note: bool) -> None:
-    """Say which edges of the picture are the same place."""
+    """Mark the edges of the picture that are identified."""
     for axis, (closes, sides) in enumerate(zip(grid.periodic, (("left", "right"), ("bottom", "top")), strict=True)):
         for side in sides:
             axes.spines[side].set_linestyle((0, (5, 3)) if closes else "-")
@@ -178,7 +178,7 @@ def _draw_seams(axes: Axes, grid: CSpaceGrid, note: bool) -> None:
 def _pi_ticks(axis: Axis, low: float, high: float) -> None:
     first, last = np.ceil(low / (np.pi / 2) - 1e-9), np.floor(high / (np.pi / 2) + 1e-9)
     step = 1
-    while last - first >= 9 * step:  # more labels would touch each other
+    while last - first >= 9 * step:  # more labels would overlap
         step *= 2
     quarters = np.arange(np.ceil(first / step) * step, last + 1, step)
     names = {-2: "−π", -1: "−π/2", 0: "0", 1: "π/2", 2: "π"}

@@ -1,4 +1,4 @@
-"""The answer to a query in words: what is proven, what was found, what is open."""
+"""The result of a query in words: what is proven, what was found, what is open."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def describe(cspace: CSpaceQuery) -> str:
-    """The configuration space, the query and its answer as lines of text."""
+    """The configuration space, the query and its result as lines of text."""
     grid = cspace.grid
     first, second = grid.joint_names
     share = f"{grid.free.mean():.1%} free"
@@ -45,7 +45,7 @@ def _others(cspace: CSpaceQuery) -> list[str]:
 
 
 def headline(cspace: CSpaceQuery) -> str:
-    """The same in a few words, for a title."""
+    """The result in a few words, for a title."""
     if cspace.found:
         return "the same path in the workspace and in the configuration space"
     if cspace.start_blocked_by:
@@ -67,7 +67,7 @@ def tone(cspace: CSpaceQuery) -> str:
 
 
 def verdict(cspace: CSpaceQuery) -> str:
-    """The answer in a sentence, and goals that are out of reach by their names."""
+    """The result in a sentence, with the names of goals that are out of reach."""
     fault = [f"The path does not answer the query: {cspace.path_fault}."] if cspace.path_fault else []
     return " ".join([_answer(cspace), *fault, *(f"{why[0].upper()}{why[1:]}." for why in cspace.unreached)])
 
@@ -102,7 +102,7 @@ def _why_none(cspace: CSpaceQuery) -> str:
 
 
 def _by_which_cells(cspace: CSpaceQuery) -> str:
-    """How fine the cells are that prove it, where it takes cells to prove it."""
+    """The resolution of the cells, if the proof uses cells."""
     if (cspace.goals and all(cspace.goals_blocked_by)) or cspace.decomposition is None:
         return ""
     cells = f"{cspace.decomposition.resolution} × {cspace.decomposition.resolution}"
@@ -117,7 +117,7 @@ def _about_path(cspace: CSpaceQuery) -> str:
 
 
 def crosses_seam(cspace: CSpaceQuery) -> bool:
-    """Whether the path leaves the square somewhere and comes in again at the other side."""
+    """Whether the path leaves the square and re-enters at the opposite side."""
     if cspace.path is None:
         return False
     for axis, (centers, closes) in enumerate(zip(cspace.grid.axes, cspace.grid.periodic, strict=True)):

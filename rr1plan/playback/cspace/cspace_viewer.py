@@ -26,7 +26,7 @@ def show_page(
     """Open the lesson live in the browser of this machine; the program can move the arm with `Viewer.update`.
 
     Args:
-        picture: The configuration space, with a question and its answer if it has one.
+        picture: The configuration space, with a query and its result if it has one.
         trajectory: The timed motion to play; None plays the path at a steady speed.
         options: How the page looks (default: `ViewOptions()`).
 
@@ -69,17 +69,17 @@ class CSpaceViewer(Viewer):
         replay: Replay | None = None,
         options: ViewOptions | None = None,
     ) -> None:
-        """Show something else on the same page, in the workspace and in the configuration space.
+        """Show another scene on the same page, in the workspace and in the configuration space.
 
         Args:
-            scene: A scene, whose configuration space is computed at the resolution of the page: of the same arm and
-                joints where it has them. Or a `CSpace`, which brings its own query, path and tree.
+            scene: A scene, whose configuration space is computed at the resolution of the page, for the same arm and
+                joints if it has them; or a `CSpace`, with its own query, path and tree.
             trajectory: The timed motion to play, or None.
-            path: The answer to the query, or None.
-            problem: The query: its start and goals are drawn in both spaces, and the verdict is about it.
+            path: The result of the query, or None.
+            problem: The query: its start and goals are drawn in both spaces, and the verdict refers to it.
             report: The referee's verdict on the trajectory, shown as a badge.
-            replay: What a simulation made of the trajectory.
-            options: Of these the title and the spheres count.
+            replay: The simulated trajectory.
+            options: Only the title and the spheres are used.
 
         Raises:
             UnknownNameError: a column that is not a joint of the scene.

@@ -1,4 +1,4 @@
-"""The left half of the figure: the arm among its obstacles, and the way of its tool."""
+"""The left half of the figure: the arm among its obstacles, and the path of its tool."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def draw_workspace(axes: Axes, cspace: CSpaceQuery) -> None:
         for g in obstacle.geometries:
             if not isinstance(g.shape, HalfSpace):
                 corners = silhouette(g.shape, obstacle.pose @ g.pose)
-                # An edge as thin as a hair closes the seams between the pieces of an obstacle.
+                # A hairline edge closes the seams between the pieces of an obstacle.
                 axes.add_patch(Polygon(corners, facecolor=color, edgecolor=color, linewidth=0.3, zorder=2))
                 axes.add_patch(Polygon(corners, facecolor="none", zorder=2, **hatch))
                 centers.append(corners.mean(axis=0))
@@ -63,7 +63,7 @@ def draw_workspace(axes: Axes, cspace: CSpaceQuery) -> None:
 
 
 def _draw_reach(axes: Axes, cspace: CSpaceQuery) -> tuple[Array, float]:
-    """Draw what the tool of a planar arm reaches; returns center and radius of the view."""
+    """Draw the reach of a planar arm; returns center and radius of the view."""
     grid = cspace.grid
     arm = grid.scene.arms[grid.arm]
     flat = flat_arm(arm) if arm.robot.joint_names == grid.joint_names else None

@@ -1,4 +1,4 @@
-"""What the tool of a planar arm reaches, obstacles and limits of turning joints aside: for pictures."""
+"""The reach of a planar arm's tool for pictures, ignoring obstacles and the limits of revolute joints."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Reach(NamedTuple):
 
     Args:
         rims: Its boundary as closed polygons [m], each (n, 2); by the even-odd rule.
-        center: Of a circle around it and the arm [m], shape (2,).
-        radius: Of that circle [m].
+        center: Center of a circle around the region and the arm [m], shape (2,).
+        radius: Radius of that circle [m].
     """
 
     rims: tuple[Array, ...]
@@ -28,7 +28,7 @@ class Reach(NamedTuple):
 
 
 def reach_of(arm: FlatArm, limits: Limits) -> Reach:
-    """The region that the tool reaches with joints that turn freely and slide within their limits."""
+    """The region that the tool reaches with unlimited revolute joints and prismatic joints within their limits."""
     (a, c), base = arm.bars, arm.base
     lower, upper = np.maximum(limits.lower, -1e3), np.minimum(limits.upper, 1e3)
     match arm.kinds:

@@ -1,4 +1,4 @@
-"""The coordination diagram of two arms of a plan: where they exclude each other, and how the plan leads past that."""
+"""The coordination diagram of two arms of a plan: blocked cells, and the curve of the plan between them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class CoordinationDiagram(PairSchedule):
         return draw(self, axes, check_width(width), true_or_false("dark", dark))
 
     def save(self, file: str | FilePath, *, axes: Axes = "time", dark: bool = False) -> FilePath:
-        """Write it in the format that the name ends in: .png, .svg or .pdf, atomically.
+        """Write it atomically in the format given by the suffix: .png, .svg or .pdf.
 
         Args:
             file: The file, 8 inches wide.
@@ -46,6 +46,6 @@ class CoordinationDiagram(PairSchedule):
 
         Raises:
             UnknownNameError: other axes.
-            InputError: another ending, or a file that cannot be written.
+            InputError: another suffix, or a file that cannot be written.
         """
         return save_figure(file, lambda: self.figure(axes=axes, dark=dark))

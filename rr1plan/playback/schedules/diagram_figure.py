@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from rr1plan.playback.schedules.pair_schedule import Axes, PairSchedule
 
 _BAND = 0.035  # width of the bands of starts and goals, as a share of the axis
-_HEIGHT = 0.98  # of the figure, over its width
+_HEIGHT = 0.98  # of the figure, relative to its width
 _STILL = 1e-9
-_TICKS = 8  # times that are written beside the curve, about
-_CLOSE = 0.05  # nearer to each other they are not, as a share of the picture
+_TICKS = 8  # approximate number of time labels at the curve
+_CLOSE = 0.05  # smallest distance between time labels, as a share of the picture
 
 
 def draw(diagram: PairSchedule, axes: Axes, width: float, dark: bool) -> Figure:
@@ -56,7 +56,7 @@ def _extent(scale: Array) -> tuple[float, float]:
 
 
 def _edges(scale: Array) -> Array:
-    """Borders of all cells on an axis: those of segments, and those of the bands of start and goal."""
+    """Borders of all cells on an axis: of segments, and of the bands of start and goal."""
     whole, band = _extent(scale)
     inner = scale if len(scale) > 1 else np.array([0.0, whole])
     return np.concatenate([[-band], inner, [whole + band]])
@@ -96,7 +96,7 @@ def _draw_curve(plot: mpl_axes.Axes, diagram: PairSchedule, axes: Axes, look: Lo
             span = points[first : last + 1]
             if np.ptp(span, axis=0).max() > 0.0:
                 plot.plot(span[:, 0], span[:, 1], color=color, linewidth=6.0, zorder=6, solid_capstyle="butt")
-            else:  # both rest, for others
+            else:  # both wait for other arms
                 plot.plot(span[:1, 0], span[:1, 1], "D", color=color, markersize=(13, 8)[arm], zorder=6 + arm)
     _draw_times(plot, points, times, look)
     for end in points[[0, -1]]:
@@ -107,13 +107,13 @@ def _waits(points: Array, times: Array, arm: int) -> list[tuple[int, int]]:
     """The rests of an arm before its arrival: first and last index of each."""
     own = points[:, arm]
     rests = (np.abs(np.diff(own)) <= _STILL) & (np.diff(times) > 0.0)
-    later = np.logical_and.accumulate(rests[::-1])[::-1]  # at rest for good
+    later = np.logical_and.accumulate(rests[::-1])[::-1]  # at rest until the end
     edges = np.flatnonzero(np.diff((rests & ~later).astype(np.int8), prepend=0, append=0))
     return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
 
 def _draw_times(plot: mpl_axes.Axes, points: Array, times: Array, look: Look) -> None:
-    """Dots on the curve at round times, so that speeds can be seen."""
+    """Dots on the curve at round times, which make speeds visible."""
     step = _round_step(float(times[-1]) / _TICKS)
     before, size = points[0], np.ptp(points, axis=0)
     for time in np.arange(step, times[-1] - 0.3 * step, step):
@@ -131,7 +131,7 @@ def _draw_times(plot: mpl_axes.Axes, points: Array, times: Array, look: Look) ->
 
 
 def _round_step(least: float) -> float:
-    """A round number that is not much larger: 1, 2 or 5 times a power of ten."""
+    """The next larger round number: 1, 2 or 5 times a power of ten."""
     if least <= 0.0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(least))

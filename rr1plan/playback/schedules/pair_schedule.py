@@ -16,19 +16,20 @@ _AXES = ("time", "length")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PairSchedule:
-    """Two arms on their paths: where they exclude each other, and how their plan leads past that.
+    """Two arms on their paths: blocked cells of their diagram, and the curve of their plan between them.
 
-    A point of the diagram is a place of the one arm on its path (across) and a place of the other (up). Paths are cut
-    into segments; a cell is blocked unless both arms are proven not to touch anywhere on the two segments.
+    A point of the diagram is a position of one arm on its path (horizontal axis) and of the other (vertical axis).
+    Paths are divided into segments; a cell is blocked unless the arms are proven not to touch anywhere on the two
+    segments.
 
     Args:
         names: The two arms.
-        numbers: Number of each in its scene, which decides its color.
+        numbers: Number of each in its scene, which determines its color.
         blocked: Which cells are blocked, shape (m + 2, n + 2): start, segments and goal of both paths.
         lengths: Path length at the ends of all segments [rad], shapes (m + 1,) and (n + 1,).
-        undelayed: When each arm would be there without waiting [s], of the same shapes.
+        undelayed: Times at which each arm would be there without waiting [s], of the same shapes.
         times: Times of the plan [s], shape (k,).
-        places: Ends of segments where both arms are then, with fractions between two of them, shape (k, 2).
+        places: Positions of both arms at these times, as fractional indices of segment ends, shape (k, 2).
     """
 
     names: tuple[str, str]
@@ -41,15 +42,15 @@ class PairSchedule:
 
     @property
     def blocked_share(self) -> float:
-        """Share of the cells between starts and goals that are blocked; 0 where an arm does not move."""
+        """Share of the cells between starts and goals that are blocked; 0 if an arm does not move."""
         inner = self.blocked[1:-1, 1:-1]
         return float(inner.mean()) if inner.size else 0.0
 
     def curve(self, axes: Axes = "time") -> Array:
-        """The plan as a curve: places of both arms at `times`, shape (k, 2).
+        """The plan as a curve: positions of both arms at `times`, shape (k, 2).
 
         Args:
-            axes: "time": by when an arm would be there without waiting [s]; "length": by path length [rad].
+            axes: "time": time at which an arm would be there without waiting [s]; "length": path length [rad].
 
         Raises:
             UnknownNameError: other axes.

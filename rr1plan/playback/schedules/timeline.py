@@ -1,4 +1,4 @@
-"""`timeline`: when each arm of a motion moves and rests, whom it waits for, and where arms touch."""
+"""`timeline`: when each arm of a motion moves and rests, for whom it waits, and where arms touch."""
 
 from __future__ import annotations
 
@@ -42,19 +42,19 @@ class Timeline(TimelineRows):
         return draw(self, check_width(width), true_or_false("dark", dark))
 
     def save(self, file: str | FilePath, *, dark: bool = False) -> FilePath:
-        """Write it in the format that the name ends in: .png, .svg or .pdf, atomically.
+        """Write it atomically in the format given by the suffix: .png, .svg or .pdf.
 
         Args:
             file: The file, 13 inches wide.
             dark: For a dark slide.
 
         Raises:
-            InputError: another ending, or a file that cannot be written.
+            InputError: another suffix, or a file that cannot be written.
         """
         return save_figure(file, lambda: self.figure(dark=dark))
 
     def panel(self) -> Panel:
-        """A panel for a page of the same motion: the clock moves along it, and a click goes to a moment."""
+        """A panel for a page of the same motion: a cursor follows the clock, and a click jumps to a time."""
         from rr1plan.playback.schedules.timeline_panel import timeline_panel
 
         return timeline_panel(self)
@@ -74,12 +74,12 @@ def timeline(
         trajectory: The motion; its columns are joints of the scene.
         scene: The scene.
         report: The referee's verdict, whose collisions are marked.
-        waits: For whom arms wait; `Wait` values of a plan. A rest that none of them overlaps has no reason.
-        undelayed: How long the path of an arm takes without waiting [s], where that is known.
+        waits: The waits (`Wait`) of a plan. A rest that overlaps none of them has no reason.
+        undelayed: Duration of the path of an arm without waiting [s], where known.
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene, or a name that is not an arm.
-        InputError: something else in the place of one of these.
+        InputError: an argument of another type.
     """
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
@@ -126,7 +126,7 @@ def _columns(trajectory: Trajectory, scene: Scene) -> dict[str, list[int]]:
 
 
 def _motions(trajectory: Trajectory, columns: list[int]) -> tuple[Interval, ...]:
-    """When these columns move; pieces in a row are one interval."""
+    """When these columns move; consecutive pieces are one interval."""
     moves = (np.abs(trajectory.coefficients[:, 1:, columns]) > _STILL).any(axis=(1, 2))
     if not moves.any():
         return ()
@@ -142,6 +142,6 @@ def _gaps(motions: tuple[Interval, ...], start: float) -> list[Interval]:
 
 
 def _whom(arm: str, gap: Interval, waits: Iterable[Wait]) -> tuple[str, ...]:
-    """The arms that an arm waits for in a rest: of those of its waits which overlap it."""
+    """The arms that an arm waits for during a rest, from its waits that overlap the rest."""
     found = [w for w in waits if w.arm == arm and min(w.end, gap[1]) > max(w.begin, gap[0])]
     return tuple(dict.fromkeys(other for wait in found for other in wait.others))

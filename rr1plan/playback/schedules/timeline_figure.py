@@ -1,4 +1,4 @@
-"""The figure of a time line: a row for each arm, motion and waiting, who waits for whom, conflicts in red."""
+"""The figure of a time line: for each arm a row with motions and waits; arrows from the awaited arm; red conflicts."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from rr1plan.playback.figure_files import Look, look_of, style_of
 if TYPE_CHECKING:
     from rr1plan.playback.schedules.timeline_rows import TimelineRows
 
-_ROW, _TALLEST, _FRAME = 0.46, 11.0, 1.9  # heights of a row, of all rows at most, of the frame [inch]
-_MOST_NAMED = 40  # rows that have names, and arrows for waits
-_MOST_WORDS = 6  # conflicts that are named in words
+_ROW, _TALLEST, _FRAME = 0.46, 11.0, 1.9  # height of a row, maximum of all rows, height of the frame [inch]
+_MOST_NAMED = 40  # with more rows, names and arrows for waits are omitted
+_MOST_WORDS = 6  # conflicts described in words
 _BAR, _REST = 0.62, 0.16  # heights of bars in rows
 
 
@@ -68,7 +68,7 @@ def _draw_frame(axes: Axes, line: TimelineRows, look: Look) -> None:
 
 
 def _draw_rows(axes: Axes, line: TimelineRows, look: Look) -> None:
-    """Bars where arms move, thin lines where they wait, marks where they could have arrived."""
+    """Bars while arms move, thin lines while they wait, ticks where they would have arrived without waiting."""
     for row, arm in enumerate(line.arms):
         color = arm_color(line.numbers[arm])
         spans = [(begin, end - begin) for begin, end in line.motions[arm]]
@@ -83,7 +83,7 @@ def _draw_rows(axes: Axes, line: TimelineRows, look: Look) -> None:
 
 
 def _draw_arrows(axes: Axes, line: TimelineRows) -> None:
-    """From each arm that is waited for to the one that waits, at the time when that goes on."""
+    """Draw an arrow from the awaited arm to the waiting one, at the time when the latter continues."""
     place = {arm: row for row, arm in enumerate(line.arms)}
     for wait in line.waits:
         for other in wait.others:
@@ -103,7 +103,7 @@ def _draw_arrows(axes: Axes, line: TimelineRows) -> None:
 
 
 def _draw_conflicts(axes: Axes, line: TimelineRows, look: Look) -> None:
-    """A cross in the rows of the arms that touch, joined by a line; numbers refer to the words below."""
+    """A cross in the rows of the arms in contact, connected by a line; numbers refer to the text below."""
     place = {arm: row for row, arm in enumerate(line.arms)}
     for number, (violation, arms) in enumerate(zip(line.conflicts, line.touching, strict=True), start=1):
         rows = sorted(place[arm] for arm in arms)

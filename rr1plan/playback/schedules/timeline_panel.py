@@ -1,4 +1,4 @@
-"""The time line as a panel of the page: rows of arms, the clock across them, conflicts that a click shows in red."""
+"""The time line as a panel of the page: rows of arms, a time cursor, and conflicts that a click shows in red."""
 
 from __future__ import annotations
 

@@ -15,19 +15,19 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class TimelineRows(Value):
-    """When each arm of a motion moves and rests, whom it waits for, and where arms touch.
+    """When each arm of a motion moves and rests, for whom it waits, and where arms touch.
 
     Args:
-        name: Of the scene.
+        name: Name of the scene.
         arms: The moving arms.
-        numbers: Number of each in its scene, which decides its color.
-        motions: When each arm moves: begin and end [s], one interval after the other.
+        numbers: Number of each in its scene, which determines its color.
+        motions: Intervals in which each arm moves: start and end [s], in order.
         waits: Rests of arms before they arrive.
-        start: When the clock of the motion begins [s], usually 0.
-        makespan: How long after that the last arm arrives [s].
-        undelayed: How long the path of each arm takes without waiting [s], where that is known.
-        conflicts: What the referee found between two elements: collisions, and pairs that it cannot decide.
-        touching: Of each conflict the arms that have a part in it.
+        start: Start of the motion [s], usually 0.
+        makespan: Time from the start until the last arm arrives [s].
+        undelayed: Duration of the path of each arm without waiting [s], where known.
+        conflicts: Findings of the referee between two elements: collisions, and pairs that it cannot decide.
+        touching: The arms involved in each conflict.
     """
 
     name: str
@@ -46,7 +46,7 @@ class TimelineRows(Value):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def arrival(self, arm: str) -> float:
-        """When an arm is at rest for good [s].
+        """Time from which an arm remains at rest [s].
 
         Raises:
             UnknownNameError: no such arm.
@@ -56,7 +56,7 @@ class TimelineRows(Value):
 
     @property
     def waiting(self) -> float:
-        """Sum of the times that arms rest before they arrive [s]."""
+        """Sum of the times that arms rest before their arrival [s]."""
         return sum(wait.end - wait.begin for wait in self.waits)
 
     def __str__(self) -> str:

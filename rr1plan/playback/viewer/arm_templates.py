@@ -1,9 +1,9 @@
 """Scenes of one arm among others, with which a page of many arms plans for each of them.
 
-A page cannot carry the tables of all arms that might move: in the joint space of a hundred arms they take gigabytes.
-It carries those of one arm of each kind instead, in the frame of its base, with an obstacle for each link of as many
-neighbors as any such arm has. To plan for an arm, the page puts these obstacles where the links of its neighbors are
-(`page/many_arms_planner.js`).
+A page cannot contain the tables of all arms that might move: in the joint space of a hundred arms they take gigabytes.
+It contains those of one arm of each kind instead, in its base frame, with an obstacle for each link of as many
+neighbors as any arm of that kind has. To plan for an arm, the page moves these obstacles to the poses of its neighbors'
+links (`page/many_arms_planner.js`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rr1plan.transforms import identity, inverse
 
 ARM = "arm"
 """The name of the arm in a template."""
-# Where neighbors are that are not needed, beyond the reach of any arm, but not so far that rounding counts [m].
+# Position of unused neighbors: beyond the reach of any arm, but not so far that rounding matters [m].
 _FAR = 100.0
 
 
@@ -33,7 +33,7 @@ class ArmPart:
     Args:
         link: The link that carries it.
         pose: T_link_part, shape (4, 4).
-        geometries: Its convex shapes, posed in its own frame.
+        geometries: Its convex shapes, in the frame of the part.
     """
 
     link: str
@@ -46,9 +46,10 @@ class ArmTemplate:
     """The scene of an arm among neighbors.
 
     Args:
-        scene: The arm, called `ARM`, its base at the origin; the obstacles; then the parts of all neighbors, far away.
-        parts: The parts of an arm of this kind: what its neighbors must not touch.
-        neighbors: How many neighbors of each kind there are in the scene, by the kind's index, in that order.
+        scene: The arm, called `ARM`, with its base at the origin; the obstacles; then the parts of all neighbors, far
+            away.
+        parts: The parts of an arm of this kind, which its neighbors must not touch.
+        neighbors: Number of neighbors of each kind in the scene, by the index of the kind.
     """
 
     scene: Scene
@@ -57,7 +58,7 @@ class ArmTemplate:
 
 
 def arm_kinds(scene: Scene) -> dict[str, int]:
-    """The kind of each arm: equal numbers for equal robots and held objects under equal rules of contact."""
+    """The kind of each arm: equal numbers for equal robots and held objects under equal contact rules."""
     geometries = geometries_of(scene)
     numbers: dict[object, int] = {}
     return {
@@ -66,17 +67,17 @@ def arm_kinds(scene: Scene) -> dict[str, int]:
 
 
 def has_rules_between_arms(scene: Scene) -> bool:
-    """Whether some rule of contact concerns two particular arms, which templates cannot express."""
+    """Whether some contact rule concerns two particular arms, which templates cannot represent."""
     owners = ({scene.owner(name) or name for name in both} for both in (*scene.allowed, *scene.pair_padding))
     return any(len(both & scene.arms.keys()) > 1 for both in owners)
 
 
 def neighbors_of(scene: Scene, distance: float) -> dict[str, tuple[str, ...]]:
-    """Of each arm those that it can come near to in some configurations, in the order of their kinds.
+    """For each arm the arms that it can come near to in some configurations, in the order of their kinds.
 
     Args:
         scene: The scene.
-        distance: All others stay farther than this beyond the padding from it [m].
+        distance: All other arms stay farther away than this in addition to the padding [m].
     """
     kinds, near = arm_kinds(scene), arms_in_reach(scene, scene.arms, distance)
     order = {name: (kinds[name], i) for i, name in enumerate(scene.arms)}
@@ -84,14 +85,14 @@ def neighbors_of(scene: Scene, distance: float) -> dict[str, tuple[str, ...]]:
 
 
 def arm_templates(scene: Scene, distance: float) -> list[ArmTemplate]:
-    """A template of each kind of arms.
+    """A template for each kind of arm.
 
     Args:
         scene: The scene.
         distance: See `neighbors_of`.
 
     Raises:
-        InputError: a shape that cannot be made solid.
+        InputError: a shape that cannot be converted to a solid.
     """
     kinds, near = arm_kinds(scene), neighbors_of(scene, distance)
     first = {kind: name for name, kind in reversed(kinds.items())}
@@ -119,12 +120,12 @@ def _far_away() -> Array:
 
 
 def _renamed(scene: Scene, arm: str, name: str) -> str:
-    """An element of an arm in its template."""
+    """The name of an element of an arm in its template."""
     return ARM if name == arm else f"{ARM}/{name.split('/', 1)[1]}" if name.startswith(f"{arm}/") else name
 
 
 def _own_rules(scene: Scene, arm: str) -> tuple[frozenset[frozenset[str]], frozenset[tuple[frozenset[str], float]]]:
-    """The allowed contacts and the paddings that concern an arm, or no arm at all, as its template has them."""
+    """The allowed contacts and paddings of an arm, and those without any arm, with the names of its template."""
 
     def concerns(both: frozenset[str]) -> bool:
         return {scene.owner(name) or name for name in both} & scene.arms.keys() <= {arm}
@@ -139,7 +140,7 @@ def _own_rules(scene: Scene, arm: str) -> tuple[frozenset[frozenset[str]], froze
 
 
 def _alone(scene: Scene, arm: str) -> Scene:
-    """An arm with what it holds and all obstacles, in the frame of its base."""
+    """An arm with its held objects and all obstacles, in its base frame."""
     placed, to_base = scene.arms[arm], inverse(scene.arms[arm].base)
     held = held_by_arm(scene).get(arm, {})
     allowed, paddings = _own_rules(scene, arm)
@@ -154,7 +155,7 @@ def _alone(scene: Scene, arm: str) -> Scene:
 
 
 def _parts(scene: Scene, arm: str) -> tuple[ArmPart, ...]:
-    """The links of an arm and what it holds, in the convex pieces of which moving arms consist too."""
+    """The links of an arm and its held objects, as the same convex pieces that moving arms have."""
     robot, held = scene.arms[arm].robot, held_by_arm(scene).get(arm, {})
     things = [(link.name, identity(), link.name, link.collisions) for link in robot.links if link.collisions]
     things += [(name, thing.pose, thing.link, thing.geometries) for name, thing in held.items()]

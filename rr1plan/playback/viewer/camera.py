@@ -1,11 +1,11 @@
 """The first view of the page: a direction from which the motion is visible.
 
-Directions around the arms are compared by how much of the motion a camera there does not see. Seen should be points
-of the links that move and of the tool along its path, and the hands at the start, middle and end of the motion.
+Directions around the arms are compared by the part of the motion that is hidden from a camera there. Points of the
+moving links, of the tool along its path, and of the hands at the start, middle and end of the motion should be visible.
 Rays from these points to the camera are intersected with the obstacles, for hands also with the links of all arms.
 Boxes, balls, cylinders and capsules are exact; links are boxes; meshes and point clouds are sampled into a depth buffer
-for each direction, which bounds the time they take. Mostly transparent obstacles hide nothing. Among equally open
-directions, one half from the front and a little above is preferred.
+for each direction, which bounds their computation time. Mostly transparent obstacles hide nothing. Among equally
+unobstructed directions, one half from the front and a little above is preferred.
 """
 
 from __future__ import annotations
@@ -39,28 +39,28 @@ VIEWS: dict[str, Point] = {
     "corner": (1.0, -1.0, 0.8),
 }
 
-_INSTANTS = 9  # of the motion, at which links and tools should be seen
-_MOST_ARMS = 6  # looked at; of more that move, some among all of them
-_MOVED = 1e-3  # of the arm's extent, from which a link counts as moving
-_REACH = 0.05  # of the same, from which the arms count as reaching to one side
-_COSTS = {"links": 0.9, "tool": 0.5, "hand": 0.5}  # of not seeing any of them
-_HAND = 0.25  # share of the motion's radius: what is nearer to the hand belongs to it and does not hide it
-# From the front; not from the very side, whence what is worked at is seen edge on.
+_INSTANTS = 9  # of the motion, at which links and tools should be visible
+_MOST_ARMS = 6  # considered; if more move, a sample of them
+_MOVED = 1e-3  # of the arm's extent: a displacement beyond it counts as motion of a link
+_REACH = 0.05  # of the same: beyond it the arms count as reaching to one side
+_COSTS = {"links": 0.9, "tool": 0.5, "hand": 0.5}  # if all points of a kind are hidden
+_HAND = 0.25  # share of the motion's radius: links nearer to the hand belong to it and do not hide it
+# From the front; not exactly from the side, where the task would be seen edge-on.
 _TURNS = np.radians([48, -48, 28, -28, 70, -70, 115, -115, 132, -132, 150, -150, 168, -168])
 _HEIGHTS = np.radians([27.0, 40.0, 55.0, 72.0])  # above the horizon
-_BATCHES = 7  # in which views are looked at for links
-_DISTANCE = 5.5  # of the camera, in radii of the motion; the page sets it by its window
-_SOLID = 0.5  # opacity from which an obstacle hides what is behind it
+_BATCHES = 7  # in which views are checked for occlusion by links
+_DISTANCE = 5.5  # of the camera, in radii of the motion; the page adapts it to its window
+_SOLID = 0.5  # opacity from which an obstacle occludes
 _SAMPLES = 20_000  # of surfaces in the depth buffer
 _CELLS = 25  # of the depth buffer along the radius of the motion
 
 
 def check_view(view: Any) -> Point | None:
-    """A view as a direction of the world, from which the camera looks; None stays None.
+    """A view as a direction in world coordinates, from which the camera looks; None stays None.
 
     Args:
         view: A name of `VIEWS`; azimuth from +x towards +y and elevation above the xy plane [rad], shape (2,); or a
-            direction of the world, shape (3,).
+            direction in world coordinates, shape (3,).
 
     Raises:
         UnknownNameError: no such name.
@@ -92,8 +92,8 @@ class Camera(NamedTuple):
     """The first view of a page.
 
     Args:
-        direction: From which the camera looks, as a direction of the world.
-        target: The point of the world at which it looks [m]; it stands on the line through it.
+        direction: Direction from the target to the camera, in world coordinates.
+        target: The point at which it looks, in world coordinates [m].
     """
 
     direction: Point
@@ -101,19 +101,19 @@ class Camera(NamedTuple):
 
 
 def choose_camera(scene: Scene, motion: Trajectory | None = None, ends: Iterable[tuple[str, object]] = ()) -> Camera:
-    """A camera that sees most of the motion, or of the arms where there is none.
+    """A camera that sees most of the motion, or of the arms if there is none.
 
     Args:
         scene: The arms and obstacles.
-        motion: What is going to be played, or None.
-        ends: Without a motion: what is drawn of a query, each an arm and its configuration [rad or m], shape (nq,).
-            None of both shows the arms as the scene has them.
+        motion: The motion to be played, or None.
+        ends: Without a motion: the drawn configurations of a query, each an arm and its configuration [rad or m], shape
+            (nq,). Without either, the arms have their configurations in the scene.
     """
     sights = _sights(scene, *_configurations(scene, motion, ends))
     turn, height = (grid.ravel() for grid in np.meshgrid(_TURNS, _HEIGHTS))
     azimuth = sights.front + turn
     directions = np.column_stack([np.cos(height) * np.cos(azimuth), np.cos(height) * np.sin(azimuth), np.sin(height)])
-    # A little hidden is better than a strange side.
+    # A little occlusion is better than an unusual direction.
     cost = 0.07 * np.abs(np.abs(turn) - _TURNS[0]) + 0.04 * (turn < 0.0) + 0.3 * (height - _HEIGHTS[0])
     if len(sights.points) == 0:
         return Camera(_as_point(directions[np.argmin(cost)]), (0.0, 0.0, 0.0))
@@ -124,7 +124,7 @@ def choose_camera(scene: Scene, motion: Trajectory | None = None, ends: Iterable
     cost += hidden @ sights.costs
     order = np.argsort(cost, kind="stable")
     best, least = order[0], math.inf
-    # Links only add to the cost: directions that cost more than the best without them need no look at links.
+    # Links only add to the cost: directions already worse than the best complete one need no check of links.
     for few in np.array_split(order, _BATCHES):
         if cost[few[0]] >= least:
             break
@@ -139,19 +139,19 @@ def _as_point(at: Array) -> Point:
     return (x, y, z)
 
 
-# ---- what should be seen -----------------------------------------------------------------------
+# ---- visible points ----------------------------------------------------------------------------
 
 
 class _Sights(NamedTuple):
     """The points of the motion that should be visible, and the links that may hide them.
 
     Args:
-        points: Points of the world, shape (n, 3).
-        costs: What it costs not to see each, shape (n,).
-        hands: For each point the instant at which links hide it, -1 where they do not count, shape (n,).
+        points: Points in world coordinates [m], shape (n, 3).
+        costs: Cost of each point if hidden, shape (n,).
+        hands: For each point the instant at which links may hide it, -1 if links are ignored, shape (n,).
         boxes: Half edges of boxes around the shapes of links, shape (b, 3).
-        box_poses: Where they are at each instant, T_world_box, shape (b, instants, 4, 4).
-        front: Azimuth in which the arms reach [rad].
+        box_poses: Their poses at each instant, T_world_box, shape (b, instants, 4, 4).
+        front: Azimuth toward which the arms reach [rad].
     """
 
     points: Array
@@ -203,7 +203,7 @@ def _sights(scene: Scene, configurations: list[dict[str, Array]], moved: list[st
 def _configurations(
     scene: Scene, motion: Trajectory | None, ends: Iterable[tuple[str, Any]]
 ) -> tuple[list[dict[str, Array]], list[str]]:
-    """The configuration of every arm at each instant, and the arms that move (all where there is no motion)."""
+    """The configuration of every arm at each instant, and the arms that move (all if there is no motion)."""
     if not scene.arms or motion is None:
         rest = {name: arm.q for name, arm in scene.arms.items()}
         asked = [(name, np.asarray(q, dtype=float)) for name, q in ends]
@@ -232,7 +232,7 @@ def _link_boxes(robot: Robot) -> list[tuple[str, Array, Array]]:
 
 
 def _box_around(shape: Shape) -> tuple[Array, Array]:
-    """Middle and half edges of the box around a shape, in its coordinates [m]."""
+    """Center and half edges of the box around a shape, in its coordinates [m]."""
     match shape:
         case Box():
             return np.zeros(3), 0.5 * np.array(shape.size)
@@ -250,7 +250,7 @@ def _box_around(shape: Shape) -> tuple[Array, Array]:
             return 0.5 * (low + high), 0.5 * (high - low)
 
 
-# ---- what hides it -----------------------------------------------------------------------------
+# ---- occlusion ---------------------------------------------------------------------------------
 
 
 def behind_obstacles(scene: Scene, points: Array, eyes: Array) -> Mask:
@@ -282,7 +282,7 @@ def behind_obstacles(scene: Scene, points: Array, eyes: Array) -> Mask:
 
 
 def _behind_links(sights: _Sights, eyes: Array, near: float) -> Mask:
-    """Which points at hands the links hide from each of the eyes (v, 3), shape (v, n), except by links too near."""
+    """Which points at hands are hidden by links from each of the eyes (v, 3), shape (v, n); near links do not count."""
     hidden = np.zeros((len(eyes), len(sights.points)), dtype=bool)
     (at,) = np.nonzero(sights.hands >= 0)
     points, instants = sights.points[at], sights.hands[at]
@@ -301,7 +301,7 @@ def _apply(T: Array, points: Array) -> Array:
 
 
 def _meets(shape: Shape, points: Array, d: Array) -> Mask:
-    """Which segments from points (n, 3) along d (v, n, 3), in the shape's coordinates, meet the shape, shape (v, n)."""
+    """Which segments from points (n, 3) along d (v, n, 3), in the shape's coordinates, hit the shape, shape (v, n)."""
     match shape:
         case Box():
             return _overlaps(*_slabs(points, d, 0.5 * np.array(shape.size)))

@@ -31,15 +31,15 @@ def save_html(
     """Write one self-contained page, which loads nothing from the network.
 
     Args:
-        file: Where to write it; written whole or not at all.
+        file: The file, written atomically.
         scene: The arms and obstacles.
         trajectory: The motion to play; its columns are joints of the scene.
-        path: A path without times: drawn, and played at a steady speed when there is no trajectory.
+        path: A path without times: drawn, and played at a steady speed if there is no trajectory.
         problem: The query: its start and goal are drawn as ghosts.
         report: The referee's verdict on the trajectory, shown as a badge. Elements that collide are red at that
             time, and the time line is marked there.
-        replay: What a simulation made of the trajectory, drawn as a shadow beside it; its contacts are shown likewise,
-            and loose bodies move as they did there. Without a trajectory or path it is played itself.
+        replay: The simulated trajectory, drawn as a shadow next to it; its contacts are also shown, and loose bodies
+            move as in the simulation. Without a trajectory or path, the replay itself is played.
         options: How the page looks (default: `ViewOptions()`).
 
     Returns:
@@ -47,7 +47,7 @@ def save_html(
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene.
-        InputError: a file that cannot be written, data JSON cannot hold.
+        InputError: a file that cannot be written, or data that JSON cannot represent.
         MissingPackageError: Meshcat is not installed.
     """
     document = view_document(

@@ -1,9 +1,8 @@
 """One self-contained HTML page: Meshcat's viewer, our page around it, and the document.
 
-The page may not load anything from anywhere: its content security policy names the hashes of
-its own scripts and nothing else, so neither a request nor a script smuggled in by a name in a
-file can run. Only a page that plans by itself may compile WebAssembly. Data stands in
-`<script type="application/json">` with every "<" escaped.
+The page must not load anything: its content security policy lists the hashes of its own scripts and nothing else, so
+neither requests nor scripts injected through names in a file can run. Only a page that plans by itself may compile
+WebAssembly. Data is embedded in `<script type="application/json">` with every "<" escaped.
 """
 
 from __future__ import annotations
@@ -42,14 +41,14 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: L
     """The page as text.
 
     Args:
-        document: What `view_document` made.
+        document: The result of `view_document`.
         options: The panels, the first view, and whether the motion runs; title and spheres are in the document.
         live: The program that the page follows; None for a page by itself.
 
     Raises:
-        InputError: data JSON cannot hold.
+        InputError: data that JSON cannot represent.
         MissingPackageError: Meshcat is not installed.
-        BackendError: Meshcat is there without its viewer.
+        BackendError: Meshcat is installed without its viewer.
     """
     options = checked_options(options)
     panels = options.panels
@@ -87,21 +86,21 @@ def planner_script() -> str:
 
 
 def _core_script() -> str:
-    """The binding of the kernels as a function `loadCore`; in a page it is no module."""
+    """The binding of the kernels as a function `loadCore`, because in a page it is not a module."""
     return f"const loadCore = (() => {{\n{core_script().replace('export async', 'async')}\nreturn load;\n}})();\n"
 
 
 def embed_html(text: str, height: int = 600) -> str:
-    """A page in a sandboxed frame of a notebook, which browsers do not draw while it is scrolled out of view."""
+    """A page in a sandboxed frame for notebooks, which browsers do not draw while it is scrolled out of view."""
     style = f"width:100%;height:{int(height)}px;border:0;border-radius:8px"
     return f'<iframe srcdoc="{html.escape(text)}" sandbox="allow-scripts allow-downloads" style="{style}"></iframe>'
 
 
 def json_for_html(value: object) -> str:
-    """JSON that can stand inside a script element whatever the strings in it are.
+    """JSON that is safe inside a script element, whatever its strings contain.
 
     Raises:
-        InputError: a value JSON cannot hold, NaN and infinity included.
+        InputError: a value that JSON cannot represent, including NaN and infinity.
     """
     try:
         text = json.dumps(value, allow_nan=False, separators=(",", ":"), ensure_ascii=True)
@@ -124,8 +123,8 @@ def check_size(size: Any) -> tuple[int, int]:
 
 @cache
 def _meshcat() -> str:
-    """Meshcat's own viewer, as its package ships it (its licences stand in the page's head)."""
-    # Found, not imported: the Python package would bring ZeroMQ and IPython along.
+    """Meshcat's own viewer, as its package ships it (its licenses are in the page's head)."""
+    # Located, not imported: importing the Python package would load ZeroMQ and IPython.
     found = find_spec("meshcat")
     if found is None or found.origin is None:
         raise MissingPackageError("meshcat", "the 3-D page")
@@ -144,13 +143,13 @@ def _script(panels: Sequence[Panel]) -> str:
 
 
 def _without_comments(script: str) -> str:
-    """A script without the comments and the indentation of its lines, which are a third of it."""
+    """A script without comments and indentation, which are a third of it."""
     script = re.sub(r"^\s*(/\*\*.*?\*/|//[^\n]*)\n", "", script, flags=re.DOTALL | re.MULTILINE)
     return re.sub(r"^\s+", "", script, flags=re.MULTILINE)
 
 
 def _sealed(text: str, element: str) -> str:
-    """Text that cannot close the element it stands in."""
+    """Text that cannot close the element that contains it."""
     if re.search(rf"</{element}", text, re.IGNORECASE):
         raise InputError(f"a {element} of the page contains '</{element}', expected it to be written otherwise")
     return text

@@ -1,7 +1,7 @@
-"""One page that a server shows to any number of browsers: what it holds, and what its browsers say.
+"""One page that a server shows to any number of browsers: its content, and messages from the browsers.
 
-Only who has the page's token can follow it and act on it. The token stands in the page, which other websites cannot
-read: the server refuses names that are not this machine's, and browsers keep pages of different origins apart.
+Following the page or acting on it requires its token. The token is embedded in the page, which other websites cannot
+read: the server rejects host names other than this machine's, and browsers isolate pages of different origins.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from rr1plan.errors import InputError
 
 logger = logging.getLogger(__name__)
 
-_LONGEST_MESSAGE = 10_000  # of a page
+_LONGEST_MESSAGE = 10_000  # from a page
 
 
 class LiveAccess(NamedTuple):
-    """How a page finds the program that it follows.
+    """How a page connects to the program that it follows.
 
     Args:
         token: The page's token.
-        version: Of the document in it, so that the server knows whether the page has the newest.
-        address: Where its updates come from; None: from where the page itself comes from.
+        version: Version of the document in the page, by which the server recognizes outdated pages.
+        address: Address of the server of its updates; None: the server of the page itself.
     """
 
     token: str
@@ -40,14 +40,14 @@ class LiveAccess(NamedTuple):
 
 
 class LivePage:
-    """What a page shows, and the browsers that show it. `PageServer.add` makes one.
+    """The content of a page, and the browsers that show it. `PageServer.add` creates one.
 
     Args:
         url: Address of the page, which ends in "/".
-        html: Gives the text of the page for an access to it.
-        hear: Called with what a browser has sent, as parsed from JSON.
-        run: Calls a function in the thread of the server; it raises `InputError` when that has ended.
-        end: Takes the page off its server.
+        html: Returns the text of the page for a given access.
+        hear: Called with messages from browsers, parsed from JSON.
+        run: Calls a function in the thread of the server; raises `InputError` if that thread has ended.
+        end: Removes the page from its server.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class LivePage:
         self._run = run
         self._clients: set[UpdatesHandler] = set()
         self.visits = 0  # browsers that have opened the page so far
-        self.last_sign = 0.0  # [s] of the monotonic clock, when the page was last asked for or a browser went away
+        self.last_sign = 0.0  # [s] of the monotonic clock: last request for the page, or last disconnection
         self._lock = threading.Lock()
         self._version = 0
         self._document = ""
@@ -78,11 +78,11 @@ class LivePage:
         return len(self._clients)
 
     def access(self, *, from_elsewhere: bool = False) -> LiveAccess:
-        """The access of a page that is made now, by the server or elsewhere, as in a notebook."""
+        """The access of a page generated now, by the server or elsewhere, e.g. in a notebook."""
         address = self.url.replace("http", "ws", 1) + "updates" if from_elsewhere else None
         return LiveAccess(self.token, self._version, address)
 
-    # ---- what the program does -----------------------------------------------------------
+    # ---- called by the program -----------------------------------------------------------
 
     def set_document(self, document: dict[str, object]) -> None:
         """Replace what the page shows."""
@@ -103,7 +103,7 @@ class LivePage:
         """Put new entries into the data of a panel.
 
         Raises:
-            InputError: data that JSON cannot hold.
+            InputError: data that JSON cannot represent.
         """
         try:
             text = json.dumps({"type": "panels", "value": {name: data}}, allow_nan=False)
@@ -130,23 +130,23 @@ class LivePage:
             client.spread()
 
     def end(self) -> None:
-        """Say goodbye to all browsers."""
+        """Close the connections to all browsers."""
         self.tell(json.dumps({"type": "end"}))
         for client in tuple(self._clients):
             client.close()
 
     def html(self) -> str:
-        """The page as it is now."""
+        """The current text of the page."""
         text = self._html(self.access())
         self.last_sign = monotonic()
         return text
 
     def knows(self, token: str) -> bool:
-        """Whether a token is that of this page."""
+        """Whether a token is valid for this page."""
         return secrets.compare_digest(token.encode(), self.token.encode())
 
     def welcome(self, client: UpdatesHandler, version: str) -> None:
-        """Take in a browser: it gets the document if it has an older one, and the newest configuration."""
+        """Connect a browser: it gets the document if it has an older one, and the latest configuration."""
         self._clients.add(client)
         self.visits += 1
         with self._lock:
@@ -169,12 +169,12 @@ class LivePage:
             return self._frame
 
     def hear(self, message: str | bytes) -> None:
-        """Pass on what a browser has sent; what cannot be read is logged."""
+        """Pass on a browser's message; unreadable messages are logged."""
         if self._hear is None:
             return
         try:
             self._hear(json.loads(message[:_LONGEST_MESSAGE]))
-        except Exception:  # a callback of the caller's own must not end the server
+        except Exception:  # a user's callback must not end the server
             logger.exception("a message of a page could not be handled")
 
 
@@ -186,7 +186,7 @@ class PageHandler(RequestHandler):
         self.find = find
 
     def get(self, number: str | None = None) -> None:
-        """Send the page, which no other website may frame or read."""
+        """Send the page, with headers that forbid other websites to frame or read it."""
         page = self.find(self.request.host, number)
         if page is None:
             raise HTTPError(404)
@@ -208,7 +208,7 @@ class UpdatesHandler(WebSocketHandler):
         self.wanted = False
 
     def prepare(self) -> None:
-        """Find the page; a browser of another origin has to know its token."""
+        """Find the page; a browser of another origin needs its token."""
         page = self.find(self.request.host, self.path_args[0])
         if page is None:
             raise HTTPError(404)
@@ -216,11 +216,11 @@ class UpdatesHandler(WebSocketHandler):
         self.trusted = page.knows(self.get_query_argument("token", ""))
 
     def check_origin(self, origin: str) -> bool:
-        """A page of this server, or one that knows the token, as in a notebook."""
+        """Accept pages of this server, and others that have the token, e.g. in a notebook."""
         return self.trusted or origin == f"http://{self.request.host}"
 
     def open(self, *_args: str, **_kwargs: str) -> None:
-        """Welcome the browser; one that shows a page of an earlier program is to load the page again."""
+        """Connect the browser; one that shows a page of an earlier program has to reload."""
         if self.trusted:
             self.page.welcome(self, self.get_query_argument("version", ""))
         else:
@@ -228,7 +228,7 @@ class UpdatesHandler(WebSocketHandler):
             self.close()
 
     def on_message(self, message: str | bytes) -> None:
-        """Pass on what the browser has sent."""
+        """Pass on a message of the browser."""
         if self.trusted:
             self.page.hear(message)
 
@@ -244,7 +244,7 @@ class UpdatesHandler(WebSocketHandler):
             self.page.dismiss(self)
 
     def spread(self) -> None:
-        """Send the newest configuration, now or when the one on its way has arrived."""
+        """Send the latest configuration, now or when the previous one has been delivered."""
         self.wanted = True
         if not self.sending:
             self.sending = True

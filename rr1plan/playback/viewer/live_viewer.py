@@ -37,14 +37,14 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
-_RELOAD = 2.0  # [s] after its last page has gone, a page counts as closed, not as being loaded again
-_TICK = 0.1  # [s] between two looks at the open pages
+_RELOAD = 2.0  # [s] after its last browser has disconnected, a page counts as closed rather than reloading
+_TICK = 0.1  # [s] between two checks of the open pages
 
 SliderCallback = Callable[[str, float], None]
 
 
 class Viewer:
-    """A live page. `show` makes one; it is also a context manager that closes it.
+    """A live page. `show` creates one; as a context manager it closes the page at the end.
 
     Args:
         scene, trajectory, path, problem, report, replay, options: As in `save_html`.
@@ -103,7 +103,7 @@ class Viewer:
         return not self._server.has(self._page)
 
     def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
-        """The document that the pages show, and their options or others."""
+        """The document that the pages show, and the given options or theirs."""
         return self._document, self._options if options is None else checked_options(options)
 
     def load(
@@ -117,9 +117,9 @@ class Viewer:
         replay: Replay | None = None,
         options: ViewOptions | None = None,
     ) -> None:
-        """Show something else on the same page; the arguments are those of `save_html`.
+        """Show another scene or motion on the same page; the arguments are those of `save_html`.
 
-        Of the options the title and the spheres count; the others are those that the page was opened with.
+        Of the options only the title and the spheres are used; the others remain those with which the page was opened.
 
         Raises:
             UnknownNameError: a column that is not a joint of the scene.
@@ -131,7 +131,7 @@ class Viewer:
         self._exchange(scene, document)
 
     def _exchange(self, scene: Scene, document: Document, panels: tuple[Panel, ...] = ()) -> None:
-        """Send another document to the pages, and the data of these panels to the panels of the same names."""
+        """Send another document to the pages, and the data of the given panels to the panels of the same names."""
         known = {panel.name: panel for panel in (*self._options.panels, *panels)}
         data = {panel.name: panel.data for panel in panels}
         self._page.set_document({**document, "panels": data} if data else document)
@@ -158,35 +158,35 @@ class Viewer:
         self._page.set_frame(values.astype("<f8").tobytes())
 
     def update_panel(self, name: str, data: Mapping[str, object]) -> None:
-        """Put new entries into the data of a panel, whose script hears of it by `viewer.on("data", ...)`.
+        """Put new entries into the data of a panel, whose script is notified by `viewer.on("data", ...)`.
 
         Args:
             name: The panel.
-            data: Anything JSON can hold.
+            data: Anything that JSON can represent.
 
         Raises:
             UnknownNameError: the page has no such panel.
-            InputError: data that JSON cannot hold, or the viewer is closed.
+            InputError: data that JSON cannot represent, or the viewer is closed.
         """
         known_name("panel", name, [panel.name for panel in self._options.panels])
         of_kind("data", data, Mapping)
         self._page.update_panel(name, dict(data))
 
     def on_slider(self, callback: SliderCallback | None) -> None:
-        """Hear when somebody moves a slider of a joint on a page, with the mouse or with the arrow keys.
+        """Register a callback for sliders of joints on a page, moved by the mouse or the arrow keys.
 
         Args:
             callback: Called with the joint ("arm/joint") and the value [rad or m], in the thread of the page's server;
-                None: no longer.
+                None removes it.
 
         Raises:
-            InputError: something that cannot be called.
+            InputError: an argument that is not callable.
         """
         check_callback("callback", callback)
         self._on_slider = callback
 
     def _hear(self, message: object) -> None:
-        """Pass on a slider that was moved; pages send nothing else."""
+        """Pass on the motion of a slider; pages send no other messages."""
         columns = self._document["columns"]
         match message:
             case {"type": "slider", "column": int(column), "value": int(value) | float(value)}:
@@ -204,7 +204,7 @@ class Viewer:
         self._page.command("pause")
 
     def seek(self, t: float) -> None:
-        """Show a moment of the motion [s].
+        """Show the motion at a time [s].
 
         Raises:
             InputError: not a finite number.
@@ -222,13 +222,13 @@ class Viewer:
     def wait(self, timeout: float | None = None) -> bool:
         """Keep the program alive until the page has been opened and closed again, or Ctrl-C, or `close`.
 
-        Where several pages are open, until the last one is closed. Loading a page again does not close it.
+        If several pages are open, wait until the last one is closed. Reloading a page does not close it.
 
         Args:
             timeout: Longest wait [s]; None waits without a limit.
 
         Returns:
-            False when the time ran out.
+            False on timeout.
 
         Raises:
             InputError: a timeout that is not a number >= 0.
@@ -268,7 +268,7 @@ class Viewer:
         return f"<Viewer {'closed' if self.closed else self.url}>"
 
     def _repr_html_(self) -> str:
-        """In a notebook: the page, which follows the program where it can reach it, and works without it elsewhere."""
+        """In a notebook: the page, which follows the program if it can reach it, and is static otherwise."""
         return embed_html(self._html(self._page.access(from_elsewhere=True)))
 
     def _html(self, access: LiveAccess) -> str:
@@ -290,8 +290,8 @@ def show(
 ) -> Viewer:
     """Open a live page in the browser of this machine, and print its address.
 
-    The page is served as long as the program runs: end a script with `show(...).wait()`. No browser is opened where
-    there is no screen, or from a notebook, where the viewer shows itself.
+    The page is served as long as the program runs: end a script with `show(...).wait()`. No browser is opened without a
+    screen, or from a notebook, which displays the viewer itself.
 
     Args:
         scene: As in `save_html`.
@@ -322,7 +322,7 @@ def announced(viewer: _SomeViewer) -> _SomeViewer:
 
 
 def open_in_browser(url: str) -> None:
-    """Open a page in a browser, where there is a screen; not from a notebook."""
+    """Open a page in a browser if there is a screen, but not from a notebook."""
     # Without a screen, Python would start a browser inside the terminal.
     has_screen = sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if has_screen and "ipykernel" not in sys.modules:

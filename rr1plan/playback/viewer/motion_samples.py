@@ -1,6 +1,6 @@
-"""Values along a motion that a page cannot compute itself: torques, clearances, tracking errors, places of contacts.
+"""Values along a motion that a page cannot compute: torques, clearances, tracking errors, positions of contacts.
 
-Positions and their derivatives are not among them: the page has the motion's own polynomials.
+The page computes positions and their derivatives itself from the polynomials of the motion.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 Pack = Callable[..., dict[str, object]]
 
 _TORQUE_SAMPLES = 600
-_MOST_NUMBERS = 60_000  # sent of torques, and of tracking errors
+_MOST_NUMBERS = 60_000  # at most, of torques and of tracking errors
 _CLEARANCE_SAMPLES = 120
 _USUAL_WORK = 40_000  # distances between solids, about 0.1 s of processor time
-_FEWEST_SAMPLES = 12  # of clearances: fewer are no curve
-_FEW_ARMS = 4  # above it clearances are sampled on demand only
-_MOST_PLACES = 40  # contacts of a report whose places are computed
+_FEWEST_SAMPLES = 12  # of clearances: fewer do not make a curve
+_FEW_ARMS = 4  # with more, clearances are sampled on demand only
+_MOST_PLACES = 40  # contacts of a report whose positions are computed
 
 
 def torque_samples(scene: Scene, trajectory: Trajectory, columns: ArrayLike, pack: Pack) -> dict[str, object]:
@@ -48,7 +48,8 @@ def torque_samples(scene: Scene, trajectory: Trajectory, columns: ArrayLike, pac
     times, names = _torque_times(trajectory), trajectory.joint_names
     motion = [trajectory(times, k) for k in range(3)]
     torques = np.empty_like(motion[0])
-    # One by one: the torques of an arm do not depend on the others, and Pinocchio's data grow with their square.
+    # Arm by arm: the torques of an arm do not depend on the others, and Pinocchio's data grow with the square of the
+    # arms.
     for arm in trajectory.arms:
         own = [names.index(name) for name in scene.joint_names([arm])]
         torques[:, own] = Kinematics(Scene({arm: scene.arms[arm]})).inverse_dynamics(
@@ -78,18 +79,19 @@ def _torque_times(trajectory: Trajectory) -> Array:
 def clearance_samples(
     scene: Scene, trajectory: Trajectory, pack: Pack, *, thorough: bool | None = None
 ) -> dict[str, object] | None:
-    """Clearances along a motion and their nearest points, of each arm to what surrounds it and among its own links.
+    """Clearances along a motion and their nearest points, of each arm to its surroundings and among its own links.
 
     Args:
         scene: The arms and obstacles.
         trajectory: The motion.
         pack: Turns an array into what JSON can hold.
-        thorough: 120 samples whatever they cost, or none; None: as many as take about 0.1 s, and none of many arms.
+        thorough: True: 120 samples whatever they cost; False: none; None: as many as take about 0.1 s, none for many
+            arms.
 
     Returns:
-        Times [s], shape (n,); for each arm that moves clearances beyond the padding [m], shape (n, arms, 2), to
-        obstacles and other arms first, then among its links and what it holds, infinite where no pair is near; the
-        pair of each, and its nearest points in the world [m], shape (n, arms, 2, 6). None where nothing is sampled.
+        Times [s], shape (n,); for each moving arm the clearances beyond the padding [m], shape (n, arms, 2), first to
+        obstacles and other arms, then among its links and held objects, infinite if no pair is near; the pair of each
+        clearance, and its nearest points in world coordinates [m], shape (n, arms, 2, 6). None if nothing is sampled.
     """
     from rr1plan.collision import CollisionChecker
 
@@ -102,7 +104,7 @@ def clearance_samples(
     if not work or count < _FEWEST_SAMPLES:
         return None
     members = _members(checker, arms)
-    # Pairs that are always farther apart are not among those of the checker.
+    # The checker does not contain pairs that are always farther apart.
     reach = checker.geometry.least_gap - float(checker.solid_padding.max())
     order = [trajectory.joint_names.index(name) for name in checker.joint_names]
     times = np.linspace(trajectory.start_time, trajectory.end_time, count)
@@ -132,7 +134,7 @@ def clearance_samples(
 
 
 def _members(checker: CollisionChecker, arms: tuple[str, ...]) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Of each arm the pairs of solids it is in with something else, and those within it."""
+    """For each arm, its pairs of solids with other elements, and its own self pairs."""
     held = {name: attachment.arm for name, attachment in checker.scene.attachments.items()}
     sides = np.array([[held.get(name, name.split("/", 1)[0]) for name in pair] for pair in checker.pairs])
     one, two = sides[checker.solid_owner].T
@@ -144,7 +146,7 @@ def _members(checker: CollisionChecker, arms: tuple[str, ...]) -> list[tuple[NDA
 
 
 def tracking_errors(replay: Replay, columns: ArrayLike, pack: Pack) -> dict[str, object] | None:
-    """Positions less set-points of a replay [rad or m], at some of its instants where there are very many.
+    """Positions minus set-points of a replay [rad or m], thinned if there are very many instants.
 
     Args:
         replay: The replay.
@@ -152,7 +154,8 @@ def tracking_errors(replay: Replay, columns: ArrayLike, pack: Pack) -> dict[str,
         pack: Turns an array into what JSON can hold.
 
     Returns:
-        Times [s], shape (n,), errors, shape (n, joints), and the columns; None of a kinematic replay, which has none.
+        Times [s], shape (n,), errors, shape (n, joints), and the columns; None for a kinematic replay, which has no
+        errors.
     """
     if replay.mode != "dynamic":
         return None
@@ -167,7 +170,7 @@ def tracking_errors(replay: Replay, columns: ArrayLike, pack: Pack) -> dict[str,
 
 
 def violation_places(scene: Scene, trajectory: Trajectory, report: Report) -> list[list[float] | None]:
-    """Where each violation of a report is in the world [m]: halfway between two bodies that touch; None elsewhere."""
+    """World position of each violation of a report [m]: halfway between two bodies in contact; None for others."""
     touching = [v.kind == "collision" and v.time is not None for v in report.violations]
     places: list[list[float] | None] = [None] * len(touching)
     if not any(touching):
@@ -180,13 +183,13 @@ def violation_places(scene: Scene, trajectory: Trajectory, report: Report) -> li
 
 
 def _contact_place(scene: Scene, trajectory: Trajectory, time: float, pair: tuple[str, ...]) -> list[float] | None:
-    """Halfway between two elements that touch at a time [m]; None where they do not in this scene."""
+    """Position halfway between two elements in contact at a time [m]; None if they are not in contact in this scene."""
     from rr1plan.collision import CollisionChecker
 
     held = {name: attachment.arm for name, attachment in scene.attachments.items()}
     owners = {held.get(name, name.split("/", 1)[0]) for name in pair}
     arms = [arm for arm in trajectory.arms if arm in owners]
-    # Without the other arms: of a hundred the tables of all would take longer than the rest of the page.
+    # Without the other arms: tables for a hundred would take longer than the rest of the page.
     for arm in set(scene.arms) - owners:
         scene = scene.without_arm(arm)
     order = [trajectory.joint_names.index(name) for name in scene.joint_names(arms)]

@@ -1,4 +1,4 @@
-"""The HTML of values in notebooks: a sealed page in a frame, or a figure."""
+"""The HTML of values in notebooks: a page in a sandboxed frame, or a figure."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from rr1plan.trajectory import Trajectory
 
 
 def notebook_html(value: object) -> str | None:
-    """What a notebook shows in the place of a value; None where its text says more, as for a plan that failed.
+    """The HTML representation of a value in a notebook; None if its text is more useful, as for a failed plan.
 
     Args:
-        value: A trajectory, or what `page_content` takes.
+        value: A trajectory, or any argument of `page_content`.
     """
     if isinstance(value, Trajectory):
         return f'<div style="max-width:960px">{trajectory_svg(value)}</div>'

@@ -1,4 +1,4 @@
-"""The texts of which pages are made: HTML, CSS and JavaScript in the folders `page` of packages."""
+"""The source texts of pages: HTML, CSS and JavaScript in the folders `page` of packages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def page_asset(name: str, package: str = "rr1plan.playback.viewer", *, optional:
     Args:
         name: The file.
         package: The package.
-        optional: A file that is not there is empty.
+        optional: A missing file is an empty text.
     """
     file = files(package) / "page" / name
     return "" if optional and not file.is_file() else file.read_text(encoding="utf-8")

@@ -24,7 +24,7 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-# A browser that draws without a graphics card and speaks to nobody.
+# A browser without a graphics card and without network access.
 _FLAGS = [
     "--headless=new",
     "--no-sandbox",
@@ -38,7 +38,7 @@ _FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-# Chromium makes a socket in TMPDIR, and the path of a socket has at most 107 bytes.
+# Chromium creates a socket in TMPDIR, and the path of a socket has at most 107 bytes.
 _LONGEST_TEMPORARY_FOLDER = 60
 _PATIENCE = 90.0  # [s] for a page to come up, drawn by a busy processor
 
@@ -52,7 +52,7 @@ def find_browser() -> str | None:
 
 
 def _browser_environment() -> dict[str, str | float | bool]:
-    """This process's environment, with a folder for temporary files in which the browser's socket can have a name."""
+    """This process's environment, with a temporary folder whose path is short enough for the browser's socket."""
     environment: dict[str, str | float | bool] = {**os.environ}
     if os.name == "posix" and len(tempfile.gettempdir()) > _LONGEST_TEMPORARY_FOLDER:
         environment["TMPDIR"] = "/tmp"
@@ -61,7 +61,7 @@ def _browser_environment() -> dict[str, str | float | bool]:
 
 @contextmanager
 def open_browser(size: tuple[int, int] = (1280, 800)) -> Iterator[Any]:
-    """A headless browser, as playwright's browser context; it is gone afterwards.
+    """A headless browser, as playwright's browser context; it is closed afterwards.
 
     Raises:
         MissingPackageError: playwright or a Chromium is not installed.
@@ -112,16 +112,16 @@ def screenshot(
         page: A page that `save_html` wrote, a live viewer, or a value that has a page: a scene, a robot, a problem, a
             motion, a sequence plan, a C-space or a lesson.
         size: Width and height [px].
-        time: The moment of the motion [s]; None takes it as it opens, at the start.
+        time: The time of the motion [s]; None: the start, as the page opens.
         step: The step of a lesson, from 1 on; None: the first.
-        bare: Without the cards around the picture, which then shows all that stands in the scene.
+        bare: Without the cards around the picture, which then shows the whole scene.
 
     Returns:
         The file.
 
     Raises:
-        InputError: no such page, a picture's name that does not end in .png, one that cannot be written, or a size, a
-            time or a step that makes no sense.
+        InputError: no such page, a picture whose name does not end in .png or that cannot be written, or an invalid
+            size, time or step.
         NoPlanError: a plan without a motion.
         MissingPackageError: playwright or a Chromium is not installed (extra `video`).
         BackendError: the browser does not start, or the page does not.
@@ -179,7 +179,7 @@ def _check_step(page: Any, step: int) -> None:
 
 
 def outside_event_loop(work: Callable[[], _T]) -> _T:
-    """Do work that drives the browser: in a thread where an event loop runs in this one, as in notebooks."""
+    """Do work that drives the browser; in another thread if this one runs an event loop, as in notebooks."""
     try:
         asyncio.get_running_loop()
     except RuntimeError:
@@ -189,7 +189,7 @@ def outside_event_loop(work: Callable[[], _T]) -> _T:
 
 
 def open_page(page: Any, url: str) -> None:
-    """Go to an address.
+    """Navigate to an address.
 
     Raises:
         BackendError: the page does not come up.
@@ -203,7 +203,7 @@ def open_page(page: Any, url: str) -> None:
 
 
 def settle_page(page: Any, time: float | None = None, *, whole: bool = False) -> None:
-    """Wait until the page stands, stop it at a moment, frame the arms or all that stands, wait until that is drawn.
+    """Wait until the page is ready, pause it at a time, frame the arms or the whole scene, and wait for the drawing.
 
     Raises:
         BackendError: the page does not come up.
@@ -217,7 +217,7 @@ def settle_page(page: Any, time: float | None = None, *, whole: bool = False) ->
 
 
 def wait_until(page: Any, expression: str) -> None:
-    """Ask the page until a JavaScript expression is true (playwright's own way needs `eval`, which the page forbids).
+    """Poll the page until a JavaScript expression is true (playwright's own method needs `eval`, which is forbidden).
 
     Raises:
         BackendError: it does not become true, or the page is gone.

@@ -1,4 +1,4 @@
-"""What a value shows on a page: one contract for notebooks, pictures, videos and 3-D models."""
+"""The representation of a value on a page: one contract for notebooks, pictures, videos and 3-D models."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KINDS = "a scene, a robot, a problem, a motion, a sequence plan or a C-space"
 
 @runtime_checkable
 class HasPage(Protocol):
-    """A motion, a sequence plan, a C-space or a viewer: what stands above the page and is shown on one."""
+    """A motion, a sequence plan, a C-space or a viewer: values of higher layers that have a page."""
 
     def page_content(self, options: ViewOptions | None = None) -> tuple[Document, ViewOptions]:
         """The document of its page, and the options with its panels."""

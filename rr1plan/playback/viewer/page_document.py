@@ -1,10 +1,10 @@
-"""The data of a page as one plain value that JSON can hold.
+"""The data of a page as one plain value that JSON can represent.
 
-A robot is described once, however many arms are copies of it: its joints, so that the page
-computes forward kinematics itself, and its shapes, so that the page draws all copies of a shape
-in one call. A motion is sent as polynomials, not as poses: a hundred times smaller, and exact.
+A robot is described once, however many arms are copies of it: its joints, from which the page computes forward
+kinematics, and its shapes, so that the page draws all copies of a shape in one call. A motion is sent as polynomials,
+not as poses: a hundred times smaller, and exact.
 
-Arrays travel as base64 of little-endian numbers, `{"dtype": "f4", "shape": [...], "data": "..."}`.
+Arrays are sent as base64 of little-endian numbers, `{"dtype": "f4", "shape": [...], "data": "..."}`.
 """
 
 from __future__ import annotations
@@ -49,16 +49,16 @@ _RATES = ("velocity", "acceleration", "jerk", "effort")
 
 
 def pack_array(array: ArrayLike, dtype: str = "f4") -> dict[str, Any]:
-    """An array as JSON can hold it: dtype ("f4", "f8", "u4"), shape and base64 data."""
+    """An array as a JSON value: dtype ("f4", "f8", "u4"), shape and base64 data."""
     known_name("dtype", dtype, ("f4", "f8", "u4"))
-    with np.errstate(over="ignore", invalid="ignore"):  # beyond its range a number is infinite
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond the range become infinite
         plain = array if isinstance(array, np.ndarray) and array.dtype.kind in "iuf" else number_array("array", array)
         values: NDArray[Any] = np.ascontiguousarray(plain, dtype="<" + dtype)
     return {"dtype": dtype, "shape": list(values.shape), "data": base64.b64encode(values.tobytes()).decode("ascii")}
 
 
 def unpack_array(packed: Mapping[str, Any]) -> NDArray[Any]:
-    """An array as `pack_array` packed it."""
+    """The array in a value of `pack_array`."""
     values: NDArray[Any] = np.frombuffer(base64.b64decode(packed["data"]), dtype="<" + packed["dtype"])
     return values.reshape(packed["shape"])
 
@@ -73,7 +73,7 @@ def view_document(
     replay: Replay | None = None,
     options: ViewOptions | None = None,
 ) -> Document:
-    """Everything the page shows, as plain values.
+    """The whole content of the page, as plain values.
 
     Args:
         scene: As in `save_html`.
@@ -82,12 +82,12 @@ def view_document(
         problem: As in `save_html`.
         report: As in `save_html`.
         replay: As in `save_html`.
-        options: The title, spheres, the motion to compare, the tree, the clearances and whether a planner is carried;
-            the rest is for `page_html`.
+        options: Used are the title, spheres, the motion to compare, the tree, the clearances and whether the page has a
+            planner; the others are for `page_html`.
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene.
-        InputError: no scene, something else in the place of the others, or a tree of other joints.
+        InputError: no scene, an argument of another type, or a tree of other joints.
     """
     of_kind("scene", scene, Scene)
     of_kind("trajectory", trajectory, Trajectory, optional=True)
@@ -138,7 +138,7 @@ def view_document(
 def _planner(
     scene: Scene, problem: Problem | None, motion: Trajectory | None, bodies: BodyMotion | None
 ) -> dict[str, object]:
-    """The planner of the page, for the arms of the problem, or of the motion, or for all."""
+    """The planner of the page, for the arms of the problem or of the motion, otherwise for all."""
     if bodies is not None and bodies.bodies:
         return {"missing": "objects move along the replay, and pages plan among objects that stand still"}
     if problem is not None:
@@ -147,10 +147,10 @@ def _planner(
 
 
 def with_moving_objects(document: Document, times: Array, poses: Mapping[str, Array]) -> Document:
-    """The document with some objects that move, as loose bodies do along a replay.
+    """The document with some moving objects, such as loose bodies of a replay.
 
     Args:
-        document: What `view_document` made.
+        document: The result of `view_document`.
         times: Instants [s], shape (n,).
         poses: Position [m] and quaternion (wxyz) of each such object at these instants, shape (n, 7).
     """
@@ -165,12 +165,12 @@ def with_moving_objects(document: Document, times: Array, poses: Mapping[str, Ar
 
 
 def first_camera(scene: Scene, motion: Trajectory | None, ghosts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """From where the page is looked at first: at the motion, or where there is none at the ghosts."""
+    """The initial camera of the page: it looks at the motion or, if there is none, at the ghosts."""
     return choose_camera(scene, motion, [(ghost["arm"], ghost["q"]) for ghost in ghosts])._asdict()
 
 
 def _finite(value: object) -> Any:
-    """Plain values without NaN and infinity, which JSON cannot hold: they become None."""
+    """Plain values without NaN and infinity, which JSON cannot represent: they become None."""
     if isinstance(value, dict):
         return {name: _finite(item) for name, item in value.items()}
     if isinstance(value, list):
@@ -196,7 +196,7 @@ def _robot(robot: Robot, shapes: ShapeTable, spheres: bool) -> dict[str, Any]:
 
 
 def _link_parts(robot: Robot, index: Mapping[str, int], shapes: ShapeTable, kind: str) -> list[dict[str, object]]:
-    """The shapes of all links; a link without visual shapes is seen by its collision shapes."""
+    """The shapes of all links; a link without visual shapes is shown by its collision shapes."""
     parts = []
     for link in robot.links:
         own = getattr(link, kind) or (link.collisions if kind == "visuals" else ())
@@ -205,8 +205,8 @@ def _link_parts(robot: Robot, index: Mapping[str, int], shapes: ShapeTable, kind
 
 
 def _spheres(links: Mapping[str, Iterable[Geometry]]) -> dict[str, object]:
-    """Spheres around the shapes of links: of each its link, its level (see `collision.covers`), center and radius."""
-    # Only here: what computes them loads Coal.
+    """Spheres around the shapes of links: link, level (see `collision.sphere_covers`), center and radius of each."""
+    # Imported here because it loads Coal.
     from rr1plan.collision.sphere_covers import cover_geometries
 
     covers = [cover_geometries(name, geometries) for name, geometries in links.items()]
@@ -240,12 +240,12 @@ def _bodies(motion: BodyMotion, times: Array, shapes: ShapeTable) -> dict[str, o
 
 
 def _numbers(T: Array) -> list[float]:
-    """A transform as 16 numbers, column after column (as WebGL reads them), to the nanometer."""
+    """A transform as 16 numbers in column-major order (as in WebGL), to the nanometer."""
     return [_short(v) for v in T.T.ravel().tolist()]
 
 
 def _short(value: float) -> float:
-    """A number in few digits: no more than a page can show, and none after the point of a whole one."""
+    """A number with few digits: no more than a page can show, and no decimals for an integer."""
     rounded = round(value, 9)
     return int(rounded) if rounded.is_integer() else rounded
 
@@ -260,7 +260,7 @@ def _columns(joint_names: Iterable[str], scene: Scene) -> list[int]:
 
 
 def _track(trajectory: Trajectory, scene: Scene) -> dict[str, object]:
-    """A motion as polynomials; one with very many pieces as straight lines between samples."""
+    """A motion as polynomials, or as straight lines between samples if it has very many pieces."""
     columns = _columns(trajectory.joint_names, scene)
     exact = trajectory.coefficients.size <= _LARGEST_TRACK
     sent = trajectory if exact else _sampled(trajectory)
@@ -275,7 +275,7 @@ def _track(trajectory: Trajectory, scene: Scene) -> dict[str, object]:
 def _shown_track(
     motion: Trajectory, scene: Scene, trajectory: Trajectory | None, path: Path | None
 ) -> dict[str, object]:
-    """The motion of the page; the pieces of a replay or of a path say nothing of velocities."""
+    """The motion of the page, marked if its pieces do not define velocities (a replay or a path)."""
     track = _track(motion, scene)
     exact = track["exact"] and trajectory is not None
     return track | {"timed": trajectory is not None or path is None, "exact": exact}
@@ -290,7 +290,7 @@ def _sampled(trajectory: Trajectory) -> Trajectory:
 
 
 def _steady(path: Path) -> Trajectory:
-    """A path as a motion whose fastest joint has a steady speed."""
+    """A path as a motion whose fastest joint has a constant speed."""
     steps = np.abs(np.diff(path.waypoints, axis=0)).max(axis=1, initial=0.0) / _PATH_SPEED
     moving = steps > 1e-9
     if not moving.any():
@@ -324,7 +324,7 @@ def _compared(name: str, other: Trajectory, scene: Scene, options: ViewOptions) 
 
 
 def _samples(scene: Scene, trajectory: Trajectory | None, options: ViewOptions) -> dict[str, object]:
-    """What the page plots of a motion beside its polynomials."""
+    """The samples that the page plots in addition to the polynomials of a motion."""
     if trajectory is None or not trajectory.duration:
         return {"torque": None, "clearance": None}
     columns = _columns(trajectory.joint_names, scene)
@@ -337,7 +337,7 @@ def _samples(scene: Scene, trajectory: Trajectory | None, options: ViewOptions) 
 def _findings(
     scene: Scene, trajectory: Trajectory | None, report: Report | None, replay: Replay | None
 ) -> dict[str, object]:
-    """Tracking errors of a replay, and where the violations of a report are."""
+    """Tracking errors of a replay, and positions of the violations of a report."""
     places = []
     if report is not None and trajectory is not None and trajectory.arms:
         places = violation_places(scene, trajectory, report)
@@ -348,14 +348,14 @@ def _findings(
 
 
 def _tree(tree: SearchTree, scene: Scene, problem: Problem | None, path: Path | None) -> dict[str, object]:
-    """The edges of a search tree that are drawn, and whose they are: 0 the start's, 1 a goal's."""
+    """The drawn edges of a search tree, and the tree of each: 0 the start's, 1 a goal's."""
     names = scene.joint_names(problem.arms if problem is not None else None)
     if tree.vertices.shape[1] != len(names):
         raise InputError(f"the tree has {tree.vertices.shape[1]} columns, expected one for each of {', '.join(names)}")
     start = None if problem is None else problem.start
     goals = [] if path is None or path.joint_names != names else [path.waypoints[-1]]
     drawn = drawn_tree(tree, start, goals)
-    # A roadmap begins nowhere.
+    # A roadmap has no start.
     sides = drawn.sides if (drawn.sides == 0).any() else np.zeros_like(drawn.sides)
     return {
         "columns": _columns(names, scene),
@@ -366,11 +366,11 @@ def _tree(tree: SearchTree, scene: Scene, problem: Problem | None, path: Path | 
     }
 
 
-# ---- the question ------------------------------------------------------------------------
+# ---- the query ---------------------------------------------------------------------------
 
 
 def _ghosts(problem: Problem) -> list[dict[str, Any]]:
-    """The start, and every goal that is a configuration (a few of them), arm by arm."""
+    """The start, and the goals that are configurations (a few of them), arm by arm."""
     starts = problem.scene.split(problem.start, problem.arms)
     ghosts: list[dict[str, Any]] = [{"kind": "start", "arm": a, "q": starts[a].tolist()} for a in problem.arms]
     for arm, goals in problem.goal.items():
@@ -380,7 +380,7 @@ def _ghosts(problem: Problem) -> list[dict[str, Any]]:
 
 
 def _targets(problem: Problem) -> list[dict[str, object]]:
-    """Every goal that is a place in the world."""
+    """Every goal that is a pose, position or region in the world."""
     targets: list[dict[str, Any]] = []
     for arm, goals in problem.goal.items():
         for goal in goals:

@@ -1,4 +1,4 @@
-"""Robots and arms as a page's forward kinematics takes them (`Kinematics` in `page/math.js`)."""
+"""Robots and arms as input for a page's forward kinematics (`Kinematics` in `page/math.js`)."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ Numbers = Callable[[Array], list[float]]
 
 
 def scene_kinematics(scene: Scene, numbers: Numbers) -> tuple[list[Robot], list[dict[str, Any]], list[dict[str, Any]]]:
-    """The robots of a scene, each once, and what forward kinematics needs of them and of the arms.
+    """The robots of a scene, each once, and the data that forward kinematics needs about robots and arms.
 
     Args:
         scene: The scene.
-        numbers: Converts a transform to 16 numbers, column after column.
+        numbers: Converts a transform to 16 numbers in column-major order.
 
     Returns:
         The robots; a row for each of them; a row for each arm, with the index of its robot.

@@ -1,16 +1,15 @@
-"""What a page needs to plan by itself: the modules of the kernels, and the tables of its scene.
+"""Data with which a page plans by itself: the modules of the kernels, and the tables of its scene.
 
-`page/planner.js` runs the same kernels as `plan_motion` in the same order, with the same constants, and has the motion
-proven by the referee (`page/referee.js`). Up to twelve arms are planned for in their joint space. Where more of them
-move, a page plans for one arm after the other while all others stand still (`arm_templates.py`,
-`page/many_arms_planner.js`), and any arm of the scene can move. A page whose planner is left out contains the reason
-instead:
+`page/planner.js` runs the same kernels as `plan_motion` in the same order, with the same constants, and the referee
+proves the motion (`page/referee.js`). Up to twelve arms are planned in their joint space. If more arms move, a page
+plans for one arm after the other while all others rest (`arm_templates.py`, `page/many_arms_planner.js`), and any arm
+of the scene can move. A page without a planner contains the reason instead:
 
-- More than twelve arms move, and a rule of contact concerns two particular arms.
+- More than twelve arms move, and a contact rule concerns two particular arms.
 - A joint that moves has no limit of position, velocity or acceleration.
-- The scene cannot be checked for collisions, or things that do not move are in contact.
-- The convex decomposition of its moving meshes takes longer than a second (it is kept once a motion was planned), or
-  its tables have more than 4 MB.
+- The scene cannot be checked for collisions, or stationary objects are in contact.
+- The convex decomposition of its moving meshes takes longer than a second (it is cached once a motion was planned), or
+  its tables exceed 4 MB.
 - The modules are not built.
 """
 
@@ -51,14 +50,14 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import PoseGoal
 from rr1plan.validation.wasm_referee import referee_image, referee_module
 
-_MOST_TOGETHER = 12  # arms that are planned for in their joint space
-_NEAR = 0.1  # what stays farther than this from an arm beyond the padding has no place in its template [m]
+_MOST_TOGETHER = 12  # arms that are planned in their joint space
+_NEAR = 0.1  # a template omits elements that stay farther away than this in addition to the padding [m]
 _MOST_SECONDS = 1.0  # of convex decomposition
-_MOST_BYTES = 4_000_000  # of the tables, deflated
+_MOST_BYTES = 4_000_000  # of the compressed tables
 
 
 def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float = 0.0) -> dict[str, Any]:
-    """The data of `loadPlanner` in `page/planner.js` without the modules; kept with the scene.
+    """The data of `loadPlanner` in `page/planner.js` without the modules; cached with the scene.
 
     Args:
         scene: The scene.
@@ -66,7 +65,7 @@ def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float 
         margin: Distance to keep beyond the scene's padding, at most [m] (0: the default of `plan_motion`).
 
     Returns:
-        Plain values that JSON can hold; `{"missing": reason}` where the page cannot plan.
+        Plain values that JSON can represent; `{"missing": reason}` if the page cannot plan.
 
     Raises:
         UnknownNameError: no such arm.
@@ -91,10 +90,10 @@ def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float 
 
 @cache
 def page_modules() -> dict[str, str]:
-    """The modules of the kernels, deflated, as base64.
+    """The modules of the kernels, compressed, as base64.
 
     Raises:
-        InstallationError: they are not built.
+        InstallationError: the modules are not built.
     """
     return {"core": _packed(core_module()), "referee": _packed(referee_module())}
 
@@ -139,7 +138,7 @@ def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[st
 
 
 def _tables(checker: CollisionChecker, margin: float) -> dict[str, Any]:
-    """What a page plans with in the joint space of a checker's arms."""
+    """The data with which a page plans in the joint space of a checker's arms."""
     scene, space = checker.scene, joint_space(checker.scene, checker.arms)
     searches = _searches(checker)
     image = checker.memory_image(**_rows(checker, space), **{name: search.struct for name, search in searches})
@@ -167,7 +166,7 @@ def _tables(checker: CollisionChecker, margin: float) -> dict[str, Any]:
 
 
 def _many_arms(scene: Scene, margin: float) -> dict[str, Any]:
-    """What a page plans with for one arm after the other."""
+    """The data with which a page plans for one arm after the other."""
 
     def numbers(T: Array) -> list[float]:
         values: list[float] = T.T.ravel().tolist()
@@ -223,7 +222,7 @@ def _rows(checker: CollisionChecker, space: Space) -> dict[str, Root]:
 
 
 def _searches(checker: CollisionChecker) -> list[tuple[str, IkSearch]]:
-    """A search for inverse kinematics of the tool of each arm, by its name in the image."""
+    """An inverse kinematics search for the tool of each arm, with its name in the image."""
     scene, first, searches = checker.scene, 0, []
     for arm in checker.arms:
         robot = scene.arms[arm].robot
@@ -232,14 +231,14 @@ def _searches(checker: CollisionChecker) -> list[tuple[str, IkSearch]]:
         seeds = np.clip(scene.arms[arm].q, robot.limits.lower, robot.limits.upper)[None]
         search = IkSearch(chain, robot, goal, seeds, random_state(0))
         for name in ("solutions", "nearest", "memory"):
-            search.struct.part(name)[:] = 0.0  # equal scenes have equal images
+            search.struct.part(name)[:] = 0.0  # so that equal scenes have equal images
         searches.append((f"tool of {arm}", search))
         first += robot.nq
     return searches
 
 
 def _frame(scene: Scene, name: str, search: IkSearch, checker: CollisionChecker) -> dict[str, object]:
-    """A frame for inverse kinematics, and what the search depends on by the kind of its target."""
+    """A frame for inverse kinematics, and the parameters of the search for each kind of target."""
     arm = name.removeprefix("tool of ")
     robot, goal = scene.arms[arm].robot, PoseGoal("tool", np.eye(4))
     before = checker.arms[: checker.arms.index(arm)]

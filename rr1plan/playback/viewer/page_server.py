@@ -1,8 +1,8 @@
-"""A small web server of our own, in a thread, that only this machine can reach.
+"""A small web server in a thread, which only this machine can reach.
 
-It never speaks to anything but its own pages: it listens on 127.0.0.1, refuses a Host that is not that
-address (a foreign name that resolves here), and a websocket from another origin that does not know the
-page's token. A page that reads slowly gets the newest configuration and misses older ones.
+It serves its own pages only: it listens on 127.0.0.1, and rejects a Host header other than that address (a foreign name
+that resolves to it) and WebSockets from other origins without the page's token. A page that reads slowly gets the
+latest configuration and misses older ones.
 
 Live pages share one server, whose thread runs while it has a page: the first is at "/", others at "/2/", "/3/", ...
 """
@@ -30,7 +30,7 @@ _ADDRESS = "127.0.0.1"
 _FIRST_PORT = 7000
 _PORTS_TRIED = 50
 _PATIENCE = 5.0  # [s] for the thread to start or end
-_lock = threading.RLock()  # of which pages there are
+_lock = threading.RLock()  # guards the set of pages
 
 
 class PageServer:
@@ -57,11 +57,11 @@ class PageServer:
 
     @property
     def running(self) -> bool:
-        """The server answers."""
+        """Whether the server is running."""
         return not self._ended and self._thread.is_alive()
 
     def add(self, html: Callable[[LiveAccess], str], hear: Callable[[object], None] | None = None) -> LivePage:
-        """One more page, at the first free number; see `LivePage`."""
+        """Add a page at the first free number; see `LivePage`."""
         with _lock:
             number = next(i for i in count(1) if i not in self._pages)
             url = f"http://{_ADDRESS}:{self.port}/" + ("" if number == 1 else f"{number}/")
@@ -80,7 +80,7 @@ class PageServer:
         return self.running and page in self._pages.values()
 
     def _remove(self, number: int, page: LivePage) -> None:
-        """Take a page off, and end the thread with the last one; more than once is fine."""
+        """Remove a page, and end the thread with the last one; may be called repeatedly."""
         with _lock:
             if not self.has(page):
                 return
@@ -107,7 +107,7 @@ class PageServer:
             self._loop.close()
 
     def _find(self, host: str, number: str | None) -> LivePage | None:
-        """The page of a number, for a request that was meant for this server."""
+        """The page with a number, if the request was addressed to this server."""
         if host not in self._hosts:
             raise HTTPError(403)
         return self._pages.get(1 if number is None else int(number))
@@ -124,7 +124,7 @@ class PageServer:
 
 
 class _Shared:
-    """The server of all pages whose port nobody chose."""
+    """The server of all pages without a chosen port."""
 
     server: PageServer | None = None
 
@@ -135,10 +135,10 @@ def serve_page(
     """Serve a page.
 
     Args:
-        html: Gives the text of the page.
-        hear: Called with what a browser has sent.
-        port: First port to try, with a server for this page alone; None: the server that such pages share, at 7000 or
-            the next free port.
+        html: Returns the text of the page.
+        hear: Called with messages from browsers.
+        port: First port to try, with a separate server for this page; None: the shared server, at 7000 or the next free
+            port.
 
     Raises:
         InputError: an invalid port.
@@ -158,7 +158,7 @@ def _bind(port: int) -> tuple[socket.socket, int]:
     for candidate in [0] if port == 0 else [*range(port, min(port + _PORTS_TRIED, 65536)), 0]:
         listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
-            if os.name == "posix":  # elsewhere it would let two servers share a port
+            if os.name == "posix":  # on other systems it would let two servers share a port
                 listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listener.setblocking(False)
             listener.bind((_ADDRESS, candidate))

@@ -1,4 +1,4 @@
-"""Shapes as the page draws them: each different one is described once."""
+"""Shapes as drawn by the page; equal shapes are described once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class ShapeTable:
     """Collects shapes and gives equal ones the same index.
 
     Args:
-        pack: Turns an array into what JSON can hold.
+        pack: Converts an array to a JSON value.
     """
 
     def __init__(self, pack: Pack) -> None:
@@ -24,7 +24,7 @@ class ShapeTable:
         self._known: dict[Any, int] = {}
 
     def index(self, shape: Shape) -> int:
-        """The index of a shape in `rows`, adding it when it is new."""
+        """The index of a shape in `rows`, which is extended if the shape is new."""
         key = _key(shape)
         if key not in self._known:
             self._known[key] = len(self.rows)

@@ -1,4 +1,4 @@
-"""Videos of the page: every picture is drawn at its own moment of the motion, however long that takes."""
+"""Videos of the page: every frame is drawn at its own time of the motion, however long that takes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.progress_bar import library_bar
 
 _MOST_FRAMES = 20_000
-# Shows a moment at full quality, which very many arms otherwise get only a while after they have moved. The page draws
-# in its own callback of the next frame, before this one; with the frame after that the picture has been composed.
+# Shows a time at full quality, which pages of very many arms otherwise reach only some time after a motion. The page
+# draws in its own callback of the next frame, before this one; in the frame after that the picture has been composed.
 _DRAW = """(time) => {
   RR1.pause(); RR1.film.show(time); RR1.shownAt = -Infinity; RR1.redraw();
   return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done())));
@@ -40,28 +40,28 @@ def save_video(
     bare: bool = False,
     progress: ProgressCallback | None = None,
 ) -> FilePath:
-    """A video of a motion or of the animation in a lesson: MP4, GIF or WebP, filmed by a browser without a window.
+    """A video of a motion or of the animation in a lesson: MP4, GIF or WebP, recorded by a headless browser.
 
-    A picture is taken at every multiple of `speed / fps` seconds of the motion, and one at its end, so a slow machine
-    takes longer and gives the same video.
+    A frame is drawn at every multiple of `speed / fps` seconds of the motion, and one at its end, so a slow machine
+    takes longer but produces the same video.
 
     Args:
-        file: The file, whose name ends in .mp4, .gif or .webp; written whole or not at all. GIF and WebP repeat.
+        file: The file, whose name ends in .mp4, .gif or .webp; written atomically. GIF and WebP repeat.
         page: A page that `save_html` wrote, a live viewer, or a value that has a page: a motion, a sequence plan, a
-            C-space with a path or a tree, which is filmed as it grows, or a lesson.
+            C-space with a path or a tree, whose growth is animated, or a lesson.
         size: Width and height [px]; even numbers for MP4.
         fps: Pictures per second: at most 120, in WebP 60, in GIF 50.
         speed: Multiple of real time.
         step: The step of a lesson, from 1 on; None: the first.
         bare: Without the cards around the picture.
-        progress: Called after each picture; False cancels. Without it a bar is drawn on a terminal.
+        progress: Called after each frame; False cancels. Without it a bar is drawn on a terminal.
 
     Returns:
         The file.
 
     Raises:
-        InputError: no such page, a page without a motion, another suffix, a file that cannot be written, a size or rate
-            that makes no sense, no such step, or more than 20,000 pictures.
+        InputError: no such page, a page without a motion, another suffix, a file that cannot be written, an invalid
+            size or rate, no such step, or more than 20,000 frames.
         NoPlanError: a plan without a motion.
         CancelledError: `progress` returned False.
         MissingPackageError: playwright, PyAV or a Chromium is not installed (extra `video`).
@@ -87,7 +87,7 @@ def save_video(
 
 
 class _PageFrames:
-    """Pictures of a page's motion at steps of time [s]."""
+    """Frames of a page's motion at a time step [s]."""
 
     def __init__(self, tab: Any, step: float, advance: Callable[[float], None] | None) -> None:
         from PIL import Image
@@ -110,7 +110,7 @@ class _PageFrames:
         self._tab.evaluate(_DRAW, self._times[index])
         if self._advance is not None:
             self._advance((index + 1) / len(self))
-        # As PNG of little compression, which takes a third of the time.
+        # PNG with little compression takes a third of the time.
         taken = self._session.send("Page.captureScreenshot", {"format": "png", "optimizeForSpeed": True})
         picture: Picture = np.asarray(self._decode(io.BytesIO(base64.b64decode(taken["data"]))).convert("RGB"))
         return picture

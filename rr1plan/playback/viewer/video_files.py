@@ -1,4 +1,4 @@
-"""Pictures in a row as one file: MP4 (H.264), GIF or WebP."""
+"""A sequence of pictures as one file: MP4 (H.264), GIF or WebP."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from rr1plan.errors import MissingPackageError
 Picture = NDArray[np.uint8]  # (height, width, 3)
 
 FASTEST = {".mp4": 120.0, ".gif": 50.0, ".webp": 60.0}  # [frames/s], by suffix; browsers slow down faster GIFs
-_HOLD = 0.6  # [s] that a repeated picture stands still at its end, as on the page
+_HOLD = 0.6  # [s] for which a repeating video holds its last frame, as on the page
 _PALETTE_SAMPLES = 6
 _PALETTE_SIZE = 255
-# Ordered dithering (Bayer 1973): unlike error diffusion it leaves what does not move unchanged between frames.
+# Ordered dithering (Bayer 1973): unlike error diffusion, it leaves static areas unchanged between frames.
 _BAYER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16.0 - 0.5
 _DITHER = 6.0  # of 255, about the distance between neighboring gray values of a palette
 
@@ -42,7 +42,7 @@ def video_bytes(suffix: str, frames: Frames, fps: float) -> bytes:
     """The content of a video file.
 
     Args:
-        suffix: Of the file, a key of `FASTEST`.
+        suffix: Suffix of the file, a key of `FASTEST`.
         frames: The pictures, all of one size; even numbers of pixels each way for MP4.
         fps: Pictures per second.
 
@@ -60,7 +60,7 @@ def _mp4(frames: Frames, fps: float) -> bytes:
     height, width = frames[0].shape[:2]
     with tempfile.TemporaryDirectory(prefix="rr1plan-video-") as folder:
         file = FilePath(folder) / "video.mp4"
-        # "faststart": the index is in front, so that browsers play the file while it is loaded
+        # "faststart": the index comes first, so that browsers play the file while it is loading
         with av.open(str(file), "w", options={"movflags": "faststart"}) as container:
             stream = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1000))
             stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
@@ -94,7 +94,7 @@ def _gif(frames: Frames, fps: float) -> bytes:
 def _colors_to_keep(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Colors for median cut, repeated by their frequencies, shape (n, 3).
 
-    By area a palette has the grays of the background alone: colors of small things count more than their pixels.
+    Weighted by area, a palette would contain only grays of the background, so colors of small objects get more weight.
     """
     bins = (pixels >> 3).astype(np.int64) @ [1024, 32, 1]
     _, owner, counts = np.unique(bins, return_inverse=True, return_counts=True)
@@ -116,7 +116,7 @@ def _animation(kind: str, pictures: Iterator[Any], durations: Sequence[int], opt
 
 
 def _durations(count: int, fps: float, unit: int) -> list[int]:
-    """How long each picture is shown [ms]: multiples of `unit` whose sums are as near to the true times as they get."""
+    """Duration of each picture [ms]: multiples of `unit` whose sums are as close as possible to the true times."""
     ends = [unit * round((i * 1000.0 / fps + (i == count) * 1000.0 * _HOLD) / unit) for i in range(count + 1)]
     return [b - a for a, b in pairwise(ends)]
 

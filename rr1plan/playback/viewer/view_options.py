@@ -24,11 +24,11 @@ class Panel:
     Args:
         name: A name unique on the page; letters, digits and "-".
         title: Headline of the panel.
-        html: What stands in the panel.
+        html: Content of the panel.
         css: Style rules.
-        script: JavaScript statements, run once with three names in reach: `viewer` (see
-            `page/main.js` for its interface), `root` (the panel's element), `data`.
-        data: Anything JSON can hold; `pack_array` puts arrays in.
+        script: JavaScript statements, run once with three names in scope: `viewer` (see `page/main.js` for its
+            interface), `root` (the panel's element), `data`.
+        data: Anything that JSON can represent; arrays by `pack_array`.
         width: Width of the column of panels [px].
 
     Raises:
@@ -58,25 +58,25 @@ class ViewOptions(Value):
 
     Args:
         title: Headline of the page (default: the scene's name).
-        view: Where it is looked at from first: a name ("front", "back", "left", "right", "top", "corner"), azimuth and
-            elevation [rad], or a direction of the world, shape (3,). None chooses a view that shows the motion; a
-            planar arm beside its configuration space is shown from above.
+        view: Initial view: a name ("front", "back", "left", "right", "top", "corner"), azimuth and elevation [rad], or
+            a direction in world coordinates, shape (3,). None chooses a view that shows the motion; a planar arm next
+            to its configuration space is shown from above.
         spheres: Show the spheres that contain each link and held object, with chips for each of their levels.
-        panels: Panels beside the 3-D view, of different names.
+        panels: Panels next to the 3-D view, with different names.
         play: The motion runs from the start.
-        planner: The page carries the planners' kernels and can plan by itself; it is 0.3 MB larger, of twelve arms
-            about 1 MB.
+        planner: The page contains the planners' kernels and can plan by itself; this adds 0.3 MB, for twelve arms about
+            1 MB.
         compare: Another motion of the same arms by its name, e.g. {"anytime": other.trajectory}: drawn as a ghost
-            beside the motion of the page, its curves dashed beside those of that motion, both on one clock.
-        side_by_side: Show the motion to compare, and the simulated one of a replay, each in its own picture beside that
-            of the page's motion, with the same camera; otherwise overlaid. A chip of the page (V) switches.
-        tree: What a planner explored (`PlanResult.tree`, `Roadmap.graph`), drawn as the paths of the tools; pages of a
+            together with the motion of the page, with dashed curves, both on one clock.
+        side_by_side: Show the motion to compare, and the simulated one of a replay, in pictures next to that of the
+            page's motion, with the same camera; otherwise overlaid. A chip of the page (V) switches.
+        tree: A search tree or roadmap (`PlanResult.tree`, `Roadmap.graph`), drawn as the paths of the tools; pages of a
             `MotionPlan` take that of their planner. Its columns are the joints of the arms of the page's problem, or of
             all arms.
         clearances: Sample the clearances along the motion at 120 instants (True) or not at all (False); None: as many
-            as about 0.1 s of processor time allow, which is none for many arms.
-        port: First port that a live page tries, the next free one is taken; 0: any; None: at 7000 or the next free
-            port, all live pages of the program at one port.
+            as about 0.1 s of processor time allows, none for many arms.
+        port: First port that a live page tries; the next free one is taken. 0: any port; None: 7000 or the next free
+            port, shared by all live pages of the program.
         quiet: A live page neither prints its address, which is `Viewer.url`, nor opens a browser.
 
     Raises:
@@ -124,15 +124,15 @@ class ViewOptions(Value):
             check_text("a name in compare", name)
             of_kind(f"compare[{name!r}]", motion, Trajectory)
         if len(self.compare) > 1:
-            raise InputError(f"compare has {len(self.compare)} motions, expected one beside that of the page")
+            raise InputError(f"compare has {len(self.compare)} motions, expected one in addition to that of the page")
         object.__setattr__(self, "compare", MappingProxyType(dict(self.compare)))
 
 
 def checked_options(options: ViewOptions | None) -> ViewOptions:
-    """The options, or the usual ones.
+    """The options, or the defaults.
 
     Raises:
-        InputError: something else.
+        InputError: a value of another type.
     """
     of_kind("options", options, ViewOptions, optional=True)
     return ViewOptions() if options is None else options

@@ -1,8 +1,8 @@
-// The stages of a sequence, the present one marked. Statements of a panel: viewer, root, data.
+// The stages of a sequence, with the current one marked. Statements of a panel with viewer, root and data in scope.
 
 const STILL = 1e-4; // [rad/s or m/s] the least speed of a joint that counts as motion
 const list = root.querySelector("ol"), { track } = viewer.player;
-/** The arm does not come to rest at the end of a stage. */
+/** Whether the arm does not come to rest at the end of a stage. */
 const passes = (end) => end < track.end && track.columns.some((_, slot) => Math.abs(track.rate(end, slot, 1)) > STILL);
 const buttons = data.map(({ label, begin, end }) => {
   const row = document.createElement("li"), button = document.createElement("button");
@@ -24,13 +24,13 @@ const buttons = data.map(({ label, begin, end }) => {
 
 let marked = -1;
 function mark(time) {
-  // Of stages that begin at once the last one, except at the end of all.
+  // Among stages that begin at the same time, the last one, except at the end of the sequence.
   const now = data.reduce((found, { begin, end }, i) => (begin <= time && (end > time || end > begin || found < 0) ? i : found), -1);
   if (now === marked) return;
   buttons.forEach((button, i) => button.classList.toggle("now", i === now));
   marked = now;
 }
 
-// While the arm is moved by hand, or along a motion that was planned here, the stage is that in which this began.
+// While the user moves the arm, or a motion planned here plays, the stage is the one in which this began.
 viewer.on("change", (q, time) => mark(viewer.editing.stages.rows ? viewer.editing.stages.time : time));
 mark(viewer.time);

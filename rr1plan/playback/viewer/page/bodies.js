@@ -1,9 +1,9 @@
-// Solids that are drawn together, many copies in one call, each copy as fine as it is seen.
+// Instanced solids: many copies in one draw call, each at the level of detail that its size on the screen requires.
 
-/** What dull surfaces reflect of the lamps and walls around, whatever their color. */
+/** Reflection of the surrounding lamps and walls by matte surfaces, independent of their color. */
 const SHEEN = 0x030303;
 
-/** Levels of detail: features smaller than this [m] are left out; level 0 is the full geometry. */
+/** Levels of detail: features smaller than this [m] are omitted; level 0 is the full geometry. */
 const RESOLUTIONS = [0, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064];
 
 /** The coarsest level that keeps all features of a size [m]. */
@@ -11,28 +11,28 @@ function levelOf(size) {
   return size < RESOLUTIONS[1] ? 0 : Math.min(RESOLUTIONS.length - 1, 1 + Math.floor(Math.log2(size / RESOLUTIONS[1])));
 }
 
-/** Sides of a round part whose facets lie inside the circle by half of a resolution [m] at most. */
+/** Number of sides of a round part such that its facets deviate from the circle by at most half a resolution [m]. */
 function sidesOf(radius, resolution) {
   const cosine = 1 - (0.5 * resolution) / radius;
   return cosine > 0 ? Math.max(5, Math.min(36, Math.ceil(Math.PI / Math.acos(cosine)))) : 5;
 }
 
-/** How large a shape looks [m]: the edge of a cube as large as the box around it, which counts as no thinner than a plate. */
+/** Apparent size of a shape [m]: cube root of the volume of its bounding box, with a minimum thickness. */
 function sizeOf(shape) {
   const sizes = shapeBox(shape).getSize(new THREE.Vector3()).toArray(), thin = Math.max(...sizes) / 16;
   return Math.cbrt(sizes.reduce((product, size) => product * Math.max(size, thin), 1));
 }
 
-/** Some shapes of one link as one body: copies of the link are drawn in one call, whatever the link is made of. */
+/** Some shapes of one link as one body: all copies of the link are drawn in one call. */
 class LinkBody {
-  /** parts: {shape, pose (in the link's frame)}; all: the opaque parts of the link, which hide what is inside of them */
+  /** parts: {shape, pose (in the link's frame)}; all: the opaque parts of the link, which hide geometry inside them */
   constructor(parts, all) {
     this.parts = parts.filter(({ shape }) => solid(shape, 5));
     this.all = all;
     this.geometries = [];
   }
 
-  /** The geometry of a level, made when it is first asked for; null when everything is smaller than that. */
+  /** The geometry of a level, created on first use; null if everything is smaller than the level's resolution. */
   geometry(level) {
     if (this.geometries[level] === undefined) this.geometries[level] = this.merged(RESOLUTIONS[level]);
     return this.geometries[level];
@@ -45,7 +45,7 @@ class LinkBody {
       if (size < resolution) continue;
       const { geometry, scale } = solid(shape, sidesOf(shape.radius || 1, resolution), resolution);
       const own = geometry.clone().applyMatrix4(new THREE.Matrix4().fromArray(scaled(pose, scale)));
-      // Of two that hide each other the larger one stays, or the first.
+      // If two parts hide each other, the larger one is kept, or the first.
       const larger = resolution > 0 ? this.all.filter((other) => other !== part && sizeOf(other.shape) >= size
         && (sizeOf(other.shape) > size || this.all.indexOf(other) < this.all.indexOf(part))) : [];
       const left = larger.reduce((g, other) => withoutInside(g, other, resolution / 2), own);
@@ -74,7 +74,7 @@ function withoutInside(geometry, { shape, pose }, slack) {
   return kept.length === index.length ? geometry : geometry.setIndex(kept);
 }
 
-/** One geometry of the triangles of several. */
+/** Merges the triangles of several geometries. */
 function joined(geometries) {
   const position = [], normal = [], index = [];
   for (const g of geometries) {
@@ -94,7 +94,7 @@ function joined(geometries) {
   return whole.setIndex(index);
 }
 
-/** A shape that is drawn the same at every level; shapes of the same geometry are one body. */
+/** A shape that is identical at every level; shapes with the same geometry are one body. */
 const shapeBodies = new WeakMap();
 function shapeBody(shape, sides) {
   const found = solid(shape, sides);
@@ -103,13 +103,13 @@ function shapeBody(shape, sides) {
   return { body: shapeBodies.get(found.geometry), scale: found.scale };
 }
 
-/** Every arm in full. */
+/** All arms at full detail. */
 const IN_FULL = { levels: null, version: 0 };
 
 /**
  * Solids drawn together: one call for each body, opacity and level of detail.
- * Clear ones hide what is drawn after them behind them; their order is: solids of the document, collision shapes,
- * spheres from fine to coarse, ghosts.
+ * Transparent solids hide those behind them that are drawn later; the order is: solids of the document, collision
+ * shapes, spheres from fine to coarse, ghosts.
  * items: {body, local (with its frame; null: the frame itself), frame (link number, or -1: the world), color, opacity,
  * element, arm}; detail: {levels (of each arm; below zero it is not drawn), version}.
  */
@@ -127,7 +127,7 @@ class Bodies {
     this.sets = [...sets].flatMap(([body, of]) => [...of].map(([opacity, own]) => new BodySet(body, own, opacity, style, this.group)));
   }
 
-  /** Moves everything to where its link is. */
+  /** Moves all items to the poses of their links. */
   update(poses, detail = IN_FULL) {
     for (const set of this.sets) set.update(poses, detail);
   }
@@ -160,12 +160,12 @@ class BodySet {
     this.paint((item) => item.color);
   }
 
-  /** The copies in full. */
+  /** The copies at full detail. */
   get drawn() {
     return this.mesh(0);
   }
 
-  /** The copies that are drawn at a level, made when they are first asked for; null when nothing of them is seen. */
+  /** The copies drawn at a level, created on first use; null if they are invisible at that level. */
   mesh(level) {
     if (this.meshes[level] === undefined) {
       const geometry = this.body.geometry(level);
@@ -184,7 +184,7 @@ class BodySet {
     drawn.renderOrder = clear ? style.order || 2 : 0;
     group.add(drawn);
     if (clear) {
-      // Depth first, color second: only the nearest surface of a clear body is seen.
+      // Depth first, then color: only the nearest surface of a transparent body is visible.
       const depth = new THREE.InstancedMesh(geometry, new THREE.MeshBasicMaterial({
         colorWrite: false, transparent: true, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2,
       }), items.length);
@@ -197,7 +197,7 @@ class BodySet {
     return drawn;
   }
 
-  /** Fills the copies of each level one after the other; colors only where others than before may be drawn there. */
+  /** Fills the copies of each level one after the other; updates colors only where the copies may have changed. */
   update(poses, detail) {
     const { body, items, counts, colors } = this, recolor = this.shown !== detail.version;
     this.shown = detail.version;
@@ -224,7 +224,7 @@ class BodySet {
     }
   }
 
-  /** Colors are seen after the next update. */
+  /** Colors take effect at the next update. */
   paint(choose) {
     this.items.forEach((item, i) => light(choose(item)).toArray(this.colors, 3 * i));
     this.shown = null;

@@ -1,6 +1,6 @@
 // Violations of the report and contacts of the simulation: red links, and red marks on the time line.
 
-const LEAST_SHOWN = 0.1; // [s] before and after the moment of a contact of which nothing else is known
+const LEAST_SHOWN = 0.1; // [s] shown before and after a contact whose duration is unknown
 
 class Conflicts {
   constructor(doc, player, kinematics) {
@@ -25,7 +25,7 @@ class Conflicts {
     return !same;
   }
 
-  /** The elements that touch now, in a motion: "plan", "replay", "compare", null: any. */
+  /** The elements in contact now, in a motion: "plan", "replay", "compare", null: any. */
   elements(kind) {
     return this.now.filter(({ simulated }) => !kind || kind === (simulated ? "replay" : "plan")).flatMap(({ elements }) => elements);
   }
@@ -47,7 +47,7 @@ class Conflicts {
   }
 }
 
-/** The elements that touch, or the joint and the limit that it violates. */
+/** The elements in contact, or the joint and the limit that it violates. */
 function nameOf({ kind, subject }) {
   return kind === "collision" ? subject.join(" and ") : [subject.join(" and "), kind].filter(Boolean).join(" ");
 }

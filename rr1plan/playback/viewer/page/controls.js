@@ -1,4 +1,4 @@
-// Everything around the picture. Texts from files are only ever set as text.
+// The controls around the picture. Strings from files are only inserted as text, never as HTML.
 
 const ICONS = {
   play: "M8 5.5v13l11-6.5z",
@@ -36,10 +36,10 @@ function fillPart(slider) {
   slider.style.setProperty("--part", `${(100 * (Number(slider.value) - low)) / (high - low || 1)}%`);
 }
 
-/** Length of a motion, or a moment in it. */
+/** Duration of a motion, or a time in it. */
 const seconds = (t) => `${t.toFixed(2)} s`;
 
-// What is said of a motion that came without a report.
+// The label of a motion without a report.
 const UNCHECKED = {
   certified: false, valid: true, violations: [], margins: {}, checked: [], title: "Not checked",
   not_checked: { "the motion": "it came without a report" },
@@ -115,7 +115,7 @@ class Controls {
     this.loadMotion(doc);
   }
 
-  /** What says how the document's motion is. */
+  /** The text about the document's motion. */
   loadMotion(doc) {
     this.fillFacts(doc);
     this.fillReport(doc.report);
@@ -131,7 +131,7 @@ class Controls {
     this.refresh();
   }
 
-  /** A red mark on the time line wherever something touches; a click goes there. */
+  /** A red mark on the time line for each contact; a click goes to its time. */
   fillMarks() {
     const { player, conflicts } = this.viewer, span = player.end - player.start;
     const marks = conflicts.marks(span).map(({ time, subject, title }) => {
@@ -178,7 +178,7 @@ class Controls {
       box.hidden = !box.hidden;
       badge.setAttribute("aria-expanded", String(!box.hidden));
     };
-    // Not where it would cover the arms.
+    // Not if it would cover the arms.
     const beside = find("stage").clientWidth - WIDEST_REPORT - find("side").offsetWidth;
     if (rank === "bad" && beside > LEAST_BESIDE) badge.onclick();
     const rows = [];
@@ -194,7 +194,7 @@ class Controls {
     box.replaceChildren(...rows);
   }
 
-  /** How near the motion comes to a limit; a click goes to where it is nearest. */
+  /** The largest share of a limit that the motion uses; a click goes to its time. */
   margin(name, { value, unit, subject, time }) {
     const row = element("button", undefined, unit !== "m" && value > 1 ? "meter over" : "meter");
     row.type = "button";
@@ -250,7 +250,7 @@ class Controls {
     }
   }
 
-  /** One fold an arm; its sliders are made when it is first opened. */
+  /** One fold for each arm; its sliders are created when it is first opened. */
   fillJoints() {
     const { arms } = this.viewer.kinematics;
     this.rows = [];
@@ -288,7 +288,7 @@ class Controls {
       label.title = name;
       slider.oninput = () => {
         const value = Number(slider.value), { q, editing } = this.viewer;
-        // A joint without limits stays in the turn in which it is.
+        // A joint without limits stays within its current turn.
         editing.jog(column, turns ? value + TURN * Math.round((q[column] - value) / TURN) : value);
       };
       line.append(label, out, slider);
@@ -321,7 +321,7 @@ class Controls {
     this.refreshJoints();
   }
 
-  /** How many arms there are, how fast they are drawn and the clock runs; only of many arms, and a few times a second. */
+  /** Number of arms, frame rate and real-time factor; only for many arms, and a few times a second. */
   refreshHud(now) {
     const { kinematics, player, pace } = this.viewer, arms = kinematics.arms.length;
     if (now - (this.hudAt || 0) < 300) return;
@@ -336,7 +336,7 @@ class Controls {
     for (const { fold, joints } of this.rows) {
       if (!fold.open || !joints) continue;
       for (const { slider, out, column, straight, turns } of joints) {
-        // Not while it is dragged: a simulated joint follows later.
+        // Not during a drag: a simulated joint follows later.
         if (!slider.matches(":active")) slider.value = turns ? q[column] - TURN * Math.round(q[column] / TURN) : q[column];
         fillPart(slider);
         out.textContent = straight ? `${tenths(1000 * q[column])} mm` : `${tenths((180 / Math.PI) * q[column])}°`;
@@ -353,10 +353,10 @@ class Controls {
 const TURN = 2 * Math.PI;
 /** A value with one decimal, never "-0.0": the sum of -0 and 0 is 0. */
 const tenths = (value) => (Math.round(10 * value) / 10 + 0).toFixed(1);
-/** A coordinate [m] among things of a size [m], to a fraction of a thousandth of it, and never "-0.000". */
+/** A coordinate [m] with digits down to less than a thousandth of a given size [m], and never "-0.000". */
 const placed = (meters, span) => {
   const text = meters.toFixed(Math.min(Math.max(2 - Math.floor(Math.log10(span / 2)), 3), 9));
   return Number(text) === 0 ? text.replace("-", "") : text;
 };
-/** A distance in the unit it is read best in. */
+/** A distance in its most readable unit. */
 const length = (meters) => (Math.abs(meters) < 0.1 ? `${(1000 * meters).toFixed(1)} mm` : `${meters.toFixed(3)} m`);

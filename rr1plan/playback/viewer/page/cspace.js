@@ -1,4 +1,4 @@
-// The lesson: the configuration space, what stands in it, and what a click in it does.
+// The lesson: the configuration space, its content, and the effects of clicks and drags.
 
 const q2 = () => data.columns.map((column) => viewer.q[column]);
 const part = (selector) => root.querySelector(selector);
@@ -30,7 +30,7 @@ class Lesson {
     viewer.on("change", () => this.follow());
     viewer.on("obstacle", (name) => { if (this.isSlice) this.recut([name]); });
     viewer.on("planner", (planner, reason) => this.takePlanner(planner, reason));
-    // Where there is no motion, the tree grows.
+    // Without a motion, the growth of the tree is animated.
     viewer.films.push(() => (this.track || !this.tree.length ? null : { start: 0, end: this.tree.length / this.growthRate, show: (t) => { this.pauseTree(); this.growTo(Math.round(t * this.growthRate)); } }));
     this.meet();
     new ResizeObserver(() => this.resize()).observe(part(".plot"));
@@ -38,12 +38,12 @@ class Lesson {
     new ResizeObserver(() => { if (this.workspace && !this.arm.turned) this.arm.look(); }).observe(viewer.stage.pane);
   }
 
-  /** The arm in the plane, where it is one. */
+  /** The planar arm, if it is one. */
   get workspace() {
     return data.planar ? this.arm : null;
   }
 
-  /** Takes in the data of the panel: at first, and whenever the program shows another scene. */
+  /** Reads the data of the panel: initially, and whenever the program shows another scene. */
   takeData() {
     this.pauseTree();
     this.cells = new Cells();
@@ -65,7 +65,7 @@ class Lesson {
     this.fillVerdict();
   }
 
-  /** Takes in the motion of the document. */
+  /** Reads the motion of the document. */
   meet() {
     this.takeTrack(viewer.player.track, 800);
     this.arm.draw();
@@ -76,7 +76,7 @@ class Lesson {
     this.follow();
   }
 
-  /** Samples a motion at `count` equal intervals, to be drawn; null: there is none. */
+  /** Samples a motion at `count` equal intervals for drawing; null: no motion. */
   takeTrack(track, count) {
     this.track = track && track.end > track.start ? track : null;
     this.curve = [];
@@ -90,9 +90,9 @@ class Lesson {
     this.fillPhase();
   }
 
-  // ---- what is moved by hand -------------------------------------------------------------
+  // ---- direct manipulation ---------------------------------------------------------------
 
-  /** With a planner obstacles, start and goals can be moved; without one the page says so. */
+  /** With a planner, obstacles, start and goals can be moved; without one, the page says so. */
   async takePlanner(planner, reason) {
     const note = part(".fixed"), { live } = data;
     note.hidden = !reason || !(this.workspace || data.others.length);
@@ -112,7 +112,7 @@ class Lesson {
     this.follow();
   }
 
-  /** The picture is a slice that follows obstacles and the joints that it does not show. */
+  /** Whether the picture is a slice that follows obstacles and the joints that it does not show. */
   get isSlice() {
     return Boolean(this.live) && data.others.length > 0;
   }
@@ -121,13 +121,13 @@ class Lesson {
     return data.others.map(({ column }) => viewer.q[column]);
   }
 
-  /** At the next frame the slice is computed anew for these obstacles, or for all. */
+  /** Requests that the slice be recomputed at the next frame for these obstacles, or for all. */
   recut(names = Object.keys(data.live.ranges)) {
     for (const name of names) this.live.stale.add(name);
     this.cutting ||= requestAnimationFrame(() => { this.cutting = 0; if (this.isSlice) this.cut(); });
   }
 
-  /** Computes the slice where the other joints are now. */
+  /** Computes the slice at the current values of the other joints. */
   cut() {
     this.cutAt = this.otherValues();
     this.live.raster.setConfiguration(viewer.planner.columns.map((column) => viewer.q[column]));
@@ -146,7 +146,7 @@ class Lesson {
     return { start, goals: [...goals], poses: new Map(Object.keys(data.live.outlines).map((name) => [name, planner.obstaclePose(name)])) };
   }
 
-  /** Keeps what is there now for undo. */
+  /** Saves the current state for undo. */
   remember() {
     this.past.push(this.snapshot());
     if (this.past.length > 100) this.past.shift();
@@ -157,7 +157,7 @@ class Lesson {
     if (this.live && this.past.length) this.restore(this.past.pop());
   }
 
-  /** Everything where it was at first. */
+  /** Restores the initial state. */
   reset() {
     if (!this.live) return;
     this.remember();
@@ -184,7 +184,7 @@ class Lesson {
     return viewer.world.canMove(name) && data.live.outlines[name].length > 0;
   }
 
-  /** The outlines of an obstacle around its origin, turned as it is. */
+  /** The outlines of an obstacle around its origin, in its current orientation. */
   loops(name) {
     const now = this.live.planner.obstaclePose(name), then = this.first.poses.get(name);
     const angle = Math.atan2(now[1], now[0]) - Math.atan2(then[1], then[0]), [c, s] = [Math.cos(angle), Math.sin(angle)];
@@ -196,7 +196,7 @@ class Lesson {
     return [pose[12], pose[13]];
   }
 
-  /** Marks an obstacle that the arrow keys move, or none. */
+  /** Selects the obstacle that the arrow keys move, or none. */
   select(name) {
     if (name === this.selected) return;
     this.selected = name;
@@ -214,7 +214,7 @@ class Lesson {
     part(".said").textContent = text;
   }
 
-  /** Moves an obstacle with the pointer: at the next frame everything follows. */
+  /** Moves an obstacle with the pointer; dependent data are updated at the next frame. */
   dragObstacle(name, x, y) {
     this.resume ||= viewer.playing;
     viewer.pause();
@@ -226,7 +226,7 @@ class Lesson {
     });
   }
 
-  /** Moves an obstacle in the plane, turned by so much, and everything that follows from it. */
+  /** Moves and rotates an obstacle in the plane, and updates all dependent data. */
   moveObstacle(name, x, y, turned = 0) {
     const pose = this.live.planner.obstaclePose(name), [c, s] = [Math.cos(turned), Math.sin(turned)];
     for (const k of [0, 4, 8]) [pose[k], pose[k + 1]] = [c * pose[k] - s * pose[k + 1], s * pose[k] + c * pose[k + 1]];
@@ -236,13 +236,13 @@ class Lesson {
     return this.update(name);
   }
 
-  /** Start or goal to a configuration; which: "start" or the number of a goal. */
+  /** Sets the start or a goal to a configuration; which: "start" or the number of a goal. */
   moveEnd(which, q) {
     this.live.setEnd(which, q.map((v, axis) => wrapped(axis, v)));
     return this.update();
   }
 
-  /** The places of the names of images, or of one of them. */
+  /** The positions of the names of images, or of one of them. */
   placeNames(only = null) {
     data.layers.forEach((layer, k) => {
       if (only && layer.name !== only) return;
@@ -251,7 +251,7 @@ class Lesson {
     });
   }
 
-  /** Shows what follows from what has been moved: cells, components, tree, path, verdict; how long each took [ms]. */
+  /** Shows the results of an update: cells, components, tree, path, verdict, and the time that each took [ms]. */
   update(moving = null) {
     const found = this.live.update(), began = performance.now(), { answer } = found;
     data.start = this.live.start;
@@ -283,7 +283,7 @@ class Lesson {
     return found;
   }
 
-  /** After a drag: the clock plays the new motion, and the ghosts stand where start and goals are. */
+  /** After a drag: the clock plays the new motion, and the ghosts move to start and goals. */
   dropObstacle() {
     if (this.waiting) { cancelAnimationFrame(this.waiting); this.waiting = 0; }
     if (this.wanted) this.moveObstacle(this.wanted.name, this.wanted.x, this.wanted.y);
@@ -312,7 +312,7 @@ class Lesson {
     return full.slice(own.firstColumn, own.firstColumn + own.robot.names.length);
   }
 
-  /** Names of obstacles go with them. */
+  /** Names of obstacles move with them. */
   placeTags() {
     if (!this.live || !this.arm.tags) return;
     for (const [name, { tag, place }] of this.arm.tags) {
@@ -358,7 +358,7 @@ class Lesson {
     this.showUsed();
   }
 
-  /** Names in the legend only what has an image. */
+  /** Lists only layers with an image in the legend. */
   showUsed() {
     const used = this.live ? this.live.used : this.cells.used();
     [...part(".legend").children].forEach((chip, k) => { chip.hidden = !((used >>> k) & 1); });
@@ -398,7 +398,7 @@ class Lesson {
     this.tools.tree.title = `What the planner explored (T)${thinned ? `: ${this.tree.length} of ${explored} edges are drawn` : ""}`;
   }
 
-  /** Grows the tree from its roots in five seconds, pauses, or goes on; at once if the user prefers reduced motion. */
+  /** Animates the growth of the tree in five seconds, pauses, or continues; at once with "reduced motion". */
   grow() {
     if (this.growing) { this.pauseTree(); return; }
     if (!this.tree.length) return;
@@ -426,7 +426,7 @@ class Lesson {
     this.tools.grow.textContent = "Grow";
   }
 
-  /** One edge of the tree more or less. */
+  /** Adds or removes one edge of the tree. */
   walk(by) {
     this.pauseTree();
     this.growTo(Math.min(Math.max(this.grown + by, 0), this.tree.length));
@@ -514,7 +514,7 @@ class Lesson {
     this.dropObstacle();
   }
 
-  /** Start or goal to where the arm is. */
+  /** Sets the start or the goal to the configuration shown. */
   endHere(which) {
     if (!this.live || (which === "start" ? !data.start : !data.goals.length)) return;
     this.remember();
@@ -532,7 +532,7 @@ class Lesson {
     part(".tip").hidden = true;
   }
 
-  /** The phase plane of the motion, where it is shown. */
+  /** The phase plane of the motion, if it is shown. */
   fillPhase() {
     this.tools.phase.setAttribute("aria-pressed", String(!this.phase.hidden));
     if (this.phase.hidden) return;
@@ -549,7 +549,7 @@ class Lesson {
 
   // ---- the configuration -------------------------------------------------------------------
 
-  /** Moves the two joints, wrapped where their axes close, held inside the picture elsewhere. */
+  /** Moves the two joints, wrapped on periodic axes and clamped to the picture on others. */
   pose(q) {
     const full = viewer.q.slice();
     q.forEach((v, axis) => {
@@ -558,7 +558,7 @@ class Lesson {
     viewer.setQ(full);
   }
 
-  /** Shows the configuration; draw: also in the picture, where that is not done anyway. */
+  /** Shows the configuration; draw: also redraw the picture if nothing else does. */
   follow(draw = true) {
     const q = q2(), answer = this.place(q);
     this.sliders.forEach(({ slider, out }, axis) => {
@@ -621,7 +621,7 @@ class Lesson {
         dragged = mark;
         this.remember();
       }
-      // Where the mark of the start or a goal is dragged, the arm goes with it.
+      // When the mark of the start or a goal is dragged, the arm follows it.
       if (held && (mark === null || dragged !== null)) take(event); else if (!held) this.draw();
       if (dragged !== null) this.dragEnd(dragged, q2());
       canvas.style.cursor = !held && this.live && this.markAt(spot) !== null ? "move" : "";
@@ -638,7 +638,7 @@ class Lesson {
     this.drags = new PlanarDrags(this, this.arm);
   }
 
-  /** Moves start or goal with the pointer: at the next frame everything follows. */
+  /** Moves start or goal with the pointer; dependent data are updated at the next frame. */
   dragEnd(which, q) {
     this.wantedEnd = { which, q };
     this.waitingEnd ||= requestAnimationFrame(() => this.applyEnd());
@@ -666,13 +666,13 @@ class Lesson {
     return u >= 0 && u <= 1 && v >= 0 && v <= 1;
   }
 
-  /** A click on the start or a goal means exactly it. */
+  /** A click on the mark of the start or a goal selects exactly that configuration. */
   snapped(spot, wanted) {
     const mark = wanted ? this.markAt(spot) : null;
     return mark === null ? null : mark === "start" ? data.start : data.goals[mark];
   }
 
-  /** The mark at a place: "start", the number of a goal, or null. */
+  /** The mark at a position: "start", the number of a goal, or null. */
   markAt(spot) {
     const near = (q) => {
       const [u, v] = this.shares(q);
@@ -718,7 +718,7 @@ class Lesson {
     this.repaint();
   }
 
-  /** The cells anew: something of them is shown otherwise. */
+  /** Redraws the cells after a change of their display. */
   repaint() {
     const { size } = this.plot;
     this.area ||= make("canvas");
@@ -729,7 +729,7 @@ class Lesson {
     if (this.torus) this.torus.paint();
   }
 
-  /** Everything that stands still anew: cells, tree, frame. */
+  /** Redraws the static layers: cells, tree, frame. */
   redraw() {
     this.still ||= make("canvas");
     const { width, height } = this.canvas, pen = this.still.getContext("2d"), { x, y } = this.plot;
@@ -766,12 +766,12 @@ class Lesson {
     pen.stroke();
   }
 
-  /** A polyline of joint values, also over the seams. */
+  /** Draws a polyline of joint values, also across the seams. */
   trace(pen, values) {
     for (const copy of wrappedCopies(values.map((q) => q.map((v, axis) => share(axis, v))))) this.line(pen, copy);
   }
 
-  /** The joint values b, by whole turns as near to a as they come. */
+  /** The joint values b, shifted by whole turns to be nearest to a. */
   near(a, b) {
     return b.map((v, axis) => (data.periodic[axis] ? v + 2 * Math.PI * Math.round((a[axis] - v) / (2 * Math.PI)) : v));
   }
@@ -802,7 +802,7 @@ class Lesson {
     data.layers.forEach((layer, k) => {
       if (!layer.spot || (this.only >= 0 && this.only !== k)) return;
       const [px, py] = this.at(share(0, layer.spot[0]), share(1, layer.spot[1])), light = isLight(layer.color);
-      // Whole inside the picture, also where the image reaches over its edge.
+      // Completely inside the picture, even if the image extends beyond its edge.
       const { x, size } = this.plot, half = pen.measureText(layer.name).width / 2 + 4 * this.unit;
       const middle = Math.max(Math.min(px, x + size - half), x + half);
       pen.strokeStyle = light ? "#fff" : layer.color;
@@ -845,7 +845,7 @@ class Lesson {
     return q.map((x, axis) => share(axis, wrapped(axis, x)));
   }
 
-  /** A mark near an edge that is glued to another is seen at both. */
+  /** A mark near an edge that is identified with another is drawn at both. */
   around([u, v], mark) {
     for (const du of data.periodic[0] ? [-1, 0, 1] : [0]) {
       for (const dv of data.periodic[1] ? [-1, 0, 1] : [0]) {
@@ -868,7 +868,7 @@ class Lesson {
     pen.restore();
   }
 
-  /** The motion: faint as a whole, bright as far as it has come. */
+  /** The motion: faint as a whole, bright up to the current time. */
   drawMotion(pen) {
     if (!this.curve.length) return;
     const come = viewer.manual ? 1 : viewer.player.fraction, last = Math.max(2, Math.ceil(come * this.curve.length));
@@ -901,7 +901,7 @@ class Lesson {
     for (const [q, text, color] of marks) {
       pen.font = `${text === "other elbow" ? 500 : 650} ${(text === "other elbow" ? 11 : 12.5) * this.unit}px ${FONT}`;
       const [px, py] = this.at(...this.shares(q)), wide = pen.measureText(text).width;
-      // Beside the mark, or below it where there is no room: names of images stand to the left.
+      // Next to the mark, or below it if there is no room: names of images are on the left.
       const beside = px + 13 * this.unit + wide <= x + size, below = py + 19 * this.unit < y + size - 9 * this.unit ? 19 : -19;
       const left = beside ? px + 13 * this.unit : Math.min(px - wide / 2, x + size - wide - 3 * this.unit);
       const top = Math.min(Math.max(py + (beside ? -9 : below) * this.unit, y + 9 * this.unit), y + size - 9 * this.unit);
@@ -915,7 +915,7 @@ class Lesson {
   }
 }
 
-/** An answer in words, and the colors to say it in. */
+/** Shows a result in words, in the colors of its tone. */
 function words(answer) {
   if (answer.outside) return { text: "outside the picture", color: "#e6e9ee", ink: INK };
   if (answer.free && !answer.edge) return { text: "free", color: "#d8f3e7", ink: "#13795b" };

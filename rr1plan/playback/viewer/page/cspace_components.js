@@ -1,8 +1,8 @@
-// Cells of a grid that meet: components of free space on the torus, and where in an image there is room for its name.
+// Connected cells of a grid: components of free space on the torus, and positions of names within images.
 
 /**
- * Numbers the components of cells that are not 0, joined across axes that close: {labels, count}; 0 is no component.
- * diagonal: cells that meet in a corner are joined, not those alone that meet in an edge.
+ * Numbers the components of nonzero cells, connected across periodic axes: {labels, count}; 0 marks zero cells.
+ * diagonal: cells that share a corner are connected, too, not only those that share an edge.
  */
 function labelComponents(cells, [n, m], periodic, diagonal = false) {
   const labels = new Int32Array(n * m), parents = [0], reach = diagonal ? 1 : 0;
@@ -51,7 +51,7 @@ function labelComponents(cells, [n, m], periodic, diagonal = false) {
   return { labels, count };
 }
 
-/** Labels as they are colored: those of some cells first, then by size; and the share of all cells of each. */
+/** Labels in the order of their colors: those of given cells first, then by size; and their shares of all cells. */
 function rankedComponents({ labels, count }, firsts) {
   const sizes = new Int32Array(count + 1), ranks = new Uint8Array(count + 1), out = new Uint8Array(labels.length);
   for (let c = 0; c < labels.length; c++) sizes[labels[c]] += 1;
@@ -64,13 +64,13 @@ function rankedComponents({ labels, count }, firsts) {
 
 const COARSE_CELLS = 90; // along each axis, for names
 
-/** The middle of the widest part of an image where no other one is: [u, v], or null where there is no room for a name. */
+/** The center of the widest part of an image without overlap: [u, v], or null if there is no room for a name. */
 function widestSpot(bits, [n, m], layer, periodic) {
   const [a, b] = [n, m].map((size) => Math.min(size, COARSE_CELLS)), far = new Float32Array(a * b), room = 0.02 * Math.max(a, b);
   for (let i = 0; i < a; i++) {
     for (let j = 0; j < b; j++) far[i * b + j] = bits[Math.floor(((i + 0.5) * n) / a) * m + Math.floor(((j + 0.5) * m) / b)] === 1 << layer ? 1e6 : 0;
   }
-  // Distances to the outside by two sweeps, twice where axes close (Borgefors 1986).
+  // Distances to the outside by two sweeps, repeated for periodic axes (Borgefors 1986).
   const at = (i, j) => {
     if (periodic[0]) i = (i + a) % a;
     if (periodic[1]) j = (j + b) % b;

@@ -1,13 +1,13 @@
-// The picture of a configuration space: cells as smooth areas, a square whose opposite edges meet, axes.
-// Places are shares (u, v) of the two axes, 0 to 1, v upwards.
+// The picture of a configuration space: cells as smooth areas, a square whose opposite edges are identified, axes.
+// Positions are shares (u, v) of the two axes, 0 to 1, v upwards.
 
 const PARTS = ["#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7", "#fbd7e4", "#dfe8b8", "#c9ecee", "#efdfcf"];
-/** Read once: each look at it would make the browser compute styles again. */
+/** Read once, because each access would make the browser recompute styles. */
 const FONT = getComputedStyle(root).fontFamily;
 const CRUMBS = "#e6e9ee", INK = "#1b2430", SOFT = "#667080", ACCENT = "#e4500e";
 const START = "#2f66c8", GOAL = "#14855a";
 
-/** Of images and components, so that no reader depends on colors: what is inked of a tile, x and y from 0 to 1, y downwards. The first is plain. */
+/** Patterns, so that no reader depends on colors: the inked part of a tile, x and y in 0..1, y downwards; the first is plain. */
 const LINE = 0.15, falls = (x, y) => (x - y + 1) % 1 < LINE, rises = (x, y) => (x + y) % 1 < LINE;
 const PATTERNS = [
   () => false, (x, y) => Math.hypot(x - 0.5, y - 0.5) < 0.2, falls, (_, y) => y < LINE, (x) => x < LINE,
@@ -17,15 +17,15 @@ const TILE = 9; // [px of the window]
 const FAINT = 0.5; // of the ink, on free space, where trees and paths are drawn
 
 const rgb = (color) => [1, 3, 5].map((i) => parseInt(color.slice(i, i + 2), 16));
-/** Whether dark letters are read better on a color than white ones. */
+/** Whether dark text is more readable than white text on a color. */
 const isLight = (color) => { const [r, g, b] = rgb(color); return 0.299 * r + 0.587 * g + 0.114 * b > 150; };
-/** The color of a pattern's ink on a color, all [r, g, b]. */
+/** The color of a pattern's ink on a background color, all [r, g, b]. */
 const inked = (color, share = 1) => color.map((v, k) => v + share * (isLight(hex(color)) ? 0.3 * (rgb(INK)[k] - v) : 0.38 * (255 - v)));
 const hex = (color) => `#${color.map((v) => Math.round(v).toString(16).padStart(2, "0")).join("")}`;
 /** The pixels of a tile of a pattern: 1 where it is inked. */
 const tileOf = (pattern, size) => Uint8Array.from({ length: size * size }, (_, i) => Number(PATTERNS[pattern](((i % size) + 0.5) / size, (Math.floor(i / size) + 0.5) / size)));
 
-/** The patterns of some layers, by their order among the obstacles; the arm itself and its limits are plain. */
+/** The patterns of some layers, by their order among the obstacles; self-collision and joint limits are plain. */
 function patternsOf(layers) {
   let things = 0;
   return layers.map(({ kind }) => (kind === "self" || kind === "limits" ? 0 : things++ % PATTERNS.length));
@@ -64,7 +64,7 @@ class Cells {
     return used;
   }
 
-  /** The cell of a place, or -1 outside of the picture. */
+  /** The cell at a position, or -1 outside the picture. */
   at(u, v) {
     let i = Math.floor(u * this.n), j = Math.floor(v * this.m);
     if (data.periodic[0]) i = modulo(i, this.n);
@@ -72,7 +72,7 @@ class Cells {
     return i >= 0 && j >= 0 && i < this.n && j < this.m ? i * this.m + j : -1;
   }
 
-  /** The layers that forbid a point: {free, edge, outside, layers}; edge: a neighboring cell differs. */
+  /** The layers that block a point: {free, edge, outside, layers}; edge: a neighboring cell differs. */
   answer(u, v) {
     const cell = this.at(u, v);
     if (cell < 0) return { free: false, edge: false, outside: true, layers: [] };
@@ -92,18 +92,18 @@ class Cells {
     this.painted = { key, image, bits: bits.slice() };
     const out = new Uint32Array(image.data.buffer);
     const colors = data.layers.map((layer) => rgb(layer.color)), parts = [...PARTS.map(rgb), rgb(CRUMBS)], white = [255, 255, 255];
-    // Plain and inked, of each layer and of each component.
+    // Plain and inked colors of each layer and component.
     const shades = colors.map((color) => [color, inked(color)]), tints = parts.map((color) => [color, inked(color, FAINT)]);
     const wide = Math.round(TILE * ratio), tiles = PATTERNS.map((_, k) => tileOf(k, wide));
     const layerTiles = patternsOf(data.layers).map((k) => tiles[k]), partTiles = parts.map((_, k) => tiles[k < PARTS.length ? k % tiles.length : 0]);
     const columns = lookup(size, n, data.periodic[0]), rows = lookup(size, m, data.periodic[1]);
     const sharp = size / Math.max(n, m), band = Math.max(2, Math.round(5 * ratio));
-    /** Color of a pixel: covered by a layer to a part of it, above the color of free space. */
+    /** Color of a pixel that a layer covers partly, blended with the color of free space. */
     const mixed = (under, layer, cover, ink) => {
       const over = shades[layer] ? shades[layer][ink] : under;
       return word(under[0] + cover * (over[0] - under[0]), under[1] + cover * (over[1] - under[1]), under[2] + cover * (over[2] - under[2]));
     };
-    /** The layer that a pixel of an overlap shows. */
+    /** The layer shown at a pixel of an overlap. */
     const striped = (full, count, x, y) => {
       let turn = Math.floor((x + y) / band) % count, k = 0;
       for (; !((full >>> k) & 1 && turn-- === 0); k++);
@@ -114,7 +114,7 @@ class Cells {
       const count = bitCount(full);
       if (count > 1) { layer = striped(full, count, x, y); cover = 1; }
       if (only >= 0) { if ((full >>> only) & 1) layer = only; if (layer !== only) cover *= 0.16; }
-      // Overlaps have stripes of their own.
+      // Overlaps have distinct stripes.
       return mixed(under, layer, cover, count > 1 ? 0 : layerTiles[layer] ? layerTiles[layer][spot] : 0);
     };
     const free = tints.map((both) => both.map((color) => word(...color))), plain = word(...white);
@@ -126,7 +126,7 @@ class Cells {
         const any = a | b | c | d, at = y * size + x, spot = (y % wide) * wide + (x % wide);
         let under = white, ground = plain;
         if (tinted) {
-          // Beside a rim the nearest cell may be forbidden, and its free neighbor tells the color.
+          // Near a boundary the nearest cell may be blocked; then its free neighbor determines the color.
           const label = labels[columns.near[x] * m + jn] || labels[i0 + j0] || labels[i1 + j0] || labels[i0 + j1] || labels[i1 + j1];
           if (label) {
             const part = label > PARTS.length ? PARTS.length : label - 1, ink = partTiles[part][spot];
@@ -156,7 +156,7 @@ class Cells {
     return image;
   }
 
-  /** The pixels along both axes, first and beyond the last, that differ from the last picture, or all that may. */
+  /** The range of pixels along both axes that may differ from the previous picture. */
   changed(size) {
     const { n, m, bits, painted } = this, low = [n, m], high = [-1, -1];
     for (let i = 0, c = 0; i < n; i++) {
@@ -170,7 +170,7 @@ class Cells {
     }
     return [n, m].map((count, axis) => {
       if (high[axis] < 0) return [0, 0];
-      // A cell at a glued edge is seen at the other edge too.
+      // A cell at an identified edge is drawn at the other edge, too.
       if (data.periodic[axis] && (low[axis] < 2 || high[axis] > count - 3)) return [0, size];
       const wide = size / count;
       return [Math.max(0, Math.floor((low[axis] - 1) * wide)), Math.min(size, Math.ceil((high[axis] + 2) * wide))];
@@ -178,7 +178,7 @@ class Cells {
   }
 }
 
-/** A color as it stands in the memory of a picture, opaque, on processors that store the lowest byte first. */
+/** A color as an opaque pixel in the memory of a picture (little endian). */
 function word(red, green, blue) {
   return ((255 << 24) | (Math.round(blue) << 16) | (Math.round(green) << 8) | Math.round(red)) >>> 0;
 }
@@ -189,7 +189,7 @@ function bitCount(bits) {
   return count;
 }
 
-/** For each pixel of a row: the two cells it lies between, how far it is to the second, the nearest one. */
+/** For each pixel of a row: the two cells it lies between, the fraction toward the second, and the nearest cell. */
 function lookup(size, count, closes) {
   const of = (Numbers) => new Numbers(size), found = { low: of(Int32Array), high: of(Int32Array), part: of(Float64Array), near: of(Int32Array) };
   const place = (i) => (closes ? modulo(i, count) : Math.min(Math.max(i, 0), count - 1));
@@ -200,7 +200,7 @@ function lookup(size, count, closes) {
   return found;
 }
 
-/** Edges as pieces [u0, v0, u1, v1] inside the square; one over a seam is there twice. */
+/** Edges as pieces [u0, v0, u1, v1] inside the square; one across a seam appears twice. */
 function treePieces(tree) {
   const vertices = viewer.unpack(tree.vertices).values, edges = viewer.unpack(tree.edges).values;
   const pieces = [];
@@ -211,7 +211,7 @@ function treePieces(tree) {
   return pieces;
 }
 
-/** A polyline of places shifted so that each of its tiles comes to lie in the square. */
+/** Copies of a polyline, shifted by whole turns so that each part of it lies in the square once. */
 function wrappedCopies(points) {
   const range = (axis) => {
     if (!data.periodic[axis]) return [0];
@@ -226,18 +226,18 @@ function wrappedCopies(points) {
 const share = (axis, value) => (value - data.low[axis]) / (data.high[axis] - data.low[axis]);
 const value = (axis, part) => data.low[axis] + part * (data.high[axis] - data.low[axis]);
 
-/** A joint's value inside the picture where its axis closes. */
+/** A joint's value wrapped into the picture if its axis is periodic. */
 function wrapped(axis, angle) {
   return data.periodic[axis] ? value(axis, modulo(share(axis, angle), 1)) : angle;
 }
 
-/** Marks of an axis: quarter turns for angles, round numbers else: [share, text]. */
+/** Tick marks of an axis: quarter turns for angles, otherwise round numbers: [share, text]. */
 function ticks(axis) {
   if (data.joints[axis].straight) return niceTicks(data.low[axis], data.high[axis], 5).map((v) => [share(axis, v), shortNumber(v)]);
   const names = { "-2": "−π", "-1": "−π/2", 0: "0", 1: "π/2", 2: "π", "-3": "−3π/2", 3: "3π/2", "-4": "−2π", 4: "2π" };
   const first = Math.ceil((data.low[axis] * 2) / Math.PI - 1e-6), last = Math.floor((data.high[axis] * 2) / Math.PI + 1e-6);
   let step = 1;
-  while (last - first >= 9 * step) step *= 2;  // more marks would touch each other
+  while (last - first >= 9 * step) step *= 2;  // more marks would overlap
   const marks = [];
   for (let k = Math.ceil(first / step) * step; k <= last; k += step) {
     marks.push([share(axis, (k * Math.PI) / 2), names[k] || `${k / 2}π`.replace("-", "−")]);
@@ -245,14 +245,14 @@ function ticks(axis) {
   return marks;
 }
 
-/** Where the name of an axis stands, as a share of it: between the two marks around a place. */
+/** Position of the name of an axis, as a share of the axis: between the two marks around a given position. */
 function betweenTicks(axis, place) {
   const shares = [0, ...ticks(axis).map(([part]) => part), 1];
   const above = shares.findIndex((part) => part > place);
   return (shares[above - 1] + shares[above]) / 2;
 }
 
-/** Axes, marks and edges around a plot; dashed edges with arrows are the same place as the edge across. */
+/** Axes, marks and edges around a plot; dashed edges with arrows are identified with the opposite edge. */
 function drawFrame(pen, plot, unit) {
   const { x, y, size } = plot;
   pen.save();
@@ -287,7 +287,7 @@ function drawFrame(pen, plot, unit) {
   pen.restore();
 }
 
-/** Topologists' marks: edges with the same number of arrows are glued. */
+/** Marks as in topology: edges with the same number of arrows are identified. */
 function arrows(pen, x, y, dx, dy, count, unit) {
   for (let k = 0; k < count; k++) {
     const at = (k - (count - 1) / 2) * 7 * unit, s = 5 * unit;

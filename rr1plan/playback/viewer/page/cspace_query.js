@@ -1,9 +1,9 @@
-// A query in a configuration space that changes: obstacles, start and goals moved by hand, and everything that follows.
+// A query in a changing configuration space: obstacles, start and goals that the user moves, and all dependent data.
 //
 //   live.moveObstacle(name, pose)   live.setEnd("start" | k, q)   then
 //   live.update()                   {bits, labels, shares, verdict, tone, answer, tree, took}, see `Lesson.takeUpdate`
 
-const TREE_STEP = 0.15; // [rad] Short edges make a tree that shows how it grew.
+const TREE_STEP = 0.15; // [rad] Short edges show how the tree grew.
 const MOST_ITERATIONS = 4000; // of the planner in one update
 const SECONDS = 0.25; // for the planner in one update
 
@@ -14,7 +14,7 @@ class LiveQuery {
     this.bits = null;
     this.used = 0; // layers with an image, as bits
     this.stale = new Set(Object.keys(data.live.ranges));
-    this.whole = new Map(); // cells that are in contact as a whole, by layer, where they are known
+    this.whole = new Map(); // cells that are in contact as a whole, by layer, if computed
     this.start = data.start && [...data.start];
     this.goals = data.goals.map((goal) => [...goal]);
   }
@@ -43,7 +43,7 @@ class LiveQuery {
     return { bits: this.bits, labels, shares, answer, tree: answer ? treeOf(answer.trees) : null, ...said, took };
   }
 
-  /** The image of each obstacle that was moved, into the bits of the cells. */
+  /** Writes the image of each moved obstacle into the bits of the cells. */
   rasterize() {
     const { bits } = this;
     for (const name of this.stale) {
@@ -79,13 +79,13 @@ class LiveQuery {
     return rankedComponents(labelComponents(free, data.size, data.periodic), ends);
   }
 
-  /** Plans to the first goal that is joined to the start on the grid; null where none is. */
+  /** Plans to the first goal that is connected to the start on the grid; null if there is none. */
   plan(labels) {
     if (!this.start || !this.goals.length) return null;
     const of = (q) => (this.cell(q) < 0 ? 0 : labels[this.cell(q)]), own = of(this.start);
     let answer = null;
     for (const goal of this.goals) {
-      // At the rim of an image a configuration may be free where the center of its cell is not.
+      // At the boundary of an image a configuration may be free although the center of its cell is not.
       const rim = (!own || !of(goal)) && this.isFree(this.start) && this.isFree(goal);
       if (!rim && (!own || of(goal) !== own)) continue;
       answer = this.planner.plan(this.start, goal, { seed: 0, iterations: MOST_ITERATIONS, seconds: SECONDS, step: TREE_STEP });
@@ -98,7 +98,7 @@ class LiveQuery {
     return this.cell(q) >= 0 && this.planner.withinLimits(q) && this.planner.isFree(q);
   }
 
-  /** The answer in a sentence, and its tone, as `cspace_verdict.py` has them. */
+  /** The result in a sentence, and its tone, as in `cspace_verdict.py`. */
   verdict(labels, answer) {
     const { start, goals } = this, cells = `${data.size.join(" × ")} cells`;
     if (!start) {
@@ -130,7 +130,7 @@ class LiveQuery {
   /**
    * Whether cells that are in contact as a whole separate the start from every goal: a proof that no path exists.
    *
-   * A path is a connected set, so the cells it runs through meet in edges or corners.
+   * A path is a connected set, so the cells that it crosses meet in edges or corners.
    */
   proves() {
     const count = this.bits.length, open = new Uint8Array(count).fill(1), [n, m] = data.size;
@@ -149,7 +149,7 @@ class LiveQuery {
   }
 }
 
-/** Whether waypoints leave the square at one side and come in again at the other. */
+/** Whether a path leaves the square on one side and re-enters on the other. */
 function crossesSeam(values) {
   return [0, 1].some((axis) => {
     const turns = Array.from({ length: values.length / 2 }, (_, k) => Math.floor(share(axis, values[2 * k + axis])));
@@ -157,7 +157,7 @@ function crossesSeam(values) {
   });
 }
 
-/** Trees as they are drawn: pieces inside the square, those nearer to their root first, and the tree each belongs to. */
+/** Trees for drawing: pieces inside the square, those nearer to their root first, and the tree of each. */
 function treeOf(trees) {
   const edges = trees.flatMap(({ vertices: { values }, parents, lengths }, side) => parents.flatMap((parent, i) => {
     if (parent < 0) return [];

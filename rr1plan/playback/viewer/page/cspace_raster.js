@@ -1,4 +1,4 @@
-// The images of obstacles, computed in the page by the kernel that Python's grid is made with (`kernels/raster.c`).
+// The images of obstacles, computed in the page by the same kernel as Python's grid (`kernels/raster.c`).
 
 class LiveRaster {
   /** planner: a `PagePlanner`; image: the tables of the grid (`CSpaceRaster.memory_image`). */
@@ -14,7 +14,7 @@ class LiveRaster {
     new Float64Array(this.planner.core.buffer, this.raster.configuration, q.length).set(q);
   }
 
-  /** The cells in which the arm touches an obstacle: 1, until the next call; whole: those that are proven to be in contact as a whole. */
+  /** Cells in which the arm touches an obstacle (1), valid until the next call; whole: only cells entirely in contact, proven. */
   image(name, whole = false) {
     const { core, scene, scratch } = this.planner, [first, last] = data.live.ranges[name];
     core.call(

@@ -1,4 +1,4 @@
-// The planar arm in its workspace: the region it reaches, and where its joints must be for the tool to be somewhere.
+// The planar arm in its workspace: the region it reaches, and inverse kinematics.
 
 const turn = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
 
@@ -9,7 +9,7 @@ class Workspace {
     this.usual = stage.key.intensity;
   }
 
-  /** Takes in the lengths of the arm, and makes a view without cards, lit so that obstacles look like their images. */
+  /** Reads the link lengths, and makes a view without cards, lit so that obstacles have the colors of their images. */
   prepare() {
     const { stage } = viewer, planar = Boolean(data.planar);
     document.body.classList.toggle("lesson", planar);
@@ -20,7 +20,7 @@ class Workspace {
     if (!planar) return;
     this.flat = new FlatArm(data.planar);
     this.outer = data.planar.radius;
-    // The most that the manipulability can be: with the elbow at a right angle, the rod out, the link along the rail.
+    // The largest possible manipulability: with the elbow at a right angle, the rod extended, the link along the rail.
     const { kinds, bars } = data.planar, [first, second] = bars.map(([x, y]) => Math.hypot(x, y));
     this.lengths = [...kinds].flatMap((kind, k) => (kind === "R" && [first, second][k] ? [[first, second][k]] : []));
     for (const node of this.readout.box.querySelectorAll(".links")) node.hidden = !this.lengths.length;
@@ -28,22 +28,22 @@ class Workspace {
     this.unit = ["", " m", " m²"][[...kinds].filter((kind) => kind === "R").length];
   }
 
-  /** Its sign says which of two solutions this is; zero where both are one, and for arms with one. */
+  /** Its sign identifies one of two solutions; zero if they coincide, or if the arm has only one. */
   side(q) {
     return this.flat.side(q);
   }
 
-  /** Joint values that put the tool at a point of the plane, on one side; the nearest point when it is out of reach. */
+  /** Joint values that put the tool at a point of the plane, on one side; at the nearest one if it is out of reach. */
   solve(x, y, side) {
     return this.flat.solve(x, y, side);
   }
 
-  /** The other joint values with the tool where it is. */
+  /** The other joint values with the same tool position. */
   twin(q) {
     return this.solve(...this.tool(q), this.side(q) >= 0 ? -1 : 1);
   }
 
-  /** Where first joint, second joint and tool are. */
+  /** Positions of first joint, second joint and tool. */
   places(q) {
     return this.flat.places(q);
   }
@@ -52,7 +52,7 @@ class Workspace {
     return this.places(q)[2];
   }
 
-  /** How well the tool can be moved in all directions, |det J| (Yoshikawa 1985) [m to the number of joints that turn]. */
+  /** Manipulability |det J| (Yoshikawa 1985) [m to the power of the number of revolute joints]. */
   manipulability(q) {
     const [[a, b], [c, d]] = this.flat.columns(q);
     return Math.abs(a * d - b * c);
@@ -68,7 +68,7 @@ class Workspace {
     const { rims, height } = data.planar, group = new THREE.Group();
     const flat = (geometry, color, opacity) => new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ color, opacity, transparent: true, depthWrite: false, side: THREE.DoubleSide }));
     const path = (Kind, points) => new Kind(points.map(([x, y]) => new THREE.Vector2(x, y)));
-    // The largest rim is around the others, which are holes.
+    // The largest boundary encloses the others, which are holes.
     const [around, ...holes] = [...rims].sort((a, b) => Math.max(...b.flat()) - Math.max(...a.flat()));
     const region = path(THREE.Shape, around);
     region.holes = holes.map((hole) => path(THREE.Path, hole));
@@ -131,7 +131,7 @@ class Workspace {
   follow(q) {
     const [x, y] = this.tool(q), now = this.manipulability(q), meters = (v) => `${placed(v, this.outer)} m`.replace("-", "−");
     this.handle.position.set(x, y, data.planar.height);
-    // Digits that count, for arms of millimeters too.
+    // Significant digits, for arms of millimeters too.
     const digits = (v, whole, count) => (whole < 0.05 ? v.toPrecision(3) : v.toFixed(count));
     const rows = [meters(x), meters(y), `${digits(now, this.most, 3)}${this.unit}`, this.lengths.map((v) => `${digits(v, this.outer, 2)} m`).join(", ")];
     this.readout.values.forEach((out, k) => { out.textContent = rows[k]; });
@@ -174,7 +174,7 @@ class Workspace {
     viewer.add("selected", group);
   }
 
-  /** The way of the tool along configurations, while it changes with every drag. */
+  /** The path of the tool along configurations, while it changes with every drag. */
   drawWay(configurations) {
     const { THREE } = viewer, points = configurations.map((q) => new THREE.Vector3(...this.tool(q), data.planar.height + 0.006 * this.outer));
     const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: 0xe4500e }));
@@ -182,7 +182,7 @@ class Workspace {
     viewer.add("way", line);
   }
 
-  /** Looks at the whole region, from above unless the page was given a view. */
+  /** Frames the whole region, from above unless the page has a given view. */
   look() {
     const { center, height } = data.planar, r = 1.07 * this.outer, { THREE } = viewer;
     const box = new THREE.Box3(new THREE.Vector3(center[0] - r, center[1] - r, height), new THREE.Vector3(center[0] + r, center[1] + r, height));
@@ -196,7 +196,7 @@ class Workspace {
     const spot = new THREE.Vector2((2 * (event.clientX - box.left)) / box.width - 1, 1 - (2 * (event.clientY - box.top)) / box.height);
     const ray = new THREE.Raycaster();
     ray.setFromCamera(spot, camera);
-    // The camera's world has its y where the scene's z is.
+    // The y axis of the camera's world is the z axis of the scene.
     const hit = ray.ray.intersectPlane(new THREE.Plane(new THREE.Vector3(0, 1, 0), -data.planar.height), new THREE.Vector3());
     return hit && [hit.x, -hit.z];
   }

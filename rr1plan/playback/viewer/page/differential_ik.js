@@ -1,10 +1,10 @@
-// The tool's Jacobian and damped least squares: what a dragged tool does to the joints of its arm.
+// The tool's Jacobian and damped least squares: joint motion for a dragged tool.
 
-const MOST_STEP = 0.35; // [rad or m] a joint moves in one iteration
+const MOST_STEP = 0.35; // [rad or m] largest change of a joint in one iteration
 const ITERATIONS = 40;
 const NEAR_ENOUGH = 1e-5; // of the length of the chain or [m]: weighted error at which iterations end
 
-/** The largest angle-axis vector that turns one rotation into another, both as the 3 x 3 part of a transform at an offset. */
+/** The angle-axis vector from one rotation to another, both as the 3 x 3 part of a transform at an offset. */
 function rotationError(from, i, to) {
   const R = new Float64Array(9); // to * from^T, row after row
   for (let r = 0; r < 3; r++) for (let c = 0; c < 3; c++) for (let k = 0; k < 3; k++) R[3 * r + c] += to[4 * k + r] * from[i + 4 * k + c];
@@ -12,7 +12,7 @@ function rotationError(from, i, to) {
   const angle = Math.atan2(s, c);
   if (s > 1e-9) return v.map((value) => (value / (2 * s)) * angle);
   if (c > 0) return [0, 0, 0];
-  // Half a turn: the axis is the largest column of R + 1.
+  // Half a turn: the axis is the largest column of R + I.
   const k = [0, 1, 2].reduce((best, j) => (R[4 * j] > R[4 * best] ? j : best), 0);
   const axis = [0, 1, 2].map((r) => R[3 * r + k] + (r === k ? 1 : 0)), size = Math.hypot(...axis);
   return axis.map((value) => (value / size) * Math.PI);
@@ -34,10 +34,10 @@ function solveSymmetric(A, b, n) {
 }
 
 class DifferentialIk {
-  /** poses: memory for the poses of all links, which solvers may share. */
+  /** poses: memory for the poses of all links, which several solvers may share. */
   constructor(kinematics, arm, poses) {
     Object.assign(this, { kinematics, arm, poses, count: arm.robot.names.length, tool: 16 * kinematics.toolIndex(arm) });
-    this.J = new Float64Array(6 * this.count); // column after column: linear, angular
+    this.J = new Float64Array(6 * this.count); // column-major: linear, angular
     this.chain = this.jointsTo(arm.robot.tool);
     // An error of one radian weighs as much as this length [m]: about the reach of a wrist.
     const far = this.chain.reduce((sum, { origin }) => sum + Math.hypot(origin[12], origin[13], origin[14]), 0);
@@ -68,7 +68,7 @@ class DifferentialIk {
     return this.poses.slice(this.tool, this.tool + 16);
   }
 
-  /** The tool's Jacobian in world axes, (6, n) column after column: linear, angular. */
+  /** The tool's Jacobian in world axes, (6, n) column-major: linear, angular. */
   jacobian(q) {
     const { J, poses, tool, arm } = this;
     this.kinematics.forward(arm, q, poses);
@@ -84,7 +84,7 @@ class DifferentialIk {
     return J;
   }
 
-  /** Yoshikawa's measure: the product of the Jacobian's singular values; 0 where the arm is singular. */
+  /** Yoshikawa's manipulability: the product of the Jacobian's singular values; 0 if the arm is singular. */
   manipulability(q) {
     const J = this.jacobian(q), n = this.count, size = Math.min(6, n), A = new Float64Array(size * size);
     for (let i = 0; i < size; i++) {
@@ -104,8 +104,8 @@ class DifferentialIk {
   }
 
   /**
-   * The configuration within the limits whose tool is nearest to a pose, from q on; arms of fewer than six joints follow
-   * the position only. Returns {q, off [m], turned [rad], atLimit: columns of the arm at a limit}.
+   * The configuration within the limits whose tool is locally nearest to a pose, starting from q; arms of fewer than
+   * six joints follow the position only. Returns {q, off [m], turned [rad], atLimit: columns of the arm at a limit}.
    * Source: Levenberg-Marquardt, Sugihara 2011, with an active set of limits.
    */
   solve(q, target) {

@@ -1,8 +1,9 @@
-// Drags: a link turns its joint, a tool is followed by its arm, an obstacle moves on its plane. Every other drag turns the camera.
+// Drags: a link turns its joint, a tool moves its arm, an obstacle moves in its plane. Every other drag rotates the
+// camera.
 
-const CLICK = 4; // [px] a pointer moves at most in a click
-const PER_PIXEL = 0.008; // [rad] a turn follows a pixel
-const LEVER = 40; // [px/rad or px/m] a grabbed point moves in the picture at least for the joint to follow it
+const CLICK = 4; // [px] largest motion of the pointer in a click
+const PER_PIXEL = 0.008; // [rad] rotation per pixel
+const LEVER = 40; // [px/rad or px/m] least motion of the grabbed point in the picture for the joint to follow it
 const LEAN = 0.25; // sine of the camera's elevation below which obstacles move in a plane that faces the camera
 
 /** A rigid transform turned about a point, as 16 numbers. */
@@ -46,7 +47,7 @@ class Dragging {
 
   // ---- what can be grabbed -----------------------------------------------------------------
 
-  /** What a press on something would move: a joint, or an obstacle; null if nothing. */
+  /** The target of a press: a joint or an obstacle; null if nothing moves. */
   thingAt(hit) {
     if (!hit) return null;
     const { kinematics, world } = this.viewer;
@@ -59,7 +60,7 @@ class Dragging {
     return this.editing.canMove(hit.element) ? { kind: "obstacle", arm: -1, name: hit.element, element: hit.element } : null;
   }
 
-  /** A drag on it moves it: not the table or the room that arms stand in, which is first selected by a click. */
+  /** Whether a drag moves it directly; large obstacles, such as the table or the room, need a selecting click first. */
   follows(thing) {
     if (!thing || thing.kind === "joint") return Boolean(thing);
     const { selected } = this.editing, size = this.viewer.world.boxAround(thing.name).getSize(new THREE.Vector3());
@@ -77,7 +78,7 @@ class Dragging {
     const { editing } = this;
     if (!editing.active || event.button !== 0 || this.giving) return;
     if (this.gesture) {
-      // A second finger means the camera.
+      // A second finger gives the gesture to the camera.
       if (event.pointerType === "touch" && event.pointerId !== this.gesture.id) this.handBack();
       return;
     }
@@ -90,7 +91,7 @@ class Dragging {
     this.begin(event, thing, thing.kind === "joint" ? this.jointMove(event, thing) : this.rigidMove(event, thing, modeOf(event), hit.point));
   }
 
-  /** A press that only selects, if the pointer stays where it is; a drag turns the camera meanwhile. */
+  /** A press that selects if the pointer does not move; a drag rotates the camera instead. */
   beginClick(event, thing) {
     this.click = { id: event.pointerId, x: event.clientX, y: event.clientY, thing };
   }
@@ -104,7 +105,7 @@ class Dragging {
   move(event) {
     const { gesture } = this;
     if (!gesture || event.pointerId !== gesture.id) return;
-    // The button was let go outside of the window.
+    // The button was released outside the window.
     if (event.pointerType === "mouse" && !event.buttons) { this.finish("lost"); return; }
     if (!gesture.moved) {
       if (Math.hypot(event.clientX - gesture.event.clientX, event.clientY - gesture.event.clientY) < CLICK) return;
@@ -115,10 +116,10 @@ class Dragging {
       this.editing.open();
     }
     gesture.last = event;
-    gesture.due = true; // followed at the next frame: pointers report more often than that
+    gesture.due = true; // handled at the next frame, because pointers report more often
   }
 
-  /** Follows the pointer as far as it has come. */
+  /** Follows the pointer to its latest position. */
   follow() {
     const { gesture } = this;
     if (!gesture || !gesture.due) return;
@@ -136,7 +137,7 @@ class Dragging {
     if (gesture && event.pointerId === gesture.id) this.finish(event.type);
   }
 
-  /** Ends a gesture by the type of its last event: a press without a way selects. */
+  /** Ends a gesture according to the type of its last event: a press without motion selects. */
   finish(type) {
     const { gesture } = this;
     this.follow();
@@ -186,14 +187,14 @@ class Dragging {
       return { x: now.x, y: now.y, dx: 1e4 * (next.x - now.x), dy: 1e4 * (next.y - now.y) };
     };
     const begin = viewer.q[column], first = slope(begin), off = [first.x - event.clientX, first.y - event.clientY];
-    // A point near the axis hardly moves in the picture: there the pointer's way along the tangent counts.
+    // A point near the axis hardly moves in the picture: then the pointer's displacement along the tangent counts.
     const lever = Math.hypot(first.dx, first.dy), tangent = lever > 1e-3 ? [first.dx / lever, first.dy / lever] : [1, 0];
     if (lever < LEVER) {
       return (now) => editing.turn(column, begin + ((now.clientX - event.clientX) * tangent[0] + (now.clientY - event.clientY) * tangent[1]) / LEVER);
     }
     return (now) => {
       let value = viewer.q[column];
-      // Gauss-Newton for the distance in the picture; damped where the joint hardly moves the point in it.
+      // Gauss-Newton for the distance in the picture, damped if the joint hardly moves the point there.
       for (let k = 0; k < 12; k++) {
         const { x, y, dx, dy } = slope(value), ex = now.clientX + off[0] - x, ey = now.clientY + off[1] - y;
         const step = (ex * dx + ey * dy) / (dx * dx + dy * dy + 400);
@@ -205,7 +206,7 @@ class Dragging {
     };
   }
 
-  /** Moves the pose of a tool or an obstacle: on a plane, up and down, or turns it. */
+  /** Moves a tool or an obstacle in a plane or vertically, or rotates it. */
   rigidMove(event, thing, mode, grabbed) {
     const { picker, editing, viewer } = this, { forward, right, up } = picker.axes();
     const T = thing.kind === "tool" ? editing.solver(thing.arm).toolPose(viewer.q) : editing.poses.get(thing.name);
@@ -233,7 +234,7 @@ class Dragging {
     };
   }
 
-  // ---- what is said and lit ----------------------------------------------------------------
+  // ---- labels and highlights ---------------------------------------------------------------
 
   hover(thing, event = null) {
     this.hovered = thing;
@@ -243,7 +244,7 @@ class Dragging {
     if (!this.gesture) this.tell(thing && this.follows(thing) ? thing : null, event);
   }
 
-  /** A small text beside the pointer: what is grabbed, or would be. */
+  /** A label next to the pointer: the element that is grabbed, or would be. */
   tell(thing, event = null) {
     const tip = find("tip");
     tip.hidden = !thing || !event;
@@ -285,7 +286,7 @@ class Handles {
     this.buttons = Object.fromEntries(["tool", "joint", "move", "lift", "turn"].map((name) => [name, this.button(name)]));
     find("handles").append(...Object.values(this.buttons));
     const { pane } = viewer.stage;
-    // With a mouse over the picture the tool shows where it can be taken; on a screen that is touched it does when it was.
+    // With a mouse, the tool's handle is shown while the pointer is over the picture; on a touch screen, after a touch.
     pane.addEventListener("pointerenter", (event) => { if (event.pointerType === "mouse") find("handles").classList.add("near"); });
     viewer.stage.pane.parentElement?.addEventListener("pointerleave", () => find("handles").classList.remove("near"));
   }
@@ -302,7 +303,7 @@ class Handles {
     for (const button of Object.values(this.buttons)) button.hidden = true;
   }
 
-  /** What a handle moves: the tool of the arm in question, or what is selected. */
+  /** The target of a handle: the tool of the active arm, or the selection. */
   thing(name) {
     return name === "tool" ? { kind: "tool", arm: this.editing.arm } : this.editing.selected;
   }
@@ -319,7 +320,7 @@ class Handles {
     else dragging.begin(event, thing, dragging.rigidMove(event, thing, mode, null));
   }
 
-  /** Where the handle of a thing is in the world. */
+  /** Position of the handle of an element in the world. */
   place(thing) {
     const { world, kinematics } = this.viewer;
     if (thing.kind === "tool") return new THREE.Vector3().fromArray(world.poses, 16 * kinematics.toolIndex(kinematics.arms[thing.arm]) + 12);

@@ -1,4 +1,4 @@
-// What a person changes by hand: joints, tools, obstacles, start and goal; and the motion that is planned for that.
+// Edits by the user: joints, tools, obstacles, start and goal; and the motion planned for them.
 //
 //   editing.select({ kind: "tool" | "joint" | "obstacle", arm (its index), column (of q), name })
 //   editing.jog(column, value)   editing.moveTool(arm, T_world_tool)   editing.moveObstacle(name, T_world_obstacle)
@@ -6,16 +6,16 @@
 //   editing.judge(q)             {tone, title, text, touching: [[element, element], ...], clearance [m]} of a configuration
 
 const MOST_UNDONE = 200;
-const OFF = 5e-4, TURNED = 2e-3; // of an arm's reach or [m], [rad] from its target at which a tool counts as there
+const OFF = 5e-4, TURNED = 2e-3; // share of an arm's reach or [m], [rad]: a tool this near is at its target
 const CLOSE_EDITS = 800; // [ms] between steps of one jog, which are undone together
 
-const ROUNDED = 1e-5; // [rad or m] what a motion may be off at its ends, by rounding
-const MOST_GHOSTS = 12; // arms that all have ghosts at a start or goal set by hand
-const SAMPLES = 120; // of a motion, of which the least clearance is shown
+const ROUNDED = 1e-5; // [rad or m] rounding error of a motion at its ends, at most
+const MOST_GHOSTS = 12; // with more arms, only moving ones have ghosts at a start or goal set by the user
+const SAMPLES = 120; // of a motion, for its least clearance
 
 const inWords = (clearance) => (Number.isFinite(clearance) ? `clearance ${length(clearance)}` : "nothing to touch");
 
-/** Who moves, of many arms. */
+/** Text about the moving arms, if there are many. */
 const inTurn = (legs) => (legs.length > 1 ? `, ${legs.length} arms one after the other` : ", the other arms stand still");
 
 class Editing {
@@ -63,7 +63,7 @@ class Editing {
     this.stages.load(doc);
   }
 
-  /** Takes the planner of the document when it is ready; `reason` tells why there is none. */
+  /** Takes the planner of the document when it is ready; `reason` says why there is none. */
   takePlanner(planner, reason) {
     const loose = this.viewer.document.bodies && !this.stages.rows;
     this.planner = loose ? null : planner;
@@ -73,12 +73,12 @@ class Editing {
     this.card.refreshPlanner();
   }
 
-  /** An obstacle can be drawn and checked elsewhere. */
+  /** Whether an obstacle can be drawn and checked at another pose. */
   canMove(name) {
     return this.viewer.world.canMove(name) && (!this.planner || this.planner.obstacles.includes(name));
   }
 
-  /** Arms can be moved here; a panel of a planar arm has its own way, and sends this one to sleep. */
+  /** Whether arms can be moved here; the panel of a planar arm has its own drags and disables these (`sleep`). */
   get active() {
     return this.viewer.kinematics.arms.length > 0 && !this.isAsleep;
   }
@@ -101,8 +101,8 @@ class Editing {
   }
 
   /**
-   * The configuration that the document's ghosts of a kind show, if every one of these arms has one. They are exact, the
-   * motion is rounded: so those at which it ends (`near`) stand for its ends.
+   * The configuration that the document's ghosts of a kind show, if every one of these arms has one. Ghosts are exact,
+   * but the motion is rounded, so a ghost near an end of the motion (`near`) replaces that end.
    */
   ghostly(kind, doc, near = null) {
     const { kinematics } = this.viewer, q = near ? near.slice() : kinematics.rest(), own = (which) => doc.ghosts.filter((ghost) => ghost.kind === which);
@@ -130,7 +130,7 @@ class Editing {
     this.stale = true;
   }
 
-  /** Shows a configuration set by hand, and tells a running program of the joints that moved. */
+  /** Shows a configuration set by the user, and reports the moved joints to a running program. */
   setQ(q) {
     const { viewer } = this, { live } = viewer, before = viewer.q.slice();
     viewer.setQ(q);
@@ -151,7 +151,7 @@ class Editing {
     this.setQ(q);
   }
 
-  /** Moves the joints of an arm so that its tool is at a pose, or as near as they can. */
+  /** Moves the joints of an arm so that its tool is at a pose, or as near as possible. */
   moveTool(arm, target) {
     const found = this.solver(arm).solve(this.viewer.q, target);
     this.reach = { arm, ...found };
@@ -161,7 +161,7 @@ class Editing {
 
   moveObstacle(name, pose) {
     const { viewer } = this;
-    // Snapshots keep the map they were taken with.
+    // Snapshots keep the map with which they were taken.
     this.poses = new Map(this.poses).set(name, Float64Array.from(pose));
     viewer.world.moveObstacle(name, pose);
     if (this.planner && this.planner.obstacles.includes(name)) this.planner.moveObstacle(name, pose);
@@ -183,7 +183,7 @@ class Editing {
 
   showGhosts(kind) {
     const { viewer } = this, { world, kinematics } = viewer, own = this.ghosts[kind];
-    // Of many arms those that do not move from start to goal have no ghosts.
+    // If there are many arms, only those that move from start to goal have ghosts.
     const other = kind === "start" ? this.goal : this.start, many = kinematics.arms.length > MOST_GHOSTS && own && other;
     const moved = kinematics.arms.filter((a, k) => (!this.planner || this.planner.columns.includes(a.firstColumn)) && (!many || this.differ(k, own, other)));
     const rows = own && moved.map((a) => ({ arm: a.name, q: own.slice(a.firstColumn, a.firstColumn + a.robot.names.length) }));
@@ -202,7 +202,7 @@ class Editing {
     return { q: this.viewer.q.slice(), manual: this.viewer.manual, time: this.viewer.time, sceneTime: this.stages.time, poses, start, goal, ghosts, motion };
   }
 
-  /** Keeps what is there now for undo; steps of the same jog shortly one after the other count as one. */
+  /** Saves the current state for undo; consecutive steps of the same jog within a short time count as one. */
   remember(what) {
     const now = performance.now(), last = this.lastEdit;
     this.lastEdit = { what, now };
@@ -223,14 +223,14 @@ class Editing {
     this.lastEdit = null;
   }
 
-  /** Everything as it came: the motion, the obstacles, start and goal. */
+  /** Restores the document's motion, obstacles, start and goal. */
   reset() {
     this.remember(null);
     this.restore(this.asPlanned);
   }
 
   restore(kept) {
-    const { viewer } = this, then = { ...kept }; // the clock changes how everything came
+    const { viewer } = this, then = { ...kept }; // a copy, because the clock changes the kept state
     this.reach = null;
     for (const [name, pose] of then.poses) if (this.poses.get(name) !== pose) this.moveObstacle(name, pose);
     this.poses = then.poses;
@@ -250,18 +250,18 @@ class Editing {
     this.refreshHeadline();
   }
 
-  /** Something differs from the document. */
+  /** Whether anything differs from the document. */
   get changed() {
     const then = this.asPlanned;
     return this.viewer.manual || ["start", "goal", "motion"].some((name) => this[name] !== then[name]) || this.moved(then.poses).length > 0;
   }
 
-  /** The obstacles that are not where some poses say. */
+  /** The obstacles whose poses differ from the given ones. */
   moved(poses) {
     return [...this.poses].filter(([name, pose]) => pose.some((v, i) => v !== poses.get(name)[i])).map(([name]) => name);
   }
 
-  // ---- what is true of a configuration -----------------------------------------------------
+  // ---- verdict on a configuration ----------------------------------------------------------
 
   judge(q) {
     const { viewer, planner } = this;
@@ -280,12 +280,12 @@ class Editing {
       const names = namesOf(touching.map((pair) => pair.join(" and ")), 2, ", ");
       return { tone: "bad", title: "Touching", text: names, sentence: `it touches: ${names}`, touching, clearance: null };
     }
-    // Of many arms that of the arm in hand.
+    // If there are many arms, the clearance of the active one.
     const clearance = planner.clearance(own, Infinity, [this.arm]);
     return { tone: "good", title: "Free", text: inWords(clearance), sentence: "", touching, clearance };
   }
 
-  /** Why collisions of a configuration are not known: an arm that the planner does not move is elsewhere. */
+  /** Why collisions of a configuration are unknown: an arm that the planner does not move is not at its place. */
   unchecked(q) {
     const { stages } = this, { rest } = stages, little = stages.rows ? ROUNDED : 0;
     const moved = q.findIndex((value, c) => Math.abs(value - rest[c]) > little && !this.planner.columns.includes(c));
@@ -293,7 +293,7 @@ class Editing {
     return arm ? `${stages.rows ? joint : arm} is not where the planner has it` : "";
   }
 
-  /** The verdict on what is shown: what it touches first, then whether the tool is where it was dragged to. */
+  /** The verdict on the configuration shown: first its contacts, then whether the tool is where it was dragged to. */
   verdict() {
     const { viewer, reach } = this, judged = this.judge(viewer.q);
     const off = OFF * Math.min(1, reach ? viewer.world.reach[reach.arm] : 1);
@@ -307,12 +307,12 @@ class Editing {
 
   // ---- planning ----------------------------------------------------------------------------
 
-  /** An obstacle was let go. */
+  /** Called when an obstacle has been dropped. */
   dropped() {
     if (this.planOnDrop && this.planner) this.plan();
   }
 
-  /** Plans from the start to the goal, and plays what was found. Returns the planner's answer, or null. */
+  /** Plans from the start to the goal, and plays the motion. Returns the planner's result, or null. */
   plan() {
     const { viewer, planner, card, start } = this;
     this.open();
@@ -349,12 +349,12 @@ class Editing {
     viewer.play();
     const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(track.end - track.start)}${answer.legs ? inTurn(answer.legs) : ""}, planned in ${ms}`;
     card.say(`${said}.`, answer.certified ? "good" : "open");
-    // Its first picture does not wait for the clearance, which takes longer than the proof.
+    // The first picture does not wait for the clearance, which takes longer than the proof.
     this.unmeasured = { motion: this.motion, track, said, frame: viewer.frames };
     return answer;
   }
 
-  /** A track with the columns that the planner does not move, where they stand otherwise than in the document. */
+  /** A track extended by columns that the planner does not move and whose values differ from the document. */
   withRest(track) {
     const { rest } = this.stages, usual = this.viewer.kinematics.rest();
     const still = [...rest.keys()].filter((c) => rest[c] !== usual[c] && !track.columns.includes(c));
@@ -368,7 +368,7 @@ class Editing {
     return { ...track, columns, coefficients: { values, shape: [pieces, terms, wide] } };
   }
 
-  /** Adds the least clearance to what is said of a motion that was planned here. */
+  /** Adds the least clearance to the text about a motion that was planned here. */
   measure({ motion, track, said }) {
     this.unmeasured = null;
     if (this.motion !== motion) return;
@@ -379,7 +379,7 @@ class Editing {
     if (find("answer").textContent === `${said}.`) this.card.say(`${said}, ${inWords(value)}.`, report.certified ? "good" : "open");
   }
 
-  /** The least clearance [m] at some instants of a motion, and when that is. */
+  /** The least clearance [m] at some instants of a motion, and its time. */
   leastClearance(track) {
     const { kinematics } = this.viewer, { planner } = this, least = { value: Infinity, time: track.start };
     const moving = kinematics.arms.map((arm) => planner.columns.includes(arm.firstColumn));
@@ -387,7 +387,8 @@ class Editing {
     for (let i = 0; i <= SAMPLES; i++) {
       const time = track.start + (i / SAMPLES) * (track.end - track.start);
       q = track.at(time, q.slice());
-      // Farther than the least so far is of no interest, and costs less to find. Of many arms only some have moved.
+      // Bounding the search by the least clearance so far makes it faster. If there are many arms, only some have
+      // moved.
       const last = before, moved = kinematics.arms.map((_, k) => k).filter((k) => moving[k] && (!last || this.differ(k, last, q, 0)));
       before = q;
       const value = planner.clearance(planner.columns.map((c) => q[c]), least.value, moved);
@@ -396,13 +397,13 @@ class Editing {
     return least;
   }
 
-  /** Whether joints of an arm, by its index, differ by more than a little in two configurations. */
+  /** Whether joints of an arm (by its index) differ by more than rounding in two configurations. */
   differ(index, one, two, little = ROUNDED) {
     const { firstColumn, robot } = this.viewer.kinematics.arms[index];
     return robot.names.some((_, j) => Math.abs(one[firstColumn + j] - two[firstColumn + j]) > little);
   }
 
-  /** A motion says nothing about obstacles that have moved since it was certified. */
+  /** A certificate does not cover obstacles that have moved since. */
   refreshHeadline() {
     const { motion, viewer } = this, moved = this.moved(motion.poses), { report, track } = motion.changes, { controls } = viewer;
     const key = moved.join();
@@ -433,7 +434,7 @@ class Editing {
     this.card.refresh(verdict);
   }
 
-  /** Lights up one element; null: none. */
+  /** Highlights one element; null: none. */
   light(element) {
     if (element === this.lit) return;
     this.lit = element;

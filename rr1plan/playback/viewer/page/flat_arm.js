@@ -1,5 +1,5 @@
-// An arm of two joints that turn (R) or slide (P) in a plane, in closed form; the same formulas as `rr1plan/model/flat_arm.py`.
-// Points and directions of the plane are complex numbers [re, im].
+// A planar arm of two revolute (R) or prismatic (P) joints in closed form; the same formulas as
+// `rr1plan/model/flat_arm.py`. Points and directions of the plane are complex numbers [re, im].
 
 const cadd = ([a, b], [c, d]) => [a + c, b + d];
 const cmul = ([a, b], [c, d]) => [a * c - b * d, a * d + b * c];
@@ -40,7 +40,7 @@ class FlatArm {
     });
   }
 
-  /** Which of two solutions a configuration is: positive or negative, zero where both are one or there is one. */
+  /** Which of two solutions a configuration is: positive or negative; zero if they coincide or there is only one. */
   side(q) {
     const [a, c] = this.bars, [u1, u2] = this.slides;
     if (this.kinds === "RR") return Math.sin(this.senses[1] * q[1] + cangle(cdiv(c, a)));
@@ -49,7 +49,7 @@ class FlatArm {
     return 0;
   }
 
-  /** Joint values that put the tool at a point, on one side; the nearest there are where it is out of reach. */
+  /** Joint values that put the tool at a point, on one side; as near as possible if it is out of reach. */
   solve(x, y, side) {
     const target = [x - this.base[0], y - this.base[1]], [a, c] = this.bars, [s1, s2] = this.senses, [u1, u2] = this.slides;
     const clamp = (v) => Math.min(Math.max(v, -1), 1), rooted = (v) => Math.sqrt(Math.max(v, 0));
@@ -73,7 +73,7 @@ class FlatArm {
     return [local[0] - second * slope[0], second];
   }
 
-  /** All solutions for a point, limits aside; none where it is out of reach. */
+  /** All solutions for a point, ignoring limits; none if it is out of reach. */
   solutions(x, y) {
     const sides = this.kinds === "PP" ? [1] : [1, -1], near = 1e-6;
     return sides.map((side) => this.solve(x, y, side)).filter((q) => {

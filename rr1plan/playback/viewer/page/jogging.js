@@ -1,6 +1,6 @@
-// Moving by keyboard: J selects the next tool, joint or obstacle, arrows and page keys move what is selected.
+// Moving by keyboard: J selects the next tool, joint or obstacle, arrows and page keys move the selection.
 
-const JOG = { turn: Math.PI / 90, far: 5 }; // [rad], times that with Shift (of a joint)
+const JOG = { turn: Math.PI / 90, far: 5 }; // [rad], factor with Shift (for a joint)
 
 class Jogging {
   constructor(viewer, editing) {
@@ -23,11 +23,11 @@ class Jogging {
     ], { first: true });
   }
 
-  /** Everything that can be moved: the tools, the joints of the arm in question, obstacles. */
+  /** Everything that can be moved: the tools, the joints of the active arm, obstacles. */
   things() {
     const { viewer, editing } = this, { arms } = viewer.kinematics, arm = arms[editing.arm], { world } = viewer;
     const joints = arm.robot.names.map((_, i) => {
-      // The link that the joint moves, or the first after it that is drawn.
+      // The link that the joint moves, or the first drawn one after it.
       const links = arm.robot.links.map((__, link) => link).filter((link) => editing.solver(editing.arm).columnOf(link) === i);
       const seen = links.find((link) => arm.robot.visuals.some((part) => part.link === link)) ?? links[0];
       return links.length ? { kind: "joint", arm: editing.arm, column: arm.firstColumn + i, frame: arm.firstLink + seen, local: world.linkCenter(arm, seen), element: `${arm.name}/${arm.robot.links[seen]}` } : null;
@@ -54,12 +54,12 @@ class Jogging {
     else editing.open(false);
   }
 
-  /** How far one step shifts [m]: a round number, 10 mm for arms of half a meter to five. */
+  /** Length of one step [m]: a round number, 10 mm for arms of half a meter to five. */
   get shift() {
     return 10 ** Math.floor(Math.log10(this.viewer.world.span / 50));
   }
 
-  /** Moves what a handle stands for by one step. */
+  /** Moves the target of a handle by one step. */
   move(handle, key, shift) {
     const { editing, viewer } = this, direction = { ArrowRight: [0, 1], ArrowLeft: [0, -1], ArrowUp: [1, 1], ArrowDown: [1, -1], PageUp: [2, 1], PageDown: [2, -1] }[key];
     const thing = editing.hands.handles.thing(handle.classList.contains("tool") ? "tool" : "");

@@ -2,16 +2,16 @@
 //
 //   viewer.keys.add(title, rows, {on, first})    rows: [{ keys, text, act(event), when(target) }]
 //       keys: as in `KeyboardEvent.key`, letters in lower case, "Ctrl+z" also for the Command key; text: for the list
-//       when(target): whether the row counts now, where target has the focus (null: anywhere)
-//       on: an element that has to have the focus;  first: before the rows of others
-//   viewer.keys.arrows(title, text, on, act)     act([right, up], event) with the arrow keys, where `on` has the focus
+//       when(target): whether the row is active while target has the focus (null: anywhere)
+//       on: an element that must have the focus;  first: takes precedence over rows of others
+//   viewer.keys.arrows(title, text, on, act)     act([right, up], event) for the arrow keys while `on` has the focus
 //
-// Of several rows for a key the one counts whose element has the focus, then one with `first`, then the one added last.
+// Among several rows for a key, the one whose element has the focus wins, then one with `first`, then the last added.
 
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const SLIDER_KEYS = [...Object.keys(ARROWS), "Home", "End", "PageUp", "PageDown"];
 const KEY_NAMES = { " ": "Space", ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓", PageUp: "Page ↑", PageDown: "Page ↓", Escape: "Esc" };
-const REPEATING = /^([,.<>]|..+)$/; // what a key that is held down does again and again
+const REPEATING = /^([,.<>]|..+)$/; // keys that repeat while held down
 
 class Keys {
   constructor() {
@@ -19,7 +19,7 @@ class Keys {
     this.dialog = find("help");
     this.dialog.onclick = (event) => { if (event.target === this.dialog) this.dialog.close(); };
     for (const button of document.querySelectorAll("[data-help]")) button.onclick = () => this.help();
-    // Last of all, so that panels can have keys of their own.
+    // Registered last, so that panels can override keys.
     window.addEventListener("keydown", (event) => this.press(event));
     this.add("Page", [{ keys: ["?"], text: "This list", act: () => this.help() }]);
   }
@@ -32,7 +32,7 @@ class Keys {
     this.add(title, [{ keys: Object.keys(ARROWS), text, act: (event) => act(ARROWS[event.key], event) }], { on });
   }
 
-  /** The row of a key now, where an element has the focus; null: nothing special has it. */
+  /** The active row of a key while an element has the focus; null: without focus. */
   rowOf(key, target) {
     let best = null;
     for (const row of this.rows) {
@@ -50,7 +50,7 @@ class Keys {
     if (!event.repeat || REPEATING.test(name)) row.act(event);
   }
 
-  /** Shows or hides the list of the keys that have a meaning now. */
+  /** Shows or hides the list of the active keys. */
   help() {
     if (this.dialog.open) { this.dialog.close(); return; }
     const groups = new Map();
@@ -61,7 +61,7 @@ class Keys {
       groups.get(row.title).push(element("dt"), element("dd", row.text));
       groups.get(row.title).at(-2).append(...own.map((key) => element("kbd", keyName(key))));
     }
-    // What belongs to this page alone comes first.
+    // Keys specific to this page come first.
     const lists = [...groups].reverse().map(([title, items]) => {
       const section = element("section"), list = element("dl");
       list.append(...items);
@@ -73,7 +73,7 @@ class Keys {
   }
 }
 
-/** A key that the focused element takes for itself: letters of text, the arrows of a slider, a press of a button. */
+/** Whether the focused element handles a key itself: characters in a text, arrows on a slider, a press of a button. */
 function isTaken({ target, key }) {
   if (["SELECT", "TEXTAREA"].includes(target.tagName) || target.isContentEditable) return true;
   if (target.tagName === "INPUT") return target.type !== "range" || (target.id !== "scrub" && SLIDER_KEYS.includes(key));

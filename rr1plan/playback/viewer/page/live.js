@@ -1,10 +1,10 @@
-// A page that follows a running Python program: the newest configuration wins, older ones are dropped.
+// A page that follows a running Python program: only the latest configuration is shown.
 
-const AGAIN = 1000; // [ms] between two tries to reach the program
-const TRIES = 30; // of a page elsewhere, e.g. in a notebook, whose program may never come back
+const AGAIN = 1000; // [ms] between attempts to reach the program
+const TRIES = 30; // attempts of a page elsewhere, e.g. in a notebook, whose program may never return
 
 class Live {
-  /** access: token, version of the document, and the address of updates for a page that does not come from there. */
+  /** access: token, version of the document, and the address of updates for a page served from elsewhere. */
   constructor(viewer, access) {
     this.viewer = viewer;
     this.access = access;
@@ -30,7 +30,7 @@ class Live {
     socket.onclose = () => this.lost();
   }
 
-  /** Tries again; a page elsewhere that never reached the program stays as it is, as it does in exported notebooks. */
+  /** Reconnects; a page elsewhere that never reached the program remains static, e.g. in exported notebooks. */
   lost() {
     if (this.ended || (this.access.address && !this.reached)) return;
     this.tries += 1;
@@ -58,7 +58,7 @@ class Live {
       seek: () => viewer.seek(message.value),
       speed: () => viewer.setSpeed(message.value),
       panels: () => viewer.fillPanels(message.value),
-      // The page is of an earlier program, which was at the same address.
+      // The page belongs to an earlier program at the same address.
       reload: () => { this.ended = true; location.reload(); },
       end: () => this.end(),
     };
@@ -70,7 +70,7 @@ class Live {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ type: "slider", column, value }));
   }
 
-  /** Shows the newest configuration that came in since the last frame. */
+  /** Shows the latest configuration received since the last frame. */
   flush() {
     if (!this.newest) return;
     const q = this.newest;

@@ -1,4 +1,4 @@
-// The viewer: what panels and tests talk to, as `viewer` in a panel's script and `RR1` on the page.
+// The viewer: the interface for panels and tests, as `viewer` in a panel's script and `RR1` on the page.
 //
 //   viewer.q  viewer.joints  viewer.limits       the configuration shown, its columns ("arm/joint"), [low, high]
 //   viewer.setQ(q)  viewer.setJoint(column, v)    show a configuration; the clock stops
@@ -8,22 +8,22 @@
 //   viewer.on("change", f)                        f(q, time, manual) whenever the configuration shown changes
 //   viewer.on("load", f)                          f(document) after a document was loaded
 //   viewer.on("data", f)                          f() when the program has put other data into the panels' `data`
-//   viewer.on("obstacle", f)                      f(name) after an obstacle was moved by hand
-//   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column after column
+//   viewer.on("obstacle", f)                      f(name) after the user moved an obstacle
+//   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column-major
 //   viewer.poses(q)                               the same for any q: {"arm/link": 16 numbers}
 //   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, compare, collisions,
 //                                                 spheres, bodyspheres, linkspheres (those that contain each link, fine to coarse),
 //                                                 frames, toolspeed, tree, nearest (see overlays.js)
-//   viewer.sideBySide.toggle()                    other motions beside that of the page, or overlaid
+//   viewer.sideBySide.toggle()                    other motions next to that of the page, or overlaid
 //   viewer.plots.toggle()                         the curves under the scene (see plots.js)
-//   viewer.look(direction, whole)                 frame the arms (or everything), seen from a direction of the world
-//   viewer.films.push(f)                          f() is what a panel animates now, {start, end, show(t)} [s], or null
+//   viewer.look(direction, whole)                 frame the arms (or everything), seen from a world direction
+//   viewer.films.push(f)                          f() returns the current animation of a panel, {start, end, show(t)} [s], or null
 //   viewer.keys.add(title, rows)                  keys of a panel, which the list of "?" shows: see keys.js
-//   viewer.add(name, object3d)  viewer.redraw()   put something of three.js (viewer.THREE) into the world, z up
-//   viewer.setMotion({track, ...})                other fields of the document that say what is played; the rest stays
+//   viewer.add(name, object3d)  viewer.redraw()   add an object of three.js (viewer.THREE) to the world, z up
+//   viewer.setMotion({track, ...})                replace the fields of the document that define the motion
 //   viewer.editing                                drags, jogs, start and goal by hand, undo, `plan()`: see editing.js
 //   viewer.planner                                plans in the page (`planner.js`); null before it is loaded and without one
-//   viewer.noPlanner                              why there is none; empty while it is loading and where none was wanted
+//   viewer.noPlanner                              why there is none; empty while it is loading and if none was requested
 //   viewer.on("planner", f)                       f(planner, reason) once it is loaded, or known to be missing
 //   viewer.unpack(packed)                         {values, shape} of an array sent with rr1plan's `pack`
 
@@ -50,7 +50,7 @@ class Viewer {
 
   // ---- documents ---------------------------------------------------------------------------
 
-  /** Shows a document; with keep, from where the camera is. */
+  /** Shows a document; with keep, the camera does not move. */
   load(doc, keep = false) {
     if (this.world) this.world.dispose();
     this.document = doc;
@@ -85,14 +85,14 @@ class Viewer {
   async loadPlanner(doc) {
     this.planner = null;
     this.noPlanner = "";
-    if (!doc.planner || doc.planner.stages) return; // of stages: see scene_stages.js
+    if (!doc.planner || doc.planner.stages) return; // for stages see scene_stages.js
     let planner = null, reason = "";
     try {
       planner = await loadPlanner({ ...doc.planner, modules: settings.modules });
     } catch (error) {
       reason = error.message;
     }
-    if (doc.planner !== this.document.planner) return; // another one was loaded meanwhile
+    if (doc.planner !== this.document.planner) return; // another document was loaded meanwhile
     [this.planner, this.noPlanner] = [planner, reason];
     for (const f of this.listeners.planner) f(planner, reason);
   }
@@ -110,7 +110,7 @@ class Viewer {
     this.conflicts = new Conflicts(doc, this.player, this.kinematics);
   }
 
-  /** Plays another motion of the same arms: what differs of the document's `track`, `path`, `report`, `samples`, and so on. */
+  /** Plays another motion of the same arms: the changed fields of the document (`track`, `path`, `report`, `samples`, ...). */
   setMotion(changes) {
     const { loop } = this.player, { world } = this;
     this.document = { ...this.document, ...changes };
@@ -158,7 +158,7 @@ class Viewer {
     return Math.min(0.0034 * radius, 0.012 * this.world.span);
   }
 
-  /** Draws the way of the tools and the waypoints. */
+  /** Draws the paths of the tools and the waypoints. */
   drawMotion(track) {
     const { world, kinematics, document: doc } = this, thin = this.thin();
     this.toolPath = track ? new ToolPath(kinematics, track, thin) : null;
@@ -171,7 +171,7 @@ class Viewer {
 
   // ---- the configuration -------------------------------------------------------------------
 
-  /** Shows a configuration, and in place of the clock where it is from. */
+  /** Shows a configuration, and its source in place of the clock. */
   setQ(q, origin = "by hand") {
     this.player.pause();
     this.manual = true;
@@ -205,7 +205,7 @@ class Viewer {
     return out;
   }
 
-  /** Draws the configuration and tells everyone. */
+  /** Draws the configuration and notifies all listeners. */
   show() {
     const { player, world } = this;
     world.update(this.q);
@@ -240,14 +240,14 @@ class Viewer {
     return this.films.reduce((found, film) => film() || found, motion);
   }
 
-  /** The configuration of the clock's time. */
+  /** The configuration at the time of the clock. */
   follow() {
     const { track } = this.player;
     if (track) track.at(this.player.time, this.q);
     this.show();
   }
 
-  // ---- what is seen ------------------------------------------------------------------------
+  // ---- visibility, colors and framing ------------------------------------------------------
 
   hasLayer(layer) { return this.world.has(layer); }
   isShown(layer) { return !this.hidden.has(layer); }
@@ -267,13 +267,13 @@ class Viewer {
     this.redraw();
   }
 
-  /** Gives every link its color: what touches now in a motion ("plan", "replay", "compare"; null: any) is red, and what was pointed at. */
+  /** Colors all links; elements in contact now in a motion ("plan", "replay", "compare"; null: any) or pointed out are red. */
   paint(kind = null) {
     const touched = kind === "plan" || !kind ? this.touched : [];
     this.world.paint(this.byArm && this.kinematics.arms.length > 1, [...touched, ...this.conflicts.elements(kind)], this.editing.lit);
   }
 
-  /** Goes to a moment and paints some elements red. */
+  /** Goes to a time and paints some elements red. */
   point(time, elements) {
     this.touched = elements.map((name) => this.kinematics.elementOf(name));
     this.paint();
@@ -288,7 +288,7 @@ class Viewer {
     if (next) this.point(next.time, next.elements);
   }
 
-  /** Frames the arms and what is near them, or with whole everything; null keeps the direction. */
+  /** Frames the arms and their surroundings, or everything if whole; null keeps the direction. */
   look(direction = null, whole = false) {
     this.framed = whole ? "whole" : "near";
     this.lastDirection = direction || this.lastDirection;
@@ -297,7 +297,7 @@ class Viewer {
     this.sideBySide.place();
   }
 
-  /** Frames again what is framed, after the window or its cards have changed. */
+  /** Repeats the framing after the window or its cards have changed. */
   frame() {
     if (this.framed && !this.stage.turned) this.look(null, this.framed === "whole"); else this.sideBySide.place();
   }
@@ -323,15 +323,15 @@ class Viewer {
     requestAnimationFrame(frame);
   }
 
-  /** Something moves; of very many arms, which take long to be drawn in full, what has just moved is taken to move on. */
+  /** Whether anything moves; very many arms count as moving a while longer, because full quality takes long to draw. */
   moves(now) {
     return this.playing || Boolean(this.stage.dragged || this.editing.dragging) || (this.pace.many && this.pace.level > 0 && now - this.shownAt < 250);
   }
 
-  /** Whether the picture has full quality, as it has while nothing moves. */
+  /** Whether the picture has full quality, as while nothing moves. */
   get settled() { return !this.stage.renderer || this.stage.quality === this.pace.full; }
 
-  /** Draws as much as a level of `pace.js` says. */
+  /** Applies a quality level of `pace.js`. */
   setQuality(quality) {
     const { world, stage } = this;
     stage.setQuality(quality);

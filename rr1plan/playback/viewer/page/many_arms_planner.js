@@ -1,22 +1,22 @@
-// A planner for pages of many arms: one arm after the other moves, while all others stand still.
+// A planner for pages of many arms: one arm moves after the other, while all others rest.
 //
-//   const planner = await ManyArmsPlanner.load(data)    data: made by Python's `page_planner`, with the modules
+//   const planner = await ManyArmsPlanner.load(data)    data: from Python's `page_planner`, with the modules
 //   planner.columns  .joints  .obstacles                as of a `PagePlanner`: all joints of the scene
-//   planner.contacts(q)  .isFree(q)  .withinLimits(q)   of the whole scene; contacts by the kernels of the referee
-//   planner.clearance(q, most, arms)                    least distance of some arms (indices; default: all) from everything [m]
+//   planner.contacts(q)  .isFree(q)  .withinLimits(q)   in the whole scene; contacts by the kernels of the referee
+//   planner.clearance(q, most, arms)                    least clearance of some arms (indices; default: all) [m]
 //   planner.obstaclePose(name)  .moveObstacle(name, pose)
-//   planner.plan(start, goal, {seed, iterations, seconds})    the arms that differ in start and goal move
+//   planner.plan(start, goal, {seed, iterations, seconds})    arms whose start and goal differ move
 //       as `PagePlanner.plan`, without trees and seconds; `legs`: for each arm that moves, in order, {arm, from, answer}, where `answer`
 //       is that of the planner of its template (`arm_templates.py`), in the frame of its base
 //
 // A leg is the motion of `plan_motion(Problem(scene, start, goal, arms=[arm]), planner="rrt_connect", rng=seed)` in the
-// scene with all other arms where they stand. The referee proves each leg in the scene as a whole.
+// scene with all other arms at their current configurations. The referee proves each leg in the whole scene.
 
-const FAR_AWAY = Float64Array.of(1, 0, 0, 100, 0, 1, 0, 100, 0, 0, 1, 100, 0, 0, 0, 1); // row after row
-const ROUNDED_JOINT = 1e-5; // [rad or m] what a configuration that was shown differs at most from that of an arm that stands still
-const QUICK = 2000; // iterations for an arm that others may have to give way to first
+const FAR_AWAY = Float64Array.of(1, 0, 0, 100, 0, 1, 0, 100, 0, 0, 1, 100, 0, 0, 0, 1); // row-major
+const ROUNDED_JOINT = 1e-5; // [rad or m] largest rounding error of a shown configuration of an arm at rest
+const QUICK = 2000; // iterations for an arm that may be blocked until others have moved
 
-/** The inverse of a rigid transform, column after column. */
+/** The inverse of a rigid transform, column-major. */
 function rigidInverse(T) {
   const out = identity();
   for (let r = 0; r < 3; r++) {
@@ -44,7 +44,7 @@ class ManyArmsPlanner {
   #poses; // of the links of all arms
   #toBase; // T_base_world of each arm
   #obstacles; // T_world_object by name
-  #standing = null; // where all arms are while one moves, and which one that is
+  #standing = null; // configurations of all arms while one moves, and the index of that one
   #moving = -1;
 
   constructor(data, referee) {
@@ -59,7 +59,7 @@ class ManyArmsPlanner {
     this.obstacles = Object.keys(data.obstacles);
   }
 
-  /** The referee as the planner of a template takes it: it looks at the whole scene. */
+  /** The referee with the interface that the planner of a template needs, for the whole scene. */
   get #witness() {
     return {
       findFault: ({ breaks, coefficients, terms }, start, goal) => {
@@ -125,7 +125,7 @@ class ManyArmsPlanner {
     return q.slice(arm.firstColumn, arm.firstColumn + arm.robot.names.length);
   }
 
-  /** Puts everything around an arm into its template: obstacles, and its neighbors' links as they are at q. */
+  /** Moves obstacles and neighbors in the template of an arm to their poses at q. */
   #place(i, q) {
     const { arms } = this.#kinematics, rows = this.#data.arms, template = this.#data.templates[rows[i].template];
     const placed = identity(), part = identity();
@@ -189,7 +189,7 @@ class ManyArmsPlanner {
     return this.#joined(answer, from);
   }
 
-  /** The arms that stand elsewhere. */
+  /** The arms whose configurations differ. */
   #differing(one, two) {
     const { arms } = this.#kinematics;
     return [...arms.keys()].filter((i) => this.#own(arms[i], one).some((value, j) => Math.abs(value - two[arms[i].firstColumn + j]) > ROUNDED_JOINT));
@@ -204,14 +204,14 @@ class ManyArmsPlanner {
     return template.plan(ends[0], ends[1], options);
   }
 
-  /** A configuration of the arm that moves, among the others. */
+  /** A configuration of all arms, from that of the moving one. */
   #whole(own) {
     const q = this.#standing.slice();
     q.set(own, this.#kinematics.arms[this.#moving].firstColumn);
     return q;
   }
 
-  /** Coefficients, or waypoints, of the arm that moves as those of all columns; powers above zero of the others are zero. */
+  /** Coefficients or waypoints of all columns, from those of the moving arm; higher powers of the others are zero. */
   #widened(coefficients, terms) {
     const arm = this.#kinematics.arms[this.#moving], nq = arm.robot.names.length, width = this.columns.length;
     const rows = coefficients.length / nq, out = new Float64Array(rows * width);

@@ -1,8 +1,8 @@
-// Transforms are 16 numbers, column after column, in flat arrays; motions are polynomials.
+// Transforms are 16 numbers, column-major, in flat arrays; motions are polynomials.
 
 const ARRAYS = { f4: Float32Array, f8: Float64Array, u4: Uint32Array };
 
-/** A packed array: {values, shape}; one that is made in the page is that already. */
+/** Unpacks an array to {values, shape}; arrays created in the page already have this form. */
 function unpack(packed) {
   if (packed.values) return packed;
   const text = atob(packed.data);
@@ -55,14 +55,14 @@ class Kinematics {
     this.step = identity();
   }
 
-  /** All arms standing as the scene has them. */
+  /** All arms at their configurations in the scene. */
   rest() {
     const q = new Float64Array(this.columns);
     for (const arm of this.arms) q.set(arm.q, arm.firstColumn);
     return q;
   }
 
-  /** All arms as the scene has them, but one at its own configuration. */
+  /** All arms at their configurations in the scene, except one at a given configuration. */
   standing(name, own) {
     const q = this.rest();
     q.set(own, this.arms.find((arm) => arm.name === name).firstColumn);
@@ -77,7 +77,7 @@ class Kinematics {
     return arm.firstLink + arm.robot.tool;
   }
 
-  /** The element that a joint ("arm/joint") moves, "arm/link"; other names stay. */
+  /** The element that a joint ("arm/joint") moves, "arm/link"; other names are returned unchanged. */
   elementOf(name) {
     for (const arm of this.arms) {
       const column = arm.robot.names.findIndex((joint) => `${arm.name}/${joint}` === name);
@@ -173,7 +173,7 @@ class Track {
     return out;
   }
 
-  /** A derivative of one slot at a time; zero beyond the ends, and at a break that of the piece that begins there. */
+  /** A derivative of one slot at a time; zero beyond the ends; at a break, that of the piece that begins there. */
   rate(t, slot, order) {
     if (order > 0 && (t < this.start || t > this.end)) return 0;
     const time = Math.min(Math.max(t, this.start), this.end), i = this.piece(time);

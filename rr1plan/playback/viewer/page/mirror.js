@@ -1,4 +1,4 @@
-// What a mirror measures: statements of a panel: viewer, root, data.
+// The measurements of a mirror. Statements of a panel with viewer, root and data in scope.
 
 const part = (name) => root.querySelector(name);
 const verdict = part(".verdict"), facts = part(".facts"), canvas = part(".use"), event = part(".event");

@@ -1,11 +1,11 @@
-// Layers that are made when they are first shown: frames, speed of the tools, nearest points, search tree; and the
-// rings where violations are.
+// Layers that are created when first shown: frames, speed of the tools, nearest points, search tree; and rings at
+// violations.
 
 const OVERLAYS = ["frames", "toolspeed", "tree", "nearest"];
 const AXES = [0xd6336c, 0x2b8a3e, 0x1c7ed6], NEAR = [0.11, 0.14, 0.19], TREES = [GHOSTS.start, GHOSTS.goal];
-const TREE_STEPS = 4; // straight pieces of an edge, whose way in the workspace is bent
+const TREE_STEPS = 4; // straight pieces per edge, which is a curve in the workspace
 
-/** Colors from slow to fast, those of "viridis": evenly brighter, also for color-blind readers. */
+/** Colors from slow to fast ("viridis"): brightness increases evenly, also for color-blind readers. */
 const SPEEDS = [
   [0.267, 0.005, 0.329], [0.254, 0.265, 0.530], [0.164, 0.471, 0.558], [0.135, 0.659, 0.518], [0.478, 0.821, 0.318], [0.993, 0.906, 0.144],
 ];
@@ -30,7 +30,7 @@ class Overlays {
     this.middle = null;
   }
 
-  /** Brings what is shown of the layers to where the arms are. */
+  /** Updates the visible layers to the configurations of the arms. */
   follow() {
     const { viewer } = this, { world } = viewer;
     const makers = { frames: Frames, tree: SearchTrees, nearest: NearestLines };
@@ -59,7 +59,7 @@ class Overlays {
 
   // ---- violations ------------------------------------------------------------------------------
 
-  /** A red ring at each place of a violation, seen through everything at its time. */
+  /** A red ring at the position of each violation, visible through all objects at its time. */
   makeRings() {
     const { viewer } = this, group = viewer.world.group("conflicts"), size = 0.05 * viewer.extent.near.getSize(new THREE.Vector3()).length();
     if (viewer.conflicts.all.length) this.picture = this.picture || ringPicture();
@@ -83,7 +83,7 @@ class Overlays {
     }
   }
 
-  /** Where bodies touch, as far as it is known; otherwise the frame of the first link. */
+  /** The position of the contact, if known; otherwise the origin of the first link. */
   placeOf({ place, elements, simulated }) {
     if (place) return place;
     if (simulated) return null;
@@ -95,7 +95,7 @@ class Overlays {
 
   // ---- labels ----------------------------------------------------------------------------------
 
-  /** Keeps the label of the nearest bodies beside their line, in each frame. */
+  /** Keeps the label of the nearest bodies next to their line, in each frame. */
   label() {
     const { viewer } = this, label = find("nearest"), lines = viewer.isShown("nearest") ? this.made.nearest : null;
     const least = lines && lines.least, { pane, camera } = viewer.stage;
@@ -135,7 +135,7 @@ class Frames {
     this.group.add(this.rods);
   }
 
-  /** Rods of a length [m] along y, turned along x, y and z. */
+  /** Rods of a given length [m], rotated from y to x, y and z. */
   axesOf(length) {
     const scale = new THREE.Matrix4().makeScale(0.035 * length, length, 0.035 * length), turn = (make, angle) => new THREE.Matrix4()[make](angle).multiply(scale);
     return [turn("makeRotationZ", -Math.PI / 2), scale, turn("makeRotationX", Math.PI / 2)];
@@ -151,7 +151,7 @@ class Frames {
   }
 }
 
-/** What the planner explored, as the paths of the tools: the start's tree blue, a goal's green and dashed. */
+/** The search tree as paths of the tools: the start's tree blue, a goal's green and dashed. */
 class SearchTrees {
   constructor({ kinematics, document: doc }) {
     const { columns, vertices, edges, sides } = doc.tree;
@@ -185,8 +185,8 @@ class SearchTrees {
 }
 
 /**
- * Lines between the nearest points of each arm and what surrounds it, and among its own links.
- * The points were computed at samples of the motion; between them they stay on their links.
+ * Lines between the nearest points of each arm and its surroundings, and among its own links. The points were computed
+ * at samples of the motion; between samples they move with their links.
  */
 class NearestLines {
   constructor(viewer) {
@@ -226,7 +226,7 @@ class NearestLines {
         // The distance of nearest points that move with their bodies has the same slope as that of the bodies.
         const clearance = sampled + (sampled < 0 ? -1 : 1) * (from.distanceTo(to) - then);
         this.put(line, from, to, clearance, own);
-        // Links of an arm are always near each other: they are named only where nothing else is.
+        // Links of an arm are always near each other: they are named only if no other pair is.
         if (!this.least || own < this.least.own || (own === this.least.own && clearance < this.least.clearance)) {
           this.least = { clearance, own, middle: from.clone().lerp(to, 0.5).toArray(), words: `${length(clearance)}  ${pair.join(" – ")}` };
         }

@@ -1,4 +1,4 @@
-// The quality of the picture: full if frames are fast or nothing moves, lower if frames are late.
+// The quality of the picture: full if frames are fast or nothing moves, reduced if frames are late.
 
 /** Up to this many arms a page starts at full quality; with more it starts low and rises while frames are fast. */
 const FEW = 4;
@@ -7,7 +7,7 @@ const MANY = 24;
 
 /**
  * Quality levels, from the best to the fastest.
- * pixels: resolution relative to the window's, each way; detail: size of features that may be left out [px]; shadows:
+ * pixels: resolution relative to the window's, each way; detail: size of features that may be omitted [px]; shadows:
  * "moving", "still" or "none"; rich: highlights and shadows on surfaces; tubes: tool paths as tubes instead of lines;
  * ghosts: start and goal are drawn.
  */
@@ -28,15 +28,15 @@ const MANY_ARMS = [
 const levelsFor = (arms) => (arms > FEW ? MANY_ARMS : FEW_ARMS);
 
 const BEGIN = 3; // the level of many arms at first
-const LATE = 60, EARLY = 28; // [ms] between frames: less is drawn, more may be
-const PATIENCE = 400; // [ms] of early frames before more is drawn; doubled each time that was too much
+const LATE = 60, EARLY = 28; // [ms] between frames: above LATE quality is reduced, below EARLY it may rise
+const PATIENCE = 400; // [ms] of early frames before quality rises; doubled each time that was too much
 
 class Pace {
   constructor(arms) {
     this.levels = levelsFor(arms);
     this.level = this.levels === MANY_ARMS ? BEGIN : 0;
     this.many = arms > MANY;
-    // Still pictures have full quality; with very many arms, surfaces stay plain until a rich level was fast enough.
+    // Still pictures have full quality; with very many arms, surfaces remain plain until a rich level was fast enough.
     this.full = this.many ? { ...this.levels[0], rich: false } : this.levels[0];
     this.patience = PATIENCE;
     this.late = this.early = 0;

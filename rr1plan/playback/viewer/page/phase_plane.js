@@ -1,12 +1,12 @@
-// The phase plane of a motion: its speed along the path, and the limit curve that velocity and acceleration limits put above it.
+// The phase plane of a motion: its speed along the path, and the limit curve from velocity and acceleration limits.
 
 const PHASE_SAMPLES = 600;
 
 /**
  * Path length s, path speed and its limit along a motion, shape (3, n); rates: {velocity, acceleration} of its columns.
  *
- * At most so fast may the path be passed that the joints keep their velocity limits, and that some acceleration along
- * the path keeps their acceleration limits (Bobrow, Dubowsky and Gibson 1985).
+ * The limit is the largest path speed at which the joints keep their velocity limits, and at which some path
+ * acceleration keeps their acceleration limits (Bobrow, Dubowsky and Gibson 1985).
  */
 function phasePlane(track, rates) {
   const { columns } = track, q = new Float64Array(Math.max(...columns) + 1), count = PHASE_SAMPLES;
@@ -14,7 +14,7 @@ function phasePlane(track, rates) {
   const span = track.end - track.start, nq = columns.length;
   let s = 0, last = null;
   for (let k = 0; k <= count; k++) {
-    // Closer together at both ends, where the motion is slow.
+    // Denser at both ends, where the motion is slow.
     const share = 0.5 - 0.5 * Math.cos((Math.PI * k) / count);
     const { rate, second } = derivativesAt(track, track.start + Math.min(Math.max(share, 1e-9), 1 - 1e-9) * span);
     track.at(track.start + share * span, q);
@@ -28,7 +28,7 @@ function phasePlane(track, rates) {
       const slope = Math.abs(along[j]), { velocity: v, acceleration: a } = rates;
       if (slope > 1e-9) most = Math.min(most, v[j] / slope);
       for (let i = 0; i < j; i++) {
-        // Both joints need the same acceleration along the path.
+        // Both joints must allow the same path acceleration.
         const gap = Math.abs(bend[j] * along[i] - bend[i] * along[j]);
         if (gap > 1e-9) squared = Math.min(squared, (a[j] * Math.abs(along[i]) + a[i] * slope) / gap);
       }
@@ -57,7 +57,7 @@ function derivativesAt(track, t) {
   return { rate, second };
 }
 
-/** Draws a phase plane into a canvas, or says why there is none; at: how far along its time the motion has come, or null. */
+/** Draws a phase plane into a canvas, or the reason why there is none; at: the current time of the motion, or null. */
 function drawPhasePlane(canvas, plane, at, why) {
   const ratio = Math.min(window.devicePixelRatio || 1, 2), pen = canvas.getContext("2d");
   const width = (canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio)));

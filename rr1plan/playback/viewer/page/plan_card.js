@@ -1,4 +1,4 @@
-// The card over the time line: whether the arm is free where it is, where its tool is, start and goal, Plan, undo.
+// The card above the time line: whether the current configuration is free, tool pose, start and goal, Plan, undo.
 
 class PlanCard {
   constructor(viewer, editing) {
@@ -46,7 +46,7 @@ class PlanCard {
     this.makeRoom();
   }
 
-  /** What floats above the time line stays above the card. */
+  /** Elements that float above the time line stay above the card. */
   makeRoom() {
     const { isOpen } = this.editing;
     document.body.style.setProperty("--above", isOpen ? `${find("editing").offsetHeight + 10}px` : "0px");

@@ -1,9 +1,9 @@
-// Drags in the workspace of a planar arm: its tool, its links, obstacles. Every other drag turns the view.
+// Drags in the workspace of a planar arm: its tool, its links, obstacles. Every other drag rotates the view.
 
 const GRAB = 30; // [px] around the tool
-const THICK = 12; // [px] around the middle line of a link, at least
+const THICK = 12; // [px] around the center line of a link, at least
 
-/** What happens while the pointer is held: move(point of the plane), and drop(). */
+/** Handlers while the pointer is pressed: move(point of the plane) and drop(). */
 class PlanarDrags {
   constructor(lesson, arm) {
     Object.assign(this, { lesson, arm, held: null, down: null });
@@ -14,7 +14,7 @@ class PlanarDrags {
     pane.addEventListener("wheel", () => { arm.turned = true; }, { passive: true });
   }
 
-  /** What is under the pointer: {cursor, begin()}, or null. */
+  /** The element under the pointer: {cursor, begin()}, or null. */
   find(event) {
     const { arm, lesson } = this, q = q2(), joints = arm.places(q), point = arm.under(event);
     if (arm.distance(event, joints[2]) < GRAB) return { begin: () => this.holdTool() };
@@ -31,7 +31,7 @@ class PlanarDrags {
     return { move: (point) => lesson.pose(arm.solve(...point, arm.side(q2()) >= 0 ? 1 : -1)), drop() {} };
   }
 
-  /** A link turns about its joint, or slides along it. */
+  /** A link rotates about its joint, or slides along it. */
   holdLink(link, point) {
     const { arm, lesson } = this, { kinds, senses } = arm.flat, angle = (at) => Math.atan2(at[1] - center[1], at[0] - center[0]);
     const q = q2(), center = arm.places(q)[link], from = angle(point), along = arm.flat.columns(q)[link];
@@ -86,7 +86,7 @@ class PlanarDrags {
     return Math.hypot(event.clientX - x, event.clientY - y) < 4;
   }
 
-  /** A click in the ring puts the tool there. */
+  /** A click in the reachable ring moves the tool there. */
   click(event) {
     const { arm, lesson } = this, point = arm.under(event);
     lesson.select(null);

@@ -1,7 +1,7 @@
 // A planner in the page: the kernels of `core.wasm` in the order of `plan_motion`, with the same constants.
 //
-//   const planner = await loadPlanner(data)         data: what Python's `page_planner` made, with the modules; rejects
-//                                                   with the reason where the browser cannot run it; of many arms it is
+//   const planner = await loadPlanner(data)         data: from Python's `page_planner`, with the modules; rejects
+//                                                   with the reason if the browser cannot run it; for many arms it is
 //                                                   a `ManyArmsPlanner`
 //   planner.columns  .joints                        columns of viewer.q that it moves, and their names; every q below
 //                                                   has these columns only
@@ -11,41 +11,41 @@
 //   planner.clearance(q, most)                      least distance of moving pairs beyond their padding [m], `most` at most
 //   planner.withinLimits(q)
 //   planner.inverseKinematics(frame, target, q)     a configuration that brings a frame ("arm" or "arm/link") to a target,
-//                                                   near q, or null; target: [x, y, z], or 16 numbers, column after column
+//                                                   near q, or null; target: [x, y, z], or 16 numbers, column-major
 //   planner.rates                                   limits of the columns: {velocity, acceleration}
-//   planner.obstaclePose(name)  .moveObstacle(name, pose)    T_world_object, 16 numbers, column after column
+//   planner.obstaclePose(name)  .moveObstacle(name, pose)    T_world_object, 16 numbers, column-major
 //   planner.plan(start, goal, {seed, iterations, seconds, margin, step})    step: longest edge of the trees [rad or m]
-//       status     "found", "invalid_start", "invalid_goal", "infeasible" or "timeout"; then `reason` tells why
+//       status     "found", "invalid_start", "invalid_goal", "infeasible" or "timeout"; `reason` says why
 //       path       {columns, waypoints: {values, shape}} as found, and `shortened` after shortcuts
 //       track      {columns, breaks, coefficients, exact, timed}, for `new Track(...)`; null without a path
-//       retiming   "blend", or "stop" where blends are not proven
-//       certified  whether the referee (`referee.js`) has proven the timed motion; if not, `fault` tells why
-//       trees      of the start and of the goal: {vertices: {values, shape}, parents, lengths}, a root's parent is -1;
-//                  lengths: of the way from the root
+//       retiming   "blend", or "stop" if blends are not proven
+//       certified  whether the referee (`referee.js`) has proven the timed motion; if not, `fault` says why
+//       trees      of start and goal: {vertices: {values, shape}, parents, lengths}; a root's parent is -1;
+//                  lengths: of the path from the root
 //       margin, iterations, seconds: {plan, shorten, retime, certify}
 //
 // The same seed gives the same path and the same timing as `plan_motion(problem, planner="rrt_connect", rng=seed)`, to
 // the last bit; for one arm or two this planner is the default.
 
-// A module with one instruction for vectors, which only browsers with WebAssembly SIMD accept.
+// A module with one SIMD instruction, which only browsers with WebAssembly SIMD accept.
 const SIMD_PROBE = Uint8Array.of(
   0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15, 253, 98, 11,
 );
 
-/** Bytes from base64 of deflated bytes. */
+/** Decompressed bytes from base64. */
 async function inflate(text) {
   const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-/** The planner of a page: of all arms together, or of many arms. */
+/** The planner of a page: for all arms together, or for many arms one after the other. */
 async function loadPlanner(data) {
   checkBrowser(data);
   return data.templates ? ManyArmsPlanner.load(data) : PagePlanner.load(data);
 }
 
-/** Throws the reason why this browser, or this page, cannot plan. */
+/** Throws an error with the reason if this browser or this page cannot plan. */
 function checkBrowser(data) {
   if (data.missing) throw new Error(data.missing);
   if (!data.modules) throw new Error("this page was opened without the planner's kernels");
@@ -62,7 +62,7 @@ function checkedPose(name, pose) {
   return plain;
 }
 
-/** 16 numbers column after column from row after row, and back. */
+/** Converts 16 numbers from row-major to column-major order, and back. */
 function transposed(pose) {
   return Float64Array.from({ length: 16 }, (_, i) => pose[4 * (i % 4) + (i >> 2)]);
 }
@@ -73,14 +73,14 @@ class PagePlanner {
     return PagePlanner.loadWith(data, await PageReferee.load(data.referee, data.modules));
   }
 
-  /** A planner whose motions another referee proves. */
+  /** A planner whose motions a given referee proves. */
   static async loadWith(data, referee) {
     const [module, image] = await Promise.all([data.modules.core, data.image].map(inflate));
     return new PagePlanner(data, await loadCore(module), image, referee);
   }
 
   #core;
-  #memory; // what the image contains, by name
+  #memory; // content of the image, by name
   #data;
   #margin; // of the tables now [m]
   #poses; // of moved obstacles, by name
@@ -100,7 +100,7 @@ class PagePlanner {
     this.#keepMargin(0);
   }
 
-  /** The kernels and the tables, for calls that have no method here. */
+  /** The kernels and the tables, for calls without a method here. */
   get core() { return this.#core; }
   get scene() { return this.#memory.scene; }
   get scratch() { return this.#memory.scratch; }
@@ -161,7 +161,7 @@ class PagePlanner {
     this.#poses.set(name, rows);
   }
 
-  /** Puts consecutive objects of the tables to poses, each 16 numbers row after row. */
+  /** Moves consecutive objects of the tables to poses, each 16 numbers, row-major. */
   placeObjects(first, poses) {
     if (!poses.length) return;
     const core = this.#core;
@@ -194,7 +194,7 @@ class PagePlanner {
     return this.#core.call("rr1_least_clearance", this.scene.exact, this.scratch.exact, q, most);
   }
 
-  /** Change the distance to keep beyond the padding of the scene [m]; tables serve all margins up to that of the image. */
+  /** Changes the distance kept in addition to the padding [m]; the tables are valid for margins up to that of the image. */
   #keepMargin(margin) {
     if (margin === this.#margin) return;
     const { padding, bare_padding } = this.#memory;
@@ -211,7 +211,7 @@ class PagePlanner {
   // ---- inverse kinematics ----------------------------------------------------------------------
 
   /**
-   * With `attempts` starts, the first one q; the others are random, from `seed`. The answer is that of
+   * Uses `attempts` initial guesses: q, then random ones from `seed`. The result equals that of
    * `solve_ik(..., seeds=q, attempts=attempts, max_solutions=1, rng=seed)`.
    */
   inverseKinematics(frame, target, q, { attempts = 1, seed = 0 } = {}) {
@@ -324,7 +324,7 @@ class PagePlanner {
     return 0;
   }
 
-  /** A path, or null with the reason in the answer. */
+  /** A path, or null with the reason in the result. */
   #search(start, goal, seed, iterations, deadline, step, answer) {
     const core = this.#core, { scene, scratch } = this, nq = this.columns.length;
     const { lower, upper, extent, can_move } = this.#memory;
@@ -361,7 +361,7 @@ class PagePlanner {
     }
   }
 
-  /** A tree, whose memory has a column of its vertices after the other. */
+  /** A tree, whose memory has one column of its vertices after the other. */
   #asTree({ size, vertices, parents, lengths }, capacity) {
     const nq = this.columns.length, values = new Float64Array(size * nq);
     for (let c = 0; c < nq; c++) {
@@ -388,7 +388,7 @@ class PagePlanner {
     return this.#fail(answer, "invalid_start", "start or goal are too near to something to prove them free");
   }
 
-  /** New arrays of trees, with what is in those they have. */
+  /** Enlarges the arrays of trees and keeps their content. */
   #giveRoom(trees, capacity) {
     const core = this.#core, nq = this.columns.length, before = trees.capacity;
     const moved = (kind, Numbers, address, columns) => {
@@ -425,7 +425,7 @@ class PagePlanner {
     return after <= before ? shorter : found;
   }
 
-  /** A path from rest to rest in the least time: breaks, and coefficients in time. */
+  /** The time-optimal motion along a path from rest to rest: breaks, and coefficients in time. */
   #retime(waypoints, method) {
     const core = this.#core, nq = this.columns.length, { duplicate } = this.#data.blends, { shortest_piece, step: time_step } = this.#data.timing;
     const rows = waypoints.length / nq, index = core.array("int64_t", rows);

@@ -1,9 +1,9 @@
-// The clock: where in the motion we are, and whether it runs.
+// The clock: the current time of the motion, and whether it runs.
 
-const LONGEST_STEP = 0.25; // [s], most that one frame advances the clock
+const LONGEST_STEP = 0.25; // [s] by which one frame advances the clock at most
 
 class Player {
-  /** track: the motion, or null; others: motions beside it, which the clock waits for. */
+  /** track: the motion, or null; others: further motions, for whose end the clock waits. */
   constructor(track, others = []) {
     this.track = track;
     this.start = track ? track.start : 0;
@@ -18,7 +18,7 @@ class Player {
     this.pause = this.pause.bind(this);
   }
 
-  /** How much of the motion is done. */
+  /** Completed share of the motion. */
   get fraction() {
     const { start, end } = this.track || this;
     return end > start ? Math.min((this.time - start) / (end - start), 1) : 1;
@@ -29,7 +29,7 @@ class Player {
     if (this.time >= this.end) this.time = this.start;
     this.playing = true;
     this.rest = null;
-    // The first picture is of the time that has passed until then.
+    // The first frame shows the time that has passed until then.
     this.last = performance.now();
     this.pacing = { clock: 0, wall: 0 };
   }
@@ -46,7 +46,7 @@ class Player {
   /** Advances the clock to now [ms]; true if it advanced. */
   tick(now) {
     if (!this.playing) return false;
-    // The clock of a frame may be a little behind that of the press that began it.
+    // The time stamp of a frame may be a little before that of the key press that started the clock.
     const wall = this.last === null ? 0 : Math.max(0, now - this.last) / 1000, passed = Math.min(wall, LONGEST_STEP);
     this.last = now;
     this.time += passed * this.speed;
@@ -58,7 +58,7 @@ class Player {
     return true;
   }
 
-  /** How fast the clock runs [s/s], over about the last second; null before it has run. */
+  /** Rate of the clock over about the last second [s/s]; null before it has run. */
   get realTimeFactor() {
     return this.pacing.wall > 0 ? this.pacing.clock / this.pacing.wall : null;
   }
@@ -68,7 +68,7 @@ class Player {
     this.pacing = { clock: fade * this.pacing.clock + clock, wall: fade * this.pacing.wall + wall };
   }
 
-  /** A repeated motion stands still at its end for a moment, so that the eye can follow. */
+  /** A repeated motion pauses briefly at its end, so that the eye can follow. */
   waited(now) {
     if (this.rest === null) this.rest = now;
     return now - this.rest > 600;

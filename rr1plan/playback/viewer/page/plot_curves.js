@@ -1,7 +1,7 @@
-// Curves over time of one arm: exact derivatives of the polynomials of its motion, values that were sampled in Python.
+// Curves over time for one arm: exact derivatives of the polynomials of its motion, and values sampled in Python.
 
 const DEGREES = 180 / Math.PI;
-/** What can be plotted; order: the derivative of the position; samples: a name in the document's samples. */
+/** The quantities that can be plotted; order: the derivative of the position; samples: a name in the document's samples. */
 const QUANTITIES = {
   clearance: { label: "Clearance", samples: "clearance" },
   position: { label: "Position", order: 0, unit: "" },
@@ -13,10 +13,10 @@ const QUANTITIES = {
 };
 /** Distinct for color-blind readers, and dark enough for thin lines on white. */
 const CURVES = ["#d4450c", "#1f6fd0", "#00724f", "#a4630a", "#7b3fa0", "#0b8793", "#c0307a", "#5b4636", "#4a58b8", "#667080"];
-const PLANNER_SAMPLES = 200; // clearances of a motion that the planner of the page measures
+const PLANNER_SAMPLES = 200; // clearances of a motion computed by the planner of the page
 const DASHES = { compare: [7, 4], replay: [2, 3] };
 
-/** A number with three digits that count, without an exponent. */
+/** A number with three significant digits, without an exponent. */
 function shortNumber(value) {
   const size = Math.abs(value);
   if (!Number.isFinite(value)) return "–";
@@ -25,8 +25,9 @@ function shortNumber(value) {
 
 /**
  * A curve over time.
- * name: of its joint; mark, color: what tells it from others; motion: null, or the name of the motion beside that of the page; dash: of its line; bounds: [low, high]
- * of what is allowed, null where there is none; unit; at(t): its value; points(width): {times, values} to draw it that wide [px].
+ * name: of its joint; mark, color: distinguish it from others; motion: null, or the name of a motion other than the
+ * page's; dash: of its line; bounds: allowed range [low, high], null where unlimited; unit; at(t): its value;
+ * points(width): {times, values} for a drawing of that width [px].
  */
 class PolynomialCurve {
   constructor(track, slot, order, scale, bounds) {
@@ -37,7 +38,7 @@ class PolynomialCurve {
     return this.scale * this.track.rate(t, this.slot, this.order);
   }
 
-  /** Both ends of every piece, so that jumps are upright, and as many points between them as a picture this wide shows. */
+  /** Both ends of every piece, so that jumps are vertical, and as many points between them as the width can show. */
   points(width) {
     const { track, slot, order, scale } = this, times = [], values = [], { breaks } = track, span = track.end - track.start || 1;
     for (let i = 0; i < track.pieces; i++) {
@@ -74,7 +75,7 @@ class SampledCurve {
   }
 }
 
-/** Of very many points the first, lowest, highest and last in each column of pixels, which draw the same line. */
+/** Reduces very many points to the first, lowest, highest and last in each column of pixels, which give the same line. */
 function thinned(times, values, width) {
   const count = times.length;
   if (count <= 8 * width) return { times, values };
@@ -91,7 +92,7 @@ function thinned(times, values, width) {
   return out;
 }
 
-/** The motions of a page and what can be plotted of them. */
+/** The motions of a page and their quantities that can be plotted. */
 class PlotSource {
   constructor(viewer) {
     const { document: doc, player, others } = viewer;
@@ -105,7 +106,7 @@ class PlotSource {
     this.unpacked = new Map();
   }
 
-  /** The arms of which something moves. */
+  /** The arms that move. */
   arms() {
     const columns = new Set(this.motions.flatMap(({ track, samples }) => [...(track ? track.columns : []), ...(samples.error ? samples.error.columns : [])]));
     return this.kinematics.arms.filter((arm) => arm.robot.names.some((_, i) => columns.has(arm.firstColumn + i)));
@@ -126,7 +127,7 @@ class PlotSource {
 
   derivatives(arm, key, { kind, track, exact }) {
     const { order, unit } = QUANTITIES[key];
-    // A motion that was sent as samples has no derivatives.
+    // A motion sent as samples has no derivatives.
     if (!track || (order > 0 && !exact) || (kind === "replay" && this.motions.length === 1 && order > 0)) return [];
     return arm.robot.names.flatMap((name, i) => {
       const slot = track.columns.indexOf(arm.firstColumn + i), straight = arm.robot.kinds[i] === "prismatic", scale = straight ? 1000 : DEGREES;
@@ -161,7 +162,7 @@ class PlotSource {
     });
   }
 
-  /** Where Python has sent none: the least clearance of all pairs, by the planner of the page. */
+  /** If Python has sent no clearances: the least clearance of all pairs, by the planner of the page. */
   measuredClearance(arm, { track, kind }) {
     const { planner, kinematics } = this;
     if (!planner || !track || kind === "replay" || !planner.columns.includes(arm.firstColumn)) return [];

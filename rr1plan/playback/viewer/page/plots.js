@@ -2,8 +2,8 @@
 
 const EDGES = { left: 46, right: 12, top: 15, bottom: 19 }; // [px]
 const BAD = "#c2255c", SOFT = "#667080", INK = "#1b2430", GRID = "#e3e7ec";
-const WIDE = 1000; // [px] of the window from which on two curves are shown at first
-/** Where violations of a kind are marked across the whole chart. */
+const WIDE = 1000; // [px] width of the window from which two curves are shown initially
+/** The quantity in whose chart violations of a kind are marked across the whole height. */
 const KINDS = { collision: "clearance", undecided: "clearance", torque: "torque", velocity: "velocity", acceleration: "acceleration", jerk: "jerk", position: "position" };
 
 class Plots {
@@ -14,7 +14,7 @@ class Plots {
     this.charts = [];
     this.joint = null;
     this.root.append(this.makeHead(), (this.area = element("div", undefined, "charts")), (this.legend = element("div", undefined, "legend")));
-    // Its own keys stay the page's: only a list takes arrows for itself.
+    // Keys keep their meaning on the page, except for arrows in a list.
     new ResizeObserver(() => this.fit()).observe(this.root);
     viewer.on("planner", () => this.load());
   }
@@ -83,7 +83,7 @@ class Plots {
     this.build();
   }
 
-  /** What was violated, and the velocity; where there is little room, one of them. */
+  /** The violated quantity, and the velocity; only one of them if there is little room. */
   firstChoice() {
     const wanted = [...this.viewer.conflicts.all.map(({ kind }) => KINDS[kind]), "velocity", "clearance", ...this.offered];
     const known = [...new Set(wanted)].filter((key) => this.offered.includes(key));
@@ -139,7 +139,7 @@ class Plots {
     for (const chart of this.charts) if (chart.emphasized !== name) { chart.emphasized = name; chart.draw(); }
   }
 
-  /** Makes room for the card, and draws its charts as wide as it is. */
+  /** Makes room for the card, and draws its charts at its width. */
   fit() {
     const height = this.open ? this.root.offsetHeight + 10 : 0;
     for (const chart of this.charts) if (this.open) chart.draw();
@@ -175,7 +175,7 @@ function dashes(kind) {
   return canvas;
 }
 
-/** Numbers between low and high with few digits, about as many as asked for. */
+/** Round numbers between low and high, about as many as requested. */
 function niceTicks(low, high, count) {
   const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough)), step = power * [1, 2, 5, 10].find((f) => f * power >= 0.7 * rough);
   const ticks = [];
@@ -224,7 +224,7 @@ class Chart {
     this.zoomed = zoomed;
   }
 
-  /** A value as it is drawn: in its unit, or as a share of its limit, from -100 to 100 %. */
+  /** A value as drawn: in its unit, or as a share of its limit, from -100 to 100 %. */
   drawn(curve, value) {
     if (!this.relative) return value;
     const [low, high] = curve.bounds;
@@ -318,7 +318,7 @@ class Chart {
     });
   }
 
-  /** Limits as dark lines, and what is beyond them hatched. */
+  /** Limits as dark lines, with the area beyond them hatched. */
   drawLimits(pen) {
     const { left, right, top, bottom } = this.box, [low, high] = this.relative ? [-100, 100] : this.bounds || [null, null];
     for (const [limit, edge] of [[low, bottom + 2], [high, top - 2]]) {
@@ -363,7 +363,7 @@ class Chart {
     pen.globalAlpha = 1;
   }
 
-  /** A red triangle above each violation, a line across the chart that it is about; contacts of a replay as bars. */
+  /** A red triangle above each violation and a line across the chart of its quantity; contacts of a replay as bars. */
   drawConflicts(pen) {
     const { top, bottom } = this.box;
     pen.fillStyle = pen.strokeStyle = BAD;
@@ -385,7 +385,7 @@ class Chart {
     }
   }
 
-  /** The violation is one of this quantity, of the arm and the joint that are shown. */
+  /** Whether a violation concerns this quantity, and the arm and the joint shown. */
   concerns({ kind, subject, simulated }) {
     const { arm, joint } = this.plots;
     const own = subject.some((name) => name.split("/")[0] === arm.name && (!joint || kind === "collision" || name === `${arm.name}/${joint}`));
@@ -394,7 +394,7 @@ class Chart {
 
   // ---- the time --------------------------------------------------------------------------------
 
-  /** The line of the clock, a numbered dot on each curve, and the values there in words. */
+  /** The time cursor, a numbered dot on each curve, and the values there as text. */
   follow() {
     if (!this.box) return;
     const { viewer } = this, pen = this.pen(this.front), t = viewer.time, x = this.x(t);
@@ -431,7 +431,7 @@ class Chart {
     }
   }
 
-  /** The value of the one curve, or that of the one that is nearest to its limit. */
+  /** The value of the only curve, or of the one nearest to its limit. */
   words(values) {
     const own = values.filter(({ value }) => Number.isFinite(value));
     if (!own.length) return "";

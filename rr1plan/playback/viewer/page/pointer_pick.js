@@ -1,6 +1,6 @@
-// What is under the pointer: links, held objects and obstacles, by their drawn triangles. Points are in the world, z up.
+// Elements under the pointer: links, held objects and obstacles, by their drawn triangles. World coordinates have z up.
 
-/** A point or a direction of the camera's world (y up) in the world (z up). */
+/** Converts a point or a direction from the camera's world (y up) to the world (z up). */
 const worldPoint = ({ x, y, z }) => new THREE.Vector3(x, -z, y);
 
 class Picker {
@@ -15,7 +15,7 @@ class Picker {
     this.hit = new THREE.Vector3();
   }
 
-  /** The ray of the world through a point of the window [px]. */
+  /** The ray in the world through a point of the window [px]. */
   ray({ clientX, clientY }) {
     const { camera, pane } = this.viewer.stage, box = pane.getBoundingClientRect();
     camera.updateMatrixWorld();
@@ -24,14 +24,14 @@ class Picker {
     return new THREE.Ray(worldPoint(origin), worldPoint(direction));
   }
 
-  /** Where a point of the world is in the window: {x, y} [px], and whether it is in front of the camera. */
+  /** Projects a point of the world to the window: {x, y} [px], and whether it is in front of the camera. */
   project({ x, y, z }) {
     const { camera, pane } = this.viewer.stage, box = pane.getBoundingClientRect();
     const at = cameraPoint(x, y, z).project(camera);
     return { x: box.left + ((at.x + 1) / 2) * box.width, y: box.top + ((1 - at.y) / 2) * box.height, front: Math.abs(at.z) < 1 };
   }
 
-  /** Right, up and forward of the picture as directions of the world. */
+  /** Right, up and forward of the picture as world directions. */
   axes() {
     const { camera } = this.viewer.stage;
     camera.updateMatrixWorld();

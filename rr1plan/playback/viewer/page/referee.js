@@ -1,17 +1,17 @@
 // The referee in the page: `validate` for a motion, by the kernels of `referee.wasm`, which share no code with the planners'.
 //
-//   const referee = await PageReferee.load(data, modules)    data: made by Python's `referee_image`, with the image
-//   referee.contacts(q)                                      [[element, element], ...] that touch, or come too near to tell
-//   referee.moveObstacle(name, rows)                         T_world_object, 16 numbers, row after row
-//   referee.findFault(motion, start, goal)                   why a motion is not proven; empty if it is
-//       motion: {breaks, coefficients, terms}; start and goal: configurations it has to begin and end with
+//   const referee = await PageReferee.load(data, modules)    data: from Python's `referee_image`, with the image
+//   referee.contacts(q)                                      [[element, element], ...] in contact, or too near to decide
+//   referee.moveObstacle(name, rows)                         T_world_object, 16 numbers, row-major
+//   referee.findFault(motion, start, goal)                   why a motion is not proven; empty if it is proven
+//       motion: {breaks, coefficients, terms}; start and goal: its required first and last configurations
 //
 // A motion is proven if it has no contact in continuous time, keeps the limits of position, velocity and acceleration
 // between samples too, neither jumps nor kinks, and goes from rest at the start to rest at the goal.
 
-// Start and goal count as reached within this [rad or m].
+// Tolerance for reaching start and goal [rad or m].
 const SAME = 1e-9;
-// Intervals between two looks at what is found.
+// Intervals of the search between two checks of its findings.
 const INTERVALS = 512;
 
 class PageReferee {
@@ -41,7 +41,7 @@ class PageReferee {
     const core = this.#core, { obstacle_model, obstacle_shapes, obstacle_frames, obstacle_poses } = this.#memory;
     obstacle_poses.values.set(rows, 16 * this.#data.obstacles.indexOf(name));
     const bodies = core.at("RefereeBodies", obstacle_model.bodies);
-    // Only sizes depend on poses; the rows of bodies contain more than the kernel fills in.
+    // Only sizes depend on poses; the rows of bodies contain more than the kernel writes.
     core.scoped(() => core.call(
       "rr1_fill_bodies", obstacle_shapes, obstacle_frames, obstacle_poses, obstacle_model.element_bodies,
       obstacle_model.element_count, core.array("RefereeBody", bodies.body_count), bodies.sizes,
@@ -59,7 +59,7 @@ class PageReferee {
     return found.map(({ pair }) => pair);
   }
 
-  /** What a function finds out with the search for a motion; null if the numbers make none. */
+  /** The result of a function on the search for a motion; null if the numbers do not define a motion. */
   #search({ breaks, coefficients, terms }, find) {
     const core = this.#core, search = this.#memory.search, nq = Number(search.column_count);
     const pieces = coefficients.length / terms / nq;
@@ -75,7 +75,7 @@ class PageReferee {
     });
   }
 
-  /** What is wrong with limits, continuity, rest, start or goal. */
+  /** The violation of limits, continuity, rest, start or goal, if any. */
   #judge(search, times, numbers, start, goal) {
     const core = this.#core, c = core.constants;
     const { break_count, piece_count, terms, column_count: nq } = search;
@@ -88,7 +88,7 @@ class PageReferee {
       tightest, allowed, core.array("int64_t", nq),
     );
     const limits = this.#memory.limits.values;
-    // Of joints without position limits whole turns do not count.
+    // For joints without position limits, whole turns do not count.
     const turn = (j) => (limits[c.LIMIT_UPPER * nq + j] - limits[c.LIMIT_LOWER * nq + j] === Infinity ? 2 * Math.PI : Infinity);
     const differ = (one, two, turns) => one.some((value, j) => {
       const by = value - two[j], whole = turns ? Math.round(by / turn(j)) : 0;
@@ -107,7 +107,7 @@ class PageReferee {
     return faults.find(([wrong]) => wrong)?.[1] ?? "";
   }
 
-  /** The pairs that touch in continuous time, or that cannot be told from such, as they are found: {pair, touches}. */
+  /** The pairs in contact in continuous time, or undecided, in the order in which they are found: {pair, touches}. */
   *#marked(search) {
     const core = this.#core, { size } = core.declarations.structs.ElementPair;
     core.call("rr1_begin_search", search, this.#block);

@@ -1,5 +1,5 @@
-// Stages of a sequence: what is held, what was put down and what may touch depends on the time. The page plans in the
-// scene of the stage in which the clock stands, from the configuration there; what is held stays in the hand.
+// Stages of a sequence: held objects, placed objects and allowed contacts depend on the time. The page plans in the
+// scene of the stage at the time of the clock, from the configuration at that time; held objects stay in the hand.
 
 class SceneStages {
   constructor(viewer, editing) {
@@ -20,12 +20,12 @@ class SceneStages {
     this.stand(this.viewer.time);
   }
 
-  /** The configuration of the scene, in which columns that the planner does not move, such as grippers', stay. */
+  /** The configuration of the scene; columns that the planner does not move, such as grippers', are kept. */
   get rest() {
     return this.row ? Float64Array.from(this.row.rest) : this.viewer.kinematics.rest();
   }
 
-  /** Follows the clock of the sequence, and draws what is held while the arm is moved or moves otherwise. */
+  /** Follows the clock of the sequence, and draws held objects while the arm is moved or plays another motion. */
   follow(time, manual) {
     if (!this.rows || !this.row) return;
     if (!manual && this.editing.motion === this.editing.asPlanned.motion) this.stand(time);
@@ -35,7 +35,7 @@ class SceneStages {
     }
   }
 
-  /** Takes the scene and the start of a time of the sequence. */
+  /** Sets the scene and the start to those at a time of the sequence. */
   stand(time) {
     const row = this.rows.findLast(({ begin }) => begin <= time) || this.rows[0], { editing } = this;
     this.time = time;
@@ -47,14 +47,14 @@ class SceneStages {
     this.take(row);
   }
 
-  /** Loads the planner of a stage when it is first needed. */
+  /** Loads the planner of a stage on first use. */
   async take({ planner: index }) {
     const { viewer, planners, doc } = this, data = doc.planner.planners[index];
     planners[index] ??= loadPlanner({ ...data, modules: settings.modules }).then((planner) => ({ planner, reason: "" }), ({ message }) => ({ planner: null, reason: message }));
     Object.assign(viewer, { planner: null, noPlanner: "" });
     this.editing.takePlanner(null, "the planner is being loaded");
     const { planner, reason } = await planners[index];
-    if (doc.planner !== viewer.document.planner || this.row.planner !== index) return; // the clock has gone on
+    if (doc.planner !== viewer.document.planner || this.row.planner !== index) return; // the clock has moved on
     Object.assign(viewer, { planner, noPlanner: reason });
     for (const f of viewer.listeners.planner) f(planner, reason);
   }

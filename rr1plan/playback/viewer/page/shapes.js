@@ -1,4 +1,4 @@
-// From a shape of the document to a geometry three.js can draw, many copies at once.
+// From a shape of the document to a geometry of three.js, for drawing many copies at once.
 
 const THREE = MeshCat.THREE;
 const unit = {};
@@ -7,7 +7,7 @@ function once(key, make) {
   return (unit[key] = unit[key] || make());
 }
 
-/** {geometry, scale}: equal geometries are one object, so their copies are drawn in one call; sides: of what is round. */
+/** {geometry, scale}: equal geometries are one object, so their copies are drawn in one call; sides: of round shapes. */
 function solid(shape, sides, resolution = 0) {
   switch (shape.kind) {
     case "box":
@@ -68,13 +68,13 @@ function capsule(radius, length, sides) {
   return new THREE.LatheGeometry(points, sides).rotateX(Math.PI / 2);
 }
 
-/** Vertices and faces of a mesh, decoded once. */
+/** Vertices and faces of a mesh, cached. */
 function meshArrays(shape) {
   if (!shape.arrays) shape.arrays = { vertices: unpack(shape.vertices).values, faces: unpack(shape.faces).values };
   return shape.arrays;
 }
 
-/** The geometry of a mesh at a resolution [m], made once. */
+/** The geometry of a mesh at a resolution [m], cached. */
 function meshAt(shape, resolution) {
   shape.geometries = shape.geometries || new Map();
   if (!shape.geometries.has(resolution)) {
@@ -84,7 +84,7 @@ function meshAt(shape, resolution) {
   return shape.geometries.get(resolution);
 }
 
-/** A mesh whose vertices are the means of those in each cube of a grid (Rossignac and Borrel 1993). */
+/** A mesh with one vertex per cube of a grid, the mean of its vertices (Rossignac and Borrel 1993). */
 function clustered({ vertices, faces }, cell) {
   const cells = new Map(), owner = new Uint32Array(vertices.length / 3), sums = [];
   for (let i = 0; i < owner.length; i++) {
@@ -120,7 +120,7 @@ function shapeBox(shape) {
   }
 }
 
-/** Corners are drawn sharp where faces meet at more than 35 degrees, round elsewhere. */
+/** Edges are shaded sharp if faces meet at more than 35 degrees, smooth otherwise. */
 function mesh(vertices, faces) {
   const count = faces.length / 3;
   const corner = (f, k) => 3 * faces[3 * f + k];
@@ -167,12 +167,12 @@ function scaled(pose, scale) {
   return out;
 }
 
-/** A color as written (sRGB) for a renderer that counts in light. */
+/** Converts an sRGB color for a renderer with linear colors. */
 function light(rgb) {
   return new THREE.Color(rgb[0], rgb[1], rgb[2]).convertSRGBToLinear();
 }
 
-/** Clear where it is looked at straight on, dense towards its outline: round things stay readable one behind another. */
+/** Transparent where it faces the viewer, opaque toward its outline, so that nested round shapes remain readable. */
 function rimMaterial(opacity) {
   const material = new THREE.MeshPhongMaterial({
     transparent: true, opacity, depthWrite: false, shininess: 50, specular: 0x1c1c1c, emissive: 0x222222,

@@ -1,6 +1,6 @@
 // Motions side by side: a tile of the picture for each, seen by the same camera and on one clock.
 
-/** What belongs to the motion of the page alone. */
+/** Layers that belong only to the motion of the page. */
 const OWN_LAYERS = ["toolpath", "toolspeed", "path", "tree", "nearest", "conflicts"];
 
 class SideBySide {
@@ -10,7 +10,7 @@ class SideBySide {
     viewer.keys.add("View", [{ keys: ["v"], text: "Motions side by side, or overlaid", when: () => this.offered, act: () => this.toggle() }]);
   }
 
-  /** There is something to see beside the motion. */
+  /** Whether there are other motions to show. */
   get offered() {
     const { others, stage } = this.viewer;
     return others.size > 0 && Boolean(stage.renderer);
@@ -19,7 +19,7 @@ class SideBySide {
   toggle(on = !this.on) {
     const { viewer } = this, kinds = [...viewer.others.keys()];
     this.on = on;
-    // All of them, where all are hidden.
+    // All of them if all are hidden.
     if (on && !kinds.some((kind) => viewer.isShown(kind))) for (const kind of kinds) viewer.setShown(kind, true);
     this.load();
     viewer.controls.refreshToggles();
@@ -37,14 +37,14 @@ class SideBySide {
       const direction = stage.turned ? stage.direction() : null;
       stage.count = count;
       viewer.look(direction, viewer.framed === "whole");
-      // The colors of contacts are those of all motions again.
+      // Restore the contact colors of all motions.
       viewer.paint();
     }
     this.place();
     viewer.redraw();
   }
 
-  /** Brings into the world what a tile shows: 0 the motion of the page, from 1 on the others. */
+  /** Makes the content of a tile visible: 0 the motion of the page, from 1 on the others. */
   show(tile) {
     const { viewer } = this, { world, overlays } = viewer, kind = tile ? this.kinds[tile - 1] : null;
     for (const name of OWN_LAYERS) if (world.layers[name]) world.layers[name].visible = !kind && viewer.isShown(name);
@@ -54,7 +54,7 @@ class SideBySide {
     if (overlays.made.frames && viewer.isShown("frames")) overlays.made.frames.update();
   }
 
-  /** A name and a rim for each tile. */
+  /** A name and a border for each tile. */
   place() {
     const { viewer } = this, { stage, player } = viewer, box = find("tiles");
     if (!this.kinds.length) { box.replaceChildren(); return; }

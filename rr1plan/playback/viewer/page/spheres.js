@@ -1,13 +1,13 @@
 // The spheres that contain links and held objects, coarse to fine.
 
-/** Layers: one sphere around each link, one around each of its convex bodies, those that fill them; how dense they are. */
+/** Layers: one sphere around each link, one around each of its convex bodies, many inside these; and their opacity. */
 const SPHERE_LAYERS = [["linkspheres", 0.5], ["bodyspheres", 0.6], ["spheres", 0.75]];
 
 class Spheres {
   constructor(doc, kinematics, sides) {
     this.doc = doc;
     this.kinematics = kinematics;
-    // The drawn polyhedron contains the sphere; otherwise the link would protrude between its vertices.
+    // The drawn polyhedron contains the sphere; otherwise the link would protrude through its facets.
     this.sides = sides;
     this.wider = Math.cos(Math.PI / sides) ** -2;
     const items = this.items();
@@ -65,7 +65,7 @@ class Spheres {
   }
 }
 
-/** Rows {link, level, center, radius}; none where no spheres were sent. */
+/** Rows {link, level, center, radius}; none if no spheres were sent. */
 function unpackSpheres(packed) {
   if (!packed) return [];
   const links = unpack(packed.links).values, levels = unpack(packed.levels).values, spheres = unpack(packed.spheres).values;

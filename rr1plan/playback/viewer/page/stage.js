@@ -1,6 +1,6 @@
-// Meshcat's viewer, lit and framed: floor, lights, camera. The world's z is up.
+// Meshcat's viewer with floor, lights and camera. In the world z is up.
 
-/** A point of the world (z up) as three.js' camera has it (y up). */
+/** Converts a point of the world (z up) to coordinates of three.js' camera (y up). */
 function cameraPoint(x, y, z) {
   return new THREE.Vector3(x, z, -y);
 }
@@ -16,7 +16,7 @@ function cornersOf(box) {
   return box.isEmpty() ? [] : [...Array(8).keys()].map((i) => [of(i, "x"), of(i, "y"), of(i, "z"), 0]);
 }
 
-/** A room of soft lamps: where they are, the walls between them. */
+/** A room of soft lamps: their positions, and the walls between them. */
 const LAMPS = [
   { color: 0xffffff, size: [9, 9], place: [0, 12, 0] },
   { color: 0xfff1e0, size: [4, 8], place: [11, 4, 5] },
@@ -25,8 +25,8 @@ const LAMPS = [
 const LAMP_LIGHT = 2.2, WALLS = 0x4b4f54;
 
 /**
- * The light of the room as it falls on dull surfaces of all directions, in spherical harmonics. An environment map would
- * also be mirrored, which is hardly seen on dull surfaces and takes more than a second where no graphics card is.
+ * The diffuse light of the room for all surface directions, in spherical harmonics. An environment map would also add
+ * reflections, which are hardly visible on matte surfaces and take more than a second without a graphics card.
  */
 function roomLight() {
   const sh = new THREE.SphericalHarmonics3(), basis = new Float64Array(9), color = new THREE.Color(), count = 4000;
@@ -124,7 +124,7 @@ class Stage {
   floor(center, radius, height) {
     const group = new THREE.Group();
     const size = 14 * radius, slope = (center.z - height) / 1.5;
-    // As large as the lamp's picture on the floor: each of its pixels costs a look at the shadows.
+    // No larger than the lamp's picture on the floor, because each of its pixels costs a shadow lookup.
     const reach = 2 * 1.35 * Math.SQRT2 * Math.hypot(0.55, 0.75, 1.5) / 1.5 * radius;
     const shade = new THREE.Mesh(new THREE.PlaneGeometry(reach, reach), new THREE.ShadowMaterial({ opacity: 0.24 }));
     shade.position.set(0.55 * slope, 0.75 * slope, 0);
@@ -162,8 +162,8 @@ class Stage {
   }
 
   /**
-   * Looks at balls of the world [x, y, z, radius] from a direction of the world, so that all are seen beside the cards.
-   * The camera stands on the line through the target, or the middle of all; the lens moves the picture to its place.
+   * Frames balls [x, y, z, radius] from a world direction, so that all are visible next to the cards. The camera is on
+   * the line through the target, or through the center of all balls; a lens shift moves the picture to its place.
    */
   look(balls, direction, target = null) {
     const d = new THREE.Vector3(...direction).normalize();
@@ -175,7 +175,7 @@ class Stage {
       const c = cameraPoint(x, y, z).sub(center);
       return [c.dot(right), c.dot(above), c.dot(eye), r];
     });
-    // Half of a tile in tangents of angles, and from where to where the balls are in it from a distance.
+    // Half of a tile as tangents of angles, and the extent of the balls in it from a distance.
     const tall = Math.tan((this.camera.fov * Math.PI) / 360), [{ width, height }] = this.tiles(), wide = (tall * width) / height;
     const seen = (distance) => {
       const window = [Infinity, -Infinity, Infinity, -Infinity];
@@ -214,7 +214,7 @@ class Stage {
     this.meshcat.set_dirty();
   }
 
-  /** What brings a point of the picture into the middle of a room in each tile; at one height in tiles beside each other, else at one side. */
+  /** Shift that centers a point of the picture in a free area of each tile; equal heights in a row of tiles, equal sides in a column. */
   shiftsIn(rooms, x, y) {
     const stacked = this.tiles().some(({ top }) => top > 0), all = {
       left: Math.max(...rooms.map(({ left }) => left)), right: Math.min(...rooms.map(({ right }) => right)),
@@ -226,7 +226,7 @@ class Stage {
     });
   }
 
-  /** The tiles of the picture [px]: one, or several beside each other, or below each other in a tall window. */
+  /** The tiles of the picture [px]: one, or several in a row, or in a column in a tall window. */
   tiles() {
     const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1, { count } = this, tall = height > width;
     const cut = (length, k) => Math.round((k * length) / count);
@@ -235,8 +235,8 @@ class Stage {
   }
 
   /**
-   * Moves the picture in its tile, without another perspective.
-   * The camera sees the whole window, of which only the tile is drawn: what points at the window needs to know the first tile alone.
+   * Moves the picture in its tile without changing the perspective. The camera covers the whole window, of which only
+   * the tile is drawn, so code that maps pointer positions only needs the first tile.
    */
   fitLens(k = 0) {
     const { left, top, width, height } = this.tiles()[k], [x, y] = this.shifts[k];
@@ -245,14 +245,14 @@ class Stage {
     this.camera.updateProjectionMatrix();
   }
 
-  /** From where the camera looks at its target, as a direction of the world. */
+  /** Direction from the target to the camera, in the world. */
   direction() {
     return worldPoint(this.camera.position.clone().sub(this.controls.target)).toArray();
   }
 
-  /** Parts of a tile that no card covers, from -1 to 1 each way: beside or below each card, or all if these are slits. */
+  /** Parts of a tile not covered by cards, from -1 to 1 each way: next to or below each card, or all if these are too narrow. */
   rooms(tile) {
-    const pane = this.pane.getBoundingClientRect(), gap = 14, label = this.count > 1 ? 34 : 0; // [px] to cards and to the edges of the tile, of its name
+    const pane = this.pane.getBoundingClientRect(), gap = 14, label = this.count > 1 ? 34 : 0; // [px] margin; height of a name
     const left = pane.left + tile.left, top = pane.top + tile.top, right = left + tile.width, bottom = top + tile.height;
     const covered = (id) => {
       const box = find(id).getBoundingClientRect(), card = getComputedStyle(find(id)).boxShadow !== "none";
@@ -276,7 +276,7 @@ class Stage {
     this.meshcat.set_dirty();
   }
 
-  /** Gives the picture as many pixels as the window and the quality ask for; another number of them is another memory. */
+  /** Sets the resolution of the picture from the window and the quality; a change reallocates its memory. */
   fitPicture() {
     const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1, ratio = this.fine * this.quality.pixels;
     const { x, y } = this.renderer.getSize(new THREE.Vector2());
@@ -284,7 +284,7 @@ class Stage {
     if (x !== width || y !== height) this.renderer.setSize(width, height);
   }
 
-  /** Draws as much as a level of `pace.js` says. */
+  /** Applies a quality level of `pace.js`. */
   setQuality(quality) {
     if (quality !== this.quality) this.apply(quality);
   }
@@ -309,7 +309,7 @@ class Stage {
     if (this.count === 1) this.meshcat.render(); else this.drawTiles();
   }
 
-  /** Draws tile after tile, the first one last: what it shows stays in the world. */
+  /** Draws all tiles, the first one last, so that its content remains visible in the world. */
   drawTiles() {
     const { renderer, meshcat, camera } = this, tiles = this.tiles(), all = this.pane.clientHeight;
     renderer.setScissorTest(true);
@@ -325,7 +325,7 @@ class Stage {
   }
 }
 
-/** The stage of a browser without WebGL: a note in the place of the picture. All that needs no picture goes on. */
+/** The stage for a browser without WebGL: a note in place of the picture. Everything that needs no picture still works. */
 class EmptyStage {
   constructor(pane) {
     document.body.classList.add("no-webgl");
@@ -338,7 +338,7 @@ class EmptyStage {
       element("p", "For the 3-D view turn on hardware acceleration in the browser’s settings, or open the page in another browser."),
     );
     pane.replaceChildren(note);
-    // Nobody can point at what is not drawn: panels may listen here, and hear nothing.
+    // Panels may register listeners here, which are never called, because nothing is drawn.
     this.pane = element("div");
     this.meshcat = { set_dirty: () => {} };
     this.camera = new THREE.PerspectiveCamera(34, 1, 0.01, 200);
@@ -355,7 +355,7 @@ class EmptyStage {
   draw() {}
 }
 
-/** The stage in a pane, an empty one where three.js can draw nothing. */
+/** The stage in a pane, an empty one if three.js cannot draw. */
 function makeStage(pane) {
   try {
     return new Stage(pane);

@@ -1,11 +1,12 @@
-// The time line of many arms: a row for each, the clock across all of them. Statements of a panel: viewer, root, data.
+// The time line of many arms: a row for each, and a time cursor. Statements of a panel with viewer, root and data in
+// scope.
 
 const canvas = root.querySelector("canvas"), pen = canvas.getContext("2d");
 const chart = root.querySelector(".chart"), now = root.querySelector(".now"), said = root.querySelector(".said");
 const AXIS = 20, CONFLICT = "#d1003f";
 const FEW_ROWS = 5;
 const STILL = 1e-9; // [rad or m] the least displacement in a piece that counts as motion
-let line = data; // what is drawn: the data of the panel, or the rows of a motion that was planned in the page
+let line = data; // drawn content: the data of the panel, or the rows of a motion planned in the page
 document.body.classList.toggle("few-rows", data.arms.length <= FEW_ROWS && document.querySelectorAll("#panels > .panel").length === 1);
 let left = 0, right = 0, rowHeight = 0, below = 0;
 
@@ -72,7 +73,7 @@ function drawRow(arm, row, named) {
   }
 }
 
-/** From each arm that is waited for to the one that waits, when that goes on. */
+/** An arrow from the awaited arm to the waiting one, at the time when the latter continues. */
 function drawArrows() {
   line.arms.forEach((arm, row) => {
     for (const [, until, others] of arm.waits) {
@@ -123,7 +124,7 @@ function drawConflict({ time, rows }) {
   }
 }
 
-/** The rows of a motion that the page has planned: nobody waits there. */
+/** The rows of a motion planned by the page, in which no arm waits. */
 function rowsPlannedHere(track) {
   const { arms } = viewer.kinematics;
   const rows = data.arms.map((row) => {
@@ -141,7 +142,7 @@ function rowsPlannedHere(track) {
   return { arms: rows, conflicts: [], start: track.start, makespan, summary: `${rows.length} arms, ${makespan.toFixed(2)} s, planned here ${how}` };
 }
 
-/** Puts the clock's line where the motion is. */
+/** Moves the time cursor to the current time of the motion. */
 function follow() {
   now.style.left = `${x(Math.min(Math.max(viewer.time, line.start), line.start + line.makespan))}px`;
 }
@@ -174,7 +175,7 @@ function say(conflict, text) {
   said.classList.toggle("bad", Boolean(conflict));
 }
 
-/** Goes to the moment under the pointer; on a cross, to the contact, whose links are painted red. */
+/** Goes to the time under the pointer; on a cross, to the contact, whose links are painted red. */
 function choose(event) {
   const place = pointed(event), conflict = conflictAt(place);
   if (conflict) viewer.point(conflict.time, conflict.elements);

@@ -1,6 +1,6 @@
 // Paths and goals of the tools, and paths without times.
 
-/** Positions of the tools of the arms that move, at each of the configurations: one Float32Array an arm. */
+/** Positions of the tools of the moving arms at each configuration: one Float32Array per arm. */
 function toolLines(kinematics, columns, configurations) {
   const poses = new Float64Array(16 * kinematics.links);
   const arms = kinematics.arms.filter((a) => columns.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
@@ -15,7 +15,7 @@ function toolLines(kinematics, columns, configurations) {
   });
 }
 
-/** Appends rings of points around a line, and the directions they face; a line that stands still keeps its last ring. */
+/** Appends rings of points around a line, and their normals; where the line does not advance, its last ring is repeated. */
 function addRings(points, radius, sides, positions, normals) {
   const tangent = new THREE.Vector3(1, 0, 0), u = new THREE.Vector3(), w = new THREE.Vector3(), n = new THREE.Vector3();
   points.forEach((p, i) => {
@@ -90,7 +90,7 @@ class ToolPath {
       new THREE.LineBasicMaterial({ vertexColors: true }));
   }
 
-  /** Calls f(number of the ring at its beginning) for all pieces in the order of time. */
+  /** Calls f(index of the ring at its beginning) for all pieces in the order of time. */
   eachPiece(f) {
     for (let i = 0; i < this.pieces; i++) for (let line = 0; line < this.lines.length; line++) f(line * (this.pieces + 1) + i);
   }
@@ -110,7 +110,7 @@ class ToolPath {
     }
   }
 
-  /** The speed of each tool [m/s] at the ends of all pieces, and the largest of all. */
+  /** The speed of each tool [m/s] at the ends of all pieces, and the largest speed. */
   measureSpeeds() {
     const { kinematics, track } = this, poses = new Float64Array(16 * kinematics.links), q = kinematics.rest();
     for (const line of this.lines) line.speeds = new Float64Array(this.times.length);
@@ -186,7 +186,7 @@ function waypointLines(kinematics, row, radius) {
   return group;
 }
 
-/** Goals that are places: a ball, with axes when it is turned; a region as a clear box. */
+/** Goals in the world: a ball, with axes if the orientation is given; a region as a transparent box. */
 function targetMarks(targets, radius) {
   const group = new THREE.Group();
   const green = light(GHOSTS.goal);

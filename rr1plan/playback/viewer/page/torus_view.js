@@ -1,8 +1,8 @@
-// The configuration space as what it is: the square rolled up to a torus, its image, path and configuration on it.
+// The configuration space as a torus: the square rolled up, with its images, path and configuration.
 
 const RING = 1, TUBE = 0.48; // radii of the torus
 
-/** The point of the torus at shares of both axes, lifted off its surface. */
+/** The point of the torus at shares of both axes, offset from its surface. */
 function onTorus([u, v], lift = 0) {
   const a = 2 * Math.PI * u, b = 2 * Math.PI * v, r = RING + (TUBE + lift) * Math.cos(b);
   return new viewer.THREE.Vector3(r * Math.cos(a), r * Math.sin(a), (TUBE + lift) * Math.sin(b));
@@ -21,7 +21,7 @@ class TorusView {
     this.renderer.outputEncoding = THREE.sRGBEncoding;
     this.camera = new THREE.PerspectiveCamera(30, 1, 0.1, 20);
     this.scene = new THREE.Scene();
-    this.turn = [-0.9, 0.85]; // of the eye around the axis, above the plane [rad]
+    this.turn = [-0.9, 0.85]; // azimuth and elevation of the eye [rad]
     this.texture = new THREE.CanvasTexture(lesson.area);
     this.texture.encoding = THREE.sRGBEncoding;
     this.mesh = new THREE.Mesh(this.surface(), new THREE.MeshLambertMaterial({ map: this.texture }));
@@ -95,7 +95,7 @@ class TorusView {
     this.ask();
   }
 
-  /** The arm to the configuration under the pointer. */
+  /** Moves the arm to the configuration under the pointer. */
   click(event) {
     const { THREE } = viewer, box = this.canvas.getBoundingClientRect(), ray = new THREE.Raycaster();
     ray.setFromCamera(new THREE.Vector2((2 * (event.clientX - box.left)) / box.width - 1, 1 - (2 * (event.clientY - box.top)) / box.height), this.camera);
@@ -103,9 +103,9 @@ class TorusView {
     if (hit) this.lesson.pose([value(0, hit.uv.x), value(1, hit.uv.y)]);
   }
 
-  /** The image anew, then the picture. */
+  /** Redraws the texture, then the picture. */
   paint() {
-    // Another size of picture needs another texture.
+    // A picture of another size needs a new texture.
     if (this.size !== this.lesson.area.width) this.texture.dispose();
     this.size = this.lesson.area.width;
     this.texture.needsUpdate = true;

@@ -7,7 +7,7 @@ const TOUCHED = [0.86, 0.08, 0.2], FADED = 0.82, LIT = [1, 0.95, 0.62];
 const GHOSTS = { start: [0.25, 0.47, 0.85], goal: [0.1, 0.62, 0.42], replay: [0.62, 0.3, 0.78], compare: [0, 0.57, 0.63] };
 const IDENTITY = identity();
 
-/** Colors of arms, those of `arm_colors.py`, for color-blind eyes too; beyond ten they are spread around the wheel. */
+/** Colors of arms, as in `arm_colors.py`, safe for color-blind readers; beyond ten, hues are spread around the wheel. */
 const ARMS = [
   [0.894, 0.314, 0.055], [0.129, 0.451, 0.851], [0.031, 0.392, 0.325], [0.969, 0.733, 0.29], [0.439, 0.192, 0.565],
   [0.29, 0.678, 0.71], [0.671, 0.537, 0.988], [0.337, 0.173, 0.035], [0.961, 0.51, 0.408], [0.686, 0.318, 0.592],
@@ -28,7 +28,7 @@ class World {
     this.layers = {};
     this.filled = new Set();
     this.linkBodies = new Map();
-    // Nothing of an arm is made before the camera stands: full detail would be made for nothing.
+    // Arms are created only after the camera is set, which avoids creating unneeded full detail.
     this.detail = { levels: new Int8Array(kinematics.arms.length).fill(-1), version: 1 };
     this.reach = kinematics.arms.map((arm) => this.reachOf(arm));
     this.lens = { eye: new THREE.Vector3(), frustum: new THREE.Frustum(), ball: new THREE.Sphere(), view: new THREE.Matrix4() };
@@ -44,7 +44,7 @@ class World {
     this.obstacles = this.layer("obstacles", new Bodies(this.obstacleItems(), { roughness: 0.75 }));
     this.obstacles.update(this.poses);
     this.addLooseBodies();
-    // The unit of what is drawn as large as an arm or a part of it, whatever the size of the arm [m].
+    // Unit of elements that scale with the arm, whatever its size [m].
     this.span = Math.max(0, ...this.reach) || this.obstacleBox().getSize(new THREE.Vector3()).length() / 2 || 1;
     this.addEdges();
     this.addSpecials();
@@ -66,7 +66,7 @@ class World {
     return this.layers[name];
   }
 
-  /** Removes a layer with everything in it. */
+  /** Removes a layer with all its content. */
   clear(name) {
     const layer = this.layers[name];
     this.filled.delete(name);
@@ -76,15 +76,15 @@ class World {
     delete this.layers[name];
   }
 
-  /** Something is in a layer, drawn by now or not. */
+  /** Whether a layer has content, drawn yet or not. */
   has(name) {
     const layer = this.layers[name];
     return this.filled.has(name) || (Boolean(layer) && layer.children.some((c) => c.children.length > 0 || !c.isGroup));
   }
 
-  // ---- what is drawn ---------------------------------------------------------------------
+  // ---- content ---------------------------------------------------------------------------
 
-  /** The links of arms, each as one body for each of its colors. */
+  /** The links of arms, one body per color of a link. */
   linkItems(kind, fallback, arms = this.kinematics.arms) {
     const items = [];
     for (const arm of arms) {
@@ -96,7 +96,7 @@ class World {
     return items;
   }
 
-  /** The bodies of a robot's links, shared by its arms: one per link and color; without a fallback color one per link. */
+  /** The bodies of a robot's links, shared by its arms: one per link and color, or one per link without a fallback color. */
   bodiesOf(robot, kind, fallback) {
     if (!this.linkBodies.has(robot)) this.linkBodies.set(robot, {});
     const known = this.linkBodies.get(robot), name = fallback ? kind : `${kind} in one color`;
@@ -152,7 +152,7 @@ class World {
     if (this.bodyTrack) this.updateBodies(this.bodyTrack.times[0]);
   }
 
-  /** Puts loose bodies where they were at a time; those that were not there are not drawn. */
+  /** Moves loose bodies to their poses at a time; bodies absent at that time are not drawn. */
   updateBodies(time) {
     if (!this.bodyTrack) return;
     const { times, poses, count } = this.bodyTrack, last = times.length - 1;
@@ -178,13 +178,13 @@ class World {
     this.bodies.update(this.bodyPoses);
   }
 
-  /** Puts loose bodies where the links are that hold them: {body, link, pose: T_link_body}. */
+  /** Moves loose bodies with the links that hold them: {body, link, pose: T_link_body}. */
   carry(held) {
     for (const { body, link, pose } of held) multiply(this.bodyPoses, 16 * body, this.poses, 16 * link, pose, 0);
     this.bodies.update(this.bodyPoses);
   }
 
-  /** Thin dark edges: boxes in front of boxes stay readable. */
+  /** Thin dark edges, so that boxes in front of boxes remain readable. */
   addEdges() {
     const known = new Map();
     let count = 0;
@@ -220,7 +220,7 @@ class World {
     }
   }
 
-  /** An obstacle is made of solids only, which can be drawn elsewhere. */
+  /** Whether an obstacle consists of solids only, which can be drawn at other poses. */
   canMove(name) {
     const obstacle = this.doc.obstacles.find((o) => o.name === name);
     return Boolean(obstacle) && obstacle.parts.every((part) => !["halfspace", "cloud"].includes(this.doc.shapes[part.shape].kind));
@@ -258,7 +258,7 @@ class World {
     return box;
   }
 
-  /** Half-spaces and point clouds, which are not solids with a surface of their own. */
+  /** Half-spaces and point clouds, which are not solids with a surface. */
   addSpecials() {
     this.floor = null;
     for (const object of this.doc.obstacles) {
@@ -305,7 +305,7 @@ class World {
     this.group("obstacles").add(cloud);
   }
 
-  // ---- ghosts: the same arms elsewhere -----------------------------------------------------
+  // ---- ghosts: the same arms at other configurations ---------------------------------------
 
   addGhosts() {
     this.still = [];
@@ -322,7 +322,7 @@ class World {
     this.followers[kind] = { bodies, poses: Float64Array.from(this.poses) };
   }
 
-  /** Shows some arms {arm (its name), q} in the color of the start or the goal, in place of those shown so far. */
+  /** Shows some arms {arm (its name), q} in the color of the start or the goal, replacing the previous ones. */
   setGhosts(kind, ghosts) {
     const old = this.still.find((still) => still.kind === kind);
     if (old) {
@@ -369,15 +369,15 @@ class World {
     bodies.update(poses, this.detail);
   }
 
-  /** Puts what is shown of the arms to where their links are. */
+  /** Moves the visible layers of the arms to the poses of their links. */
   place() {
     for (const bodies of this.moving) if (bodies.group.parent.visible) bodies.update(this.poses, this.detail);
     for (const { bodies, poses } of this.still) if (bodies.group.parent.visible) bodies.update(poses, this.detail);
   }
 
   /**
-   * Draws each arm as fine as it is seen, and those outside of the picture not at all.
-   * tolerance: pixels of the window that may be left out, of its height; true when something changed.
+   * Sets the level of detail of each arm by its size in the picture; arms outside of it are not drawn. tolerance: size
+   * of features that may be omitted [px], and the window's height; returns true if anything changed.
    */
   chooseDetail(camera, height, tolerance) {
     const { levels } = this.detail, { eye, frustum, ball, view } = this.lens;
@@ -389,7 +389,7 @@ class World {
     this.kinematics.arms.forEach((arm, i) => {
       ball.center.set(arm.base[12], arm.base[14], -arm.base[13]);
       const near = Math.max(camera.near, eye.distanceTo(ball.center) - this.reach[i]);
-      // Beside the picture an arm may still throw its shadow into it.
+      // An arm outside the picture may still cast its shadow into it.
       ball.radius = 2 * this.reach[i];
       const level = frustum.intersectsSphere(ball) ? levelOf(tolerance * wide * near) : -1;
       changed = changed || level !== levels[i];
@@ -399,7 +399,7 @@ class World {
     return changed;
   }
 
-  /** How far parts of an arm can get from its base [m], at most. */
+  /** Largest distance of any part of an arm from its base [m]. */
   reachOf(arm) {
     const { robot } = arm, far = new Float64Array(robot.links.length), distance = (pose) => Math.hypot(pose[12], pose[13], pose[14]);
     for (const joint of robot.joints) {
@@ -416,15 +416,15 @@ class World {
     return Math.max(0, ...own, ...held) || 1;
   }
 
-  /** With highlights and shadows on everything; or plainly, which is faster. */
+  /** Draws with highlights and shadows on everything, or plainly, which is faster. */
   setRich(on) {
     for (const bodies of [this.robots, this.held, this.obstacles, this.bodies]) bodies.setRich(on);
   }
 
-  /** Colors by arm (on colored parts only: gray and black parts stay), touching elements in red, one element lit up. */
+  /** Colors by arm (colored parts only: gray and black parts are kept), elements in contact red, one element highlighted. */
   paint(byArm, touched = [], lit = null) {
     const hsl = {}, color = new THREE.Color(), red = new Set(touched);
-    // Among very many colors red is seen only where the others are faint.
+    // Among very many colors, red is visible only if the others are faint.
     const faint = red.size && this.kinematics.arms.length > MANY ? 0.72 : 0;
     const faded = (rgb) => rgb.map((v) => (1 - faint) * v + faint * FADED);
     const brighter = (item, rgb) => (item.element === lit ? rgb.map((v, k) => 0.5 * v + 0.5 * LIT[k]) : rgb);
@@ -446,7 +446,7 @@ class World {
 
   // ---- extent ------------------------------------------------------------------------------
 
-  /** Boxes of the world: `near`, the arms along the motion and what stands near them, and `whole`; what to frame of near. */
+  /** Boxes in the world: `near`, the arms along the motion and their surroundings, and `whole`; and the points of near to frame. */
   extent(samples) {
     const arms = new THREE.Box3(), poses = new Float64Array(this.poses.length), point = new THREE.Vector3();
     const boxes = this.kinematics.arms.map(() => new THREE.Box3()), many = this.kinematics.arms.length > 12, links = [];
@@ -460,7 +460,7 @@ class World {
       });
     }
     for (const box of boxes) arms.union(box);
-    // Of many arms the corners of the box around each count: framing looks at all of them dozens of times.
+    // For many arms only the corners of a box around each, because framing evaluates all points dozens of times.
     if (many) boxes.forEach((box, k) => links.push(...cornersOf(box).map(([x, y, z]) => [x, y, z, 0.2 * this.reach[k]])));
     const whole = this.obstacleBox();
     if (arms.isEmpty() && whole.isEmpty()) whole.set(new THREE.Vector3(-0.5, -0.5, 0), new THREE.Vector3(0.5, 0.5, 0.5));
@@ -474,14 +474,14 @@ class World {
       this.spheres.expand(around, samples);
       near.union(around);
     }
-    // The start, the middle and the end; of very many arms the start alone.
+    // The start, the middle and the end; for very many arms only the start.
     const instants = [1, samples.length >> 1, samples.length - 1].slice(0, many ? 1 : 3);
     const bodies = instants.flatMap((i) => this.bodyCorners(samples[i]));
     const framed = arms.isEmpty() ? cornersOf(near) : [...links.map(([x, y, z, far]) => [x, y, z, Math.min(0.08 * size, far)]), ...bodies, ...cornersOf(around)];
     return { near, framed, whole: whole.union(near), floor: this.floor === null ? Math.min(0, lowest) : this.floor };
   }
 
-  /** Corners of the boxes around the parts of arms at a configuration, as balls without a radius; of many arms of one box each. */
+  /** Corners of the boxes around the parts of arms at a configuration, as balls of radius zero; for many arms one box each. */
   bodyCorners(q) {
     const poses = new Float64Array(this.poses.length), T = new THREE.Matrix4(), placed = identity(), found = [];
     this.kinematics.forwardAll(q, poses);
@@ -525,7 +525,7 @@ class World {
     return box;
   }
 
-  /** Makes room for loose bodies where they are first and last. */
+  /** Extends the box by the first and last poses of loose bodies. */
   expandByBodies(box) {
     const { times } = this.bodyTrack, T = new THREE.Matrix4(), placed = identity();
     for (const time of [times[times.length - 1], times[0]]) {
@@ -545,7 +545,7 @@ class World {
   }
 }
 
-/** Frees what an object and its parts hold on the graphics card. */
+/** Frees the graphics memory of an object and its parts. */
 function disposeTree(root) {
   root.traverse((o) => {
     if (o.geometry && !Object.values(unit).includes(o.geometry)) o.geometry.dispose();
