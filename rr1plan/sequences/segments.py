@@ -50,7 +50,7 @@ class FreeMotion(Value):
     allow: frozenset[Pair] = frozenset()
     stop: bool = True
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored types
 
         def __init__(
             self,
@@ -99,7 +99,7 @@ class StraightLine(Value):
     allow: frozenset[Pair] = frozenset()
     stop: bool = True
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored types
 
         def __init__(
             self,
@@ -161,7 +161,7 @@ class MoveGripper(Value):
     arm: str | None = None
     allow: frozenset[Pair] = frozenset()
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored types
 
         def __init__(
             self,
@@ -215,7 +215,7 @@ class Attach(Value):
     link: str | None = None
     touch: tuple[str, ...] | None = None
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored types
 
         def __init__(
             self,

@@ -45,7 +45,7 @@ class Sequence(Value):
     scene: Scene
     segments: tuple[Segment, ...]
 
-    if TYPE_CHECKING:  # what it takes; above is what it holds
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored types
 
         def __init__(self, scene: Scene, segments: Iterable[Segment]) -> None: ...
 
