@@ -96,8 +96,9 @@ def load_robot(
     reaches that in 0.1 s are taken. A velocity it does not give becomes 1 rad/s or 0.25 m/s.
     Use `robot.with_limits` where you know better.
 
-    "home" is the SRDF's state of that name, else "ready", else its first one; without an SRDF, zero or
-    the middle of the range if that is free of self-collision, else a free configuration near it.
+    "home" is the SRDF's state of that name, moved to the limits where it is outside them, else "ready", else its first
+    one within them; without an SRDF, zero or the middle of the range if that is free of self-collision, else a free
+    configuration near it.
 
     Where no SRDF switches pairs of links off, neighbors and links that touch in each of 200 random
     configurations are not checked against each other; see `propose_disabled_collisions`. Where no configuration
