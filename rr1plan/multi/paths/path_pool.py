@@ -40,7 +40,8 @@ class PathPool:
 
     Args:
         agent: The agent.
-        margin: Distance that they keep from all that stands still, beyond the padding [m].
+        margin: Distance that they keep from all that stands still, beyond the padding [m]; zero once a patient search
+            has found no path that keeps it.
         rng: Where random numbers come from.
         watch: Says when to give up (default: never).
 
@@ -64,8 +65,8 @@ class PathPool:
             others: Moving arms of the problem that it has to avoid, each in a configuration (nq,).
             detour: Whether it has to go through a random configuration.
             effort: How often to double the iterations after which a hard search is given up.
-            patient: Whether to use all of the time, and then to look for a hint why there is no path; else a hard
-                search is given up soon.
+            patient: Whether to use all of the time, the second half without the margin if there is one, and then to
+                look for a hint why there is no path; else a hard search is given up soon.
 
         Returns:
             The path, which is part of the pool now, or None and why there is none.
@@ -164,7 +165,13 @@ class PathPool:
         goes_on, seconds = self._watch.let_planner_go_on, self._watch.time_left
         if patient:
             most = None if math.isfinite(seconds) else _NO_LIMIT
-            return plan(leg, budget=Budget(seconds, most), rng=self._rng, progress=goes_on)
+            if self.margin > 0.0:
+                result = RrtConnect().plan(leg, budget=Budget(0.5 * seconds, most), rng=self._rng, progress=goes_on)
+                if result.status is not PlanStatus.TIMEOUT:
+                    return result
+                self.margin = 0.0
+            rest = Budget(self._watch.time_left, most)
+            return plan(leg.with_margin(0.0), budget=rest, rng=self._rng, progress=goes_on)
         budget = Budget(seconds, _ITERATIONS * len(self.agent.arms) << effort)
         return RrtConnect().plan(leg, budget=budget, rng=self._rng, progress=goes_on)
 
