@@ -197,7 +197,16 @@ def test_an_srdf_of_the_same_name_is_found_beside_the_urdf(arm: Path, place: str
 def test_a_state_outside_the_limits_is_said_with_its_robot(arm: Path, caplog: pytest.LogCaptureFixture) -> None:
     (arm.parent / "arm.srdf").write_text(STATE.replace('value="0.5"', 'value="1.5"'))
     rp.load_robot(arm)
-    assert "arm: the state 'up' is outside the joints' limits" in caplog.text
+    assert "arm: the state 'up' is outside the joints' limits (a at 1.5, not -1 to 1)\n" in caplog.text
+
+
+def test_a_home_outside_the_limits_is_moved_to_them(arm: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (arm.parent / "arm.srdf").write_text(STATE.replace('value="0.5"', 'value="1.5"').replace('"up"', '"home"'))
+    robot = rp.load_robot(arm)
+    assert robot.home.tolist() == [1.0]
+    assert "(a at 1.5, not -1 to 1); it is moved to them" in caplog.text
+    scene = rp.Scene().with_arm("arm", robot)
+    assert rp.plan(rp.Problem(scene, "home", [0.0]), rng=0).found
 
 
 def test_a_broken_srdf_is_an_error_not_ignored(arm: Path) -> None:

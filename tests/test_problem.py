@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rr1plan.errors import InputError, UnknownNameError
+from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import JointGoal, PoseGoal, Problem, RegionGoal, frame_link
@@ -135,7 +135,7 @@ def test_tool_means_the_robot_s_tool_unless_a_link_has_that_name(rr1: Robot, pla
         ("home", "zerro", "Did you mean 'zero'"),
         ("home", PoseGoal("tol", [0, 0, 0]), "unknown frame 'tol'. Did you mean 'tool'"),
         ("home", RegionGoal("hand_lnk", [0, 0, 0], [1, 1, 1]), "Did you mean 'hand_link'"),
-        ({"amr": Q}, "home", "unknown moving arm 'amr'. Did you mean 'arm'"),
+        ({"amr": Q}, "home", "unknown arm 'amr'. Did you mean 'arm'"),
         ("home", {"ram": "home"}, "unknown arm 'ram'"),
         ("home", {}, "at least one"),
     ],
@@ -152,8 +152,10 @@ def test_several_arms_have_to_be_told_apart(two: Scene) -> None:
         Problem(two, None, "home", arms=["left", "right"])
     with pytest.raises(InputError, match=r"start has shape \(6,\), expected \(12,\)"):
         Problem(two, Q, {"left": "home", "right": "home"})
-    with pytest.raises(UnknownNameError, match="unknown moving arm 'right'"):
+    with pytest.raises(InputError, match="start names arm 'right', which does not move: without a goal"):
         Problem(two, {"right": Q}, {"left": "home"})
+    with pytest.raises(InputError, match="goal names arm 'right', which does not move"):
+        Problem(two, None, {"left": "home", "right": "home"}, arms=["left"])
     with pytest.raises(InputError, match="distinct names"):
         Problem(two, None, {"left": "home"}, arms=["left", "left"])
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import rr1plan as rp
 
@@ -50,6 +51,52 @@ def test_a_robot_from_a_file_is_found_again_with_its_joints_and_tool(tmp_path: P
     named = rp.save_scene(folder / "cell.toml", scene, robots={"crane": "./moved.urdf"})
     assert "./moved.urdf" in named.read_text()
     assert rp.load_scene(named).content_hash == scene.content_hash
+
+
+def test_options_with_which_a_robot_was_loaded_are_in_the_scene_file(tmp_path: Path) -> None:
+    """A fork of two prongs, from a package, whose hull would close it."""
+    prongs = [trimesh.creation.box((0.2, 0.02, 0.02), rp.transforms.pose([0.3, y, 0.0])) for y in (-0.05, 0.05)]
+    package = tmp_path / "src" / "forks"
+    package.mkdir(parents=True)
+    trimesh.util.concatenate(prongs).export(package / "fork.stl")
+    fork = '<collision><geometry><mesh filename="package://forks/fork.stl"/></geometry></collision>'
+    (tmp_path / "crane.urdf").write_text(ARM.replace('<link name="hook"/>', f'<link name="hook">{fork}</link>'))
+    robot = rp.load_robot(tmp_path / "crane.urdf", package_dirs=[tmp_path / "src"], convex="pieces")
+    scene = rp.Scene().with_arm("crane", robot.with_limits(robot.limits))
+    (tmp_path / "cells").mkdir()
+    file = rp.save_scene(tmp_path / "cells" / "cell.toml", scene)
+    assert rp.load_scene(file).content_hash == scene.content_hash
+    text = file.read_text()
+    file.write_text(text.replace(f'["{tmp_path / "src"}"]', '["../src"]'))
+    assert rp.load_scene(file).content_hash == scene.content_hash
+    file.write_text(text.replace('"pieces"', '"parts"'))
+    with pytest.raises(rp.FormatError, match="convex: expected one of hull, pieces, got 'parts'"):
+        rp.load_scene(file)
+
+
+def test_arguments_of_xacro_are_in_the_scene_file(tmp_path: Path) -> None:
+    pytest.importorskip("xacrodoc")
+    text = ARM.replace(
+        'name="crane">', 'name="crane" xmlns:xacro="http://ros.org"><xacro:arg name="end" default="0.4"/>'
+    )
+    robot = rp.load_robot(
+        write(tmp_path / "crane.urdf", text.replace('"0.4 0 0"/></joint>', '"$(arg end) 0 0"/></joint>')),
+        xacro_arguments={"end": "0.7"},
+    )
+    scene = rp.Scene().with_arm("crane", robot)
+    file = rp.save_scene(tmp_path / "cell.toml", scene)
+    assert rp.load_scene(file).content_hash == scene.content_hash
+    plain = write(tmp_path / "plain.urdf", ARM.replace('"0.4 0 0"/></joint>', '"0.7 0 0"/></joint>'))
+    named = rp.save_scene(tmp_path / "named.toml", scene, robots={"crane": str(plain)})
+    assert "xacro_arguments" not in named.read_text()
+    plain.write_text("<robot")
+    with pytest.raises(rp.InputError, match=r"named.toml would not read back: .*plain.urdf"):
+        rp.save_scene(tmp_path / "named.toml", scene, robots={"crane": str(plain)})
+
+
+def write(file: Path, text: str) -> Path:
+    file.write_text(text)
+    return file
 
 
 def test_a_scene_that_would_read_back_differently_is_not_written(tmp_path: Path, crane: Path) -> None:

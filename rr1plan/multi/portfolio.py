@@ -165,7 +165,8 @@ def plan_many_arms(
     Args:
         problem: The problem. Arms that move without a goal may yield and come back.
         margin: Distance to keep beyond the scene's padding [m], as far as starts and goals have it (default: that of
-            the problem, or 2 mm where it has none).
+            the problem, or 2 mm where it has none). An arm without a path that keeps it in half of the time gets one
+            that does not.
         budget: When to stop (default: 10 s); of iterations only the seconds count.
         improvement: How long to improve the first plan, within `budget`: seconds, and moves as iterations (default: not
             at all). Makespan first, then the sum of all arrivals; see `improvement.py`.
@@ -207,7 +208,7 @@ def plan_many_arms(
     seeds = {arm: int(generator.integers(2**63)) for arm in problem.arms}
     diagrams = DiagramCache(largest, watch)
     if method == _SEARCH:
-        groups, schedules, alone = _search_small_teams(found, near, seeds, watch)
+        groups, schedules, alone, margins = _search_small_teams(found, near, seeds, watch)
     else:
         pools = {
             arm: PathPool(agent, found.margins[arm], np.random.default_rng(seeds[arm]), watch)
@@ -223,11 +224,12 @@ def plan_many_arms(
         # Without an answer the time is over.
         solved = search.planners if all(group.found for group in groups) else []
         alone = {arm: bound for planner in solved for arm, bound in planner.fastest_alone().items()}
+        margins = {arm: pool.margin for arm, pool in pools.items()}
     unsolved = [group for group in groups if not group.found]
     if unsolved and not watch.cancelled:
         reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
         return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
-    improver = PlanImprover(schedules, near, found.margins, alone, generator, watch, diagrams)
+    improver = PlanImprover(schedules, near, margins, alone, generator, watch, diagrams)
     first, history = improver.quality, (watch.seconds, improver.quality.makespan)
     if improvement is not None:
         with watch:
@@ -252,11 +254,16 @@ def plan_many_arms(
 
 def _search_small_teams(
     found: Preflight, near: Mapping[str, frozenset[str]], seeds: Mapping[str, int], watch: Stopwatch
-) -> tuple[list[GroupResult], list[Schedule], dict[str, float]]:
-    """Results of the conflict-based search of each group, all schedules, and the duration of each arm alone [s]."""
+) -> tuple[list[GroupResult], list[Schedule], dict[str, float], dict[str, float]]:
+    """What the conflict-based search of each group came to.
+
+    Returns:
+        The results, all schedules, and of each arm the duration alone [s] and the margin [m].
+    """
     groups: list[GroupResult] = []
     schedules: list[Schedule] = []
     alone: dict[str, float] = {}
+    margins: dict[str, float] = {}
     for arms in interaction_groups(near):
         began, rng = watch.seconds, np.random.default_rng([seeds[arm] for arm in arms])
         team = plan_small_team([found.agents[arm] for arm in arms], near, found.margins, rng, watch)
@@ -264,7 +271,8 @@ def _search_small_teams(
         groups.append(GroupResult(arms, _SEARCH, watch.seconds - began, team.reason, suboptimality=bound))
         schedules += team.schedules
         alone.update(team.alone)
-    return groups, schedules, alone
+        margins.update(team.margins)
+    return groups, schedules, alone, margins
 
 
 class _GroupSearch:

@@ -51,6 +51,8 @@ class Robot(Value, NotebookView):
         presets: Other limits by name, e.g. "sim" and "hardware".
         locked_joint_states: Named values of locked joints, e.g. {"open": {"finger_joint": 0.0}}.
         source: Origin of the description, for messages.
+        load_options: Options with which `load_robot` read the source, for scene files: `package_dirs`, `convex` and
+            `xacro_arguments`, each unless it is the default.
     """
 
     name: str
@@ -65,9 +67,10 @@ class Robot(Value, NotebookView):
     presets: Mapping[str, Limits] = field(default_factory=dict)
     locked_joint_states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     source: str = ""
+    load_options: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("configurations", "locked_joints", "presets", "locked_joint_states"):
+        for name in ("configurations", "locked_joints", "presets", "locked_joint_states", "load_options"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         configurations = {
             name: read_only(finite_array(f"configuration {name!r}", q, (self.nq,)))

@@ -72,7 +72,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         if j.kind != "fixed" and j.mimic is None and j.name not in names
     }
     states = _states(known, groups, names)
-    configurations = _configurations(tree.name, states, limits)
+    configurations = _configurations(tree.name, names, states, limits)
     robot = Robot(
         name=tree.name,
         links=tree.links,
@@ -89,7 +89,8 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
     if not groups and choice.joints is None:
         _warn_of_other_joints(tree, robot, choice.tool)
     robot = with_assumed_masses(robot)
-    robot = _with_self_contacts(robot, bool(known.disabled) and not known.is_partial, "home" in states)
+    keeps_home = "home" in states and np.array_equal(robot.home, states["home"])
+    robot = _with_self_contacts(robot, bool(known.disabled) and not known.is_partial, keeps_home)
     if not any(link.collisions for link in robot.links):
         log.warning("%s: no link has a <collision>, so no collision will be found", robot.name)
     elif robot.unchecked_links:
@@ -286,15 +287,23 @@ def _states(known: Semantics, groups: tuple[str, ...], names: tuple[str, ...]) -
     return found
 
 
-def _configurations(name: str, states: Mapping[str, Array], limits: Limits) -> dict[str, Array]:
-    """The named states of all planning joints; "home" may be a copy of another one."""
+def _configurations(
+    name: str, joints: tuple[str, ...], states: Mapping[str, Array], limits: Limits
+) -> dict[str, Array]:
+    """The named states of all planning joints; "home" is within the limits, and may be a copy of another one."""
     found = dict(states)
     inside: dict[str, Array] = {}
     for state, q in states.items():
-        if (q < limits.lower).any() or (q > limits.upper).any():
-            log.warning("%s: the state %r is outside the joints' limits", name, state)
-        else:
+        nearest = np.clip(q, limits.lower, limits.upper)
+        out = np.flatnonzero(nearest != q)
+        if len(out) == 0:
             inside[state] = q
+            continue
+        which = ", ".join(f"{joints[j]} at {q[j]:.6g}, not {limits.lower[j]:.6g} to {limits.upper[j]:.6g}" for j in out)
+        moved = "; it is moved to them" if state == "home" else ""
+        log.warning("%s: the state %r is outside the joints' limits (%s)%s", name, state, which, moved)
+        if state == "home":
+            found[state] = nearest
     if inside and "home" not in found:
         found["home"] = inside.get("ready", next(iter(inside.values())))
     return found

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Literal
 from weakref import WeakValueDictionary
 
-from rr1plan.checks import check_text, file_path, known_name, of_kind
+from rr1plan.checks import check_text, file_path, known_name, of_kind, resolved_path
 from rr1plan.errors import FormatError, InputError, InstallationError, UnknownNameError
 from rr1plan.files.file_access import check_writable, is_regular, write_text
 from rr1plan.robot import Robot
@@ -95,8 +96,9 @@ def load_robot(
     URDF has no acceleration and jerk limits: the defaults reach the velocity limit in 0.25 s and the acceleration limit
     in 0.1 s. A missing velocity limit becomes 1 rad/s or 0.25 m/s. Set known limits with `robot.with_limits`.
 
-    "home" is the SRDF's state of that name, else "ready", else its first state; without an SRDF, zero or the middle of
-    the range if that is free of self-collision, else a free configuration near it.
+    "home" is the SRDF's state of that name, moved to the limits if it is outside them, else "ready", else its first state
+    within them; without an SRDF, zero or the middle of the range if that is free of self-collision, else a free
+    configuration near it.
 
     If no SRDF disables pairs of links, neighbors and links that touch in each of 200 random configurations are not
     checked against each other; see `propose_disabled_collisions`. If no configuration is free even so, links that touch
@@ -143,7 +145,16 @@ def load_robot(
         if groups is None and folder.group is not None:
             groups = (folder.group,)
     robot = assemble(tree, semantics, Choice(groups, joints, tool))
-    return _shared(robot if folder is None else folder.apply(robot))
+    robot = robot if folder is None else folder.apply(robot)
+    options: dict[str, object] = {}
+    folders = tuple(str(resolved_path(folder)) for folder in package_dirs)
+    if folders:
+        options["package_dirs"] = folders
+    if convex != "hull":
+        options["convex"] = convex
+    if xacro_arguments is not None:
+        options["xacro_arguments"] = {str(name): str(value) for name, value in xacro_arguments.items()}
+    return _shared(replace(robot, load_options=options))
 
 
 # Loaded robots in use, by the SHA-256 of their whole content.
@@ -318,7 +329,7 @@ def save_scene(
 
     Raises:
         InputError: a robot that was not loaded from a file, a scene that would read back differently (a robot that
-            was loaded with another SRDF), another suffix, or a file that cannot be written.
+            was loaded with another SRDF) or not at all, another suffix, or a file that cannot be written.
         UnknownNameError: a name in `robots` is not an arm.
     """
     of_kind("scene", scene, Scene)
@@ -332,7 +343,10 @@ def save_scene(
         check_text(f"robot of arm {name!r}", robot)
     names = {name: (robots or {}).get(name) or _robot_entry(name, arm.robot) for name, arm in scene.arms.items()}
     text = scene_text(scene, problems, names)
-    again = parse_scene(text, path, load_robot).scene
+    try:
+        again = parse_scene(text, path, load_robot).scene
+    except FormatError as error:
+        raise InputError(f"{path} would not read back: {error}") from error
     for name, arm in scene.arms.items():
         if again.arms[name].robot.content_hash != arm.robot.content_hash:
             raise InputError(

@@ -276,8 +276,7 @@ def _start(scene: Scene, arms: tuple[str, ...], start: Any) -> Array:
         given: Mapping[str, Any] = {}
     elif isinstance(start, Mapping):
         given = start
-        for name in given:
-            known_name("moving arm", name, arms)
+        _check_moving("start", given, scene, arms)
     elif len(arms) == 1:
         given = {arms[0]: start}
     elif isinstance(start, str):
@@ -294,14 +293,23 @@ def _goals(scene: Scene, arms: tuple[str, ...], start: Array, goal: object) -> d
     """The alternatives of each arm; its start for an arm without a goal."""
     if isinstance(goal, Mapping):
         given = dict(goal)
-        for name in given:
-            known_name("moving arm", name, arms)
+        _check_moving("goal", given, scene, arms)
     elif len(arms) == 1:
         given = {arms[0]: goal}
     else:
         raise InputError(f"{len(arms)} arms move ({', '.join(arms)}); expected a goal mapping from arm to goal")
     starts = scene.split(start, arms)
     return {name: _alternatives(scene.arms[name].robot, name, given.get(name, starts[name])) for name in arms}
+
+
+def _check_moving(what: str, given: Mapping[str, Any], scene: Scene, arms: tuple[str, ...]) -> None:
+    """Refuse a start or goal of an arm that does not move."""
+    for name in given:
+        if known_name("arm", name, scene.arms) not in arms:
+            raise InputError(
+                f"{what} names arm {name!r}, which does not move: without a goal an arm moves if arms=[...] names it, "
+                "and rests where scene.with_configuration(...) puts it if not"
+            )
 
 
 def _alternatives(robot: Robot, arm: str, goal: Any) -> tuple[Goal, ...]:

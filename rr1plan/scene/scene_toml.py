@@ -3,7 +3,8 @@
     description = "An RR1 on a table."
 
     [arms.rr1]
-    robot = "rr1"                      # a name, or a file relative to this one (and srdf, group, groups, joints, tool)
+    robot = "rr1"                      # a name, or a file relative to this one (and srdf, group, groups, joints, tool,
+                                       # package_dirs, convex, xacro_arguments: the options of `load_robot`)
     xyz = [0, 0, 0]                    # and rpy, quaternion (wxyz) or rotation (rows)
     q = "home"                         # or numbers
 
@@ -40,6 +41,7 @@ from rr1plan.scene import Arm, Attachment, Obstacle, Pair, Scene, pair
 from rr1plan.scene.problem import Problem
 from rr1plan.scene.scene_queries import problem_entries, read_queries
 from rr1plan.scene.scene_shapes import geometries_entries, pose_entries, read_geometries, read_pose
+from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity
 
 
 class RobotLoader(Protocol):
@@ -53,6 +55,9 @@ class RobotLoader(Protocol):
         groups: Sequence[str | Sequence[str]] | None = None,
         joints: Sequence[str] | None = None,
         tool: str | None = None,
+        package_dirs: Sequence[str] = (),
+        convex: Convexity = "hull",
+        xacro_arguments: Mapping[str, str] | None = None,
     ) -> Robot:
         """A robot by name or by the absolute path of its file."""
         ...
@@ -161,7 +166,8 @@ def _read_arms(arms: Table, folder: Path, load_robot: RobotLoader) -> dict[str, 
         key = _robot_reference(entry, folder)
         if key not in loaded:
             with entry.blame("robot"):
-                loaded[key] = load_robot(**key._asdict())
+                arguments = None if key.xacro_arguments is None else dict(key.xacro_arguments)
+                loaded[key] = load_robot(**{**key._asdict(), "xacro_arguments": arguments})
         own = (key, repr(entry.raw("limits")), repr(entry.raw(_locked_key(entry))))
         if own not in finished:
             finished[own] = _with_settings(loaded[key], entry)
@@ -194,6 +200,9 @@ class _Reference(NamedTuple):
     groups: tuple[str | tuple[str, ...], ...] | None
     joints: tuple[str, ...] | None
     tool: str | None
+    package_dirs: tuple[str, ...]
+    convex: Convexity
+    xacro_arguments: tuple[tuple[str, str], ...] | None
 
 
 def _robot_reference(entry: Table, folder: Path) -> _Reference:
@@ -214,7 +223,26 @@ def _robot_reference(entry: Table, folder: Path) -> _Reference:
         (group,) if group else groups or None,
         entry.strings("joints") or None,
         entry.string("tool", "") or None,
+        tuple(str(resolved_path(folder / other)) for other in entry.strings("package_dirs")),
+        _convexity(entry),
+        _xacro_arguments(entry),
     )
+
+
+def _convexity(entry: Table) -> Convexity:
+    given = entry.string("convex", "hull")
+    for known in CONVEXITIES:
+        if given == known:
+            return known
+    raise entry.error(f"expected one of {', '.join(CONVEXITIES)}, got {shown(given)}", "convex")
+
+
+def _xacro_arguments(entry: Table) -> tuple[tuple[str, str], ...] | None:
+    """Names and values, which decide whether a .urdf is expanded as well; None without the key."""
+    if "xacro_arguments" not in entry:
+        return None
+    table = entry.table("xacro_arguments")
+    return tuple((name, table.string(name)) for name in table.names())
 
 
 def _chain(entry: Table, value: Any) -> tuple[str, ...]:
@@ -323,6 +351,11 @@ def _arm_entries(arm: Arm, robot: str) -> dict[str, object]:
     if _is_file(robot):
         entries |= {"joints": list(arm.robot.joint_names), "tool": arm.robot.tool}
     named = [name for name, q in arm.robot.configurations.items() if np.array_equal(q, arm.q) and not _is_file(robot)]
+    # Another file, such as the expanded URDF, is read without the arguments of xacro.
+    same = not _is_file(robot) or Path(robot) == Path(arm.robot.source).absolute()
+    for name, value in arm.robot.load_options.items():
+        if same or name != "xacro_arguments":
+            entries[name] = list(value) if isinstance(value, tuple) else value
     entries["q"] = named[0] if named else arm.q.tolist()
     entries["limits"] = _limits_entry(arm.robot)
     if arm.robot.locked_joints:

@@ -17,6 +17,7 @@ from rr1plan.checks import Array, known_name
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Robot
+from rr1plan.robot.bounding_boxes import bounding_box
 from rr1plan.scene import Arm, Obstacle, Pair, Scene, pair
 from rr1plan.scene.unlocked_joints import unlocked_robot
 from rr1plan.shapes import Box
@@ -121,7 +122,7 @@ def closing_value(arm: Arm, thing: Obstacle, squeeze: float) -> float:
     rest = [name for name in scene.element_names if name.startswith("arm/") and name not in fingers]
     scene = replace(scene, allowed=frozenset(frozenset((name, "thing")) for name in rest))
     checker = CollisionChecker(scene)
-    opened, closed = _open_and_closed(robot, joint)
+    opened, closed = _open_and_closed(robot, joint.name)
     touch = checker.first_contact(np.append(q, opened), np.append(q, closed), precision=1e-5)
     if touch is None:
         raise InputError("the fingers close without touching it")
@@ -190,7 +191,7 @@ def open_value(robot: Robot) -> float:
     Raises:
         InputError: a gripper without exactly one joint.
     """
-    return _open_and_closed(robot, robot.joint(only_gripper_joint(robot)))[0]
+    return _open_and_closed(robot, only_gripper_joint(robot))[0]
 
 
 @lru_cache(maxsize=64)
@@ -200,14 +201,10 @@ def grip_frame(robot: Robot) -> Array:
     Raises:
         InputError: a gripper without exactly one joint.
     """
-    joint = robot.joint(only_gripper_joint(robot))
-    name = gripper_links(robot)[0]
-    centers = []
-    for value in _open_and_closed(robot, joint):
-        poses = robot.with_locked_joints({joint.name: value}).link_poses(robot.home)
-        center = np.mean([geometry.pose[:3, 3] for geometry in robot.link(name).collisions], axis=0)
-        centers.append((inverse(poses[robot.tool]) @ poses[name] @ np.append(center, 1.0))[:2])
-    x, y = centers[0] - centers[1]
+    opened, closed = (_finger_centers(robot, v) for v in _open_and_closed(robot, only_gripper_joint(robot)))
+    travels = (opened - closed) @ robot.link_poses(robot.home)[robot.tool][:3, :2]
+    # In a linkage some shapes turn about their own centers.
+    x, y = travels[np.linalg.norm(travels, axis=1).argmax()]
     # Both fingers travel, so the sign of the direction does not matter.
     angle = (float(np.arctan2(y, x)) + np.pi / 2 - _STRAIGHT) % np.pi - np.pi / 2 + _STRAIGHT
     return pose(rpy=[0.0, 0.0, 0.0 if abs(angle) < _STRAIGHT else angle])
@@ -221,17 +218,23 @@ def _plate(robot: Robot, width: float) -> Obstacle:
     return Obstacle((geometry,), T @ pose([0.0, 0.0, _PLATE_LENGTH / 2]))
 
 
-def _open_and_closed(robot: Robot, joint: Joint) -> tuple[float, float]:
+def _open_and_closed(robot: Robot, joint: str) -> tuple[float, float]:
     """The limits of a gripper's joint, first the one at which the fingers are farther apart."""
     ends = []
-    for value in (joint.lower, joint.upper):
-        poses = robot.with_locked_joints({joint.name: value}).link_poses(robot.home)
-        centers = [
-            (poses[name] @ geometry.pose)[:3, 3]
-            for name in gripper_links(robot)
-            for geometry in robot.link(name).collisions
-        ]
-        spread = max((float(np.linalg.norm(a - b)) for a in centers for b in centers), default=0.0)
-        ends.append((spread, value))
+    for value in (robot.joint(joint).lower, robot.joint(joint).upper):
+        centers = _finger_centers(robot, value)
+        spread = np.linalg.norm(centers[:, None] - centers, axis=-1).max(initial=0.0)
+        ends.append((float(spread), value))
     (_, closed), (_, opened) = sorted(ends)
     return opened, closed
+
+
+def _finger_centers(robot: Robot, value: float) -> Array:
+    """The centers of the shapes of a gripper at a value of its joint, while the robot is at home, shape (n, 3)."""
+    poses = robot.with_locked_joints({only_gripper_joint(robot): value}).link_poses(robot.home)
+    centers = [
+        poses[name] @ np.append(bounding_box((geometry,), np.eye(4)).mean(axis=0), 1.0)
+        for name in gripper_links(robot)
+        for geometry in robot.link(name).collisions
+    ]
+    return np.array(centers).reshape(-1, 4)[:, :3]

@@ -155,7 +155,7 @@ def _grasps(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple[f
     if angles is None:
         angles = [2.0 * np.pi * k / yaws for k in range(yaws)]
     found: list[tuple[float, PoseGoal]] = []
-    widths = []
+    widths, why = [], ""
     for angle in angles:
         turn = rotation_about([0.0, 0.0, 1.0], angle)
         low, high = bounding_box(thing.geometries, _posed(turn.T) @ thing.pose)
@@ -163,7 +163,8 @@ def _grasps(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple[f
         widths.append(width)
         try:
             depth, fits = grip_depth(robot, width), _fit(robot, thing, width)
-        except InputError:
+        except InputError as error:
+            why = f": {error}"
             continue
         for share in _HEIGHTS:
             at = np.array([*(0.5 * (low + high))[:2], low[2] + share * (high[2] - low[2])])
@@ -174,7 +175,7 @@ def _grasps(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple[f
                 found.append((width, PoseGoal(robot.tool, T)))
     if not found:
         raise InputError(
-            f"the gripper cannot grasp {name!r} from above, which is {1e3 * min(widths):.3g} mm wide at least"
+            f"the gripper cannot grasp {name!r} from above, which is {1e3 * min(widths):.3g} mm wide at least{why}"
         )
     return found
 

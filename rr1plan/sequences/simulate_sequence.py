@@ -112,6 +112,7 @@ def _physical(plan: SequencePlan) -> tuple[Scene, tuple[str, ...], tuple[str, ..
         for stage in plan.events
         if isinstance(stage.change, Attach)
         for link in stage.change.touch or ()
+        if scene.arm(scene.only_arm(stage.change.arm)).robot.link(link).collisions
     }
     allowed = scene.allowed.union(touched, *(stage.allowed for stage in plan.stages))
     return replace(scene, obstacles=things, allowed=allowed), names, tuple(remarks)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.sequences.grippers import closing_value, opening_value
+from rr1plan.sequences.grippers import closing_value, grip_frame, open_value, opening_value
 
 
 def standing(table: rp.Scene, shape: rp.Shape, height: float, yaw: float = 0.0) -> rp.Scene:
@@ -74,6 +76,47 @@ def test_what_is_too_wide_is_refused_by_name(table: rp.Scene) -> None:
         rp.top_grasps(standing(table, rp.Box((0.2, 0.3, 0.05)), 0.05), "block")
     narrow = rp.top_grasps(standing(table, rp.Box((0.2, 0.03, 0.05)), 0.05), "block")
     assert all(abs(goal.rotation[1, 0]) > 0.9 for goal in narrow)
+
+
+FINGER = """
+  <link name="{side}_knuckle"><collision><geometry><box size="0.01 0.01 0.01"/></geometry></collision></link>
+  <link name="{side}_finger">
+    <collision><origin xyz="0 0 0.03"/><geometry><box size="0.02 0.01 0.06"/></geometry></collision>
+  </link>
+  <joint name="{knuckle}" type="revolute">
+    <parent link="palm"/><child link="{side}_knuckle"/><origin xyz="0 {y} 0.02"/><axis xyz="{axis} 0 0"/>
+    <limit lower="0" upper="0.9" velocity="2" effort="20"/>{mimic}
+  </joint>
+  <joint name="{side}_tip" type="revolute">
+    <parent link="{side}_knuckle"/><child link="{side}_finger"/><origin xyz="0 {y} 0.04"/><axis xyz="{back} 0 0"/>
+    <limit lower="0" upper="0.9" velocity="2" effort="20"/><mimic joint="drive"/>
+  </joint>"""
+
+FOLLOWS = '<mimic joint="drive"/>'
+
+
+def test_the_fingers_of_a_linkage_travel_where_their_knuckles_only_turn(tmp_path: Path) -> None:
+    """As in the hand of an xArm: a knuckle turns about its own center, the finger at its end travels."""
+    left = FINGER.format(side="left", knuckle="drive", y=0.03, axis="1", back="-1", mimic="")
+    right = FINGER.format(side="right", knuckle="follow", y=-0.03, axis="-1", back="1", mimic=FOLLOWS)
+    text = f"""<robot name="hand">
+  <link name="base"/>
+  <link name="palm"/>
+  <link name="grasp"/>
+  <joint name="lift" type="prismatic">
+    <parent link="base"/><child link="palm"/><axis xyz="0 0 1"/><limit lower="0" upper="1" velocity="1" effort="9"/>
+  </joint>
+  <joint name="end" type="fixed"><parent link="palm"/><child link="grasp"/><origin xyz="0 0 0.1"/></joint>
+  {left}{right}
+</robot>"""
+    (tmp_path / "hand.urdf").write_text(text)
+    robot = rp.load_robot(tmp_path / "hand.urdf", groups=[("base", "grasp")])
+    assert open_value(robot) == 0.0
+    np.testing.assert_allclose(np.abs(grip_frame(robot)[:2, :2]), [[0, 1], [1, 0]], atol=1e-9)
+    # Each finger travels from 60 mm beside the middle, and its side is 5 mm nearer.
+    for width in (0.03, 0.06):
+        turned = opening_value(robot, width)
+        assert 0.03 + 0.03 * np.cos(turned) - 0.04 * np.sin(turned) - 0.005 == pytest.approx(width / 2, abs=1e-4)
 
 
 def test_the_support_may_be_touched_while_the_object_is_lifted_and_lowered(table: rp.Scene) -> None:

@@ -56,6 +56,17 @@ def test_a_mass_that_is_missing_is_estimated(moved: rp.SequencePlan) -> None:
     assert "0.096 kg" in str(estimated)
 
 
+def test_a_link_without_a_shape_may_be_among_those_that_touch_the_object(table: rp.Scene) -> None:
+    """As the pads of some hands, which have no shape of their own."""
+    segments = [
+        replace(s, touch=("tool", "finger_link", "opposite_finger_link")) if isinstance(s, rp.Attach) else s
+        for s in rp.pick_and_place(table, "block", [-0.28, -0.12, 0.03])
+    ]
+    assert not table.arms["arm"].robot.link("tool").collisions
+    plan = rp.plan_sequence(rp.Sequence(table, segments), rng=0)
+    assert rp.simulate_sequence(plan, hold=0.0).carried
+
+
 def test_contacts_that_no_stage_allows_are_named(moved: rp.SequencePlan) -> None:
     """A post in the way of the hand is found by MuJoCo, too."""
     hand = moved.scene.with_configuration("arm", moved.trajectory(moved.stages[1].end)).link_poses()["arm/hand_link"]
