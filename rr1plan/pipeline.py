@@ -65,8 +65,8 @@ def plan_motion(
         shorten: Whether to shorten the path; paths of planners with `keeps_shape` (such as the Cartesian one) are not.
         margin: Distance to keep beyond the scene's padding [m] (default: that of the problem, or 2 mm if it has none),
             for an arm with tracking errors of a fraction of a millimeter. It is halved until the clearance of start and
-            goal is twice as large, and is zero if no configuration found for a goal pose has it, or if RRT-Connect finds
-            no path with it in half of the budget.
+            goal is twice as large, and is zero if no configuration found for a goal pose has it, or if RRT-Connect
+            finds no path with it in half of the budget.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When to stop the planner (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.

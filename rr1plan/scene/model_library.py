@@ -96,8 +96,8 @@ def load_robot(
     URDF has no acceleration and jerk limits: the defaults reach the velocity limit in 0.25 s and the acceleration limit
     in 0.1 s. A missing velocity limit becomes 1 rad/s or 0.25 m/s. Set known limits with `robot.with_limits`.
 
-    "home" is the SRDF's state of that name, moved to the limits if it is outside them, else "ready", else its first state
-    within them; without an SRDF, zero or the middle of the range if that is free of self-collision, else a free
+    "home" is the SRDF's state of that name, moved to the limits if it is outside them, else "ready", else its first
+    state within them; without an SRDF, zero or the middle of the range if that is free of self-collision, else a free
     configuration near it.
 
     If no SRDF disables pairs of links, neighbors and links that touch in each of 200 random configurations are not

@@ -40,8 +40,8 @@ class PathPool:
 
     Args:
         agent: The agent.
-        margin: Distance that they keep from stationary objects in addition to the padding [m]; zero once a patient search
-            has found no path that keeps it.
+        margin: Distance that they keep from stationary objects in addition to the padding [m]; zero once a patient
+            search has found no path that keeps it.
         rng: Where random numbers come from.
         watch: Deadline (default: none).
 
