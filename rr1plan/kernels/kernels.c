@@ -49,6 +49,8 @@
 #include "timed_pieces.c"
 #include "hops.c"
 #include "blends.c"
+// Simulations.
+#include "arm_dynamics.c"
 #include "../binding/cpu_level.c"
 #include "sines.c"
 // Offsets of all tables as this compiler has them; made by the build from the headers.

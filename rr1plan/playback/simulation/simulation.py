@@ -8,9 +8,9 @@
     print(execution, sim.contacts)
 
 In each step the controllers see the state at its beginning; their set-points go to servos with a feed-forward torque
-from inverse dynamics at that state (computed torque control). Arms that can never meet are in separate MuJoCo models,
-which are stepped side by side on threads, as are parts of one model while its arms touch nothing. These take several
-steps together where controllers know their set-points ahead and there are no callbacks. The numbers depend on neither.
+from inverse dynamics at that state (computed torque control). Arms that can never meet are in separate MuJoCo models.
+While the arms of a model touch nothing, kernels compute the same as MuJoCo, on threads, and for several steps in one
+call where controllers know their set-points ahead and there are no callbacks. The numbers depend on neither.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointMap
-from rr1plan.playback.simulation.mujoco_model import MujocoScene, Solver, build_mujoco
+from rr1plan.playback.simulation.mujoco_model import Solver, build_mujoco
 from rr1plan.playback.simulation.replay import ReplayContact
-from rr1plan.playback.simulation.stepped_models import SteppedModel, Tile, as_slice
-from rr1plan.playback.simulation.tiles import block_scenes, check_memory, tile_scenes
+from rr1plan.playback.simulation.stepped_models import Tile, as_slice
+from rr1plan.playback.simulation.tiles import check_memory, tile_scenes
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
@@ -57,6 +57,8 @@ _MOST_STIFFNESS = 1e6  # [rad/s]
 _LONGEST_STEP = 1.0  # [s]
 # Steps of one call; more take hours, and a replay of them more memory than there is.
 _MOST_STEPS = 5_000_000
+# Steps of single arms without contact that threads share; fewer are taken faster than handed to a thread.
+_SHARED = 1000
 # Real time is waited for when the simulation is ahead of it by more than this [s].
 _AHEAD = 0.002
 
@@ -89,13 +91,14 @@ class Simulation:
 
     Joint damping and friction of the description are left out: they belong to a drive, whose controller compensates
     them. Obstacles with a mass are loose bodies. The scene is not changed. Where four or more arms are proven to touch
-    nothing (`contact_proof`), MuJoCo does not search for contacts, which changes no result.
+    nothing (`contact_proof`), MuJoCo does not search for contacts, which changes no result; where they touch nothing,
+    kernels take the steps (`arm_dynamics`).
 
     Args:
         scene: The scene; arms start in their configurations.
         dt: Time of a step [s].
         stiffness: Natural frequency of the joint servos [rad/s].
-        threads: Threads for arms that can never meet or are proven to touch nothing, and for heaps of loose bodies.
+        threads: Threads for arms that can never meet or touch nothing, and for heaps of loose bodies.
         solver: What computes the forces of contacts where there are loose bodies: "newton" to convergence, which holds
             grasped bodies; or conjugate gradients ("cg") in at most twenty iterations, with fewer points of contact,
             which take a fraction of the time for heaps of hundreds of bodies; these sink deeper into each other when
@@ -223,7 +226,7 @@ class Simulation:
     def data(self) -> mujoco.MjData:
         """MuJoCo's data; change it between steps only.
 
-        From then on one thread steps all arms of this model, as they may no longer be independent.
+        From then on MuJoCo takes all steps of this model on one thread, as forces and states may have been changed.
 
         Raises:
             InputError: arms that cannot meet have separate models; see `tiles`.
@@ -515,19 +518,12 @@ class Simulation:
             parts = tile_scenes(scene)
             check_memory(parts)
             for part in parts:
-                world = self._model_of(part)
+                world = build_mujoco(part, timestep=self.dt, stiffness=self._stiffness, solver=self._solver)
                 columns, worker = self._indices(world.joint_names), len(tiles) % self._threads
-                tile = Tile(world, columns, self._variation, threads=self._threads, worker=worker)
-                tiles.append(tile)
-                # Friction of varied arms makes constraints, which are solved for all of a model together.
-                if tile.proof is not None and self._variation is None:
-                    worlds = (self._model_of(arms, shapes=False) for arms in block_scenes(part, self._threads))
-                    tile.blocks = tuple(SteppedModel(block, self._indices(block.joint_names)) for block in worlds)
+                count, threads = len(self.joint_names), self._threads
+                tiles.append(Tile(world, columns, count, self._variation, threads=threads, worker=worker))
         self._warnings += warnings
         return tiles
-
-    def _model_of(self, scene: Scene, *, shapes: bool = True) -> MujocoScene:
-        return build_mujoco(scene, timestep=self.dt, stiffness=self._stiffness, solver=self._solver, shapes=shapes)
 
     def _body(self, name: str) -> Tile:
         """The model with a loose body."""
@@ -601,7 +597,8 @@ class Simulation:
             for tile in tiles:
                 tile.advance(worker, desired, states)
 
-        self._distribute(advance, len(tiles) > 1 or len(tiles[0].blocks) > 1)
+        free = sum(tile.free_arms for tile in tiles) * len(desired)
+        self._distribute(advance, free >= _SHARED or (len(tiles) > 1 and not all(tile.free_arms for tile in tiles)))
         taken = min(tile.count_valid(states) for tile in tiles)
         valid, valid_states = desired[:taken], states[: taken + 1]
 
