@@ -13,7 +13,7 @@ from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import (
     Array,
@@ -260,8 +260,7 @@ class Trajectory(Value, NotebookView):
         flat = times.ravel()
         if not np.isfinite(flat).all():
             raise InputError("t is not finite")
-        piece = np.clip(np.searchsorted(self.breaks, flat, side="right") - 1, 0, len(self.coefficients) - 1)
-        local = np.clip(flat, self.breaks[0], self.breaks[-1]) - self.breaks[piece]
+        piece, local = self.locate(flat)
         first = int(piece.min(initial=len(self.coefficients) - 1))
         used = self.coefficients[first : int(piece.max(initial=first)) + 1]
         coefficients = _derived(used, derivative)
@@ -274,6 +273,15 @@ class Trajectory(Value, NotebookView):
         if derivative > 0:
             value[(flat < self.breaks[0]) | (flat > self.breaks[-1])] = 0.0
         return value.reshape(*times.shape, len(self.joint_names))
+
+    def locate(self, times: Array) -> tuple[NDArray[np.int64], Array]:
+        """The piece of each time, and the time since its beginning [s], shape (n,) each; see `__call__`.
+
+        Args:
+            times: Times [s], shape (n,).
+        """
+        piece = np.clip(np.searchsorted(self.breaks, times, side="right") - 1, 0, len(self.coefficients) - 1)
+        return piece, np.clip(times, self.breaks[0], self.breaks[-1]) - self.breaks[piece]
 
     def derivative_coefficients(self, derivative: int) -> Array:
         """Local coefficients of a derivative, lowest power first, shape (m, degree + 1 - derivative or 1, nq).

@@ -51,6 +51,7 @@
 #include "blends.c"
 // Simulations.
 #include "arm_dynamics.c"
+#include "sample_pieces.c"
 #include "../binding/cpu_level.c"
 #include "sines.c"
 // Offsets of all tables as this compiler has them; made by the build from the headers.

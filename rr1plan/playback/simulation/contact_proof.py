@@ -90,8 +90,10 @@ class ContactProof:
         Args:
             positions: Positions of all joints in these states, not more than `left`, shape (k, n).
         """
-        off = np.abs(positions - self._points[self._next : self._next + len(positions)])
-        moved = np.add.reduceat(self._levers * off, self._first_joints, axis=1)
+        off = positions - self._points[self._next : self._next + len(positions)]
+        np.abs(off, out=off)
+        off *= self._levers
+        moved = np.add.reduceat(off, self._first_joints, axis=1)
         near: NDArray[np.bool_] = moved.max(axis=1, initial=0.0) <= _OFF
         if len(self._slides):
             near &= (np.abs(positions[:, self._slides]) <= self._travel).all(axis=1)

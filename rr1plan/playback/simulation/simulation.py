@@ -86,6 +86,19 @@ def step_count(seconds: float, dt: float) -> int:
     return max(1, math.ceil(seconds / dt - 1e-9))
 
 
+class _Rows:
+    """Arrays of one step after the other in memory that is kept, as to get new memory takes longer than to fill it."""
+
+    def __init__(self, *shape: int) -> None:
+        self._rows = np.empty((1, *shape))
+
+    def take(self, count: int) -> Array:
+        """Rows for some steps, shape (count, *shape); those of the last call are written over."""
+        if len(self._rows) < count:
+            self._rows = np.empty((count, *self._rows.shape[1:]))
+        return self._rows[:count]
+
+
 class Simulation:
     """A scene in MuJoCo, to be stepped; nothing moves that no controller commands.
 
@@ -142,6 +155,7 @@ class Simulation:
         self._threads = whole_number("threads", threads, 1, 256)
         self._map = JointMap(scene)
         self.joint_names = self._map.names
+        self._desired_rows, self._state_rows = _Rows(4, len(self.joint_names)), _Rows(3, len(self.joint_names))
         self._warnings: list[str] = []
         self.tiles = self._build(scene)
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
@@ -589,7 +603,7 @@ class Simulation:
         most = min(most, *(tile.most_steps for tile in self.tiles))
         previewed = self._preview(most) if most > 1 else None
         desired = self._update() if previewed is None else previewed
-        states = np.empty((len(desired) + 1, *self._measured.shape))
+        states = self._state_rows.take(len(desired) + 1)
         states[0] = self._measured
         tiles = self.tiles
 
@@ -614,7 +628,7 @@ class Simulation:
                 controller.passed(times, states[:taken, 0, indices])
             self._desired = valid[-1].copy()
         self.steps += taken
-        self._measured = valid_states[-1]
+        self._measured = valid_states[-1].copy()
         self._now = JointState(self.time, *self._measured)
         return taken
 
@@ -635,7 +649,8 @@ class Simulation:
 
     def _preview(self, most: int) -> Array | None:
         """Set-points of the next steps, shape (up to `most`, 4, n); None if a controller needs the state for them."""
-        times, desired = self._times(most), np.repeat(self._desired[None], most, axis=0)
+        times, desired = self._times(most), self._desired_rows.take(most)
+        desired[:] = self._desired
         for controller, indices in self._active.items():
             point = self._call(controller, controller.preview, times[:most])
             if point is None:

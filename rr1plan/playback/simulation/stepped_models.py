@@ -250,7 +250,7 @@ class Tile:
         if self.free_arms:
             for _ in range(len(desired)):  # the sum that as many single steps make
                 mine.data.time += mine.model.opt.timestep
-            self._missed = states[-2], desired[-1], state
+            self._missed = states[-2].copy(), desired[-1].copy(), state.copy()
             if self.proven:
                 return
             mine.place(state)
