@@ -248,8 +248,10 @@ class Tile:
         self._prove(state[0, columns], state[1, columns], desired[-1, 2, columns])
         self._missed = None
         if self.free_arms:
+            time, dt = mine.data.time, mine.model.opt.timestep
             for _ in range(len(desired)):  # the sum that as many single steps make
-                mine.data.time += mine.model.opt.timestep
+                time += dt
+            mine.data.time = time
             self._missed = states[-2].copy(), desired[-1].copy(), state.copy()
             if self.proven:
                 return

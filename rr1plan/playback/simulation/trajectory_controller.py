@@ -199,7 +199,7 @@ class JointTrajectoryController(Controller):
         if execution.status.terminal:
             return self._stop(state)
         since = state.time - execution.start
-        point = SetPoint(*self._points(since, 1)[:, 0])
+        point = SetPoint(*self._points(since, 1)[:, 0].copy())
         error = np.abs(state.positions - point.positions)
         self._note_error(execution, error)
         if error.max() > self.path_tolerance:
@@ -214,7 +214,10 @@ class JointTrajectoryController(Controller):
         return point
 
     def preview(self, times: Array) -> SetPoint | None:
-        """Set-points up to the end of a trajectory without a path tolerance, or the position to hold."""
+        """Set-points up to the end of a trajectory without a path tolerance, or the position to hold.
+
+        Later calls write over the arrays.
+        """
         execution = self._active
         if self._queued is not None:
             return None
@@ -234,7 +237,7 @@ class JointTrajectoryController(Controller):
             return
         points = self._points(float(times[0]) - execution.start, len(times))
         self._note_error(execution, np.abs(positions - points[0]).max(axis=0))
-        self._last = SetPoint(*points[:, -1])
+        self._last = SetPoint(*points[:, -1].copy())
 
     def _note_error(self, execution: Execution, error: Array) -> None:
         ordered = error if self._back is None else error[self._back]
@@ -255,7 +258,7 @@ class JointTrajectoryController(Controller):
         self._path = Trajectory(self.joint_names, trajectory.breaks, coefficients)
         in_order = np.array_equal(columns, np.arange(len(columns)))
         self._back = None if in_order else np.argsort(columns)
-        self._first = -_BLOCK
+        self._block, self._first = np.empty((3, _BLOCK, len(columns))), -_BLOCK
 
     def _check_start(self, trajectory: Trajectory, columns: NDArray[np.int64]) -> None:
         gap = np.abs(trajectory(trajectory.start_time)[columns] - self._last.positions)
@@ -292,7 +295,7 @@ class JointTrajectoryController(Controller):
         k, most = number - self._first, min(most, _BLOCK)
         if not 0 <= k <= _BLOCK - most:
             self._first, k = number, 0
-            self._block = _sampled(self._path, self.joints.dt * np.arange(number, number + _BLOCK, dtype=np.float64))
+            _sample(self._path, self.joints.dt * np.arange(number, number + _BLOCK, dtype=np.float64), self._block)
         return self._block[:, k : k + most]
 
     def _worst(self, error: Array, tolerance: float) -> str:
@@ -307,16 +310,13 @@ def _columns(trajectory: Trajectory, names: Sequence[str]) -> NDArray[np.int64]:
     return np.array([column[name] for name in names], dtype=np.int64)
 
 
-def _sampled(path: Trajectory, since: Array) -> Array:
-    """Positions, velocities and accelerations at times since the start [s], shape (3, k, n), like `Trajectory`."""
+def _sample(path: Trajectory, since: Array, out: Array) -> None:
+    """Write positions, velocities and accelerations at times since the start [s], as `path` has them: (3, k, n)."""
     times = path.start_time + since
     piece, local = path.locate(times)
-    count, columns = len(times), len(path.joint_names)
-    out = np.empty((3, count, columns))
-    coefficients = path.coefficients
-    load_library().rr1_sample_pieces(coefficients, path.degree + 1, columns, piece, local, count, out)
+    terms, columns = path.coefficients.shape[1:]
+    load_library().rr1_sample_pieces(path.coefficients, terms, columns, piece, local, len(times), out)
     out[1:, times > path.end_time] = 0.0
-    return out
 
 
 def _end(execution: Execution, status: ExecutionStatus, time: float, message: str) -> None:
