@@ -1,17 +1,18 @@
 // Steps of arms that move freely and are driven by servos, eight arms at once.
 //
-// Bias torques come from the recursive Newton-Euler algorithm, the mass matrix M from the composite-rigid-body algorithm,
-// and M = L^T D L is factorized without fill-in (Featherstone, Rigid Body Dynamics Algorithms, 2008, sections 5.3, 6.2
-// and 6.5). Servos are computed torque control,
+// The bias torque comes from the recursive Newton-Euler algorithm, the mass matrix M from the composite-rigid-body
+// algorithm, and M = L^T D L is factorized without fill-in (Featherstone, Rigid Body Dynamics Algorithms, 2008,
+// sections 5.3, 6.2 and 6.5). Servos are computed torque control: to desired positions qd, velocities vd and
+// accelerations ad belongs
 //
-//     effort = clamp(kp (qd - q) + kv (vd - v) + M ad + bias + added),
+//     effort = clamp(kp (qd - q) + kv (vd - v) + M ad + bias + added effort).
 //
-// and the step h is that of MuJoCo's integrator "implicitfast": (M + h kv) a = effort - bias, with kv only where the effort
-// is below its limit; then v += h a and q += h v.
+// A step of h is that of MuJoCo's integrator "implicitfast": (M + h kv) a = effort - bias, where kv counts only for
+// joints whose effort is below its limit; then v += h a and q += h v.
 #include "arm_dynamics.h"
 #include "sine.h"
 
-// Out-of-place products with a rotation matrix of lanes.
+// A vector in a joint's frame in the frame of its parent, and the other way round.
 INLINE Vec8 rotate(const f64x8 R[9], Vec8 v) {
     return (Vec8){
         R[0] * v.x + R[1] * v.y + R[2] * v.z,
@@ -65,7 +66,8 @@ INLINE void place_joint(const DynamicJoint *joint, const DynamicBody *body, Join
     }
 }
 
-// Motion of a joint's frame without acceleration of the joints, and what its body takes for that and adds to composites.
+// Velocity of a joint's frame, its acceleration while no joint accelerates, and the force and torque that its body
+// takes for that. What the joint carries is its body, to which others are added later.
 INLINE void move_joint(const DynamicJoint *joint, const DynamicBody *body, const JointLanes *parent,
                        const f64x8 gravity[3], JointLanes *lanes) {
     Vec8 p = vec8_of(lanes->origin), w, dw, a;
@@ -112,7 +114,9 @@ INLINE void add_to_parent(const JointLanes *lanes, JointLanes *parent) {
     Vec8 rows[3];
     for (int r = 0; r < 3; r++) {
         f64x8 x = R[3 * r], y = R[3 * r + 1], z = R[3 * r + 2];
-        rows[r] = (Vec8){I[0] * x + I[3] * y + I[4] * z, I[3] * x + I[1] * y + I[5] * z, I[4] * x + I[5] * y + I[2] * z};
+        rows[r].x = I[0] * x + I[3] * y + I[4] * z;
+        rows[r].y = I[3] * x + I[1] * y + I[5] * z;
+        rows[r].z = I[4] * x + I[5] * y + I[2] * z;
     }
     Vec8 ex = {R[0], R[1], R[2]}, ey = {R[3], R[4], R[5]}, ez = {R[6], R[7], R[8]};
     Vec8 mp = vec8_scale(p, lanes->mass), g = vec8_add(h, mp);
@@ -237,10 +241,10 @@ static void step_arms(const ArmDynamics *dynamics, int64_t group, const double *
 
 // Take some steps with the arms in the groups from `first` to before `last`.
 //
-// `desired`: positions, velocities, accelerations and efforts to add of all joints of the simulation for each step, shape
-// (count, 4, columns). `states`: their positions, velocities and efforts before the first step, and after each, which are
-// written for these arms, shape (count + 1, 3, columns). `lanes` and `matrix`: memory for as many joints as any arm has,
-// and for the square of that.
+// `desired`: positions, velocities, accelerations and efforts to add of all joints of the simulation for each step,
+// shape (count, 4, columns). `states`: their positions, velocities and efforts before the first step, and after each,
+// which are written for these arms, shape (count + 1, 3, columns). `lanes` and `matrix`: memory for as many joints as
+// any arm has, and for the square of that.
 EXPORT void rr1_step_arms(const ArmDynamics *dynamics, int64_t first, int64_t last, const double *desired,
                           double *states, int64_t count, JointLanes *lanes, f64x8 *matrix) {
     int64_t columns = dynamics->column_count;
