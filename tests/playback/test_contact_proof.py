@@ -203,6 +203,52 @@ def test_several_steps_at_once_end_like_single_steps(
     assert fast.data.time == slow.data.time
 
 
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_several_steps_without_a_proof_end_like_single_steps(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    lengths: list[int] = []
+    take_steps = ArmDynamics.take_steps
+
+    def noted(arms: ArmDynamics, worker: int, desired: Array, states: Array) -> None:
+        lengths.append(len(desired))
+        take_steps(arms, worker, desired, states)
+
+    monkeypatch.setattr(ArmDynamics, "take_steps", noted)
+    fast, slow, alone = (rp.Simulation(ring(count, 0.58)) for _ in range(3))
+    search_always(fast)
+    slow.on_step(lambda _: None)  # single steps
+    _ = alone.model  # MuJoCo's steps
+    ends, contacts = [], []
+    for sim in (fast, slow, alone):
+        executions = [arm_follows(sim, f"a{i}", 10 + i, 0.2 + 0.1 * i) for i in range(count)]
+        for steps in (1, 150, 7, 250, 300):
+            sim.step(steps)
+            ends.append(end_of(sim, executions))
+        contacts.append(sim.contacts)
+        if sim is fast:
+            assert max(lengths) == 32
+    assert ends[:5] == ends[5:10]
+    assert contacts[0]
+    first, reference = contacts[0][0], contacts[2][0]
+    assert (first.pair, first.first) == (reference.pair, reference.first)
+
+
+def test_steps_beyond_what_kernels_compute_are_those_of_mujoco(rr1: Robot) -> None:
+    sims = [rp.Simulation(rp.Scene(arms={"a": rp.Arm(rr1)})) for _ in range(2)]
+    search_always(sims[1])
+    _ = sims[1].data
+    names = ["a/shoulder_joint"]
+    for sim in sims:
+        sim.place(names, [999.9], [20.0])
+        sim.activate(Kicked(tuple(names), 0.0))
+    free = []
+    for _ in range(10):
+        for sim in sims:
+            sim.step(1)
+        free.append((sims[0].positions[0] <= 1e3, sims[0].tiles[0].free_arms))
+        np.testing.assert_allclose(sims[0].positions, sims[1].positions, rtol=1e-12, atol=1e-12)
+    assert set(free) == {(True, 1), (False, 0)}
+
+
 def arm_follows_on(sim: rp.Simulation) -> rp.Execution:
     """Send the first arm home, whose last motion has ended."""
     follow = sim.controllers[0]

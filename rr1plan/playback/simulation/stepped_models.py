@@ -1,8 +1,9 @@
 """MuJoCo models that are stepped: some arms of a simulation with the obstacles.
 
 Steps that begin without contact are computed by the kernels of `arm_dynamics` where there are no loose bodies and arms
-are as described; MuJoCo takes the others. Where a state is proven to have no contact MuJoCo need not search for any,
-and several steps are taken in one call if set-points are known ahead. Results depend on contacts, not on proofs.
+are as described; MuJoCo takes the others. If set-points are known ahead, several steps are taken in one call, and those
+behind a state with contact are discarded. Where a state is proven to have none MuJoCo need not search for contacts.
+Results depend on contacts, not on proofs.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ from rr1plan.playback.simulation.set_points import as_slice
 _UNSTABLE = np.array(
     [getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}") for kind in ("QPOS", "QVEL", "QACC", "CTRL")], int
 )
-# Below this number of loose bodies several threads are slower; below this number of arms the search for contacts is
-# faster than a proof that there are none.
+# Below this number of loose bodies several threads are slower; below this number of arms the search for contacts takes
+# less time than the tables of a proof that there are none.
 _A_HEAP, _MANY_ARMS = 50, 4
-# Positions up to which the kernels compute steps [rad or m].
-_FARTHEST = 1e3
+# Positions up to which the kernels compute steps [rad or m], and steps of one call without a proof.
+_FARTHEST, _AT_ONCE = 1e3, 32
 # What is left out where no contact is possible; arms have no springs and dampers, for which MuJoCo looks in each step.
 _DISABLED = mujoco.mjtDisableBit
 _NO_CONTACTS = int(_DISABLED.mjDSBL_CONTACT | _DISABLED.mjDSBL_SPRING | _DISABLED.mjDSBL_DAMPER)
@@ -104,6 +105,22 @@ class SteppedModel:
         control[:, 2] = self._torque[:joints] + self._bias + desired[3, columns]
         mujoco.mj_step2(self.model, self.data)
 
+    def count_free(self, positions: Array) -> int:
+        """How many of some states have no contact, from the first of them on; it is put in them.
+
+        Args:
+            positions: Positions of its joints in these states, shape (k, joints).
+        """
+        for count, values in enumerate(positions):
+            if not np.abs(values).max(initial=0.0) <= _FARTHEST:  # also where a number is not finite
+                return count
+            self.state[0][:] = values
+            mujoco.mj_kinematics(self.model, self.data)
+            mujoco.mj_collision(self.model, self.data)
+            if self.data.ncon:
+                return count
+        return len(positions)
+
     def _describe(self) -> None:
         """Compute inertia and bias torques of the arms as described, at the present state."""
         data, model = self._described, self._described_model
@@ -166,10 +183,11 @@ class Tile:
         self._state_size = mujoco.mj_stateSize(world.model, mujoco.mjtState.mjSTATE_INTEGRATION)
         self.proof: ContactProof | None = None
         self.arms: ArmDynamics | None = None
-        if len(world.scene.arms) >= _MANY_ARMS and not world.body_names:
-            # Scenes that cannot be checked can still be simulated.
-            with contextlib.suppress(InputError):
-                self.proof = ContactProof(world)
+        if not world.body_names and len(columns):
+            if len(world.scene.arms) >= _MANY_ARMS:
+                # Scenes that cannot be checked can still be simulated.
+                with contextlib.suppress(InputError):
+                    self.proof = ContactProof(world)
             if variation is None:
                 self.arms = ArmDynamics(world.model, columns, column_count, threads)
         self.proven = False
@@ -206,7 +224,11 @@ class Tile:
     @property
     def most_steps(self) -> int:
         """How many steps `advance` may take from the present state."""
-        return 1 + self.proof.left if self.proof is not None and self.proven and self.free_arms else 1
+        if not self.free_arms:
+            return 1
+        if self.proof is None:
+            return _AT_ONCE
+        return 1 + self.proof.left if self.proven else 1
 
     def advance(self, worker: int, desired: Array, states: Array) -> None:
         """Do a thread's share of some steps; when all have, `settle`.
@@ -230,9 +252,10 @@ class Tile:
         Args:
             states: As `advance` has written them.
         """
-        if len(states) == 2 or self.proof is None:
+        if len(states) == 2:
             return 1
-        return 1 + self.proof.count_near(states[1:-1, 0, self._mujoco.columns])
+        between = states[1:-1, 0, self._mujoco.columns]
+        return 1 + (self._mujoco.count_free(between) if self.proof is None else self.proof.count_near(between))
 
     def settle(self, desired: Array, states: Array) -> None:
         """Compute what follows from the state after the last step; arguments as of `advance`, valid steps only."""
