@@ -88,8 +88,7 @@ class Simulation:
 
     Joint damping and friction of the description are left out: they belong to a drive, whose controller compensates
     them. Obstacles with a mass are loose bodies. The scene is not changed. Where four or more arms are proven to touch
-    nothing (`contact_proof`), MuJoCo does not search for contacts, which changes no result; where they touch nothing,
-    kernels take the steps (`arm_dynamics`).
+    nothing (`contact_proof`), MuJoCo does not search for contacts, which changes no result.
 
     Args:
         scene: The scene; arms start in their configurations.
