@@ -127,7 +127,7 @@ class Simulation:
         of_kind("variation", variation, ArmVariation, optional=True)
         known_name("solver", solver, ("newton", "cg"))
         self._solver: Solver = solver
-        self._variation = variation
+        self._variation = None if variation == ArmVariation() else variation
         self.scene = scene
         self.dt = positive_number("dt", dt)
         if self.dt > _LONGEST_STEP:
