@@ -260,7 +260,7 @@ class Trajectory(Value, NotebookView):
         flat = times.ravel()
         if not np.isfinite(flat).all():
             raise InputError("t is not finite")
-        piece, local = self.locate(flat)
+        piece, local = locate(self.breaks, flat)
         first = int(piece.min(initial=len(self.coefficients) - 1))
         used = self.coefficients[first : int(piece.max(initial=first)) + 1]
         coefficients = _derived(used, derivative)
@@ -273,15 +273,6 @@ class Trajectory(Value, NotebookView):
         if derivative > 0:
             value[(flat < self.breaks[0]) | (flat > self.breaks[-1])] = 0.0
         return value.reshape(*times.shape, len(self.joint_names))
-
-    def locate(self, times: Array) -> tuple[NDArray[np.int64], Array]:
-        """The piece of each time, and the time since its beginning [s], shape (n,) each; see `__call__`.
-
-        Args:
-            times: Times [s], shape (n,).
-        """
-        piece = np.clip(np.searchsorted(self.breaks, times, side="right") - 1, 0, len(self.coefficients) - 1)
-        return piece, np.clip(times, self.breaks[0], self.breaks[-1]) - self.breaks[piece]
 
     def derivative_coefficients(self, derivative: int) -> Array:
         """Local coefficients of a derivative, lowest power first, shape (m, degree + 1 - derivative or 1, nq).
@@ -332,6 +323,17 @@ class Trajectory(Value, NotebookView):
         out[~inside] = 0.0
         out[~inside, 0] = self(np.where(starts < self.breaks[0], self.breaks[0], self.breaks[-1]))[~inside]
         return out
+
+
+def locate(breaks: Array, times: Array) -> tuple[NDArray[np.int64], Array]:
+    """The piece of each time, and the time since its beginning [s], shape (n,) each; ends of the span beyond it.
+
+    Args:
+        breaks: Breaks of a trajectory [s], shape (m + 1,).
+        times: Times [s], shape (n,).
+    """
+    piece = np.clip(np.searchsorted(breaks, times, side="right") - 1, 0, max(0, len(breaks) - 2))
+    return piece, np.clip(times, breaks[0], breaks[-1]) - breaks[piece]
 
 
 def _interpolate(h: Array, rows: list[Array]) -> Array:

@@ -14,7 +14,7 @@ from rr1plan.checks import Array, counted, finite_number, of_kind, shown
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
-from rr1plan.trajectory import Trajectory
+from rr1plan.trajectory import Trajectory, locate
 
 # Number of updates whose set-points are evaluated at once; those of many arms stay in the cache.
 _BLOCK = 32
@@ -313,7 +313,7 @@ def _columns(trajectory: Trajectory, names: Sequence[str]) -> NDArray[np.int64]:
 def _sample(path: Trajectory, since: Array, out: Array) -> None:
     """Write positions, velocities and accelerations at times since the start [s], as `path` has them: (3, k, n)."""
     times = path.start_time + since
-    piece, local = path.locate(times)
+    piece, local = locate(path.breaks, times)
     terms, columns = path.coefficients.shape[1:]
     load_library().rr1_sample_pieces(path.coefficients, terms, columns, piece, local, len(times), out)
     out[1:, times > path.end_time] = 0.0
