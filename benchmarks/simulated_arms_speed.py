@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from statistics import median
 from typing import Any
 
@@ -28,6 +29,10 @@ from rr1plan.scene.model_library import load_robot
 _DT = 0.002  # [s]
 # Arms of a model and steps of a call where MuJoCo is measured alone, and how often.
 _ARMS, _STEPS, _REPEATS = 100, 25, 15
+
+# What never acts without shapes, and MuJoCo looks for in each step.
+_BITS = mujoco.mjtDisableBit
+_NEVER = int(_BITS.mjDSBL_CONTACT | _BITS.mjDSBL_CONSTRAINT | _BITS.mjDSBL_SPRING | _BITS.mjDSBL_DAMPER)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -66,8 +71,11 @@ def _alone(arms: int, threads: int) -> float:
     """Simulated time for a second of MuJoCo alone."""
     most = min(_ARMS, -(-arms // threads))
     robot, counts = load_robot("rr1"), [min(most, arms - first) for first in range(0, arms, most)]
+    robot = replace(robot, links=tuple(replace(link, collisions=(), visuals=()) for link in robot.links))
     scenes = {count: Scene(arms={f"r{i}": Arm(robot) for i in range(count)}) for count in set(counts)}
-    models = {count: build_mujoco(scene, timestep=_DT, shapes=False).model for count, scene in scenes.items()}
+    models = {count: build_mujoco(scene, timestep=_DT).model for count, scene in scenes.items()}
+    for model in models.values():
+        model.opt.disableflags |= _NEVER
     worlds = [(models[count], mujoco.MjData(models[count])) for count in counts]
 
     def step(worker: int) -> None:

@@ -13,7 +13,7 @@ from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import (
     Array,
@@ -260,8 +260,7 @@ class Trajectory(Value, NotebookView):
         flat = times.ravel()
         if not np.isfinite(flat).all():
             raise InputError("t is not finite")
-        piece = np.clip(np.searchsorted(self.breaks, flat, side="right") - 1, 0, len(self.coefficients) - 1)
-        local = np.clip(flat, self.breaks[0], self.breaks[-1]) - self.breaks[piece]
+        piece, local = locate(self.breaks, flat)
         first = int(piece.min(initial=len(self.coefficients) - 1))
         used = self.coefficients[first : int(piece.max(initial=first)) + 1]
         coefficients = _derived(used, derivative)
@@ -324,6 +323,17 @@ class Trajectory(Value, NotebookView):
         out[~inside] = 0.0
         out[~inside, 0] = self(np.where(starts < self.breaks[0], self.breaks[0], self.breaks[-1]))[~inside]
         return out
+
+
+def locate(breaks: Array, times: Array) -> tuple[NDArray[np.int64], Array]:
+    """The piece of each time, and the time since its beginning [s], shape (n,) each; ends of the span beyond it.
+
+    Args:
+        breaks: Breaks of a trajectory [s], shape (m + 1,).
+        times: Times [s], shape (n,).
+    """
+    piece = np.clip(np.searchsorted(breaks, times, side="right") - 1, 0, max(0, len(breaks) - 2))
+    return piece, np.clip(times, breaks[0], breaks[-1]) - breaks[piece]
 
 
 def _interpolate(h: Array, rows: list[Array]) -> Array:

@@ -49,6 +49,12 @@
 #include "timed_pieces.c"
 #include "hops.c"
 #include "blends.c"
+// Simulations, which pages do not have.
+#include "arm_dynamics.h"
+#ifndef __wasm__
+#include "arm_dynamics.c"
+#include "sample_pieces.c"
+#endif
 #include "../binding/cpu_level.c"
 #include "sines.c"
 // Offsets of all tables as this compiler has them; made by the build from the headers.

@@ -49,7 +49,7 @@ def chain_of(arm_model: ArmModel, link: str, first: int = 0) -> Chain:
     for j in [j for j in model.supports[body.joint] if j > 0]:
         twist = joint_twist(model.joints[j])
         slides = float(np.abs(twist[:3]).max()) > 0.5
-        turned = _turned_to(twist[:3] if slides else twist[3:])
+        turned = turned_to(twist[:3] if slides else twist[3:])
         gain, offset = float(arm_model.gains[j - 1]), float(arm_model.offsets[j - 1])
         T = T @ model.jointPlacements[j].homogeneous @ turned
         if arm_model.columns[j - 1] >= 0 and gain != 0.0:
@@ -63,7 +63,7 @@ def chain_of(arm_model: ArmModel, link: str, first: int = 0) -> Chain:
     return Chain(read_only(np.array(joints, np.int64).reshape(-1, 2)), read_only(np.array(values)))
 
 
-def _turned_to(axis: Array) -> Array:
+def turned_to(axis: Array) -> Array:
     """A rotation (4, 4) that maps z to an axis."""
     T = np.eye(4)
     if axis[2] != 1.0:

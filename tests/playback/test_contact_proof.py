@@ -8,10 +8,11 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.checks import Array
-from rr1plan.playback.simulation import tiles
+from rr1plan.playback.simulation import simulation
+from rr1plan.playback.simulation.arm_dynamics import ArmDynamics
 from rr1plan.playback.simulation.contact_proof import ContactProof
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
-from rr1plan.playback.simulation.stepped_models import SteppedModel
+from rr1plan.playback.simulation.stepped_models import Tile
 from rr1plan.robot import Geometry, Inertial, Joint, Link, Robot
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.transforms import pose
@@ -43,6 +44,13 @@ def wander(scene: rp.Scene, names: tuple[str, ...], seed: int, seconds: float) -
     return rp.Trajectory.from_samples(names, seconds * np.arange(len(own)), own, rest, rest)
 
 
+def search_always(sim: rp.Simulation) -> None:
+    """Let MuJoCo search for contacts in every state."""
+    for tile in sim.tiles:
+        tile.proof = None
+        tile.refresh()
+
+
 class Run:
     """What a simulation of wandering arms and their grippers does."""
 
@@ -51,8 +59,9 @@ class Run:
         (tile,) = sim.tiles
         self.proof = tile.proof
         if not proofs:
-            _ = sim.model  # from now on contacts are searched for in every state
-            assert tile.proof is None
+            search_always(sim)
+        if push:
+            _ = sim.data  # from now on MuJoCo takes all steps
         names = (*scene.joint_names(), *(f"{arm}/finger_joint" for arm in scene.arms))
         follow = rp.JointTrajectoryController(names, goal_tolerance=np.inf)
         sim.activate(follow)
@@ -61,7 +70,8 @@ class Run:
 
         def note(sim: rp.Simulation) -> None:
             self.states.append(sim.positions.tobytes() + sim.velocities.tobytes() + sim.efforts.tobytes())
-            tile.data.qfrc_applied[1] = push if sim.steps % 200 < 20 else 0.0
+            if push:
+                tile.data.qfrc_applied[1] = push if sim.steps % 200 < 20 else 0.0
 
         sim.on_step(note)
         sim.step(1000)
@@ -92,14 +102,21 @@ def held_and_tilted() -> rp.Scene:
 
 
 @pytest.mark.parametrize("threads", [2, 3])
-def test_arms_in_blocks_on_threads_move_as_in_one_model(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
-    monkeypatch.setattr(tiles, "_ARMS_IN_A_BLOCK", 1)
+def test_arms_on_threads_move_as_on_one(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
+    monkeypatch.setattr(simulation, "_SHARED", 1)
+    workers = set()
+    take_steps = ArmDynamics.take_steps
+
+    def noted(arms: ArmDynamics, worker: int, desired: Array, states: Array) -> None:
+        workers.add(worker)
+        take_steps(arms, worker, desired, states)
+
+    monkeypatch.setattr(ArmDynamics, "take_steps", noted)
     scene = held_and_tilted()
     shared = rp.Simulation(scene, threads=threads)
     whole = rp.Simulation(scene)
-    _ = whole.model  # every step by one model, with a search for contacts
+    search_always(whole)
     (tile,) = shared.tiles
-    assert len(tile.blocks) == threads
     taken = 0
     runs: list[tuple[rp.Simulation, list[bytes]]] = [(shared, []), (whole, [])]
     for sim, states in runs:
@@ -116,24 +133,26 @@ def test_arms_in_blocks_on_threads_move_as_in_one_model(monkeypatch: pytest.Monk
     assert runs[0][1] == runs[1][1]
     assert shared.contacts == whole.contacts != ()
     assert 40 < taken < 500
-    # Whoever looks finds everything as if one model had taken all steps.
+    assert workers == set(range(threads))
+    # Whoever looks finds everything of the last step.
     for name in ("time", "qpos", "qvel", "qacc", "ctrl", "actuator_force", "qfrc_bias", "xpos", "geom_xpos", "ncon"):
         np.testing.assert_array_equal(getattr(shared.data, name), getattr(whole.data, name))
-    assert not tile.blocks
+    assert tile.arms is None
 
 
 class Steps:
-    """How many steps the blocks of simulations take in one go."""
+    """How many steps are taken in one go from states that are proven."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.counts: list[int] = []
-        take_steps = SteppedModel.take_steps
+        advance = Tile.advance
 
-        def counted(block: SteppedModel, desired: Array, states: Array) -> None:
-            self.counts.append(len(desired))
-            take_steps(block, desired, states)
+        def counted(tile: Tile, worker: int, desired: Array, states: Array) -> None:
+            if tile.proven:
+                self.counts.append(len(desired))
+            advance(tile, worker, desired, states)
 
-        monkeypatch.setattr(SteppedModel, "take_steps", counted)
+        monkeypatch.setattr(Tile, "advance", counted)
 
 
 def end_of(sim: rp.Simulation, executions: list[rp.Execution]) -> list[object]:
@@ -156,14 +175,12 @@ def arm_follows(sim: rp.Simulation, arm: str, seed: int, seconds: float, path: f
 def test_several_steps_at_once_end_like_single_steps(
     monkeypatch: pytest.MonkeyPatch, radius: float, threads: int
 ) -> None:
-    monkeypatch.setattr(tiles, "_ARMS_IN_A_BLOCK", 1)
-    monkeypatch.setattr(tiles, "_MOST_IN_A_BLOCK", 2)
+    monkeypatch.setattr(simulation, "_SHARED", 1)
     steps = Steps(monkeypatch)
     fast = rp.Simulation(ring(4, radius), threads=threads)
     slow = rp.Simulation(fast.scene)
-    _ = slow.model  # one model, with a search for contacts in each step
+    search_always(slow)
     slow.on_step(lambda _: None)  # single steps
-    assert len(fast.tiles[0].blocks) == 2
     ends = []
     for sim in (fast, slow):
         executions = [arm_follows(sim, f"a{i}", 10 + i, 0.2 + 0.1 * i) for i in range(4)]
@@ -177,12 +194,59 @@ def test_several_steps_at_once_end_like_single_steps(
         sim.reset()
         sim.step(40)
         ends.append([*seen, end_of(sim, executions)])
+        if sim is fast:
+            assert max(steps.counts) == 32
+            assert np.mean(steps.counts) > 4
     assert ends[0] == ends[1]
-    assert max(steps.counts) == 32
-    assert np.mean(steps.counts) > 4
     assert touched  # on the way
     np.testing.assert_array_equal(fast.data.qpos, slow.data.qpos)
     assert fast.data.time == slow.data.time
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_several_steps_without_a_proof_end_like_single_steps(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    lengths: list[int] = []
+    take_steps = ArmDynamics.take_steps
+
+    def noted(arms: ArmDynamics, worker: int, desired: Array, states: Array) -> None:
+        lengths.append(len(desired))
+        take_steps(arms, worker, desired, states)
+
+    monkeypatch.setattr(ArmDynamics, "take_steps", noted)
+    fast, slow, alone = (rp.Simulation(ring(count, 0.58)) for _ in range(3))
+    search_always(fast)
+    slow.on_step(lambda _: None)  # single steps
+    _ = alone.model  # MuJoCo's steps
+    ends, contacts = [], []
+    for sim in (fast, slow, alone):
+        executions = [arm_follows(sim, f"a{i}", 10 + i, 0.2 + 0.1 * i) for i in range(count)]
+        for steps in (1, 150, 7, 250, 300):
+            sim.step(steps)
+            ends.append(end_of(sim, executions))
+        contacts.append(sim.contacts)
+        if sim is fast:
+            assert max(lengths) == 32
+    assert ends[:5] == ends[5:10]
+    assert contacts[0]
+    first, reference = contacts[0][0], contacts[2][0]
+    assert (first.pair, first.first) == (reference.pair, reference.first)
+
+
+def test_steps_beyond_what_kernels_compute_are_those_of_mujoco(rr1: Robot) -> None:
+    sims = [rp.Simulation(rp.Scene(arms={"a": rp.Arm(rr1)})) for _ in range(2)]
+    search_always(sims[1])
+    _ = sims[1].data
+    names = ["a/shoulder_joint"]
+    for sim in sims:
+        sim.place(names, [999.9], [20.0])
+        sim.activate(Kicked(tuple(names), 0.0))
+    free = []
+    for _ in range(10):
+        for sim in sims:
+            sim.step(1)
+        free.append((sims[0].positions[0] <= 1e3, sims[0].tiles[0].free_arms))
+        np.testing.assert_allclose(sims[0].positions, sims[1].positions, rtol=1e-12, atol=1e-12)
+    assert set(free) == {(True, 1), (False, 0)}
 
 
 def arm_follows_on(sim: rp.Simulation) -> rp.Execution:
@@ -295,20 +359,19 @@ def test_wrong_previews_are_named(wrong: object, message: str) -> None:
     assert sim.steps == 0
 
 
-def test_varied_arms_are_not_divided(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Friction makes constraints, whose solver ends when those of all arms of a model are met.
-    monkeypatch.setattr(tiles, "_ARMS_IN_A_BLOCK", 1)
-    assert not rp.Simulation(ring(4, 1.5), threads=2, variation=rp.ArmVariation(friction=0.01)).tiles[0].blocks
+def test_mujoco_takes_the_steps_of_varied_arms() -> None:
+    assert rp.Simulation(ring(4, 1.5), variation=rp.ArmVariation(friction=0.01)).tiles[0].arms is None
 
 
 def test_data_may_be_changed_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tiles, "_ARMS_IN_A_BLOCK", 2)
+    monkeypatch.setattr(simulation, "_SHARED", 1)
     runs = []
     for threads in (1, 2):
         sim = rp.Simulation(ring(4, 1.5), threads=threads)
-        assert len(sim.tiles[0].blocks) == threads
         sim.step(30)
+        assert sim.tiles[0].arms is not None
         sim.data.qfrc_applied[1] = 20.0
+        assert sim.tiles[0].arms is None
         sim.step(30)
         runs.append((sim.positions.tobytes(), sim.data.time, sim.data.xpos.tobytes()))
         assert sim.tiles[0].proof is not None
@@ -316,16 +379,69 @@ def test_data_may_be_changed_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyPa
     assert runs[0] == runs[1]
 
 
-def test_an_unstable_block_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tiles, "_ARMS_IN_A_BLOCK", 2)
+@pytest.mark.parametrize("proofs", [True, False])
+def test_arms_that_become_unstable_are_reported(proofs: bool) -> None:
     sim = rp.Simulation(ring(4, 1.5), dt=0.1, stiffness=3000.0, threads=2)
-    assert sim.tiles[0].blocks
+    assert sim.tiles[0].arms is not None
+    if not proofs:
+        search_always(sim)
     names = sim.scene.joint_names()
     drive = rp.ForwardVelocityController(names)
     sim.activate(drive)
     drive.command(np.full(len(names), 0.5))
     with pytest.raises(rp.BackendError, match="unstable"):
         sim.run(duration=200.0)
+
+
+class Kicked(rp.Controller):
+    """Holds its joints while something unforeseen pushes them for a while."""
+
+    def __init__(self, names: tuple[str, ...], push: float) -> None:
+        super().__init__(names)
+        self.push = push
+
+    def activate(self, joints: rp.JointInfo, state: rp.JointState) -> None:
+        super().activate(joints, state)
+        self.hold = state.positions.copy()
+
+    def update(self, state: rp.JointState) -> rp.SetPoint:
+        return rp.SetPoint(*(row[0] for row in self.preview(np.array([state.time])) if row is not None))
+
+    def preview(self, times: Array) -> rp.SetPoint:
+        rows = np.zeros((4, len(times), len(self.hold)))
+        rows[0] = self.hold
+        rows[3, (times > 0.1) & (times < 0.3), 0] = self.push
+        return rp.SetPoint(*rows)
+
+
+def test_a_kicked_arm_hits_its_neighbor_after_steps_without_a_search(rr1: Robot) -> None:
+    # Two pairs of arms that reach for each other, and set-points that never come near a contact.
+    places = {f"a{i}": pose([0.0, 0.5 * i, 0.0]) for i in range(4)}
+    arms = {name: rp.Arm(rr1, place, np.array([0.0, 1.2, 0.0, 0.0, 0.0, 0.0])) for name, place in places.items()}
+    scene = rp.Scene(arms=arms).with_obstacle("floor", FLOOR)
+    assert rp.CollisionChecker(scene).is_free(scene.configuration())
+    found = []
+    for search in ("proofs", "always", "MuJoCo alone"):
+        sim = rp.Simulation(scene)
+        proof = sim.tiles[0].proof
+        if search == "always":
+            search_always(sim)
+        elif search == "MuJoCo alone":
+            _ = sim.model
+        sim.activate(Kicked(scene.joint_names(["a1"]), 1e4))
+        sim.step(40)
+        assert sim.contacts == ()
+        sim.step(160)
+        found.append((sim.contacts, sim.max_penetration, sim.positions.tobytes(), sim.velocities.tobytes()))
+        if search == "proofs":
+            assert proof is not None
+            assert 40 <= proof.proven < 190
+    assert found[0] == found[1]
+    contacts = found[0][0]
+    assert {name.split("/")[0] for contact in contacts for name in contact.pair} == {"a1", "a2"}
+    first, reference = contacts[0], found[2][0][0]
+    assert (first.pair, first.first) == (reference.pair, reference.first)
+    assert first.depth == pytest.approx(reference.depth, rel=1e-6)
 
 
 def test_no_state_that_is_proven_has_a_contact() -> None:

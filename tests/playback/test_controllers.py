@@ -217,6 +217,28 @@ def test_points_are_interpolated_by_what_they_carry(scene: rp.Scene) -> None:
         np.testing.assert_allclose(sim.set_points[columns], q + 0.1 * part, atol=1e-9)
 
 
+def test_set_points_are_the_bytes_of_the_trajectory(scene: rp.Scene) -> None:
+    rng, dt = np.random.default_rng(1), 0.002
+    for degree in (0, 1, 5):
+        coefficients = 0.02 * rng.normal(size=(3, degree + 1, len(ARM)))
+        coefficients[:, 0] += 0.2
+        path = rp.Trajectory(ARM, [0.5, 0.52, 0.63, 0.9], coefficients)
+        follow = rp.JointTrajectoryController(ARM[::-1], start_tolerance=math.inf, goal_tolerance=math.inf)
+        sim = rp.Simulation(scene, dt)
+        sim.activate(follow)
+        follow.send(path)
+        for number in range(200):
+            point = follow.update(sim.state(ARM[::-1])._replace(time=dt * number))
+            for derivative, row in enumerate((point.positions, point.velocities, point.accelerations)):
+                assert row is not None
+                assert row.tobytes() == path(0.5 + dt * number, derivative)[::-1].tobytes()
+            # A preview has the same, whatever was evaluated before.
+            times = dt * np.arange(number + 1, number + 1 + number % 40)
+            if (ahead := follow.preview(times)) is not None:
+                expected = path(0.5 + times[: len(ahead.positions)])[:, ::-1]
+                assert ahead.positions.tobytes() == expected.tobytes()
+
+
 def test_a_newer_trajectory_preempts_at_its_time(scene: rp.Scene) -> None:
     sim = rp.Simulation(scene)
     follow = rp.JointTrajectoryController(ARM, start_tolerance=1.0)

@@ -82,14 +82,3 @@ def test_a_hundred_contacts_of_each_arm_have_room_in_memory(rr1: rp.Robot) -> No
     assert data.ncon > 100 * len(arms)
     assert data.maxuse_arena < world.model.narena
     assert not any(warning.number for warning in data.warning)
-
-
-def test_models_without_shapes_have_room_in_memory(rr1: rp.Robot) -> None:
-    arms = {f"r{i}": rp.Arm(rr1, pose([float(i), 0.0, 0.0])) for i in range(150)}
-    model = build_mujoco(rp.Scene(arms=arms), shapes=False).model
-    data = mujoco.MjData(model)
-    mujoco.mj_step(model, data)
-    assert model.ngeom == 0
-    # The stack grows with the square of the degrees of freedom; so does what is reserved.
-    assert data.maxuse_stack < 0.9 * mujoco_model.stack_memory(model.nv, shapes=False)
-    assert data.maxuse_stack < 4.0 * model.nv**2

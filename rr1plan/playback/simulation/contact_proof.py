@@ -58,8 +58,9 @@ class ContactProof:
         arms = [name.split("/", 1)[0] for name in joints.names]
         self._first_joints = np.array([i for i, arm in enumerate(arms) if i == 0 or arm != arms[i - 1]], dtype=np.int64)
         self._times = float(world.model.opt.timestep) * np.arange(_STEPS)[:, None]
-        self._points = np.zeros((0, len(joints.names)))
-        self._next = self._pause = 0
+        # Memory for the curve, of which there are `_count` points, and for deviations from it, which is kept.
+        self._points, self._off = np.zeros((2, _STEPS, len(joints.names)))
+        self._count = self._next = self._pause = 0
         self.proven = 0
 
     def covers(self, positions: Array, velocities: Array, accelerations: Array) -> bool:
@@ -82,7 +83,7 @@ class ContactProof:
     @property
     def left(self) -> int:
         """How many states the certified curve may still prove."""
-        return len(self._points) - self._next
+        return self._count - self._next
 
     def count_near(self, positions: Array) -> int:
         """How many of the next states the certified curve proves, from the first of them on.
@@ -90,8 +91,11 @@ class ContactProof:
         Args:
             positions: Positions of all joints in these states, not more than `left`, shape (k, n).
         """
-        off = np.abs(positions - self._points[self._next : self._next + len(positions)])
-        moved = np.add.reduceat(self._levers * off, self._first_joints, axis=1)
+        off = self._off[: len(positions)]
+        np.subtract(positions, self._points[self._next : self._next + len(positions)], out=off)
+        np.abs(off, out=off)
+        off *= self._levers
+        moved = np.add.reduceat(off, self._first_joints, axis=1)
         near: NDArray[np.bool_] = moved.max(axis=1, initial=0.0) <= _OFF
         if len(self._slides):
             near &= (np.abs(positions[:, self._slides]) <= self._travel).all(axis=1)
@@ -112,8 +116,7 @@ class ContactProof:
 
     def _certify(self, curve: Array) -> bool:
         """Certify a curve, coefficients (3, n), and go on from its beginning."""
-        self._points = np.zeros((0, curve.shape[1]))
-        self._next = 0
+        self._count = self._next = 0
         planned = curve[:, self._planned]
         if not np.abs(planned).max(initial=0.0) <= _FARTHEST:
             return False  # also where a number is not finite
@@ -121,7 +124,11 @@ class ContactProof:
             return False
         # Mimicking joints follow on the whole curve if its coefficients do.
         place, rates = self._joints.follow(curve[0]), self._joints.follow(curve[1:], rates=True)
-        self._points = (rates[1] * self._times + rates[0]) * self._times + place
+        points, self._count = self._points, _STEPS
+        np.multiply(rates[1], self._times, out=points)
+        points += rates[0]
+        points *= self._times
+        points += place
         return True
 
 

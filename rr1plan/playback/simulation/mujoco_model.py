@@ -45,16 +45,10 @@ _POSITION_VELOCITY_FEEDFORWARD = 7
 _OTHER_FRICTION = (0.005, 0.0001)
 # Time constant of contacts of loose bodies [s], and the least one in steps; MuJoCo needs two.
 _CONTACT_TIME, _CONTACT_STEPS = 0.008, 3.0
-# What never acts without shapes: contacts, limits and other constraints, springs and dampers. MuJoCo looks for them in
-# each step.
-_DISABLED = mujoco.mjtDisableBit
-_NOT_WITHOUT_SHAPES = int(
-    _DISABLED.mjDSBL_CONTACT | _DISABLED.mjDSBL_CONSTRAINT | _DISABLED.mjDSBL_SPRING | _DISABLED.mjDSBL_DAMPER
-)
 # Half the thickness of a plate in place of a triangle [m].
 _HALF_PLATE = 1e-5
-# Memory of MuJoCo's stack and contacts [bytes]: at least; for each degree of freedom of a model with shapes, of which
-# packed arms with a hundred contacts each take 4e4; and for each pair of degrees of freedom.
+# Memory of MuJoCo's stack and contacts [bytes]: at least; for each degree of freedom, of which packed arms with a
+# hundred contacts each take 4e4; and for each pair of degrees of freedom.
 _LEAST_MEMORY, _CONTACT_MEMORY, _PAIR_MEMORY = 2e7, 1e5, 4.0
 # Number of arms above which they are added in groups, as MuJoCo lists all of a model anew for everything that is added
 # to it, and have collision bits.
@@ -135,7 +129,6 @@ def build_mujoco(
     timestep: float = 0.002,
     stiffness: float = 160.0,
     solver: Solver = "newton",
-    shapes: bool = True,
 ) -> MujocoScene:
     """Build and compile a scene's MuJoCo model.
 
@@ -145,7 +138,6 @@ def build_mujoco(
         stiffness: Natural frequency of the joint servos [rad/s]; gains follow from the inertia each
             joint carries in the scene's configuration (kp = stiffness² M_jj), critically damped.
         solver: What computes contact forces of loose bodies, see `Simulation`.
-        shapes: Whether bodies have shapes; without them nothing touches, and arms move as they do without contacts.
 
     Returns:
         The model with one `pid` actuator (position, velocity, feed-forward) for each movable joint.
@@ -154,13 +146,13 @@ def build_mujoco(
         BackendError: MuJoCo does not take the scene.
         InputError: a point cloud of too many cells.
     """
-    builder = _Builder(scene, timestep, solver, shapes)
+    builder = _Builder(scene, timestep, solver)
     spec, joints, bodies = builder.spec, builder.joints, loose_bodies(scene)
     values = {name: arm.robot.joint_values(arm.q) for name, arm in scene.arms.items()}
     configuration = np.array([values[joint.arm][joint.joint.name] for joint in joints])
     poses = [_coordinates(body.pose) for body in bodies.values()]
     spec.add_key(name="configuration", qpos=np.concatenate([configuration, *poses]))
-    spec.memory = stack_memory(len(joints) + 6 * len(bodies), shapes=shapes)
+    spec.memory = stack_memory(len(joints) + 6 * len(bodies))
     model = _compile(spec)
     inertia = _joint_inertia(model)[: len(joints)]
     for i, (servo, carried) in enumerate(zip(builder.servos, inertia.tolist(), strict=True)):
@@ -177,10 +169,9 @@ def build_mujoco(
     return MujocoScene(scene, spec, model, names, tuple(bodies), elements, efforts, massless)
 
 
-def stack_memory(degrees_of_freedom: int, *, shapes: bool = True) -> int:
+def stack_memory(degrees_of_freedom: int) -> int:
     """Memory for MuJoCo's stack and contacts [bytes]; what it reserves by itself is ten times as much for many arms."""
-    least = _LEAST_MEMORY + _PAIR_MEMORY * degrees_of_freedom**2
-    return int(least + _CONTACT_MEMORY * degrees_of_freedom if shapes else least)
+    return int(_LEAST_MEMORY + _PAIR_MEMORY * degrees_of_freedom**2 + _CONTACT_MEMORY * degrees_of_freedom)
 
 
 def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
@@ -211,23 +202,20 @@ class _PlacedJoint:
 class _Builder:
     """Fills an MjSpec from a scene."""
 
-    def __init__(self, scene: Scene, timestep: float, solver: Solver, shapes: bool) -> None:
+    def __init__(self, scene: Scene, timestep: float, solver: Solver) -> None:
         self.scene = scene
-        self.shapes = shapes
         self.spec = mujoco.MjSpec()
         self.spec.modelname = scene.name
         self.spec.option.timestep = timestep
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
-        if not shapes:
-            self.spec.option.disableflags |= _NOT_WITHOUT_SHAPES
         self.spec.compiler.balanceinertia = True
         self._loose = loose_bodies(scene)
         if self._loose:
             self._set_solver(solver)
         solref = [max(_CONTACT_TIME, _CONTACT_STEPS * timestep), 1.0]
         self._surface = {"priority": 1, "solref": solref}
-        self._bits = collision_bits(scene) if shapes and len(scene.arms) > _MANY else {}
+        self._bits = collision_bits(scene) if len(scene.arms) > _MANY else {}
         self.joints: list[_PlacedJoint] = []
         self.servos: list[mujoco.MjsActuator] = []
         self.elements: dict[str, str] = {}
@@ -246,10 +234,9 @@ class _Builder:
             if obstacle.mass is not None:
                 body.add_freejoint(name=_body_name(name))
         self._add_servos()
-        if shapes:
-            for a, b in _excluded_pairs(scene, self._bits):
-                self.spec.add_exclude(bodyname1=_body_name(a), bodyname2=_body_name(b))
-            self._pair_with_planes()
+        for a, b in _excluded_pairs(scene, self._bits):
+            self.spec.add_exclude(bodyname1=_body_name(a), bodyname2=_body_name(b))
+        self._pair_with_planes()
 
     def _add_arms(self) -> None:
         """Add the arms with what they hold."""
@@ -364,7 +351,7 @@ class _Builder:
     def _add_geoms(self, body: mujoco.MjsBody, element: str, geometries: tuple[Geometry, ...], **surface: Any) -> None:
         bits = (OTHERS | PLANES,) * 2 if element in self._loose else self._bits.get(element, (OTHERS, OTHERS))
         surface |= {"contype": bits[0], "conaffinity": bits[1]}
-        for index, geometry in enumerate(geometries if self.shapes else ()):
+        for index, geometry in enumerate(geometries):
             for part, options in enumerate(self._geom_options(geometry.shape)):
                 name = f"{element}#{index}.{part}"
                 T = geometry.pose @ _offset(options.pop("offset", None))

@@ -8,9 +8,9 @@
     print(execution, sim.contacts)
 
 In each step the controllers see the state at its beginning; their set-points go to servos with a feed-forward torque
-from inverse dynamics at that state (computed torque control). Arms that can never meet are in separate MuJoCo models,
-which are stepped side by side on threads, as are parts of one model while its arms touch nothing. These take several
-steps together where controllers know their set-points ahead and there are no callbacks. The numbers depend on neither.
+from inverse dynamics at that state (computed torque control). Arms that can never meet are in separate MuJoCo models.
+While the arms of a model touch nothing, kernels compute the same as MuJoCo, on threads, and for several steps in one
+call where controllers know their set-points ahead and there are no callbacks. The numbers depend on neither.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import TypeVar
 
 import mujoco
 import numpy as np
@@ -39,16 +38,17 @@ from rr1plan.checks import (
     positive_number,
     whole_number,
 )
-from rr1plan.errors import BackendError, ControllerError, InputError, UnknownNameError
+from rr1plan.errors import BackendError, InputError, UnknownNameError
 from rr1plan.path import check_joint_names
 from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.contact_log import ContactLog
-from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
+from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState
 from rr1plan.playback.simulation.joint_map import JointMap
-from rr1plan.playback.simulation.mujoco_model import MujocoScene, Solver, build_mujoco
+from rr1plan.playback.simulation.mujoco_model import Solver, build_mujoco
 from rr1plan.playback.simulation.replay import ReplayContact
-from rr1plan.playback.simulation.stepped_models import SteppedModel, Tile, as_slice
-from rr1plan.playback.simulation.tiles import block_scenes, check_memory, tile_scenes
+from rr1plan.playback.simulation.set_points import Rows, SetPoints, part_of
+from rr1plan.playback.simulation.stepped_models import Tile
+from rr1plan.playback.simulation.tiles import check_memory, tile_scenes
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
@@ -57,14 +57,13 @@ _MOST_STIFFNESS = 1e6  # [rad/s]
 _LONGEST_STEP = 1.0  # [s]
 # Steps of one call; more take hours, and a replay of them more memory than there is.
 _MOST_STEPS = 5_000_000
+# Steps of single arms without contact that threads share; fewer are taken faster than handed to a thread.
+_SHARED = 1000
 # Real time is waited for when the simulation is ahead of it by more than this [s].
 _AHEAD = 0.002
 
 # The simulation in which each active controller is.
 _commanded_by: weakref.WeakKeyDictionary[Controller, weakref.ref[Simulation]] = weakref.WeakKeyDictionary()
-
-_Argument = TypeVar("_Argument")
-_Point = TypeVar("_Point", SetPoint, SetPoint | None)
 
 StepCallback = Callable[["Simulation"], bool | None]
 
@@ -95,7 +94,7 @@ class Simulation:
         scene: The scene; arms start in their configurations.
         dt: Time of a step [s].
         stiffness: Natural frequency of the joint servos [rad/s].
-        threads: Threads for arms that can never meet or are proven to touch nothing, and for heaps of loose bodies.
+        threads: Threads for arms that can never meet or touch nothing, and for heaps of loose bodies.
         solver: What computes the forces of contacts where there are loose bodies: "newton" to convergence, which holds
             grasped bodies; or conjugate gradients ("cg") in at most twenty iterations, with fewer points of contact,
             which take a fraction of the time for heaps of hundreds of bodies; these sink deeper into each other when
@@ -128,7 +127,7 @@ class Simulation:
         of_kind("variation", variation, ArmVariation, optional=True)
         known_name("solver", solver, ("newton", "cg"))
         self._solver: Solver = solver
-        self._variation = variation
+        self._variation = None if variation == ArmVariation() else variation
         self.scene = scene
         self.dt = positive_number("dt", dt)
         if self.dt > _LONGEST_STEP:
@@ -139,12 +138,11 @@ class Simulation:
         self._threads = whole_number("threads", threads, 1, 256)
         self._map = JointMap(scene)
         self.joint_names = self._map.names
+        self._state_rows = Rows(3, len(self.joint_names))
         self._warnings: list[str] = []
         self.tiles = self._build(scene)
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
-        self._active: dict[Controller, NDArray[np.int64] | slice] = {}
-        # Whether joints that others mimic have been commanded.
-        self._leading = False
+        self._set_points = SetPoints(self._map)
         self._callbacks: list[StepCallback] = []
         self._pause = threading.Event()
         self._contacts = ContactLog(1.5 * self.dt)
@@ -190,7 +188,7 @@ class Simulation:
     @property
     def set_points(self) -> Array:
         """Position that every servo follows [rad or m], shape (n,)."""
-        return np.array(self._desired[0])
+        return np.array(self._set_points.desired[0])
 
     @property
     def contacts(self) -> tuple[ReplayContact, ...]:
@@ -223,7 +221,7 @@ class Simulation:
     def data(self) -> mujoco.MjData:
         """MuJoCo's data; change it between steps only.
 
-        From then on one thread steps all arms of this model, as they may no longer be independent.
+        From then on MuJoCo takes all steps of this model on one thread, as forces and states may have been changed.
 
         Raises:
             InputError: arms that cannot meet have separate models; see `tiles`.
@@ -245,7 +243,7 @@ class Simulation:
         Raises:
             UnknownNameError: an unknown joint.
         """
-        return self._state(self._indices(check_joint_names(joint_names)))
+        return part_of(self._now, self._indices(check_joint_names(joint_names)))
 
     # ---- loose bodies ----------------------------------------------------------------------------
 
@@ -354,7 +352,7 @@ class Simulation:
     @property
     def controllers(self) -> tuple[Controller, ...]:
         """The active controllers."""
-        return tuple(self._active)
+        return tuple(self._set_points.active)
 
     def activate(self, controller: Controller, *, replace: bool = False) -> None:
         """Let a controller command its joints, from the next step on.
@@ -379,7 +377,7 @@ class Simulation:
         for name in controller.joint_names:
             if name in self._map.followers:
                 raise InputError(f"joint {name!r} mimics {self._map.followers[name]!r}; command that one")
-        for other in list(self._active):
+        for other in self.controllers:
             shared = set(other.joint_names).intersection(controller.joint_names)
             if not shared or other is controller:
                 continue
@@ -389,17 +387,16 @@ class Simulation:
                     f"joint {first!r} is commanded by an active {type(other).__name__}; deactivate it first, or "
                     "activate with replace=True"
                 )
-            del self._active[other], _commanded_by[other]
+            del self._set_points.active[other], _commanded_by[other]
             other.deactivate()
-        self._active.pop(controller, None)
+        self._set_points.active.pop(controller, None)
         joints = self._map
         info = JointInfo(
             controller.joint_names, joints.lower[indices], joints.upper[indices], joints.velocity[indices], self.dt
         )
-        controller.activate(info, self._state(indices))
-        self._active[controller] = as_slice(indices)
+        controller.activate(info, part_of(self._now, indices))
+        self._set_points.add(controller, indices)
         _commanded_by[controller] = weakref.ref(self)
-        self._leading = self._leading or self._map.leads(indices)
 
     def deactivate(self, controller: Controller) -> None:
         """Stop a controller; its joints hold their last set-points.
@@ -408,13 +405,11 @@ class Simulation:
             InputError: it is not active.
         """
         of_kind("controller", controller, Controller)
-        if controller not in self._active:
+        if controller not in self._set_points.active:
             raise InputError("the controller is not active in this simulation")
-        indices = self._active.pop(controller)
+        self._set_points.remove(controller)
         del _commanded_by[controller]
         controller.deactivate()
-        for rates in self._desired[1:]:
-            rates[indices] = 0.0
 
     def on_step(self, callback: StepCallback) -> Callable[[], None]:
         """Call something after each step.
@@ -515,19 +510,12 @@ class Simulation:
             parts = tile_scenes(scene)
             check_memory(parts)
             for part in parts:
-                world = self._model_of(part)
+                world = build_mujoco(part, timestep=self.dt, stiffness=self._stiffness, solver=self._solver)
                 columns, worker = self._indices(world.joint_names), len(tiles) % self._threads
-                tile = Tile(world, columns, self._variation, threads=self._threads, worker=worker)
-                tiles.append(tile)
-                # Friction of varied arms makes constraints, which are solved for all of a model together.
-                if tile.proof is not None and self._variation is None:
-                    worlds = (self._model_of(arms, shapes=False) for arms in block_scenes(part, self._threads))
-                    tile.blocks = tuple(SteppedModel(block, self._indices(block.joint_names)) for block in worlds)
+                count, threads = len(self.joint_names), self._threads
+                tiles.append(Tile(world, columns, count, self._variation, threads=threads, worker=worker))
         self._warnings += warnings
         return tiles
-
-    def _model_of(self, scene: Scene, *, shapes: bool = True) -> MujocoScene:
-        return build_mujoco(scene, timestep=self.dt, stiffness=self._stiffness, solver=self._solver, shapes=shapes)
 
     def _body(self, name: str) -> Tile:
         """The model with a loose body."""
@@ -552,11 +540,9 @@ class Simulation:
             tile.observe(state)
         self._measured = state
         self._now = JointState(self.time, *state)
-        self._desired = np.zeros((4, len(self.joint_names)))
-        self._desired[0] = self._now.positions
+        self._set_points.hold(self._now.positions)
         self._note_contacts()
-        self._leading = False
-        for controller in list(self._active):
+        for controller in self.controllers:
             self.activate(controller)
 
     def _run(self, count: int, speed: float) -> bool:
@@ -591,9 +577,10 @@ class Simulation:
     def _take_steps(self, most: int) -> int:
         """Take a step, or several where controllers know their set-points ahead; returns how many."""
         most = min(most, *(tile.most_steps for tile in self.tiles))
-        previewed = self._preview(most) if most > 1 else None
-        desired = self._update() if previewed is None else previewed
-        states = np.empty((len(desired) + 1, *self._measured.shape))
+        times = np.asarray(self.dt * np.arange(self.steps, self.steps + most), dtype=np.float64)
+        previewed = self._set_points.preview(times) if most > 1 else None
+        desired = self._set_points.update(self._now) if previewed is None else previewed
+        states = self._state_rows.take(len(desired) + 1)
         states[0] = self._measured
         tiles = self.tiles
 
@@ -601,7 +588,8 @@ class Simulation:
             for tile in tiles:
                 tile.advance(worker, desired, states)
 
-        self._distribute(advance, len(tiles) > 1 or len(tiles[0].blocks) > 1)
+        free = sum(tile.free_arms for tile in tiles) * len(desired)
+        self._distribute(advance, free >= _SHARED or (len(tiles) > 1 and not all(tile.free_arms for tile in tiles)))
         taken = min(tile.count_valid(states) for tile in tiles)
         valid, valid_states = desired[:taken], states[: taken + 1]
 
@@ -612,45 +600,11 @@ class Simulation:
 
         self._distribute(settle, len(tiles) > 1)
         if previewed is not None:
-            times = self._times(taken)
-            for controller, indices in self._active.items():
-                controller.passed(times, states[:taken, 0, indices])
-            self._desired = valid[-1].copy()
+            self._set_points.pass_over(times[:taken], valid, states[:taken, 0])
         self.steps += taken
-        self._measured = valid_states[-1]
+        self._measured = valid_states[-1].copy()
         self._now = JointState(self.time, *self._measured)
         return taken
-
-    def _times(self, count: int) -> Array:
-        """Simulated times of some steps, the next one first [s]."""
-        return np.asarray(self.dt * np.arange(self.steps, self.steps + count), dtype=np.float64)
-
-    def _update(self) -> Array:
-        """Set-points of the next step, shape (1, 4, n), a copy, with which tiles can repeat the step."""
-        for controller, indices in list(self._active.items()):
-            point = self._call(controller, controller.update, self._state(indices))
-            rows = self._rows(controller, point, (len(controller.joint_names),))
-            for desired, values in zip(self._desired, rows, strict=True):
-                desired[indices] = values
-        if self._leading:
-            self._map.follow_all(self._desired)
-        return self._desired[None].copy()
-
-    def _preview(self, most: int) -> Array | None:
-        """Set-points of the next steps, shape (up to `most`, 4, n); None if a controller needs the state for them."""
-        times, desired = self._times(most), np.repeat(self._desired[None], most, axis=0)
-        for controller, indices in self._active.items():
-            point = self._call(controller, controller.preview, times[:most])
-            if point is None:
-                return None
-            most = min(most, len(point.positions))
-            if not most:
-                raise ControllerError(f"{type(controller).__name__} previewed no set-points at {self.time:.3f} s")
-            for row, values in enumerate(self._rows(controller, point, (most, len(controller.joint_names)))):
-                desired[:most, row, indices] = values
-        if self._leading:
-            self._map.follow_all(desired)
-        return desired[:most]
 
     def _distribute(self, work: Callable[[int], None], shared: bool) -> None:
         """Do the work of every thread, on threads if it is shared."""
@@ -663,47 +617,9 @@ class Simulation:
         for future in futures:
             future.result()
 
-    def _call(self, controller: Controller, method: Callable[[_Argument], _Point], argument: _Argument) -> _Point:
-        """The set-points that a method of a controller returns."""
-        name = type(controller).__name__
-        try:
-            point = method(argument)
-        except Exception as error:
-            raise ControllerError(f"{name} raised {type(error).__name__} at {self.time:.3f} s: {error}") from error
-        if not isinstance(point, SetPoint) and not (point is None and method == controller.preview):
-            raise ControllerError(f"{name} returned a {type(point).__name__} at {self.time:.3f} s, expected a SetPoint")
-        return point
-
-    def _rows(self, controller: Controller, point: SetPoint, shape: tuple[int, ...]) -> list[Array | float]:
-        """The arrays of set-points, checked; 0 where there are none."""
-        name = type(controller).__name__
-        rows: list[Array | float] = []
-        for field, values in zip(SetPoint._fields, point, strict=True):
-            if values is None:
-                rows.append(0.0)
-                continue
-            try:
-                row = np.asarray(values, dtype=np.float64)
-            except (TypeError, ValueError) as error:
-                raise ControllerError(f"{name} returned {field} that are no numbers at {self.time:.3f} s") from error
-            if row.shape != shape:
-                raise ControllerError(
-                    f"{name} returned {field} of shape {row.shape} at {self.time:.3f} s, expected {shape}"
-                )
-            if not np.isfinite(row).all():
-                raise ControllerError(f"{name} returned {field} that are not finite at {self.time:.3f} s")
-            rows.append(row)
-        return rows
-
     def _note_contacts(self) -> None:
         for tile in self.tiles:
             self._deepest = max(self._deepest, tile.log_contacts(self._contacts, self.time))
-
-    def _state(self, indices: NDArray[np.int64] | slice) -> JointState:
-        """The state of some joints, a copy that controllers may change."""
-        now = self._now
-        rows = (row[indices] for row in (now.positions, now.velocities, now.efforts))
-        return JointState(now.time, *(row.copy() if isinstance(indices, slice) else row for row in rows))
 
     def _indices(self, names: Sequence[str]) -> NDArray[np.int64]:
         for name in names:

@@ -1,9 +1,9 @@
-"""MuJoCo models that are stepped: some arms of a simulation with the obstacles, or for a while without shapes.
+"""MuJoCo models that are stepped: some arms of a simulation with the obstacles.
 
-Where arms are proven to touch nothing, no shape matters and no arm affects another one. They are then stepped in
-blocks, on threads: models of the same bodies, joints and servos without shapes, which give the same results to the
-byte. While set-points are known ahead, each block takes several steps before the next one does, with its data in the
-cache.
+Steps that begin without contact are computed by the kernels of `arm_dynamics` where there are no loose bodies and arms
+are as described; MuJoCo takes the others. If set-points are known ahead, several steps are taken in one call, and those
+behind a state with contact are discarded. Where a state is proven to have none MuJoCo need not search for contacts.
+Results depend on contacts, not on proofs.
 """
 
 from __future__ import annotations
@@ -17,27 +17,24 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
+from rr1plan.playback.simulation.arm_dynamics import ArmDynamics
 from rr1plan.playback.simulation.arm_variation import ArmVariation, varied_model
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.contact_proof import ContactProof
 from rr1plan.playback.simulation.mujoco_model import MujocoScene
+from rr1plan.playback.simulation.set_points import as_slice
 
 _UNSTABLE = np.array(
     [getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}") for kind in ("QPOS", "QVEL", "QACC", "CTRL")], int
 )
-# Below this number of loose bodies several threads are slower; below this number of arms the search for contacts is
-# faster than a proof that there are none.
+# Below this number of loose bodies several threads are slower; below this number of arms the search for contacts takes
+# less time than the tables of a proof that there are none.
 _A_HEAP, _MANY_ARMS = 50, 4
+# Positions up to which the kernels compute steps [rad or m], and steps of one call without a proof.
+_FARTHEST, _AT_ONCE = 1e3, 32
 # What is left out where no contact is possible; arms have no springs and dampers, for which MuJoCo looks in each step.
 _DISABLED = mujoco.mjtDisableBit
 _NO_CONTACTS = int(_DISABLED.mjDSBL_CONTACT | _DISABLED.mjDSBL_SPRING | _DISABLED.mjDSBL_DAMPER)
-
-
-def as_slice(indices: NDArray[np.int64]) -> NDArray[np.int64] | slice:
-    """Consecutive indices as a slice, with which NumPy reads and writes several times faster; others unchanged."""
-    first = int(indices[0]) if len(indices) else 0
-    end = first + len(indices)
-    return slice(first, end) if np.array_equal(indices, np.arange(first, end)) else indices
 
 
 class SteppedModel:
@@ -108,19 +105,21 @@ class SteppedModel:
         control[:, 2] = self._torque[:joints] + self._bias + desired[3, columns]
         mujoco.mj_step2(self.model, self.data)
 
-    def take_steps(self, desired: Array, states: Array) -> None:
-        """Take some steps.
+    def count_free(self, positions: Array) -> int:
+        """How many of some states have no contact, from the first of them on; it is put in them.
 
         Args:
-            desired: Set-points for each step, shape (k, 4, n), see `advance`.
-            states: Positions, velocities and efforts of all joints of the simulation before the first step, and those
-                of this model's joints after each, which are written, shape (k + 1, 3, n).
+            positions: Positions of its joints in these states, shape (k, joints).
         """
-        self.place(states[0])
-        for points, state in zip(desired, states[1:], strict=True):
-            self.refresh()
-            self.advance(points)
-            self.observe(state)
+        for count, values in enumerate(positions):
+            if not np.abs(values).max(initial=0.0) <= _FARTHEST:  # also where a number is not finite
+                return count
+            self.state[0][:] = values
+            mujoco.mj_kinematics(self.model, self.data)
+            mujoco.mj_collision(self.model, self.data)
+            if self.data.ncon:
+                return count
+        return len(positions)
 
     def _describe(self) -> None:
         """Compute inertia and bias torques of the arms as described, at the present state."""
@@ -147,77 +146,89 @@ class SteppedModel:
 
 
 class Tile:
-    """Some arms of a simulation with the obstacles: a MuJoCo model, and its blocks where contacts are impossible.
+    """Some arms of a simulation with the obstacles.
 
     Args:
         world: The compiled model.
         columns: Index of each of its joints among those of the simulation.
+        column_count: Number of joints of the simulation.
         variation: How the arms differ from their description, unknown to the feed-forward torque.
         threads: Threads of the simulation.
-        worker: Which thread steps it.
+        worker: Which thread takes MuJoCo's steps.
 
     Attributes:
         world: The compiled model.
-        worker: Which thread steps it where blocks do not.
+        worker: Which thread takes MuJoCo's steps.
         bodies: Index of each of its loose bodies among them.
         proof: What decides whether contacts need to be searched for; None: they are searched for in every state.
         proven: Whether the present state is proven to be free of contact.
-        blocks: The arms without shapes, in parts for threads, for steps from such states; none: the whole model takes
-            all steps.
+        arms: What takes steps from states without contact; None: MuJoCo.
     """
 
     def __init__(
         self,
         world: MujocoScene,
         columns: NDArray[np.int64],
+        column_count: int,
         variation: ArmVariation | None = None,
         *,
         threads: int = 1,
         worker: int = 0,
     ) -> None:
-        self.world, self.worker, self._threads = world, worker, threads
-        self._whole = SteppedModel(world, columns, variation)
+        self.world, self.worker = world, worker
+        self._mujoco = SteppedModel(world, columns, variation)
         if threads > 1 and len(world.body_names) >= _A_HEAP:
-            mujoco.mju_threadpool(self._whole.data, threads - 1)
+            mujoco.mju_threadpool(self._mujoco.data, threads - 1)
         self.bodies = {name: i for i, name in enumerate(world.body_names)}
         self._state_size = mujoco.mj_stateSize(world.model, mujoco.mjtState.mjSTATE_INTEGRATION)
         self.proof: ContactProof | None = None
-        if len(world.scene.arms) >= _MANY_ARMS and not world.body_names:
-            # Scenes that cannot be checked can still be simulated.
-            with contextlib.suppress(InputError):
-                self.proof = ContactProof(world)
+        self.arms: ArmDynamics | None = None
+        if not world.body_names and len(columns):
+            if len(world.scene.arms) >= _MANY_ARMS:
+                # Scenes that cannot be checked can still be simulated.
+                with contextlib.suppress(InputError):
+                    self.proof = ContactProof(world)
+            if variation is None:
+                self.arms = ArmDynamics(world.model, columns, column_count, threads)
         self.proven = False
-        self.blocks: tuple[SteppedModel, ...] = ()
-        # State before the last step and its set-points, if only blocks have taken it.
-        self._missed: tuple[Array, Array] | None = None
+        # Whether the present state has no contact.
+        self._free = False
+        # State before the last step, its set-points, and the state after it, if MuJoCo has not taken it.
+        self._missed: tuple[Array, Array, Array] | None = None
 
     @property
     def data(self) -> mujoco.MjData:
-        """MuJoCo's data; from now on the whole model takes all steps, as forces and states may be changed in it."""
-        self.blocks = ()
+        """MuJoCo's data; from now on MuJoCo takes all steps, as forces and states may be changed in it."""
+        self.arms = None
         if self._missed is not None:
             self._catch_up()
             self._compute()
-        return self._whole.data
+        return self._mujoco.data
 
     @property
     def model(self) -> mujoco.MjModel:
         """MuJoCo's model; from now on contacts are searched for in every state, as it may be changed."""
+        _ = self.data
         if self.proof is not None:
-            _ = self.data
             self.proof, self.proven = None, False
-            self._whole.switch_contacts(True)
-        return self._whole.model
+            self._mujoco.switch_contacts(True)
+        return self._mujoco.model
 
     # ---- steps -----------------------------------------------------------------------------------
 
     @property
+    def free_arms(self) -> int:
+        """For how many arms `advance` does without MuJoCo: all or none."""
+        return self.arms.count if self.arms is not None and self._free else 0
+
+    @property
     def most_steps(self) -> int:
         """How many steps `advance` may take from the present state."""
-        if not (self.proven and self.blocks):
+        if not self.free_arms:
             return 1
-        assert self.proof is not None
-        return 1 + self.proof.left
+        if self.proof is None:
+            return _AT_ONCE
+        return 1 + self.proof.left if self.proven else 1
 
     def advance(self, worker: int, desired: Array, states: Array) -> None:
         """Do a thread's share of some steps; when all have, `settle`.
@@ -229,12 +240,11 @@ class Tile:
             states: Their positions, velocities and efforts before the first step, and those after each, which are
                 written, shape (k + 1, 3, n).
         """
-        if self.proven and self.blocks:
-            for block in self.blocks[worker :: self._threads]:
-                block.take_steps(desired, states)
+        if self.arms is not None and self._free:
+            self.arms.take_steps(worker, desired, states)
         elif worker == self.worker:
-            self._whole.advance(desired[0])
-            self._whole.observe(states[1])
+            self._mujoco.advance(desired[0])
+            self._mujoco.observe(states[1])
 
     def count_valid(self, states: Array) -> int:
         """How many of the steps were right: from the first on, those that began in a state without contact.
@@ -244,68 +254,72 @@ class Tile:
         """
         if len(states) == 2:
             return 1
-        # An unstable block is the concern of single steps.
-        if self.proof is None or self._is_block_unstable():
-            return 1
-        return 1 + self.proof.count_near(states[1:-1, 0, self._whole.columns])
+        between = states[1:-1, 0, self._mujoco.columns]
+        return 1 + (self._mujoco.count_free(between) if self.proof is None else self.proof.count_near(between))
 
     def settle(self, desired: Array, states: Array) -> None:
         """Compute what follows from the state after the last step; arguments as of `advance`, valid steps only."""
-        columns, whole, state = self._whole.columns, self._whole, states[-1]
-        blocks = self.blocks if self.proven else ()
+        mine, columns, state = self._mujoco, self._mujoco.columns, states[-1]
         if self.proof is not None:
             self.proof.pass_over(len(desired) - 1)
-        unstable = bool(blocks) and self._is_block_unstable()
-        self._prove(state[0, columns], state[1, columns], desired[-1, 2, columns], not unstable)
-        if blocks:
+        self._prove(state[0, columns], state[1, columns], desired[-1, 2, columns])
+        self._missed = None
+        if self.free_arms:
+            time, dt = mine.data.time, mine.model.opt.timestep
             for _ in range(len(desired)):  # the sum that as many single steps make
-                whole.data.time += whole.model.opt.timestep
-            self._missed = states[-2], desired[-1]
+                time += dt
+            mine.data.time = time
+            self._missed = states[-2].copy(), desired[-1].copy(), state.copy()
             if self.proven:
                 return
-            self._catch_up()
+            mine.place(state)
         self._compute()
 
-    def _is_block_unstable(self) -> bool:
-        return any(block.is_unstable() for block in self.blocks)
-
-    def _prove(self, positions: Array, velocities: Array, accelerations: Array, stable: bool = True) -> None:
+    def _prove(self, positions: Array, velocities: Array, accelerations: Array) -> None:
         """Decide whether a state of its joints is proven to be free of contact."""
-        self.proven = self.proof is not None and stable and self.proof.covers(positions, velocities, accelerations)
+        self.proven = self.proof is not None and self.proof.covers(positions, velocities, accelerations)
 
     def _catch_up(self) -> None:
-        """Repeat the last step, which blocks have taken, with the whole model."""
+        """Repeat the last step, which the kernels have taken, in MuJoCo's data."""
         assert self._missed is not None
-        (before, desired), self._missed = self._missed, None
-        whole, time = self._whole, self._whole.data.time
-        whole.switch_contacts(False)
-        whole.place(before)
-        whole.refresh()
-        whole.advance(desired)
-        whole.data.time = time
+        (before, desired, after), self._missed = self._missed, None
+        mine, time = self._mujoco, self._mujoco.data.time
+        mine.switch_contacts(False)
+        mine.place(before)
+        mine.refresh()
+        mine.advance(desired)
+        mine.place(after)
+        mine.data.time = time
 
     def _compute(self) -> None:
-        """Compute what follows from the state in the whole model."""
-        self._whole.switch_contacts(not self.proven)
-        self._whole.refresh()
+        """Compute what follows from the state in MuJoCo's data, with the contacts if these are possible."""
+        mine = self._mujoco
+        mine.switch_contacts(not self.proven)
+        mine.refresh()
+        self._free = not mine.data.ncon and bool(np.abs(mine.state[0]).max(initial=0.0) <= _FARTHEST)
+        if self._missed is not None and not self._free:
+            # The solver of contact forces begins with the accelerations of the last step.
+            self._catch_up()
+            mine.switch_contacts(True)
+            mine.refresh()
 
     def observe(self, state: Array) -> None:
         """Write positions, velocities and efforts of its joints to those of all joints, shape (3, n)."""
-        self._whole.observe(state)
+        self._mujoco.observe(state)
 
     def is_unstable(self) -> bool:
         """Whether MuJoCo has warned of values that are not finite or too large."""
-        return self._whole.is_unstable()
+        return self._mujoco.is_unstable()
 
     # ---- states ----------------------------------------------------------------------------------
 
     def place(self, state: Array) -> None:
         """Put its joints at positions and velocities of all joints, shape (2, n), without `refresh`."""
-        self._whole.place(state)
+        self._mujoco.place(state)
 
     def refresh(self) -> None:
         """Compute what follows from the state that it was put in."""
-        positions, velocities, _ = self._whole.state
+        positions, velocities, _ = self._mujoco.state
         self._missed = None
         self._prove(positions, velocities, np.zeros(len(positions)))
         self._compute()
@@ -319,27 +333,26 @@ class Tile:
     def save(self) -> Array:
         """The state from which a run can be repeated exactly; right after `begin` only."""
         state = np.zeros(self._state_size)
-        mujoco.mj_getState(self._whole.model, self._whole.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_getState(self._mujoco.model, self._mujoco.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
         return state
 
     def restore(self, state: Array) -> None:
         """Go back to a saved state."""
         self._reset()
-        mujoco.mj_setState(self._whole.model, self._whole.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_setState(self._mujoco.model, self._mujoco.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
         self.refresh()
 
     def _reset(self) -> None:
-        for part in (self._whole, *self.blocks):
-            mujoco.mj_resetData(part.model, part.data)
+        mujoco.mj_resetData(self._mujoco.model, self._mujoco.data)
 
     def body_state(self, name: str) -> tuple[Array, Array]:
         """Position and quaternion (7,) of a loose body, and its linear and its own angular velocity (6,), as views."""
-        data, joints, i = self._whole.data, self._whole.joints, self.bodies[name]
+        data, joints, i = self._mujoco.data, self._mujoco.joints, self.bodies[name]
         return data.qpos[joints + 7 * i :][:7], data.qvel[joints + 6 * i :][:6]
 
     def log_contacts(self, log: ContactLog, time: float) -> float:
         """Add the contacts of the present state to a log; returns the deepest penetration [m], -inf without any."""
-        data = self._whole.data
+        data = self._mujoco.data
         depth = -float(data.contact.dist.min()) if not self.proven and data.ncon else -math.inf
         if depth >= 0.0:
             log.add(self.world, data, time)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from itertools import pairwise
 
 from rr1plan.checks import counted
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
@@ -22,9 +21,6 @@ from rr1plan.scene.subscene import subscene
 _BYTES_PER_ARM = 3.0e6
 # Smallest number of arms in a tile, and largest number of tiles.
 _ARMS_IN_A_TILE, _MOST_TILES = 60, 4
-# Smallest number of arms in a block; fewer are stepped faster than handed to a thread. Largest number; the data of more
-# do not stay in the cache from one step to the next.
-_ARMS_IN_A_BLOCK, _MOST_IN_A_BLOCK = 20, 100
 
 
 def tile_scenes(scene: Scene) -> list[Scene]:
@@ -48,16 +44,6 @@ def tile_scenes(scene: Scene) -> list[Scene]:
             tiles.append([])
         tiles[-1] += group
     return [subscene(scene, dict.fromkeys(names)) for names in tiles]
-
-
-def block_scenes(scene: Scene, threads: int) -> list[Scene]:
-    """The arms of a scene with what they hold and without obstacles, in parts for threads."""
-    names = list(scene.arms)
-    shares = max(1, min(threads, len(names) // _ARMS_IN_A_BLOCK))
-    count = shares * math.ceil(len(names) / (shares * _MOST_IN_A_BLOCK))
-    ends = [len(names) * i // count for i in range(count + 1)]
-    parts = (names[start:end] for start, end in pairwise(ends))
-    return [subscene(scene, dict.fromkeys(part), obstacles=False) for part in parts]
 
 
 def check_memory(tiles: Sequence[Scene]) -> None:

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, counted, finite_number, of_kind, shown
 from rr1plan.errors import InputError
+from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
-from rr1plan.trajectory import Trajectory
+from rr1plan.trajectory import Trajectory, locate
 
 # Number of updates whose set-points are evaluated at once; those of many arms stay in the cache.
 _BLOCK = 32
@@ -100,9 +101,10 @@ class JointTrajectoryController(Controller):
     _queued: Execution | None
     # What is active, columns in the order of this controller's joints.
     _path: Trajectory
-    # Set-points of the updates from a time on, shape (3, _BLOCK, n).
+    # Positions, velocities and accelerations of the updates from number `_first` since its beginning on, shape
+    # (3, _BLOCK, n).
     _block: Array
-    _block_start: float
+    _first: int
 
     def __init__(
         self,
@@ -130,7 +132,6 @@ class JointTrajectoryController(Controller):
         self._now = state.time
         self._hold = SetPoint(state.positions.copy())
         self._last = self._hold
-        self._block_start = -math.inf
 
     def deactivate(self) -> None:
         """Give up the joints; the trajectory in execution is canceled."""
@@ -198,7 +199,7 @@ class JointTrajectoryController(Controller):
         if execution.status.terminal:
             return self._stop(state)
         since = state.time - execution.start
-        point = SetPoint(*self._points(since, 1)[:, 0])
+        point = SetPoint(*self._points(since, 1)[:, 0].copy())
         error = np.abs(state.positions - point.positions)
         self._note_error(execution, error)
         if error.max() > self.path_tolerance:
@@ -213,7 +214,10 @@ class JointTrajectoryController(Controller):
         return point
 
     def preview(self, times: Array) -> SetPoint | None:
-        """Set-points up to the end of a trajectory without a path tolerance, or the position to hold."""
+        """Set-points up to the end of a trajectory without a path tolerance, or the position to hold.
+
+        Later calls write over the arrays.
+        """
         execution = self._active
         if self._queued is not None:
             return None
@@ -233,7 +237,7 @@ class JointTrajectoryController(Controller):
             return
         points = self._points(float(times[0]) - execution.start, len(times))
         self._note_error(execution, np.abs(positions - points[0]).max(axis=0))
-        self._last = SetPoint(*points[:, -1])
+        self._last = SetPoint(*points[:, -1].copy())
 
     def _note_error(self, execution: Execution, error: Array) -> None:
         ordered = error if self._back is None else error[self._back]
@@ -250,10 +254,11 @@ class JointTrajectoryController(Controller):
         execution.start = self._now
         execution.status = ExecutionStatus.ACTIVE
         trajectory = execution.trajectory
-        self._path = Trajectory(self.joint_names, trajectory.breaks, trajectory.coefficients[:, :, columns])
+        coefficients = trajectory.coefficients.take(columns, axis=2)
+        self._path = Trajectory(self.joint_names, trajectory.breaks, coefficients)
         in_order = np.array_equal(columns, np.arange(len(columns)))
         self._back = None if in_order else np.argsort(columns)
-        self._block_start = -math.inf
+        self._block, self._first = np.empty((3, _BLOCK, len(columns))), -_BLOCK
 
     def _check_start(self, trajectory: Trajectory, columns: NDArray[np.int64]) -> None:
         gap = np.abs(trajectory(trajectory.start_time)[columns] - self._last.positions)
@@ -284,13 +289,13 @@ class JointTrajectoryController(Controller):
     def _points(self, since: float, most: int) -> Array:
         """Positions, velocities and accelerations of some updates from a time on, shape (3, up to `most`, n).
 
-        They are evaluated in blocks, at whose ends they end.
+        Many are evaluated at once. Updates are numbered, so that values do not depend on which ones these are.
         """
-        k = round((since - self._block_start) / self.joints.dt) if math.isfinite(self._block_start) else _BLOCK
-        if k >= _BLOCK:
-            times = self._path.start_time + since + self.joints.dt * np.arange(_BLOCK)
-            self._block = np.array([self._path(times, derivative) for derivative in range(3)])
-            self._block_start, k = since, 0
+        number = round(since / self.joints.dt)
+        k, most = number - self._first, min(most, _BLOCK)
+        if not 0 <= k <= _BLOCK - most:
+            self._first, k = number, 0
+            _sample(self._path, self.joints.dt * np.arange(number, number + _BLOCK, dtype=np.float64), self._block)
         return self._block[:, k : k + most]
 
     def _worst(self, error: Array, tolerance: float) -> str:
@@ -303,6 +308,15 @@ def _columns(trajectory: Trajectory, names: Sequence[str]) -> NDArray[np.int64]:
     """The columns of some joints in a trajectory."""
     column = {name: i for i, name in enumerate(trajectory.joint_names)}
     return np.array([column[name] for name in names], dtype=np.int64)
+
+
+def _sample(path: Trajectory, since: Array, out: Array) -> None:
+    """Write positions, velocities and accelerations at times since the start [s], as `path` has them: (3, k, n)."""
+    times = path.start_time + since
+    piece, local = locate(path.breaks, times)
+    terms, columns = path.coefficients.shape[1:]
+    load_library().rr1_sample_pieces(path.coefficients, terms, columns, piece, local, len(times), out)
+    out[1:, times > path.end_time] = 0.0
 
 
 def _end(execution: Execution, status: ExecutionStatus, time: float, message: str) -> None:

@@ -1,0 +1,173 @@
+"""Set-points of all joints of a simulation, as active controllers command them, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rr1plan.checks import Array
+from rr1plan.errors import ControllerError
+from rr1plan.playback.simulation.controllers import Controller, JointState, SetPoint
+from rr1plan.playback.simulation.joint_map import JointMap
+
+_Argument = TypeVar("_Argument")
+_Point = TypeVar("_Point", SetPoint, SetPoint | None)
+
+
+class Rows:
+    """Arrays for some steps in memory that is kept, as to get new memory takes longer than to fill it.
+
+    Args:
+        shape: Of the array of one step.
+    """
+
+    def __init__(self, *shape: int) -> None:
+        self._rows = np.empty((1, *shape))
+
+    def take(self, count: int) -> Array:
+        """Arrays for some steps, shape (count, *shape); those of the last call are written over."""
+        if len(self._rows) < count:
+            self._rows = np.empty((count, *self._rows.shape[1:]))
+        return self._rows[:count]
+
+
+class SetPoints:
+    """The set-points of all joints, and the controllers that command them.
+
+    Args:
+        joints: The joints.
+
+    Attributes:
+        active: Active controllers, with the indices of their joints.
+        desired: Positions, velocities, accelerations and efforts to add of all joints in the last step, shape (4, n).
+    """
+
+    def __init__(self, joints: JointMap) -> None:
+        self._joints = joints
+        self._rows = Rows(4, len(joints.names))
+        self.active: dict[Controller, NDArray[np.int64] | slice] = {}
+        self.hold(np.zeros(len(joints.names)))
+
+    def hold(self, positions: Array) -> None:
+        """Begin anew at rest at some positions of all joints, shape (n,)."""
+        self.desired = np.zeros((4, len(positions)))
+        self.desired[0] = positions
+        # Whether joints that others mimic have been commanded.
+        self._leading = False
+
+    def add(self, controller: Controller, indices: NDArray[np.int64]) -> None:
+        """Let a controller command the joints with these indices."""
+        self.active[controller] = as_slice(indices)
+        self._leading = self._leading or self._joints.leads(indices)
+
+    def remove(self, controller: Controller) -> None:
+        """Hold the positions that a controller has commanded last."""
+        indices = self.active.pop(controller)
+        for rates in self.desired[1:]:
+            rates[indices] = 0.0
+
+    def update(self, state: JointState) -> Array:
+        """Set-points of the next step, shape (1, 4, n).
+
+        Args:
+            state: The state of all joints.
+
+        Raises:
+            ControllerError: a controller raised something or returned no set-points.
+        """
+        for controller, indices in list(self.active.items()):
+            point = _call(controller, controller.update, part_of(state, indices), state.time)
+            rows = _checked(controller, point, (len(controller.joint_names),), state.time)
+            for desired, values in zip(self.desired, rows, strict=True):
+                desired[indices] = values
+        if self._leading:
+            self._joints.follow_all(self.desired)
+        return self.desired[None].copy()
+
+    def preview(self, times: Array) -> Array | None:
+        """Set-points of the next steps, shape (k, 4, n), which the next call writes over.
+
+        Args:
+            times: When they begin [s]; there may be set-points for fewer of them.
+
+        Returns:
+            None if a controller needs the state for them.
+
+        Raises:
+            ControllerError: a controller raised something or returned no set-points.
+        """
+        most, now = len(times), float(times[0])
+        desired = self._rows.take(most)
+        desired[:] = self.desired
+        for controller, indices in self.active.items():
+            point = _call(controller, controller.preview, times[:most], now)
+            if point is None:
+                return None
+            most = min(most, len(point.positions))
+            if not most:
+                raise ControllerError(f"{type(controller).__name__} previewed no set-points at {now:.3f} s")
+            for row, values in enumerate(_checked(controller, point, (most, len(controller.joint_names)), now)):
+                desired[:most, row, indices] = values
+        if self._leading:
+            self._joints.follow_all(desired)
+        return desired[:most]
+
+    def pass_over(self, times: Array, desired: Array, positions: Array) -> None:
+        """Note that previewed set-points were commanded.
+
+        Args:
+            times: When their steps began [s], shape (k,).
+            desired: The set-points, shape (k, 4, n).
+            positions: Positions of all joints at these times, shape (k, n).
+        """
+        for controller, indices in self.active.items():
+            controller.passed(times, positions[:, indices])
+        self.desired = desired[-1].copy()
+
+
+def as_slice(indices: NDArray[np.int64]) -> NDArray[np.int64] | slice:
+    """Consecutive indices as a slice, with which NumPy reads and writes several times faster; others unchanged."""
+    first = int(indices[0]) if len(indices) else 0
+    end = first + len(indices)
+    return slice(first, end) if np.array_equal(indices, np.arange(first, end)) else indices
+
+
+def part_of(state: JointState, indices: NDArray[np.int64] | slice) -> JointState:
+    """The state of some joints, a copy that controllers may change."""
+    rows = (row[indices] for row in (state.positions, state.velocities, state.efforts))
+    return JointState(state.time, *(row.copy() if isinstance(indices, slice) else row for row in rows))
+
+
+def _call(controller: Controller, method: Callable[[_Argument], _Point], argument: _Argument, time: float) -> _Point:
+    """The set-points that a method of a controller returns."""
+    name = type(controller).__name__
+    try:
+        point = method(argument)
+    except Exception as error:
+        raise ControllerError(f"{name} raised {type(error).__name__} at {time:.3f} s: {error}") from error
+    if not isinstance(point, SetPoint) and not (point is None and method == controller.preview):
+        raise ControllerError(f"{name} returned a {type(point).__name__} at {time:.3f} s, expected a SetPoint")
+    return point
+
+
+def _checked(controller: Controller, point: SetPoint, shape: tuple[int, ...], time: float) -> list[Array | float]:
+    """The arrays of set-points, checked; 0 where there are none."""
+    name = type(controller).__name__
+    rows: list[Array | float] = []
+    for field, values in zip(SetPoint._fields, point, strict=True):
+        if values is None:
+            rows.append(0.0)
+            continue
+        try:
+            row = np.asarray(values, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ControllerError(f"{name} returned {field} that are no numbers at {time:.3f} s") from error
+        if row.shape != shape:
+            raise ControllerError(f"{name} returned {field} of shape {row.shape} at {time:.3f} s, expected {shape}")
+        if not np.isfinite(row).all():
+            raise ControllerError(f"{name} returned {field} that are not finite at {time:.3f} s")
+        rows.append(row)
+    return rows
