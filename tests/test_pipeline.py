@@ -15,8 +15,10 @@ import pytest
 import rr1plan as rp
 from rr1plan import pipeline
 from rr1plan.collision import checker as checkers
+from rr1plan.multi import agents
 from rr1plan.pipeline import affordable_margin
 from rr1plan.transforms import pose
+from rr1plan.validation import referee_scene as referee_scenes
 from rr1plan.validation.compiled_search import TOUCH
 
 
@@ -84,6 +86,29 @@ def test_a_scene_is_set_up_once(problem: rp.Problem, monkeypatch: pytest.MonkeyP
     assert made == []
     with pytest.raises(rp.InputError, match="problem is of type Scene"):
         rp.warm_up(scene)
+
+
+def test_all_that_many_arms_and_the_referee_read_is_set_up_in_advance(
+    rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = rp.random_grid(rr1, 3, 0.6, rng=0)
+    rp.warm_up(problem)
+    made: list[str] = []
+    bodies, referee = agents.AgentBodies.__init__, referee_scenes.RefereeScene.__init__
+
+    def init_bodies(own: agents.AgentBodies, scene: rp.Scene) -> None:
+        if len(scene.arms) == 1:
+            made.extend(scene.arms)
+        bodies(own, scene)
+
+    def init_referee(own: referee_scenes.RefereeScene, scene: rp.Scene) -> None:
+        made.append("referee")
+        referee(own, scene)
+
+    monkeypatch.setattr(agents.AgentBodies, "__init__", init_bodies)
+    monkeypatch.setattr(referee_scenes.RefereeScene, "__init__", init_referee)
+    assert rp.plan_motion(problem, rng=0).valid
+    assert made == []
 
 
 @pytest.mark.parametrize("retiming", rp.retiming_names())
