@@ -154,7 +154,9 @@ def _plan_one(
     kept = f"the search kept {1000.0 * margin:.3g} mm beyond the padding (argument margin)"
     if result.status is PlanStatus.TIMEOUT and not again:
         return replace(result, reason=f"{result.reason}; {kept}"), margin
-    if not again and result.status not in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
+    # RRT-Connect calls nothing infeasible that the margin makes so.
+    doubtful = result.status is PlanStatus.INFEASIBLE and type(planner) is not RrtConnect
+    if not (again or doubtful or result.status is PlanStatus.INVALID_GOAL):
         return result, margin
     left = Budget(
         max(budget.seconds - result.seconds, 1e-3), None if most is None else max(1, most - result.iterations)

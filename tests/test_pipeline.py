@@ -8,6 +8,7 @@ import sys
 import time
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -237,6 +238,24 @@ def test_a_gap_narrower_than_the_margin_is_passed_in_the_second_half_of_the_budg
     assert motion.valid
     assert motion.margin == 0.0
     assert motion.report.margins["clearance"].value == pytest.approx(1e-3, abs=1e-6)
+
+
+def test_a_proof_is_not_made_again_without_the_margin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cart.urdf").write_text(CART)
+    scene = rp.Scene().with_arm("cart", rp.load_robot(tmp_path / "cart.urdf"))
+    closed = rp.Problem(scene.with_obstacle("wall", rp.Box((0.1, 0.2, 0.1)), [0.0, 0.0, 0.0]), [-0.3], [0.3])
+    asked: list[float] = []
+    search = rp.RrtConnect.plan
+
+    def counted(own: rp.RrtConnect, problem: rp.Problem, **options: Any) -> rp.PlanResult:
+        asked.append(problem.margin)
+        return search(own, problem, **options)
+
+    monkeypatch.setattr(rp.RrtConnect, "plan", counted)
+    motion = rp.plan_motion(closed, rng=0)
+    assert motion.status is rp.PlanStatus.INFEASIBLE
+    assert "joint 'cart/slide' cannot pass" in motion.result.reason
+    assert asked == [0.002]
 
 
 def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:
