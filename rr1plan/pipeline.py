@@ -27,6 +27,7 @@ from rr1plan.retiming import retime, retiming_names
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 from rr1plan.validation import validate
+from rr1plan.validation.moving_scene import moving_scene
 
 # Imports faster than this [s] only look up modules that are already loaded.
 _NO_IMPORTS = 0.01
@@ -151,7 +152,9 @@ def _plan_one(
     kept = f"the search kept {1000.0 * margin:.3g} mm beyond the padding (argument margin)"
     if result.status is PlanStatus.TIMEOUT and not again:
         return replace(result, reason=f"{result.reason}; {kept}"), margin
-    if not again and result.status not in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
+    # RRT-Connect calls nothing infeasible that the margin makes so.
+    doubtful = result.status is PlanStatus.INFEASIBLE and type(planner) is not RrtConnect
+    if not (again or doubtful or result.status is PlanStatus.INVALID_GOAL):
         return result, margin
     left = Budget(
         max(budget.seconds - result.seconds, 1e-3), None if most is None else max(1, most - result.iterations)
@@ -244,10 +247,11 @@ def _cut_meshes(scene: Scene, progress: ProgressCallback | None) -> None:
 
 
 def warm_up(problem: Problem, *, progress: ProgressCallback | None = None) -> None:
-    """Warm up: build the collision tables of a problem's scene before its first query.
+    """Warm up: build the tables of a problem's scene, for planning and for the referee, before its first query.
 
-    Planning does this on demand, in a millisecond or two. Call it in advance when the latency of the first query
-    matters. The tables are cached with the scene.
+    Planning does this on demand, before the time budget starts for one or two arms, within it for more. Tables of a
+    robot take 20 to 500 ms, by the vertices of its meshes, and serve all scenes in which the robot is; those of a scene
+    take some milliseconds and are cached with it. Call it in advance when the latency of the first query matters.
 
     Args:
         problem: Any problem in the scene that moves the same arms.
@@ -262,6 +266,11 @@ def warm_up(problem: Problem, *, progress: ProgressCallback | None = None) -> No
     _cut_meshes(problem.scene, progress)
     with checker_from_pool(problem.scene, problem.arms, problem.margin) as motions:
         motions.warm_up()
+    if len(problem.arms) > _PLANNED_AS_ONE:
+        from rr1plan.multi.preflight import warm_up_agents  # not needed for one arm
+
+        warm_up_agents(problem)
+    moving_scene(problem.scene, problem.joint_names)
 
 
 def affordable_margin(problem: Problem, margin: float) -> float:

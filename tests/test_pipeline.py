@@ -8,6 +8,7 @@ import sys
 import time
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +16,10 @@ import pytest
 import rr1plan as rp
 from rr1plan import pipeline
 from rr1plan.collision import checker as checkers
+from rr1plan.multi import agents
 from rr1plan.pipeline import affordable_margin
 from rr1plan.transforms import pose
+from rr1plan.validation import referee_scene as referee_scenes
 from rr1plan.validation.compiled_search import TOUCH
 
 
@@ -84,6 +87,29 @@ def test_a_scene_is_set_up_once(problem: rp.Problem, monkeypatch: pytest.MonkeyP
     assert made == []
     with pytest.raises(rp.InputError, match="problem is of type Scene"):
         rp.warm_up(scene)
+
+
+def test_all_that_many_arms_and_the_referee_read_is_set_up_in_advance(
+    rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = rp.random_grid(rr1, 3, 0.6, rng=0)
+    rp.warm_up(problem)
+    made: list[str] = []
+    bodies, referee = agents.AgentBodies.__init__, referee_scenes.RefereeScene.__init__
+
+    def init_bodies(own: agents.AgentBodies, scene: rp.Scene) -> None:
+        if len(scene.arms) == 1:
+            made.extend(scene.arms)
+        bodies(own, scene)
+
+    def init_referee(own: referee_scenes.RefereeScene, scene: rp.Scene) -> None:
+        made.append("referee")
+        referee(own, scene)
+
+    monkeypatch.setattr(agents.AgentBodies, "__init__", init_bodies)
+    monkeypatch.setattr(referee_scenes.RefereeScene, "__init__", init_referee)
+    assert rp.plan_motion(problem, rng=0).valid
+    assert made == []
 
 
 @pytest.mark.parametrize("retiming", rp.retiming_names())
@@ -212,6 +238,24 @@ def test_a_gap_narrower_than_the_margin_is_passed_in_the_second_half_of_the_budg
     assert motion.valid
     assert motion.margin == 0.0
     assert motion.report.margins["clearance"].value == pytest.approx(1e-3, abs=1e-6)
+
+
+def test_a_proof_is_not_made_again_without_the_margin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cart.urdf").write_text(CART)
+    scene = rp.Scene().with_arm("cart", rp.load_robot(tmp_path / "cart.urdf"))
+    closed = rp.Problem(scene.with_obstacle("wall", rp.Box((0.1, 0.2, 0.1)), [0.0, 0.0, 0.0]), [-0.3], [0.3])
+    asked: list[float] = []
+    search = rp.RrtConnect.plan
+
+    def counted(own: rp.RrtConnect, problem: rp.Problem, **options: Any) -> rp.PlanResult:
+        asked.append(problem.margin)
+        return search(own, problem, **options)
+
+    monkeypatch.setattr(rp.RrtConnect, "plan", counted)
+    motion = rp.plan_motion(closed, rng=0)
+    assert motion.status is rp.PlanStatus.INFEASIBLE
+    assert "joint 'cart/slide' cannot pass" in motion.result.reason
+    assert asked == [0.002]
 
 
 def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:

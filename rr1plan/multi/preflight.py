@@ -10,12 +10,13 @@ import numpy as np
 
 from rr1plan.checks import Array, Seed
 from rr1plan.collision import CollisionChecker
+from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.hop_timing import BLENDED, HopTiming
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
-from rr1plan.multi.timing.coordination import are_apart
+from rr1plan.multi.timing.coordination import are_apart, cross_pairs
 from rr1plan.planners import RrtConnect
 from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
@@ -108,10 +109,28 @@ def preflight(
     return Preflight({arm: Agent(plain, [arm], timing) for arm in agents}, margins)
 
 
+def warm_up_agents(problem: Problem) -> None:
+    """Build what planning the arms of a problem one by one reads: the tables of each, and those of pairs that can meet.
+
+    Args:
+        problem: The problem.
+    """
+    agents = {arm: Agent(problem, [arm]) for arm in problem.arms}
+    for agent in agents.values():
+        question = agent.question({}, MARGINS[0])
+        with checker_from_pool(question.scene, question.arms, MARGINS[0]) as checker:
+            checker.warm_up()
+    for one, others in arms_in_reach(problem.scene, problem.arms, MARGINS[0]).items():
+        for two in others:
+            if one < two:
+                cross_pairs(agents[one], agents[two], MARGINS[0])
+
+
 def _too_late(watch: Stopwatch) -> Preflight:
     if watch.cancelled:
         return Preflight({}, {}, PlanStatus.CANCELLED, CANCELLED)
-    return Preflight({}, {}, PlanStatus.TIMEOUT, f"starts and goals took all of {watch.seconds:.3g} s to check")
+    reason = f"starts and goals took all of {watch.seconds:.3g} s to check (warm_up builds tables in advance)"
+    return Preflight({}, {}, PlanStatus.TIMEOUT, reason)
 
 
 def goal_configurations(

@@ -6,7 +6,7 @@ the robot (`unlocked_robot`), so that checker, referee, simulator and pages trea
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -195,6 +195,26 @@ def open_value(robot: Robot) -> float:
 
 
 @lru_cache(maxsize=64)
+def finger_lever(robot: Robot, joint: str) -> float:
+    """How far fingers travel for each unit of a planning joint that moves them [m/rad, or m/m]; 0 without limits.
+
+    Args:
+        robot: The robot whose gripper moves.
+        joint: The joint that opens and closes it.
+    """
+    low, high = robot.joint(joint).lower, robot.joint(joint).upper
+    if not np.isfinite(high - low):
+        return 0.0
+    ends = []
+    for value in (low, high):
+        q = robot.home.copy()
+        q[robot.joint_names.index(joint)] = value
+        ends.append(_shape_centers(robot, robot.link_poses(q), robot.link_names))
+    travels = np.linalg.norm(ends[1] - ends[0], axis=1)
+    return float(travels.max(initial=0.0)) / (high - low)
+
+
+@lru_cache(maxsize=64)
 def grip_frame(robot: Robot) -> Array:
     """T_tool_grip: the tool frame rotated about its z axis until x is along the travel of the fingers.
 
@@ -232,9 +252,14 @@ def _open_and_closed(robot: Robot, joint: str) -> tuple[float, float]:
 def _finger_centers(robot: Robot, value: float) -> Array:
     """The centers of the shapes of a gripper at a value of its joint, while the robot is at home, shape (n, 3)."""
     poses = robot.with_locked_joints({only_gripper_joint(robot): value}).link_poses(robot.home)
+    return _shape_centers(robot, poses, gripper_links(robot))
+
+
+def _shape_centers(robot: Robot, poses: Mapping[str, Array], links: Iterable[str]) -> Array:
+    """The centers of the collision shapes of some links, shape (n, 3)."""
     centers = [
         poses[name] @ np.append(bounding_box((geometry,), np.eye(4)).mean(axis=0), 1.0)
-        for name in gripper_links(robot)
+        for name in links
         for geometry in robot.link(name).collisions
     ]
     return np.array(centers).reshape(-1, 4)[:, :3]

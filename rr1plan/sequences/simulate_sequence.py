@@ -15,6 +15,7 @@ from rr1plan.playback.simulation.trajectory_controller import JointTrajectoryCon
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot.link_masses import DENSITY, solid_inertial
 from rr1plan.scene import Scene, pair
+from rr1plan.sequences.grippers import finger_lever
 from rr1plan.sequences.segments import Attach
 from rr1plan.sequences.sequence_plan import SequencePlan
 from rr1plan.sequences.sequence_replay import CarriedObject, SequenceReplay
@@ -24,7 +25,7 @@ from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 _WITH_TORSION = 4
 # Iterations of the no-slip solver, without which objects held by MuJoCo's soft contacts creep.
 _NO_SLIP = 5
-# Least inertia of a sliding finger including its drive [kg]. The gains of servos follow from the inertia, and fingers
+# Least inertia of a finger including its drive, at its tip [kg]. The gains of servos follow from the inertia, and fingers
 # of a few grams would press with less than a newton.
 _FINGER_INERTIA = 0.25
 # Steps between two reports of progress.
@@ -43,8 +44,8 @@ def simulate_sequence(
     """Replay a planned sequence in MuJoCo, where fingers hold objects by contact and friction only.
 
     Objects that are attached or detached are loose bodies all the time. The mass of an object without one is computed
-    from its shapes at 1000 kg/m³, with a remark. Their contacts also have torsional friction. Sliding fingers have at
-    least the inertia of a drive, 0.25 kg.
+    from its shapes at 1000 kg/m³, with a remark. Their contacts also have torsional friction. Fingers have at least the
+    inertia of a drive, 0.25 kg at their tips.
 
     Args:
         plan: The sequence, found.
@@ -129,17 +130,21 @@ def _hold_by_friction(sim: Simulation, names: tuple[str, ...]) -> None:
 
 
 def _drive_fingers(sim: Simulation, plan: SequencePlan) -> None:
-    """Add the inertia of their drives to sliding fingers, and scale the gains of their servos accordingly."""
+    """Add the inertia of their drives to fingers, and scale the gains of their servos accordingly."""
     for tile in sim.tiles:
         model, light = tile.model, False
         for column, name in enumerate(tile.world.joint_names):
             arm, joint = name.split("/", 1)
-            mimic = plan.scene.arms[arm].robot.joint(joint).mimic
-            moved = {joint, *(() if mimic is None else (mimic.joint,))} & set(plan.gripper_joints.get(arm, ()))
-            carried = float(model.dof_M0[column])
-            if moved and model.jnt_type[column] == mujoco.mjtJoint.mjJNT_SLIDE and carried < _FINGER_INERTIA:
-                model.dof_armature[column] += _FINGER_INERTIA - carried
-                model.actuator_biasprm[column] *= _FINGER_INERTIA / carried
+            robot, own = plan.scene.arms[arm].robot, plan.gripper_joints.get(arm, ())
+            mimic = robot.joint(joint).mimic
+            if not {joint, *(() if mimic is None else (mimic.joint,))} & set(own):
+                continue
+            slides = model.jnt_type[column] == mujoco.mjtJoint.mjJNT_SLIDE
+            lever = 1.0 if slides else finger_lever(robot, own[0]) if len(own) == 1 else 0.0
+            least, carried = _FINGER_INERTIA * lever**2, float(model.dof_M0[column])
+            if carried < least:
+                model.dof_armature[column] += least - carried
+                model.actuator_biasprm[column] *= least / carried
                 light = True
         if light:
             mujoco.mj_setConst(model, mujoco.MjData(model))

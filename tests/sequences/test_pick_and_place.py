@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
-from rr1plan.sequences.grippers import closing_value, grip_frame, open_value, opening_value
+from rr1plan.scene.unlocked_joints import unlocked_robot
+from rr1plan.sequences.grippers import closing_value, finger_lever, grip_frame, open_value, opening_value
 
 
 def standing(table: rp.Scene, shape: rp.Shape, height: float, yaw: float = 0.0) -> rp.Scene:
@@ -117,6 +118,8 @@ def test_the_fingers_of_a_linkage_travel_where_their_knuckles_only_turn(tmp_path
     for width in (0.03, 0.06):
         turned = opening_value(robot, width)
         assert 0.03 + 0.03 * np.cos(turned) - 0.04 * np.sin(turned) - 0.005 == pytest.approx(width / 2, abs=1e-4)
+    # The chord of a circle of 50 mm, on which each finger travels.
+    assert finger_lever(unlocked_robot(robot, ("drive",)), "drive") == pytest.approx(0.1 * np.sin(0.45) / 0.9)
 
 
 def test_the_support_may_be_touched_while_the_object_is_lifted_and_lowered(table: rp.Scene) -> None:

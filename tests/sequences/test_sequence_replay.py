@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.sequences.grippers import gripper_links
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +55,18 @@ def test_a_mass_that_is_missing_is_estimated(moved: rp.SequencePlan) -> None:
     estimated = rp.simulate_sequence(with_block(moved, mass=None), hold=0.0)
     assert estimated.remarks == ("mass of 'block' taken as 0.096 kg, its volume at 1000 kg/m³",)
     assert "0.096 kg" in str(estimated)
+
+
+def test_fingers_of_some_grams_that_turn_press_as_their_drive_does(moved: rp.SequencePlan) -> None:
+    robot = moved.scene.arms["arm"].robot
+    links = []
+    for link in robot.links:
+        own = link.inertial
+        if own is not None and link.name in gripper_links(moved.sequence.scene.arms["arm"].robot):
+            link = replace(link, inertial=replace(own, mass=own.mass / 100.0, inertia=own.inertia / 100.0))
+        links.append(link)
+    light = moved.scene.with_robot("arm", replace(robot, links=tuple(links)))
+    assert rp.simulate_sequence(replace(moved, scene=light)).carried
 
 
 def test_a_link_without_a_shape_may_be_among_those_that_touch_the_object(table: rp.Scene) -> None:

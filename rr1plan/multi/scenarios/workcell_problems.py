@@ -68,6 +68,7 @@ class _Cell:
         self, starts: Mapping[str, ToolBox], goals: Mapping[str, ToolBox], rng: np.random.Generator, advice: str
     ) -> Problem:
         """The problem in which each tool starts in a box and ends in another."""
+        advice += f", or a tool other than {self.robot.tool!r} if the hand reaches beyond it"
         ends = []
         for boxes in (starts, goals):
             draws = {arm: tool_in_box(self.scene, arm, box) for arm, box in boxes.items()}
