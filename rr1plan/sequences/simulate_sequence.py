@@ -25,8 +25,8 @@ from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 _WITH_TORSION = 4
 # Iterations of the no-slip solver, without which objects held by MuJoCo's soft contacts creep.
 _NO_SLIP = 5
-# Least inertia of a finger including its drive, at its tip [kg]. The gains of servos follow from the inertia, and fingers
-# of a few grams would press with less than a newton.
+# Least inertia of a finger including its drive, at its tip [kg]. The gains of servos follow from the inertia, and
+# fingers of a few grams would press with less than a newton.
 _FINGER_INERTIA = 0.25
 # Steps between two reports of progress.
 _REPORT_EVERY = 50
