@@ -1,4 +1,4 @@
-"""How MuJoCo models of scenes are built; what they do is in `test_simulation`."""
+"""Construction of MuJoCo models of scenes; their behavior is in `test_simulation`."""
 
 from __future__ import annotations
 
@@ -90,6 +90,6 @@ def test_models_without_shapes_have_room_in_memory(rr1: rp.Robot) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data)
     assert model.ngeom == 0
-    # The stack grows with the square of the degrees of freedom; so does what is reserved.
+    # The stack grows with the square of the degrees of freedom, as does the reserved memory.
     assert data.maxuse_stack < 0.9 * mujoco_model.stack_memory(model.nv, shapes=False)
     assert data.maxuse_stack < 4.0 * model.nv**2
