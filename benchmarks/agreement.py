@@ -1,15 +1,15 @@
-"""Do the compiled kernels answer as Coal does? Random configurations and edges, of several robots and of many arms.
+"""Do the compiled kernels agree with Coal? Random configurations and edges of several robots and of many arms.
 
     python benchmarks/agreement.py --panda panda.urdf --folder ROBOTS
     python benchmarks/agreement.py --robot crowds --configurations 100000 --edges 10000
 
-The scenes (`clutter.py`) have every kind of shape, padding, margins, attached objects; "crowds" are those of 2 to 16
-arms, spaced 0.35 m or more, all or some moving, of one robot or several.
+The scenes (`clutter.py`) have every kind of shape, padding, margins, attached objects; "crowds" are scenes of 2 to 16
+arms of one or several robots, spaced 0.35 m or more, of which all or some move.
 
-Configurations: the kernel's answer against Coal's. Edges: what the kernel calls free is proven free by Coal alone
-(`coal_proof.py`); where it finds a contact, Coal has to find one at that configuration. The referee checks every
-`_EVERY_JUDGED`th edge too. An answer may differ where the least distance lies within `BAND` of the padding, which is
-proven and counted as grazing; any other difference is printed whole, and the exit code is 1. "narrow" counts free
+Configurations: the kernel's result is compared with Coal's. Edges: Coal alone proves edges that the kernel reports free
+(`coal_proof.py`); if the kernel finds a contact, Coal has to find one at that configuration. The referee also checks
+every `_EVERY_JUDGED`th edge. Results may differ if the least distance is proven to be within `BAND` of the padding,
+which is counted as grazing; any other difference is printed in full, and the exit code is 1. "narrow" counts free
 edges on which the clearance is within Coal's own error; all their samples are free. "undecided" counts edges whose
 proof by Coal exceeded the limit of samples.
 """
@@ -36,9 +36,9 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.collision.edge_kernel import CONTACT, FREE, EdgeKernel
 from rr1plan.collision.tables.edge_tables import build_edge_tables
 
-# Motions that pass nearer than this are refused by design [m].
+# Motions with less clearance than this are rejected by design [m].
 TOLERANCE = 1e-6
-# Answers may differ where the least distance is proven to be this near the padding [m].
+# Results may differ if the least distance is proven to be this close to the padding [m].
 BAND = 2e-6
 _CHUNK = 2000
 _CHUNK_OF_EDGES = 200
@@ -48,7 +48,7 @@ _MOST_PAIRS = 20_000
 _EDGES = ("free", "proven", "narrow", "undecided", "contact confirmed", "judged", "grazing", "different")
 ROBOTS = ("planar2r", "rr1", "panda", "ur5")
 CROWDS = "crowds"
-# Those that do not ship, and their files in the package example-robot-data.
+# Robots that do not ship with the package, and their files in the package example-robot-data.
 FOREIGN = {"panda": "panda.urdf", "ur5": "ur5_robot.urdf"}
 
 
@@ -65,7 +65,7 @@ class Tally:
     clock: Clock = field(default_factory=Clock)
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it, plainly."""
+        """All results as plain values."""
         return {**vars(self), "clock": self.clock.cpu}
 
 
@@ -123,13 +123,13 @@ class Comparison:
             self._differ(
                 tally, begins[i], ends[i], spot, f"the exact kernel alone: {'free' if exact[i] else 'not free'}"
             )
-        # The referee keeps the scene's padding only.
+        # The referee checks the scene's padding, not the margin.
         for i in range(0, count if self.margin == 0.0 else 0, _EVERY_JUDGED):
             with clock.stage("edges, referee"):
                 self._ask_referee(begins[i], ends[i], status[i] == FREE, float(where[i]))
 
     def is_free_by_coal(self, q: Array) -> bool:
-        """Coal's answer about a configuration."""
+        """Coal's result for a configuration."""
         return self.plain.is_free(q) if self.is_large else self.checker.is_free_slowly(q)
 
     def _judge(self, q0: Array, q1: Array, status: int, where: float) -> None:
@@ -151,7 +151,7 @@ class Comparison:
         self._differ(tally, q0, q1, q0 + where * (q1 - q0), f"the kernel: free; Coal: {verdict}")
 
     def _ask_referee(self, q0: Array, q1: Array, free: bool, where: float) -> None:
-        """What the referee makes of an edge."""
+        """The referee's verdict on an edge."""
         path = rp.Path(self.checker.joint_names, np.array([q0, q1]))
         report = rp.certify_path(path, self.scene, clearance=False)
         self.tally.edges["judged"] += 1
@@ -163,7 +163,7 @@ class Comparison:
         self._differ(self.tally.edges, q0, q1, q0 + where * (q1 - q0), f"the kernel: {free=}; the referee: {told}")
 
     def _differ(self, tally: Counter[str], q0: Array, q1: Array, q: Array, what: str) -> None:
-        """Count an answer that differs: as grazing if that is proven, else as a difference."""
+        """Count a differing result: as grazing if this is proven, else as a difference."""
         bracket = self.plain.bracket(q)
         record = {"robot": self.tally.robot, "scene": self.tally.scene, "what": what, "pair": bracket.pair}
         record |= {"at least": bracket.lower, "at most": bracket.upper, "begin": q0.tolist(), "end": q1.tolist()}
@@ -178,7 +178,7 @@ class Comparison:
     def _sample(self, rng: np.random.Generator) -> Array:
         """A random configuration; each of several arms is drawn between its configuration in the scene and any other.
 
-        Many arms that go anywhere would nearly always touch.
+        Many arms at arbitrary configurations would nearly always collide.
         """
         q = rng.uniform(self.low, self.high)
         arms = self.checker.arms
@@ -190,7 +190,7 @@ class Comparison:
         return np.asarray(stand + share * (q - stand))
 
     def _draw(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
-        """Free begins, and ends 0.02 to 1.5 rad (or m) from them within the limits."""
+        """Free start configurations, and ends 0.02 to 1.5 rad (or m) from them within the limits."""
         free: list[Array] = []
         while len(free) < count:
             q = self._sample(rng)

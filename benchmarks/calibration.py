@@ -1,4 +1,4 @@
-"""Calibration of RR1 from measured tool positions: errors of zeros and scales, and is a moved zero named?
+"""Calibration of RR1 from measured tool positions: errors of zeros and scales, and detection of a moved zero.
 
     python benchmarks/calibration.py [--count 100] [--poses 20] [--noise 0.001] [--pointer 0.1]
 
@@ -90,7 +90,7 @@ class _Bench:
     def _calibrated(
         self, case: str, zeros: rp.Array, slopes: rp.Array, wrong: int, rng: np.random.Generator
     ) -> rp.Calibration:
-        """The calibration from positions measured with noise, some of them wrong."""
+        """The calibration from positions measured with noise, some of them outliers."""
         q = self._random_poses(rng) if case == "random poses" else self._proposed_poses(int(rng.integers(_POSE_SETS)))
         T = self.kinematics.poses_batch(q)
         positions = T[:, :3, :3] @ self.point + T[:, :3, 3] + self.noise * rng.standard_normal((len(q), 3))

@@ -1,7 +1,7 @@
-"""Robots of others, and random scenes full of things for them: thick, thin, round, flat, hollow, endless and held.
+"""Third-party robots and random cluttered scenes: thick, thin, round, flat, hollow, unbounded and attached objects.
 
-Scenes have one arm, or many: on grids so narrow that they reach each other's bases, of several robots, some standing
-still.
+Scenes have one arm, or many arms of several robots on grids so narrow that they reach each other's bases; some arms are
+stationary.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ Draw = Callable[[np.random.Generator, float], Any]
 _FOREIGN = "example-robot-data"
 _TRIES = 200
 _TURNS = 8
-# Arms on a grid as narrow as this hardly find room [m].
+# On a grid as narrow as this, free configurations are rare [m].
 _DENSE = 0.45
-# Things beside many arms are as large as for one that reaches so far [m].
+# Objects around many arms are sized for an arm with this reach [m].
 _MOST_REACH = 1.0
 
 
@@ -38,7 +38,7 @@ _MOST_REACH = 1.0
 
 
 def find_urdf(name: str, folder: Path | None) -> Path | None:
-    """A URDF of the package example-robot-data: installed here, or put into a folder by pip."""
+    """A URDF of the package example-robot-data, installed here or in a folder by pip."""
     try:
         files = importlib.metadata.files(_FOREIGN) or []
     except importlib.metadata.PackageNotFoundError:
@@ -111,7 +111,7 @@ _CONCAVE: tuple[Draw, ...] = (_cup, _ring, _bowl, _terrain)
 
 
 def cluttered_scenes(robot: rp.Robot, seed: int) -> Iterator[tuple[str, rp.Scene]]:
-    """Scenes with the one robot, whose home is free in all of them."""
+    """Scenes with one robot, whose home is free in all of them."""
     rng = np.random.default_rng(seed)
     bare = rp.Scene().with_arm("arm", robot)
     places = _places(bare, rng)
@@ -138,12 +138,12 @@ def _places(scene: rp.Scene, rng: np.random.Generator) -> Array:
 
 
 def box_of(limits: rp.Limits) -> tuple[Array, Array]:
-    """Position limits, a turn at most."""
+    """Position limits, at most one turn wide."""
     return np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
 
 
 def _furnish(scene: rp.Scene, rng: np.random.Generator, places: Array, draws: list[Draw]) -> rp.Scene:
-    """Put something of each kind where arms can be, but not where they stand."""
+    """Add an object of each kind in the workspace of the arms, free at their configurations."""
     reach = min(_reach(places), _MOST_REACH)
     for i, draw in enumerate(draws):
         for _ in range(_TRIES):
@@ -193,7 +193,7 @@ def _cloud(rng: np.random.Generator, reach: float) -> rp.PointCloud:
 
 
 def _holding(scene: rp.Scene, arm: str, rng: np.random.Generator, places: Array) -> rp.Scene:
-    """A rod in the hand, long enough to hit the arm itself."""
+    """A rod in the hand, long enough to touch the arm itself."""
     robot, reach = scene.arms[arm].robot, min(_reach(places), _MOST_REACH)
     name = f"rod of {arm}"
     for _ in range(_TRIES):
@@ -213,10 +213,10 @@ class Crowd:
     """A scene of many arms.
 
     Args:
-        name: What it is.
-        scene: All arms stand free in it.
-        arms: Those that move (None: all).
-        margin: Distance to keep beyond the padding between what moves against each other [m].
+        name: Description.
+        scene: The scene, in which all arms are free.
+        arms: The moving arms (None: all).
+        margin: Distance to keep in addition to the padding between elements in relative motion [m].
     """
 
     name: str
@@ -226,12 +226,12 @@ class Crowd:
 
 
 def crowds(robot: rp.Robot, others: Iterable[rp.Robot], seed: int) -> Iterator[Crowd]:
-    """Scenes of many arms of a robot, some of them beside other robots.
+    """Scenes of many arms of a robot, some of them together with other robots.
 
     Args:
         robot: The robot.
         others: Other robots.
-        seed: Seed of all places and things.
+        seed: Seed of all poses and objects.
     """
     rng = np.random.default_rng(seed)
     for count, spacing in ((2, 0.8), (2, 0.35), (4, 0.5), (4, 0.35), (16, 0.8), (16, 0.5), (16, 0.35)):
@@ -263,7 +263,7 @@ def _where_free(wanted: rp.Scene, instead: rp.Scene) -> rp.Scene:
 
 
 def _stand(robots: Sequence[rp.Robot], spacing: float, rng: np.random.Generator) -> rp.Scene:
-    """Robots on a grid, each with a random heading and in a random configuration that is free of those before it.
+    """Robots on a grid, each with a random heading and a random configuration that is free of the robots before it.
 
     Where they are nearer than `_DENSE` all are turned and stand nearly alike, as hardly any others find room. Bases may
     touch each other, as if they were bolted together.
@@ -292,7 +292,7 @@ def _stand(robots: Sequence[rp.Robot], spacing: float, rng: np.random.Generator)
 def _with_free_arm(
     scene: rp.Scene, name: str, robot: rp.Robot, bases: Sequence[Array], draws: Array
 ) -> rp.Scene | None:
-    """Add an arm at the first base and in the first configuration that are free; None where there are none."""
+    """Add an arm at the first base and configuration that are free; None if there are none."""
     for base in bases:
         fuller = scene.with_arm(name, robot, base)
         for other in scene.arms:

@@ -1,11 +1,11 @@
 """Checks of configurations and edges by Coal alone, without the package's compiled kernels.
 
 `PlainCoal` places every shape by the NumPy kinematics of `Robot` and queries Coal for each pair whose bounding balls
-overlap; where an answer depends on the last micrometer, it brackets the distance between points in both bodies and a
+overlap; if a result depends on the last micrometer, it brackets the distance between points in both bodies and a
 separating plane. Coal checks the triangles of a concave mesh, and rays decide whether a point is inside. `CoalProof`
-proves edges free: when joint i turns by d_i, no distance of two bodies changes by more than the sum of d_i times how
-far anything is from the axis of i, over the joints of their arms, so bodies whose distance by Coal is greater stay
-separated on the interval (Schwarzer, Saha, Latombe 2005).
+proves edges free: if joint i turns by d_i, the distance of two bodies changes by at most the sum over the joints of
+their arms of d_i times the largest distance of any point from the axis of i, so bodies whose distance by Coal is
+greater stay separated on the interval (Schwarzer, Saha, Latombe 2005).
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ from rr1plan.transforms import inverse
 
 # Coal may overstate a distance of round bodies by this much [m].
 COAL_ERROR = 2e-5
-# Intervals on which nothing moves farther than this are not halved [m].
+# Intervals with displacements below this are not halved [m].
 FINEST = 5e-6
 _WIDEST = 0.4
 _MOST = 400_000
 _CHUNK = 20_000
-# A ray that passes an edge of a triangle nearer than this share of the triangle's size decides nothing.
+# A ray that passes an edge of a triangle within this fraction of the triangle's size is inconclusive.
 _BESIDE_EDGE = 1e-9
 
 
@@ -52,9 +52,9 @@ _BESIDE_EDGE = 1e-9
 
 @dataclass(frozen=True)
 class Bracket:
-    """The least distance of any pair beyond its padding lies between `lower` and `upper` [m].
+    """Bounds of the least distance of any pair minus its padding [m].
 
-    Below zero `lower` says that no pair is deeper in each other than that.
+    A negative `lower` bounds the penetration depth of all pairs.
     """
 
     lower: float
@@ -64,7 +64,7 @@ class Bracket:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A convex shape or a surface, at a place in the frame of a link or the world."""
+    """A convex shape or a surface, with a pose in the frame of a link or the world."""
 
     element: str
     frame: str
@@ -72,7 +72,7 @@ class Part:
     shape: Any
 
     def ball(self) -> tuple[Array, float]:
-        """Center in its own frame and radius of a ball around it [m]."""
+        """Center, in its own frame, and radius of a bounding ball [m]."""
         vertices = getattr(self.shape, "vertices", None)
         if vertices is None:
             return np.zeros(3), _extent(np.eye(4), self.shape)
@@ -81,18 +81,18 @@ class Part:
 
 
 class PlainCoal:
-    """A scene's shapes in Coal, placed by numpy.
+    """A scene's shapes in Coal, with poses computed by NumPy.
 
     Args:
         scene: The scene.
-        arms: The arms that move (default: all); the others stand where the scene has them.
-        margin: Distance to keep beyond the padding between elements that move against each other [m].
+        arms: The moving arms (default: all); the others keep their configurations in the scene.
+        margin: Distance to keep in addition to the padding between elements in relative motion [m].
 
     Attributes:
-        parts: Convex shapes and surfaces, all that there is.
+        parts: All convex shapes and surfaces.
         index: Pairs of them that must not touch, shape (m, 2).
-        padding: Distance to keep between each, the margin included [m], shape (m,).
-        moves: Which of them move against each other, shape (m,).
+        padding: Distance to keep between each pair, including the margin [m], shape (m,).
+        moves: Whether each pair is in relative motion, shape (m,).
     """
 
     def __init__(self, scene: rp.Scene, arms: Sequence[str] | None = None, margin: float = 0.0) -> None:
@@ -112,13 +112,13 @@ class PlainCoal:
         self.padding = np.array([padding for *_, padding in pairs]) + margin * self.moves
 
     def is_free(self, q: Array) -> bool:
-        """No pair is nearer than its padding."""
+        """Whether no pair is closer than its padding."""
         placed = self.placed(q[None])[0]
         gaps = self.ball_gaps(self.ball_centers(placed)[self.index])
         return not any(self.touches(k, placed) for k in np.argsort(gaps)[: np.count_nonzero(gaps <= 0.0)])
 
     def bracket(self, q: Array) -> Bracket:
-        """Proven bounds of the least distance beyond the padding."""
+        """Proven bounds of the least distance minus padding."""
         placed, found = self.placed(q[None])[0], Bracket(np.inf, np.inf, ("", ""))
         gaps = self.ball_gaps(self.ball_centers(placed)[self.index])
         for k in np.argsort(gaps):
@@ -159,7 +159,7 @@ class PlainCoal:
         return np.asarray(np.stack([poses[name] for name in self._frames], axis=1)[:, self._frame_of] @ self._places)
 
     def _moves(self) -> NDArray[np.bool_]:
-        """Which pairs move against each other: those whose relative pose differs between two random configurations."""
+        """Pairs in relative motion, whose relative pose differs between two random configurations."""
         low, high = box_of(self._scene.limits(self._arms))
         draws = np.random.default_rng(0).uniform(low, high, (2, len(low)))
         i, j = self.index.T
@@ -167,27 +167,27 @@ class PlainCoal:
         return np.asarray(np.abs(one - two).max(axis=(1, 2), initial=0.0) > 1e-9)
 
     def ball_centers(self, placed: Array) -> Array:
-        """Centers of the balls around parts that are placed so (..., parts, 4, 4) [m], shape (..., parts, 3)."""
+        """Centers of the bounding balls of parts at poses (..., parts, 4, 4) [m], shape (..., parts, 3)."""
         return np.asarray((placed[..., :3, :3] @ self._centers[:, :, None])[..., 0] + placed[..., :3, 3])
 
     def ball_gaps(self, centers: Array, pairs: NDArray[np.int64] | slice = slice(None)) -> Array:
-        """Distance of the balls around each of some pairs beyond their padding [m], below zero where they overlap.
+        """Distance of the bounding balls of some pairs minus their padding [m], negative if they overlap.
 
         Args:
-            centers: Where both balls of each are, shape (n, 2, 3).
+            centers: Centers of both balls of each pair, shape (n, 2, 3).
             pairs: The pairs, shape (n,).
         """
         distances = np.linalg.norm(centers[:, 0] - centers[:, 1], axis=1)
         return np.asarray(distances - self._radii[self.index[pairs]].sum(axis=1) - self.padding[pairs])
 
     def touches(self, k: int, placed: Array, beyond: float = 0.0) -> bool:
-        """Whether a pair is nearer than this beyond its padding [m]; the parts are at `placed` (parts, 4, 4)."""
+        """Whether a pair is closer than its padding plus a limit [m]; the parts are at `placed` (parts, 4, 4)."""
         (i, j), padding = self.index[k], float(self.padding[k]) + beyond
         one, two, A, B = self.parts[i].shape, self.parts[j].shape, placed[i], placed[j]
         if isinstance(one, Surface):
             one, two, A, B = two, one, B, A
         if isinstance(two, Surface):
-            # Coal's test of triangles overlooks shallow contacts; its distance does not.
+            # Coal's collision test of triangles misses shallow contacts; its distance does not.
             gap = _coal_distance(one, A, two, B).min_distance
             return bool(gap <= padding) or two.holds(_point_of(one, inverse(B) @ A))
         request = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1)
@@ -227,13 +227,13 @@ class Surface:
         self.coal.endModel()
 
     def holds(self, point: Array) -> bool:
-        """Whether a point in the mesh's frame is inside a closed part: a ray leaves that an odd number of times."""
+        """Whether a point in the mesh's frame is inside a closed part: a ray crosses it an odd number of times."""
         return any(self._crossings(part, point) % 2 for part in self._closed)
 
     def _crossings(self, corners: Array, point: Array) -> int:
         a, b, c = (corners[:, k] - point for k in range(3))
         for direction in self._directions:
-            # The volumes that the ray spans with the edges have one sign where it passes within.
+            # The volumes spanned by the ray and the edges have the same sign if it passes through the triangle.
             volumes = np.array([np.cross(x, y) @ direction for x, y in ((a, b), (b, c), (c, a))])
             scale = np.linalg.norm(volumes, axis=0)
             within = (volumes > 0.0).all(axis=0) | (volumes < 0.0).all(axis=0)
@@ -259,7 +259,7 @@ _surface = lru_cache(maxsize=64)(Surface)
 
 
 def _plain(shape: Any) -> list[tuple[Array, Any]]:
-    """A shape as convex ones or a surface, each with its pose."""
+    """A shape as convex shapes or a surface, each with its pose."""
     if not isinstance(shape, rp.PointCloud):
         return [(np.eye(4), _surface(shape) if is_concave(shape) else shape)]
     cell, poses = rp.Box((shape.resolution,) * 3), np.tile(np.eye(4), (len(centers := occupied_cells(shape)), 1, 1))
@@ -299,7 +299,7 @@ def _transform(T: Array) -> coal.Transform3s:
 
 
 def bounds_of(one: Any, A: Array, two: Any, B: Array) -> tuple[float, float]:
-    """A lower and an upper bound of the distance of two convex shapes [m], proven by a plane and by two points."""
+    """Bounds of the distance of two convex shapes [m], proven by a plane (lower) and by two points (upper)."""
     if isinstance(one, rp.HalfSpace):
         one, A, two, B = two, B, one, A
     if isinstance(two, rp.HalfSpace):
@@ -330,7 +330,7 @@ def bounds_of(one: Any, A: Array, two: Any, B: Array) -> tuple[float, float]:
 
 
 def _bounds_of_surface(one: Any, A: Array, surface: Surface, B: Array) -> tuple[float, float]:
-    """The same of a convex shape and a surface: those of its triangles, nearest balls first."""
+    """Likewise for a convex shape and a surface: bounds over its triangles, nearest balls first."""
     if surface.holds(_point_of(one, inverse(B) @ A)):
         return -np.inf, 0.0
     centers = surface.corners.mean(axis=1)
@@ -346,7 +346,7 @@ def _bounds_of_surface(one: Any, A: Array, surface: Surface, B: Array) -> tuple[
 
 
 def support(shape: Any, d: Array) -> float:
-    """The greatest d . p over the points p of a convex shape."""
+    """Largest d . p over the points p of a convex shape."""
     match shape:
         case rp.Box(size):
             return float(np.abs(d) @ np.array(size)) / 2
@@ -361,7 +361,7 @@ def support(shape: Any, d: Array) -> float:
 
 
 def outside(shape: Any, T: Array, point: Array) -> float:
-    """Distance of a point from a convex shape at T [m], 0 inside; never too small."""
+    """An upper bound of the distance of a point from a convex shape at T [m], 0 inside."""
     p = (inverse(T) @ [*point, 1.0])[:3]
     match shape:
         case rp.Box(size):
@@ -372,7 +372,7 @@ def outside(shape: Any, T: Array, point: Array) -> float:
             return float(np.hypot(max(0.0, np.hypot(p[0], p[1]) - radius), max(0.0, abs(p[2]) - length / 2)))
         case rp.Capsule(radius, length):
             return max(0.0, float(np.hypot(np.hypot(p[0], p[1]), max(0.0, abs(p[2]) - length / 2))) - radius)
-    # Weights of the corners whose point is near; of those that sum to one, any give a point of the hull.
+    # Weights of the corners for a near point; nonnegative weights that sum to one give a point of the hull.
     corners = shape.vertices
     weights, _ = nnls(np.vstack([corners.T, np.full(len(corners), 1e3)]), np.array([*p, 1e3]))
     return float(np.linalg.norm(weights @ corners / weights.sum() - p))
@@ -382,10 +382,10 @@ def outside(shape: Any, T: Array, point: Array) -> float:
 
 
 class CoalProof:
-    """Edges proven free by Coal's answers at the middles of intervals, halved until these suffice, pair by pair.
+    """Edges proven free by Coal's distances at the middles of intervals, halved until these suffice, pair by pair.
 
     Args:
-        checker: The collision checker whose scene, moving arms and margin are taken.
+        checker: The collision checker with the scene, moving arms and margin.
     """
 
     def __init__(self, checker: CollisionChecker) -> None:
@@ -398,16 +398,16 @@ class CoalProof:
         self.asked = 0
 
     def judge(self, q0: Array, q1: Array) -> tuple[str, float]:
-        """Coal's verdict on a straight edge, and its position.
+        """Coal's verdict on a straight edge, and the position of the finding.
 
         Returns:
-            "free", "contact", "narrow" (no sample touches, but something passes nearer than `COAL_ERROR`), or
-            "undecided" (no sample has touched so far); and where (0..1).
+            "free", "contact", "narrow" (no sample touches, but some distance is below `COAL_ERROR`), or
+            "undecided" (no sample has touched so far); and the position on the edge (0..1).
         """
         plain, travel, asked = self._plain, self._travel(q1 - q0), 0
         found, half = ("free", 0.0), 0.5
         pairs, middles = np.arange(len(plain.index)), np.full(len(plain.index), 0.5)
-        # Intervals of one length after the other; of each, the pairs that are open there.
+        # Intervals of one length after the other, each with its open pairs.
         while len(pairs):
             times, which = np.unique(middles, return_inverse=True)
             placed = plain.placed(q0 + times[:, None] * (q1 - q0))
@@ -442,7 +442,7 @@ class CoalProof:
         return found
 
     def _travel(self, step: Array) -> Array:
-        """How far any point of either part of each pair can get on an edge, together [m], shape (m,)."""
+        """Largest displacement on an edge, summed over both parts of each pair [m], shape (m,)."""
         far = np.abs(step) * self._swings
         total = {arm: float(far[self._column_arm == arm].sum()) for arm in self._arms}
         one, two = (np.array([total.get(arm, 0.0) for arm in arms]) for arms in self._pair_arms.T)
@@ -451,7 +451,7 @@ class CoalProof:
 
 
 def swings(scene: rp.Scene, arms: Sequence[str] | None = None) -> Array:
-    """How far any point can be from the axis of the joints of each column of q [m], 1 for one that slides."""
+    """Largest distance of any point from the axis of the joints of each column of q [m], 1 for prismatic joints."""
     return np.concatenate([_arm_swings(scene, name) for name in scene.arm_names(arms)])
 
 
@@ -475,7 +475,7 @@ def _arm_swings(scene: rp.Scene, name: str) -> Array:
 
 
 def _stretch(robot: rp.Robot, joint: Any) -> float:
-    """How far a joint that slides can be from zero [m]."""
+    """Largest displacement of a prismatic joint from zero [m]."""
     if joint.kind != "prismatic":
         return 0.0
     if joint.mimic is not None:
@@ -487,7 +487,7 @@ def _stretch(robot: rp.Robot, joint: Any) -> float:
 
 
 def _extent(T: Array, shape: Any) -> float:
-    """How far a shape at T reaches from the origin at most [m]."""
+    """Largest distance of a shape at T from the origin [m]."""
     match shape:
         case rp.Box(size):
             far = float(np.linalg.norm(size)) / 2

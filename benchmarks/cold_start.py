@@ -2,8 +2,8 @@
 
     python benchmarks/cold_start.py [--count 9]
 
-Each figure is the time of whole processes, from start to end, one after the other on one core and in turns. Files and
-Python's bytecode have been read once before.
+Each figure is the time of whole processes from start to end, run alternately on one core. Files and Python's bytecode
+have been read once before.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ lap("second plan")
 assert motion.valid, motion
 print(json.dumps(stages))
 """
-# Only up to the result of the first plan, without the second.
+# Only up to the first plan, without the second.
 _FIRST = "import rr1plan as rp; assert rp.plan_motion(next(iter(rp.load_problems({scene!r}).values())), rng=0).valid"
 
 
@@ -85,7 +85,7 @@ def _measure(args: argparse.Namespace) -> dict[str, Any]:
 
 def _run(command: Sequence[str]) -> dict[str, Any]:
     """CPU and wall time of a process [s], from its start to its end, and its output."""
-    # The bytecode is cached, as it is on most machines, even where the environment forbids it.
+    # Cache bytecode, as on most machines, even if the environment forbids it.
     kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     done = subprocess.run(command, env=kept, capture_output=True, text=True, check=False)

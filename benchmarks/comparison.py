@@ -31,7 +31,7 @@ RATIOS = (("plan", "median"), ("plan", "p95"), ("plan + shorten", "median"), ("w
 
 @dataclass
 class Run:
-    """One planner's answers, in the order of the problems.
+    """One planner's results, in the order of the problems.
 
     An answer has `name`, `seconds` (CPU, by stage), and where it found a path `raw`, `path` (waypoints), `duration`,
     `touches`: for each of `KINDS` what each opinion sees, None or the first touch; and `excess`, see there.
@@ -67,17 +67,17 @@ class Run:
         return [_length(a[kind]) for a in self.solved if kind in a]
 
     def touching(self, kind: str) -> tuple[int, int]:
-        """How many of its results touch by any opinion, and how many were judged."""
+        """Number of results with a contact by any checker, and number of checked results."""
         judged = [a["touches"][kind] for a in self.solved if kind in a.get("touches", {})]
         return sum(any(touch is not None for touch in found.values()) for found in judged), len(judged)
 
     def breaking(self) -> tuple[int, int]:
-        """How many of its timed motions break a limit by more than 5 %, and how many were looked at."""
+        """Number of timed motions that exceed a limit by more than 5 %, and number of checked motions."""
         found = [a["excess"] for a in self.solved if "excess" in a]
         return sum(value > 1.05 for value in found), len(found)
 
     def to_dict(self) -> dict[str, Any]:
-        """Its figures, without the motions."""
+        """Its figures without the motions."""
         answers = [{k: v for k, v in a.items() if k not in KINDS} for a in self.answers]
         for entry, own in zip(answers, self.answers, strict=True):
             entry |= {f"length {k}": _length(own[k]) for k in ("raw", "path") if k in own}
@@ -105,10 +105,10 @@ def _length(waypoints: Any) -> float:
 def excess(samples: Any, step: float, limits: rp.Limits) -> float:
     """The largest speed or acceleration of a timed motion, as a multiple of its joint's limit.
 
-    Differences over some 10 ms are means of the true values, so what is above 1 here is above 1 there.
+    Differences over about 10 ms are means of the true values, so a value above 1 proves a violation.
 
     Args:
-        samples: Positions, shape (n, nq); the last may lie nearer to its neighbor than the others.
+        samples: Positions, shape (n, nq); the last interval may be shorter than the others.
         step: Time between samples [s].
         limits: The limits of the joints.
     """
@@ -122,7 +122,7 @@ def excess(samples: Any, step: float, limits: rp.Limits) -> float:
 
 
 def quantile(values: Array, share: float) -> float | None:
-    """The value that a share of all do not exceed, between two as numpy has it; None where it is endless."""
+    """Quantile, interpolated as in NumPy; None if it is infinite."""
     if not len(values):
         return None
     values, place = np.sort(values), share * (len(values) - 1)
@@ -134,7 +134,7 @@ def quantile(values: Array, share: float) -> float | None:
 
 
 def compare(runs: Sequence[Run], reference: str) -> list[str]:
-    """The tables, and who did not run, as parts of a report."""
+    """The tables, and the planners that did not run, as parts of a report."""
     ran = [run for run in runs if not run.skipped]
     parts = [
         "CPU milliseconds on the same core in the same run, median / p95 / max; a problem that is not solved counts as "
@@ -155,7 +155,7 @@ def compare(runs: Sequence[Run], reference: str) -> list[str]:
 
 
 def time_table(runs: Sequence[Run]) -> str:
-    """Median, p95 and max of every stage, a planner a row."""
+    """Median, p95 and max of every stage, one row per planner."""
     rows = [[run.name, *(_three(run.times(column)) for column in COLUMNS)] for run in runs]
     return table(["planner", *COLUMNS], rows)
 
@@ -169,7 +169,7 @@ def _told(value: float | None) -> str:
 
 
 def result_table(runs: Sequence[Run]) -> str:
-    """Solved, lengths, duration and touches, a planner a row."""
+    """Solved, lengths, duration and contacts, one row per planner."""
     header = ["planner", "solved", "raw path [rad]", "short path [rad]", "duration [s]"]
     rows = []
     for run in runs:
@@ -185,7 +185,7 @@ def _share(touching: int, judged: int) -> str:
 
 
 def ratio_table(runs: Sequence[Run], reference: str) -> str:
-    """The reference's figure over each planner's."""
+    """Ratio of the reference's figure to each planner's."""
     (base,) = [run for run in runs if run.name == reference]
     rows = []
     for run in runs:
@@ -195,7 +195,7 @@ def ratio_table(runs: Sequence[Run], reference: str) -> str:
 
 
 def set_table(runs: Sequence[Run]) -> str:
-    """Medians of planning and shortening, a set of problems a row."""
+    """Medians of planning and shortening, one row per set of problems."""
     groups = list(dict.fromkeys(a["name"].rsplit("/", 1)[0] for run in runs for a in run.answers))
     rows = [
         [group, *(_told(quantile(run.times("plan + shorten", f"{group}/"), 0.5)) for run in runs)] for group in groups

@@ -1,4 +1,4 @@
-"""Triangle meshes that are not convex, made from numbers: turned on a lathe, or a surface over a square."""
+"""Concave triangle meshes: surfaces of revolution, or a surface over a square."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ _INTS = NDArray[np.int64]
 
 
 def lathe(profile: Array, sides: int, *, ring: bool = False) -> rp.Mesh:
-    """A profile turned about z.
+    """A profile revolved about z.
 
     Args:
-        profile: Radius and height of its points [m], those of a ring counter-clockwise, shape (n, 2).
+        profile: Radius and height of its points [m], counter-clockwise for a ring, shape (n, 2).
         sides: Corners of the circle.
-        ring: The profile is closed, so the solid is a ring; otherwise it begins and ends on the axis, or is open.
+        ring: Whether the profile is closed and gives a ring; otherwise it starts and ends on the axis, or is open.
     """
     angles = 2.0 * np.pi * np.arange(sides) / sides
     radius, height = np.asarray(profile).T
@@ -25,7 +25,7 @@ def lathe(profile: Array, sides: int, *, ring: bool = False) -> rp.Mesh:
                                           height[:, None]), axis=2)  # fmt: skip
     index = np.arange(points.shape[0] * sides).reshape(-1, sides)
     faces = _quads(np.concatenate([index, index[:1]]) if ring else index, around=True)
-    # All points of a circle of radius zero are one, and triangles between two of them are none.
+    # Merge the points of a circle of radius zero, and drop triangles between two of them.
     index[radius == 0.0] = index[radius == 0.0, :1]
     faces = index.ravel()[faces]
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
@@ -34,7 +34,7 @@ def lathe(profile: Array, sides: int, *, ring: bool = False) -> rp.Mesh:
 
 
 def cup(radius: float, height: float, wall: float, sides: int, levels: int) -> rp.Mesh:
-    """A closed cup, open to above: its wall has an inside and an outside."""
+    """A closed surface in the shape of a cup, open at the top: its wall has an inside and an outside."""
     heights = np.linspace(0.0, height, levels)
     outer = np.column_stack([np.full(levels, radius), heights])
     inner = np.column_stack([np.full(levels, radius - wall), np.linspace(height, wall, levels)])
@@ -74,7 +74,7 @@ def terrain(rng: np.random.Generator, cells: int, size: float, height: float) ->
 
 
 def _quads(index: _INTS, *, around: bool) -> _INTS:
-    """Two triangles for each cell of a grid of vertices (m, n); `around`: the last column is beside the first."""
+    """Two triangles for each cell of a grid of vertices (m, n); `around`: the last column is next to the first."""
     index = np.column_stack([index, index[:, 0]]) if around else index
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
     if not around:

@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _ask_every_cell(name: str, grid: CSpaceGrid) -> Array:
-    """Which cells are free by plain Coal: the robot's own numpy kinematics, every pair of shapes."""
+    """Whether each cell is free by plain Coal: NumPy kinematics of the robot, every pair of shapes."""
     world = _World(grid.scene)
     free = np.zeros(grid.labels.shape, dtype=bool)
     for i in track(range(len(grid.axes[0])), name):
@@ -71,7 +71,7 @@ class _World:
         return [(g.pose, _coal_shape(g.shape)) for g in link.collisions]
 
     def is_free(self, q: Array) -> bool:
-        """Within limits, and no pair of elements that must not touch does."""
+        """Whether a configuration is within limits and no forbidden pair of elements touches."""
         if (q < self.lower).any() or (q > self.upper).any():
             return False
         links = self.scene.link_poses({self.arm: q})

@@ -1,11 +1,11 @@
-"""Plans of many RR1 that run: executions with random delays, and new goals while the arms move.
+"""Execution of plans of many RR1: random delays, and new goals while the arms move.
 
     python benchmarks/delays.py [--sets ring grid] [--executions 1000] [--conveyors 4 6 8] [--goals 60]
 
 Executions: plans of rings and grids are executed with arms that start up to 0.3 s late, are up to 30 % slower and may
-pause; the referee certifies each, and MuJoCo replays it and counts contacts. Conveyor: arms in two rows along a belt,
-each of which gets a new goal every 1 to 3 s, over the belt or elsewhere in turn, by `add_motion`; the whole motion is
-certified and replayed in the end.
+pause; the referee certifies each, and MuJoCo replays it and counts contacts. Conveyor: arms in two rows along a belt
+each get a new goal every 1 to 3 s by `add_motion`, alternately over the belt and elsewhere; finally the whole motion is
+certified and replayed.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _execute(count: int, size: float, kind: str, seed: int, executions: int) -> dict[str, Any]:
-    """Execute one plan with random delays; nothing where there is no such problem."""
+    """Execute one plan with random delays; nothing if there is no such problem."""
     robot = rp.load_robot("rr1")
     try:
         problem = (
@@ -140,7 +140,7 @@ def _convey(count: int, goals: int, limit: float, seed: int) -> dict[str, Any]:
 
 
 def _goal(scene: rp.Scene, arm: str, over_belt: bool, rng: np.random.Generator) -> np.ndarray:
-    """A configuration with the tool over the belt, or on the arm's own side of it, that is free of the belt."""
+    """A configuration free of the belt, with the tool over the belt or on the arm's side of it."""
     placed = scene.arms[arm]
     checker, limits = rp.CollisionChecker(rp.Scene({arm: placed}, scene.obstacles)), placed.robot.limits
     while True:

@@ -5,7 +5,7 @@
 
 Random edges from random free configurations, 0.2 to 1.5 rad long, certified by one call; the exact kernel gets a call
 for each. Answers are compared. With `--moving` they are edges in space and time, of the RR1 in the middle of nine on a
-grid, 1 to 8 of which follow random trajectories; each is one call from Python and takes 0.1 to 1 s of the motion.
+grid, 1 to 8 of which follow random trajectories; each edge is one call from Python and lasts 0.1 to 1 s.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def main() -> int:
         tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, _TOLERANCE)
         kernel = EdgeKernel(tables, checker.exact_kernel, checker.nq, _TOLERANCE)
         free = kernel.certify_edges(begins, ends) == FREE
-        # Counted in one round; the exact kernel's configurations are among them.
+        # Counted in one round, including the configurations of the exact kernel.
         done = kernel.done
         lines = np.stack([begins, ends - begins], axis=1)
         exact = _certify_exactly(kernel, lines) == FREE

@@ -1,4 +1,4 @@
-"""Simulated time for a second of computation while a tower of boat-like hulls of 256 triangles falls.
+"""Simulated time per second of computation while a tower of boat-shaped hulls of 256 triangles falls.
 
     python benchmarks/falling_tower_speed.py [--boats 10 20 50 100 200 500] [--solvers newton cg] [--threads 1 2]
 
@@ -42,7 +42,7 @@ def _table(results: Sequence[Mapping[str, Any]]) -> str:
     header += ["lowest point [mm]", "contacts", "fastest [m/s]"]
     rows = []
     for r in results:
-        # With one thread the clock is the processor's.
+        # With one thread, processor time is measured.
         clock = "cpu_real_time_factor" if r["threads"] == 1 else "real_time_factor"
         windows = r["windows"]
         each = (" / ".join(number(w[name]) for w in windows) for name in (clock, "penetration_mm"))

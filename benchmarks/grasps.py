@@ -1,11 +1,11 @@
-"""Pick-and-place by friction: is a random object grasped, carried and put down where the plan has it?
+"""Pick-and-place by friction: is a random object grasped, carried and placed as planned?
 
     python benchmarks/grasps.py [--count 100] [--kinds box cylinder]
 
 For each seed a box or an upright cylinder of random size, mass and friction stands on a table before an RR1, and is to
 be put down elsewhere, turned as the planner likes. The sequence is planned, certified stage by stage, and replayed in
 MuJoCo, where the object is a loose body that two fingers hold by contact and friction alone. It counts as carried if it
-is never farther than 1 cm from where the plan has it, and as placed if it ends within 5 mm and 5 degrees.
+is always within 1 cm of its planned position, and as placed if it ends within 5 mm and 5 degrees.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def _run(kind: str, seed: int) -> dict[str, Any]:
 
 
 def _problem(kind: str, rng: np.random.Generator) -> tuple[rp.Scene, list[float]]:
-    """A scene with an object on a table, and where the object is to be put."""
+    """A scene with an object on a table, and the object's goal."""
     width, depth = rng.uniform(*_WIDTHS, 2)
     height = rng.uniform(*_HEIGHTS)
     shape: rp.Shape = rp.Box((width, depth, height)) if kind == "box" else rp.Cylinder(width / 2, height)
@@ -124,7 +124,7 @@ def _table(results: list[dict[str, Any]]) -> str:
 
 
 def _failures(results: list[dict[str, Any]]) -> str:
-    """What went wrong, by seed."""
+    """Failures, by seed."""
     bad = [result for result in results if not (result["certified"] and result.get("carried") and result.get("placed"))]
     lines = [f"- {r['kind']} {r['seed']}: {r['reason'] or _outcome(r)}" for r in bad]
     return "\n".join(["All of them were carried and placed."] if not lines else ["Not carried or placed:", *lines])

@@ -1,11 +1,11 @@
-"""Inverse kinematics: how long, how often solved, beside closed-loop inverse kinematics on Pinocchio.
+"""Inverse kinematics: time and success, compared with closed-loop inverse kinematics on Pinocchio.
 
     python benchmarks/ik_comparison.py [--robot panda.urdf ur5.urdf] [--poses 300]
 
 Poses of the tool at random free configurations, so that each has a solution. "One solution" is `solve_ik`, and the
 method of Pinocchio's example written plainly in Python, from the same starts: the robot's home, then random ones. Its
 steps are damped Newton steps of a given length, clipped to the limits. Every solution is measured by Pinocchio. "Goals"
-is what a planner asks for: up to eight distinct configurations, within limits and free of collision.
+is what a planner needs: up to eight distinct configurations, within limits and collision-free.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ _STEPS, _LENGTH, _DAMPING = 100, 0.5, 1e-6
 
 @dataclass
 class Found:
-    """What one method did on all poses of a robot: CPU seconds, and how many solutions within the tolerances."""
+    """Results of one method on all poses of a robot: CPU seconds, and the number of solutions within tolerances."""
 
     seconds: list[float] = field(default_factory=list)
     counts: list[int] = field(default_factory=list)
 
     def cells(self) -> list[str]:
-        """Share solved; median, 95th percentile and longest time [ms]."""
+        """Fraction solved; median, 95th percentile and longest time [ms]."""
         times = spread(self.seconds)
         solved = np.mean(np.array(self.counts) > 0)
         return [f"{100 * solved:.4g} %", " / ".join(number(times[k]) for k in ("median", "p95", "max"))]
@@ -82,7 +82,7 @@ def _load(name: str) -> rp.Robot:
 
 
 def _ask(robot: rp.Robot, args: argparse.Namespace) -> tuple[Found, Found, Found, int]:
-    """All poses of a robot: one solution by us and by the plain method, all goals; and how many solutions are wrong."""
+    """All poses of a robot: one solution by us and by the plain method, all goals, and number of wrong solutions."""
     kinematics, scene = Kinematics(robot), rp.Scene({"arm": rp.Arm(robot)})
     rng = np.random.default_rng(args.seed)
     ours, plain, goals, wrong = Found(), Found(), Found(), 0
@@ -117,7 +117,7 @@ def _solve(kinematics: Kinematics, goal: PoseGoal, seed: int) -> Array:
 
 
 def solve_plainly(kinematics: Kinematics, goal: PoseGoal, seed: int) -> list[Array]:
-    """The first solution of closed-loop inverse kinematics, in a list; it is empty when no start leads to one."""
+    """The first solution of closed-loop inverse kinematics, in a list; empty if no start leads to one."""
     model, index = kinematics.scene_model, kinematics.scene_model.frame_id(kinematics.frame("tool"))
     data, limits = model.model.createData(), model.limits
     wanted, rng = pin.SE3(goal.rotation, goal.position), np.random.default_rng(seed)
@@ -139,7 +139,7 @@ def solve_plainly(kinematics: Kinematics, goal: PoseGoal, seed: int) -> list[Arr
 
 
 def _reaches(kinematics: Kinematics, goal: PoseGoal, q: Array) -> bool:
-    """Within the limits and the goal's tolerances, by Pinocchio."""
+    """Whether q is within the limits and the goal's tolerances, by Pinocchio."""
     T, limits = kinematics.pose(q), kinematics.scene_model.limits
     turn = pin.log3(T[:3, :3] @ goal.rotation.T)
     within = bool(((q >= limits.lower) & (q <= limits.upper)).all())

@@ -35,12 +35,12 @@ class Outcome:
 
     @property
     def solved(self) -> bool:
-        """There is a path."""
+        """Whether there is a path."""
         return self.raw is not None
 
     @property
     def certified(self) -> bool:
-        """The referee proved the timed motion."""
+        """Whether the referee proved the timed motion."""
         return self.report is not None and self.report.certified
 
     def to_dict(self) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def run_line(
 
 
 def find_margin(out: Outcome, problem: rp.Problem, margin: float) -> float:
-    """How much of a margin the start can afford [m], which takes the scene's first checker."""
+    """The margin that the start allows [m]; this creates the scene's first checker."""
     with out.clock.stage("set up"):
         return affordable_margin(problem, margin)
 
@@ -95,7 +95,7 @@ def find_margin(out: Outcome, problem: rp.Problem, margin: float) -> float:
 def find_path(
     out: Outcome, problem: rp.Problem, seed: int, *, planner: str, margin: float, seconds: float
 ) -> rp.Problem:
-    """The stages up to a short path; returns the problem it answers, with the margin."""
+    """The stages up to a short path. Returns the problem that it solves, with the margin."""
     result, roomy, out.margin = _plan(problem, planner, margin, rp.Budget(seconds=seconds), seed, out.clock)
     out.status, out.reason, out.raw = result.status.value, result.reason, result.path
     if out.raw is not None:
@@ -121,7 +121,7 @@ def time_motion(out: Outcome, problem: rp.Problem, roomy: rp.Problem) -> None:
 def _plan(
     problem: rp.Problem, planner: str, margin: float, budget: rp.Budget, seed: int, clock: Clock
 ) -> tuple[rp.PlanResult, rp.Problem, float]:
-    """The planner's answer, the problem it answers and its margin: given up where no goal has it."""
+    """The planner's result, its problem and its margin, which is dropped if no goal has it."""
     for m in (margin, 0.0):
         with clock.stage("set up"):
             roomy = problem.with_margin(m)

@@ -1,4 +1,4 @@
-"""From the move of an obstacle to a drawn configuration space: the 2R lesson, which follows a drag.
+"""Time from the move of an obstacle to a drawn configuration space, in the 2R lesson, which follows drags.
 
     python benchmarks/live_cspace.py [--moves 300] [--resolution 360]
 
@@ -25,7 +25,7 @@ from rr1plan.errors import Rr1PlanError
 from rr1plan.playback.viewer.page_capture import open_browser, wait_until
 
 _STAGES = ("raster", "components", "plan", "verdict", "rest", "paint", "all")
-_GROUP = 20  # moves between two looks at the processor's time
+_GROUP = 20  # moves between two readings of the processor time
 _MOVES = """(moves) => moves.map(([name, x, y]) => {
   const began = performance.now(), { took, answer } = RR1.lesson.moveObstacle(name, x, y);
   return { ...took, all: performance.now() - began, path: Boolean(answer && answer.track) };
@@ -70,7 +70,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def make_moves(scene: rp.Scene, count: int, rng: np.random.Generator) -> list[tuple[str, float, float]]:
-    """Drags of twenty moves each: an obstacle and its way on a small circle around where it stands."""
+    """Drags of twenty moves each: an obstacle and its positions on a small circle around its place in the scene."""
     moves: list[tuple[str, float, float]] = []
     names = list(scene.obstacles)
     while len(moves) < count:
@@ -82,7 +82,7 @@ def make_moves(scene: rp.Scene, count: int, rng: np.random.Generator) -> list[tu
 
 
 def measure(page: Any, moves: Sequence[tuple[str, float, float]]) -> tuple[list[dict[str, Any]], list[float]]:
-    """Wall times of each move, and processor times of a move of each group on average [ms]."""
+    """Wall times of each move, and average processor times per move of each group [ms]."""
     session = page.context.browser.new_browser_cdp_session()
 
     def ticks() -> float:

@@ -1,21 +1,21 @@
-"""Motions of 2 to 100 arms on one clock: how many problems are solved, how soon, and how short the motions are.
+"""Motions of 2 to 100 arms on one clock: problems solved, planning times, and durations of the motions.
 
     python benchmarks/many_arms.py [--sets ring grid shelf] [--arms 2 4 8 16 32 64 100] [--seeds 5]
     python benchmarks/many_arms.py --sets ring --planners many_arms prioritized ompl_rrt_connect srmp --peers FOLDER
     python benchmarks/many_arms.py --robot panda.urdf --front 1 0 0 --reach 0.855 --sets ring opposite grid
 
-`ring`: the tool of each arm has to get where that of its neighbor was, around a plank; `opposite`: where that of the
-arm across was; `crowd`: from one random point in a ring around a box to another, with goals given as joint values;
-`grid`: random queries over the full range of the joints at several spacings; `shelf`: two arms before a shelf;
-`conveyor`: arms on both sides of a belt, along which each tool moves to where the next arms reach, too. Each
-problem is a process that has planned for two arms before.
+`ring`: the tool of each arm has to reach the start of its neighbor's tool, around a plank; `opposite`: that of the arm
+across; `crowd`: from one random point in a ring around a box to another, with goals given as joint values; `grid`:
+random queries over the full range of the joints at several spacings; `shelf`: two arms before a shelf; `conveyor`: arms
+on both sides of a belt; each tool moves along it into the reach of the next arms. Each problem is solved in a process
+that has planned for two arms before.
 
 `many_arms` is `plan_many_arms`; `prioritized` schedules one arm after the other on its own path, the slowest first,
-and gives up where that fails; any name of `planner_names()` plans all arms as one; `srmp` is SRMP's xECBS, a process of
-its own with the same convex hulls. A motion counts when the referee certifies it (`refused`: found, but not certified),
-SRMP's when the straight lines between its configurations are certified free; with `--step`, Coal looks for contacts at
-instants besides. Success over the spacing of grids and times over the number of arms are drawn, with a power of that
-number fitted to the medians.
+and gives up if that fails; any name of `planner_names()` plans all arms as one; `srmp` is SRMP's xECBS in a separate
+process, with the same convex hulls. A motion counts if the referee certifies it (`refused`: found, but not certified),
+SRMP's if the straight lines between its configurations are certified free; with `--step`, Coal also checks sampled
+instants. Success over the spacing of grids and times over the number of arms are drawn, with a power of that number
+fitted to the medians.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
 from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.scene.placement import place_ring
 
-# The farthest that RR1's tool gets from its shoulder, and from the axis of its shoulder [m].
+# Largest distance of RR1's tool from its shoulder, and from the axis of its shoulder [m].
 _REACH, _HORIZONTAL_REACH = 0.85, 0.64
-# Between neighbors on the grid, and radii of rings by the number of arms, as shares of the reach.
+# Spacing of the grid, and radii of rings by the number of arms, as multiples of the reach.
 _SPACINGS = (0.94, round(0.94 * _HORIZONTAL_REACH / _REACH, 3))
 _RADII = {2: 0.45, 8: 0.7, 10: 0.85}
 _RADIUS = 0.59  # of other rings
@@ -61,7 +61,7 @@ _RINGS = (2, 3, 4, 6, 8, 10)
 _SETS = ("ring", "opposite", "crowd", "grid", "shelf", "conveyor")
 _OWN = ("many_arms", "prioritized", "srmp")
 _LATE = 0.95  # quantile of times
-_LATTICE = 0.05  # how far from a goal SRMP's motion may end [rad]
+_LATTICE = 0.05  # largest distance of the end of SRMP's motion from the goal [rad]
 _SRMP = peers.Peer("SRMP 0.2.1", "srmp", ("srmp==0.2.1",), "srmp_worker.py", note="xECBS on Coal, its other defaults")
 
 
@@ -130,7 +130,7 @@ def _tasks(args: argparse.Namespace) -> list[dict[str, Any]]:
     for name in ("ring", "opposite", "crowd"):
         for n in args.rings if name in args.sets else ():
             radii = args.radii or [_CROWD if name == "crowd" else _RADII.get(n, _RADIUS)]
-            # Of two arms the neighbor is the one across.
+            # With two arms, the neighbor is the arm across.
             kinds += [{"set": name, "arms": n, "share": share} for share in radii if name != "opposite" or n > 3]
     if "grid" in args.sets:
         kinds += [{"set": "grid", "arms": n, "share": share} for share in args.spacings for n in args.arms]
@@ -154,7 +154,7 @@ def _tasks(args: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _ask(task: Mapping[str, Any], python: Path | None) -> dict[str, Any]:
-    """Measure one problem in a new process; or the reason why that failed."""
+    """Measure one problem in a new process. Returns the result, or why it failed."""
     command = [sys.executable, str(Path(__file__).resolve()), "--child", json.dumps({**task, "python": str(python)})]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600.0 + 4.0 * task["limit"])
@@ -241,7 +241,7 @@ def _plan_many(problem: rp.Problem, task: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plan_prioritized(problem: rp.Problem, task: Mapping[str, Any]) -> dict[str, Any]:
-    """Each arm on its path alone, the slowest first, among the schedules of those before it."""
+    """Each arm on its own path, the slowest first, given the schedules of the arms before it."""
     watch, rng, diagrams = Stopwatch(task["limit"]), np.random.default_rng(task["seed"]), DiagramCache()
     pools = [PathPool(Agent(problem, [arm]), 0.0, rng, watch) for arm in problem.arms]
     for pool in pools:
@@ -276,7 +276,7 @@ _PLANNERS = {"many_arms": _plan_many, "prioritized": _plan_prioritized}
 
 
 def _measure_srmp(task: Mapping[str, Any], problem: rp.Problem) -> dict[str, Any]:
-    """SRMP's answer, which counts if straight lines between its configurations are certified free."""
+    """SRMP's result, which counts if straight lines between its configurations are certified free."""
     with tempfile.TemporaryDirectory() as folder:
         question = _describe_many(problem, Path(folder))
         with peers.running(_SRMP, Path(task["python"]), task["limit"]) as worker:
@@ -292,7 +292,7 @@ def _measure_srmp(task: Mapping[str, Any], problem: rp.Problem) -> dict[str, Any
     ends = [np.abs(points[0] - problem.start).max(), np.abs(points[-1] - goal).max()]
     if max(ends) > _LATTICE:
         return figures | {"failed": f"its ends are off by {max(ends):.3g} rad"}
-    # It ends at a point of its lattice; a straight line from there has to be free, too.
+    # It ends at a lattice point; the straight line from there to the goal has to be free, too.
     points = np.concatenate([problem.start[None], points, goal[None]])
     checker, begin = rp.CollisionChecker(problem.scene, problem.arms), time.perf_counter()
     free = checker.path_is_free(points)
@@ -327,7 +327,7 @@ def _describe_many(problem: rp.Problem, folder: Path) -> dict[str, Any]:
 
 
 def _memory() -> float:
-    """The most memory that this process has had [MB]."""
+    """Peak memory of this process [MB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
 
 
@@ -335,7 +335,7 @@ def _memory() -> float:
 
 
 def _cells(results: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Figures of each kind of problem and planner, medians over those that were solved."""
+    """Figures of each kind of problem and planner; medians are over solved problems."""
     cells: dict[tuple[str, str, float, int], list[Mapping[str, Any]]] = {}
     for result in results:
         cells.setdefault((result["planner"], result["set"], result["size"], result["arms"]), []).append(result)
@@ -357,7 +357,7 @@ def _cells(results: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _fits(cells: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Of each planner and kind of problem the power of the number of arms with which the median CPU time grows."""
+    """Exponent of the growth of the median CPU time with the number of arms, for each planner and kind of problem."""
     found = []
     for planner, name, share in dict.fromkeys((c["planner"], c["set"], _kind(c)) for c in cells):
         own = [c for c in cells if (c["planner"], c["set"], _kind(c)) == (planner, name, share) and c["solved"]]
@@ -434,7 +434,7 @@ def _failures(results: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _draw_success(file: Path, cells: Sequence[Mapping[str, Any]], reach: float) -> None:
-    """Share of problems solved over spacing or radius, one curve a planner and number of arms."""
+    """Fraction of problems solved over spacing or radius, one curve per planner and number of arms."""
     curves = dict.fromkeys((c["planner"], c["set"], c["arms"]) for c in cells if c["set"] not in ("shelf", "conveyor"))
     figure, axes = _axes()
     for planner, name, arms in curves:

@@ -3,8 +3,8 @@
     python benchmarks/many_instances.py [--arms 4 16 64 100 256 1000] [--columns plan motion referee edge]
 
 Each figure is measured in a separate process. `plan`: the first query for one arm among static ones, up to the
-timed trajectory; `motion`: the same with its proof. Once in a process that has planned for a single arm
-before, once in a new one. `referee`: a motion of 1.5 s of all arms is proven. `edge`: a straight edge of all
+timed trajectory; `motion`: likewise with its proof. Both are measured in a process that has planned for a single
+arm before, and in a new one. `referee`: a motion of 1.5 s of all arms is proven. `edge`: a straight edge of all
 arms is certified, on a grid and in a row, and its cost fitted to the arms and the pairs of arms that can meet.
 """
 
@@ -30,13 +30,13 @@ from rr1plan.checks import Array
 
 _SPACING = 0.8  # [m]
 _DURATION = 1.5  # of the motion that is proven [s]
-# Past the hands of the arms beside it, from one side to the other.
+# Past the hands of the neighboring arms, from one side to the other.
 _START, _GOAL = (1.68, -0.37, 0.72, -1.53, 2.71, 0.2), (-1.96, 0.26, 0.9, -1.23, 2.75, -2.08)
-_STEP = (0.5, 0.1, 0.3, 0.3, 0.3, 0.3)  # how far every joint moves, where all arms move [rad]
+_STEP = (0.5, 0.1, 0.3, 0.3, 0.3, 0.3)  # displacement of every joint, if all arms move [rad]
 _COLUMNS = ("plan", "motion", "referee", "edge")
 _COUNTS = (4, 16, 64, 100, 256, 1000)
 _TIMED = 9  # edges are timed so often
-# What is aimed at [s].
+# Target times [s].
 _GOALS = {
     "plan": {4: 0.005, 16: 0.006, 64: 0.01, 100: 0.015, 256: 0.03, 1000: 0.1},
     "referee": {4: 0.02, 16: 0.1, 64: 0.5, 100: 1.0, 256: 3.0, 1000: 12.0},
@@ -87,7 +87,7 @@ def _tasks(args: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _ask(task: Mapping[str, Any], limit: float) -> dict[str, Any]:
-    """The measurement of a separate process, or the reason why it failed."""
+    """The measurement of a separate process, or why it failed."""
     command = [sys.executable, str(Path(__file__).resolve()), "--child", json.dumps(dict(task))]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=limit)
@@ -114,12 +114,12 @@ def _scene(count: int, layout: str = "grid") -> rp.Scene:
 
 
 def _time_plan(task: Mapping[str, Any]) -> dict[str, Any]:
-    """The first question about one arm, without the proof."""
+    """The first query for one arm, without the proof."""
     return _time_question(task, lambda progress: progress.stage != "validate")
 
 
 def _time_motion(task: Mapping[str, Any]) -> dict[str, Any]:
-    """The first question about one arm, answered whole."""
+    """The first query for one arm, including the proof."""
     return _time_question(task, None)
 
 
@@ -147,7 +147,7 @@ def _middle(scene: rp.Scene) -> str:
 
 
 def _time_referee(task: Mapping[str, Any]) -> dict[str, Any]:
-    """The proof of a motion of all arms, in a process that has proven one of a lone arm."""
+    """The proof of a motion of all arms, in a process that has proven a motion of a single arm."""
     alone = _scene(1)
     rp.validate(_wave(alone, task["seed"]), alone)
     scene = _scene(task["arms"])
@@ -211,10 +211,10 @@ _MEASURES = {"plan": _time_plan, "motion": _time_motion, "referee": _time_refere
 
 
 def _fit(edges: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """The cost of a configuration of an edge as so much for each arm and for each pair of arms that can meet [s].
+    """Fit the cost of a configuration of an edge by a cost per arm and a cost per pair of arms that can touch [s].
 
-    Relative errors are least, so that few arms count as much as many. The exponent is that of arms alone: 1 where cost
-    grows with their number.
+    Relative errors are minimized, so that few arms count as much as many. The exponent is that of arms alone: 1 if cost
+    is proportional to their number.
     """
     if len(edges) < 3:
         return {}
@@ -274,7 +274,7 @@ def _tables(results: Sequence[Mapping[str, Any]], fit: Mapping[str, float]) -> l
 
 
 def _stage_table(results: Sequence[Mapping[str, Any]], counts: Sequence[int]) -> list[str]:
-    """The stages of the first question in a process that has answered one before."""
+    """The stages of the first query, in a process that has answered one before."""
     column = "motion" if any(r["column"] == "motion" for r in results) else "plan"
     own = {r["arms"]: r["stages"] for r in results if r["column"] == column and r["warm"] and "stages" in r}
     stages = list(dict.fromkeys(stage for stages in own.values() for stage in stages if stage != "imports"))
@@ -291,7 +291,7 @@ def _cell(result: Mapping[str, Any] | None, key: str, scale: float) -> str:
 
 
 def _draw(file: Path, results: Sequence[Mapping[str, Any]], fit: Mapping[str, float]) -> None:
-    """Write a picture (PNG): times over the arms beside what is aimed at, and the cost of an edge beside its fit."""
+    """Write a picture (PNG): times over the arms with the targets, and the cost of an edge with its fit."""
     import matplotlib
 
     matplotlib.use("Agg")

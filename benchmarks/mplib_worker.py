@@ -1,4 +1,4 @@
-"""MPlib's side of the comparison; see `worker.py`."""
+"""MPlib as a worker of the comparison; see `worker.py`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SHAPES = {"box": fcl.Box, "cylinder": fcl.Cylinder, "sphere": fcl.Sphere}
 
 
 def load(robot: dict[str, Any], task: dict[str, Any]) -> tuple[Any, float]:
-    """Its planner for the robot alone, and the limit of one search."""
+    """Planner for the robot without obstacles, and time limit of one search."""
     planner = mplib.Planner(
         robot["urdf"],
         robot["tip"],

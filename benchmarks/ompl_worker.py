@@ -18,7 +18,7 @@ STEP = 0.05  # between checked states of an edge [rad]
 
 
 def load(robot: dict[str, Any], task: dict[str, Any]) -> tuple[Any, Any, float]:
-    """Model, geometry, and the limit of one search."""
+    """Model, geometry, and time limit of one search."""
     util.setLogLevel(util.LogLevel.LOG_NONE)
     return *load_model(robot), task["seconds"]
 
@@ -28,7 +28,7 @@ def solve(own: tuple[Any, Any, float], problem: dict[str, Any], answer: Answer) 
     model, bodies, seconds = own
     with answer.stage("set up"):
         setup = make_setup(model, with_obstacles(model, bodies, problem), problem)
-    util.RNG.setSeed(1 + problem["seed"])  # it refuses 0
+    util.RNG.setSeed(1 + problem["seed"])  # OMPL rejects 0
     with answer.stage("plan"):
         setup.solve(seconds)
     if not setup.getProblemDefinition().hasExactSolution():
@@ -40,7 +40,7 @@ def solve(own: tuple[Any, Any, float], problem: dict[str, Any], answer: Answer) 
 
 
 def make_setup(model: Any, bodies: Any, problem: dict[str, Any]) -> Any:
-    """OMPL's simple setup, asking Pinocchio about states."""
+    """OMPL's simple setup, with states checked by Pinocchio."""
     space = base.RealVectorStateSpace(model.nq)
     bounds = base.RealVectorBounds(model.nq)
     for i, (low, high) in enumerate(zip(model.lowerPositionLimit, model.upperPositionLimit, strict=True)):
@@ -60,7 +60,7 @@ def make_setup(model: Any, bodies: Any, problem: dict[str, Any]) -> Any:
 
 
 def make_check(model: Any, bodies: Any) -> Any:
-    """A function of a state: whether nothing touches."""
+    """A function of a state: whether it is collision-free."""
     data, places = model.createData(), bodies.createData()
     pin.updateGeometryPlacements(model, data, bodies, places, pin.neutral(model))
     manager = pin.BroadPhaseManager_NaiveCollisionManager(model, bodies, places)

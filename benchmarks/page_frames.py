@@ -2,7 +2,7 @@
 
     python benchmarks/page_frames.py [--arms 1 10 30 100 120] [--seconds 10] [--repeats 2]
 
-RR1 on a grid, all moving, in one headless Chromium without a graphics card, both pages in turns. The stock page is
+RR1 on a grid, all moving, in one headless Chromium without a graphics card, both pages alternately. The stock page is
 Meshcat's viewer with its own objects and its own animation: a group of visual shapes for each link, which moves by a
 track of positions and one of quaternions, 30 keys a second. (Meshcat's Python package makes an object and two tracks
 for each shape, ten times as many, which takes longer.) A frame counts when the renderer has drawn it. `first frame`:
@@ -32,11 +32,11 @@ from rr1plan.playback.viewer.page_capture import open_browser
 
 _SPACING = 0.8  # [m]
 _PIECES = 6  # of the motion, a second each
-_TURN = 0.8  # how far a joint moves at most [rad]
+_TURN = 0.8  # largest displacement of a joint [rad]
 _KEYS = 30.0  # of the stock animation [1/s]
 _COUNTS = (1, 10, 30, 100, 120)
 _SIZE = (1280, 800)
-# How many frames a page has drawn.
+# Number of frames that a page has drawn.
 _FRAMES = {
     "rr1plan": "window.RR1 && RR1.ready ? RR1.frames : 0",
     "meshcat": "window.viewer ? viewer.renderer.info.render.frame : 0",
@@ -75,7 +75,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def measure(browser: Any, kind: str, file: Path, seconds: float) -> dict[str, float]:
-    """Open a page; its first frame [s], frames per second, and size [bytes]."""
+    """Open a page. Returns the time to its first frame [s], frames per second, and size [bytes]."""
     page = browser.new_page()
     try:
         began = perf_counter()
@@ -93,7 +93,7 @@ def measure(browser: Any, kind: str, file: Path, seconds: float) -> dict[str, fl
 
 
 def _frames_come(page: Any, kind: str, count: int) -> bool:
-    """Wait until a page has drawn some frames; False when it takes too long."""
+    """Wait until a page has drawn some frames. Returns False if it takes too long."""
     end = perf_counter() + _PATIENCE
     while page.evaluate(_FRAMES[kind]) < count:
         if perf_counter() > end:
@@ -142,7 +142,7 @@ def wander(scene: rp.Scene, seed: int) -> rp.Trajectory:
 
 
 def stock_page(scene: rp.Scene, motion: rp.Trajectory) -> str:
-    """A page of Meshcat's viewer alone: a group a link, and one animation."""
+    """A page of Meshcat's viewer only: one group per link, and one animation."""
     found = find_spec("meshcat")
     if found is None or found.origin is None:
         raise Rr1PlanError("the package meshcat is not installed")
@@ -190,7 +190,7 @@ def _group(link: Any) -> dict[str, Any]:
 
 
 def _parts(shape: rp.Shape) -> list[tuple[dict[str, Any], Any]]:
-    """Geometries of a shape as Meshcat's Python package makes them, and where they are in its frame."""
+    """Geometries of a shape as Meshcat's Python package makes them, with poses in its frame."""
     match shape:
         case rp.Box():
             width, height, depth = map(float, shape.size)

@@ -1,17 +1,17 @@
-"""From the drop of an obstacle to a proven motion: pages that plan by themselves, next to the program.
+"""Time from the drop of an obstacle to a proven motion: pages with their own planner, compared with the program.
 
     python benchmarks/page_planning.py [--drags 200] [--drops 100] [--scene rr1_cluttered]
 
-Each drag puts one obstacle somewhere else and asks for a motion between two random configurations that are free then.
-The page, in headless Chromium, moves the obstacle in its tables, plans, shortens, times, and has the motion proven by
-the referee (`planner.js`). The program does the same with a changed scene and `plan_motion`, so its collision tables
-are made anew, and its referee finds smallest clearances too. Both have the same seeds, and the motions are compared to
-the last bit. Drags to which either finds no motion within the budget of iterations are counted, not timed. Times are
-wall times, but the program's `all` is CPU time, which other processes do not lengthen.
+Each drag moves one obstacle and plans between two random configurations that are free afterwards. The page, in headless
+Chromium, moves the obstacle in its tables, plans, shortens, retimes, and proves the motion with the referee
+(`planner.js`). The program does the same with a changed scene and `plan_motion`, so its collision tables are built
+again, and its referee also finds smallest clearances. Both use the same seeds, and the motions are compared bit by bit.
+Drags for which either finds no motion within the budget of iterations are counted, not timed. Times are wall times, but
+the program's `all` is CPU time, which other processes do not affect.
 
-Drops are the same as a person sees them: a mouse takes an obstacle by its handle, and lets it go where "Plan on drop"
-is pressed. From the moment that the event has until the page plans, until the proven motion plays, and until its first
-picture has been drawn.
+Drops are the same from a user's perspective: the mouse drags an obstacle by its handle and releases it, with "Plan on
+drop" enabled. Times are from the timestamp of the event until the page plans, until the proven motion plays, and until
+its first picture has been drawn.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _DRAG = """([name, pose, start, goal, seed, iterations]) => {
   return { seconds, certified: found.certified, breaks: found.track ? [...found.track.breaks.values] : [] };
 }"""
 
-# Notes for each drop when the page began to plan, played a proven motion, and had drawn the first picture of it [ms].
+# Records for each drop when the page started to plan, played a proven motion, and had drawn its first picture [ms].
 _WATCH = """() => {
   const { editing, stage } = RR1, plan = editing.plan.bind(editing), draw = stage.draw.bind(stage);
   window.drop = null;
@@ -75,7 +75,7 @@ _ASK = """([name, start, goal]) => {
   editing.open();
   editing.select({ kind: "obstacle", arm: -1, name, element: name });
 }"""
-# What has been noted of a drop, once the first picture has been drawn; after five seconds in any case.
+# The records of a drop, once the first picture has been drawn; after five seconds in any case.
 _SEEN = """() => new Promise((resolve) => {
   const end = performance.now() + 5e3;
   const look = () => {
@@ -135,7 +135,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def make_drags(scene: rp.Scene, count: int, rng: np.random.Generator) -> list[Drag]:
-    """Obstacles, the scene once each of them is dropped somewhere, and two configurations that are free then."""
+    """Obstacles, the scene after each is dropped, and two configurations that are free in that scene."""
     loose, drags = [name for name in scene.obstacles if name not in _FIXED], []
     lower, upper = (np.clip(row, -math.pi, math.pi) for row in (scene.limits().lower, scene.limits().upper))
     first = dict(scene.obstacles)
@@ -157,12 +157,12 @@ def make_drags(scene: rp.Scene, count: int, rng: np.random.Generator) -> list[Dr
 
 
 def measure(page: Any, drag: Drag, seed: int) -> dict[str, Any]:
-    """What the page and the program take for a drag [s], and whether their motions are equal."""
+    """Times of the page and the program for a drag [s], and whether their motions are equal."""
     name, scene, start, goal = drag
     T = scene.obstacles[name].pose
     found = page.evaluate(_DRAG, [name, T.T.ravel().tolist(), start.tolist(), goal.tolist(), seed, _ITERATIONS])
     began, cpu = perf_counter(), process_time()
-    # As after a drag: nothing of the changed scene is known yet.
+    # As after a drag: nothing of the changed scene is cached yet.
     changed = scene.with_obstacle_at(name, T)
     moved = perf_counter()
     problem = rp.Problem(changed, start, goal)
@@ -177,7 +177,7 @@ def measure(page: Any, drag: Drag, seed: int) -> dict[str, Any]:
 
 
 def measure_drops(page: Any, file: Path, drags: Sequence[Drag], rng: np.random.Generator) -> list[dict[str, float]]:
-    """How long after the mouse lets an obstacle go the page plans, plays a proven motion and has drawn it [s]."""
+    """Times from the release of an obstacle until the page plans, plays a proven motion, and has drawn it [s]."""
     page.set_viewport_size({"width": 1280, "height": 800})
     page.goto(file.as_uri())
     page.wait_for_function("() => window.RR1 && RR1.planner")
@@ -187,7 +187,7 @@ def measure_drops(page: Any, file: Path, drags: Sequence[Drag], rng: np.random.G
         page.evaluate(_ASK, [name, start.tolist(), goal.tolist()])
         page.wait_for_timeout(50)
         handle = page.locator(".handle.move").bounding_box()
-        if handle is None:  # a card or the edge of the window hides it
+        if handle is None:  # hidden by a card or the edge of the window
             continue
         x, y = handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2
         page.mouse.move(x, y)

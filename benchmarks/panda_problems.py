@@ -33,7 +33,7 @@ from shared import STAGE_HEADER, heading, make_parser, number, pin_to_core, save
 import rr1plan as rp
 from rr1plan.scene.motion_bench import problem_set_joints, read_problem_set
 
-_STEP = 0.002  # of the samples whose speed and acceleration are looked at [s]
+_STEP = 0.002  # step of the samples for speed and acceleration [s]
 _REFERENCE = peers.PEERS[0].name
 # By the problem's name and the kind of motion that was judged.
 _Verdicts = Mapping[str, Mapping[str, rp.SecondOpinion]]
@@ -53,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     warm_up()
     settings = {"planner": args.planner, "margin": args.margin, "seconds": args.seconds}
     first = next(iter(chosen))
-    run_line(first, chosen[first], seeds[first], **settings)  # not counted, as the peers' first is not
+    run_line(first, chosen[first], seeds[first], **settings)  # not counted, as for the peers
     outcomes = [
         out
         for problem in track(list(firsts.values()), "rr1plan")
@@ -61,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     ]
     others = _ask_peers(args, chosen, seeds)
     judged = [o for o in outcomes if o.name in firsts]
-    # What a scene needs is made for its first question.
+    # The first query in a scene builds its tables.
     clocks = [(o.name, o.clock.cpu) for o in outcomes]
     clocks += [(answer["name"], answer["seconds"]) for run in others for answer in run.answers]
     for name, seconds in clocks:
@@ -135,7 +135,7 @@ def _problems(args: argparse.Namespace) -> Mapping[str, rp.Problem]:
 def _ask_again(
     problems: Mapping[str, rp.Problem], args: argparse.Namespace
 ) -> tuple[dict[str, rp.Problem], dict[str, int]]:
-    """Every n-th problem as often as wanted, one after the other, by names of their own; and their seeds."""
+    """Every n-th problem, repeated under separate names, and their seeds."""
     chosen, seeds = {}, {}
     for i, (name, problem) in enumerate(problems.items()):
         if i % args.every == 0:
@@ -150,7 +150,7 @@ def _title(args: argparse.Namespace) -> str:
 
 
 def _run(problem: rp.Problem, seeds: Mapping[str, int], order: str, settings: Mapping[str, Any]) -> list[Outcome]:
-    """A problem's answers: each proven before the next, or all paths and then all motions."""
+    """A problem's results: each proven before the next, or all paths and then all motions."""
     if order == "each":
         return [run_line(name, problem, seed, **settings) for name, seed in seeds.items()]
     outcomes = [Outcome(name) for name in seeds]
@@ -165,7 +165,7 @@ def _run(problem: rp.Problem, seeds: Mapping[str, int], order: str, settings: Ma
 
 
 def _ask_peers(args: argparse.Namespace, problems: Mapping[str, rp.Problem], seeds: Mapping[str, int]) -> list[Run]:
-    """Every peer's answers; one that cannot answer has the reason instead."""
+    """Every peer's results, or the reason why it has none."""
     given = dict(args.python)
     if args.peers is None and not given:
         return []
@@ -202,7 +202,7 @@ def _touches(opinion: rp.SecondOpinion) -> dict[str, tuple[str, str, float] | No
 
 
 def _judge_peer(answer: dict[str, Any], scene: rp.Scene) -> dict[str, Any]:
-    """First touches of its paths and its timed samples by Coal and FCL, and how far it goes beyond its limits."""
+    """First contacts of its paths and timed samples by Coal and FCL, and how far it exceeds its limits."""
     paths = {kind: rp.Path(scene.joint_names(), answer[kind]) for kind in KINDS if kind in answer}
     judged: dict[str, Any] = {
         "touches": {kind: _touches(rp.second_opinion(p, scene, checkers=_CHECKERS)) for kind, p in paths.items()}
@@ -219,7 +219,7 @@ def _own_run(planner: str, problems: Mapping[str, rp.Problem], outcomes: list[Ou
 
 
 def _answer(out: Outcome, verdicts: Mapping[str, rp.SecondOpinion], limits: rp.Limits) -> dict[str, Any]:
-    """What the comparison asks of an answer, of rr1plan's."""
+    """rr1plan's result in the form of the comparison."""
     answer: dict[str, Any] = {"name": out.name, "seconds": out.clock.cpu}
     if out.raw is None or out.path is None:
         return answer | {"failure": out.reason}

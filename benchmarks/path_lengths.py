@@ -2,7 +2,7 @@
 
     python benchmarks/path_lengths.py [PROBLEMS.json.gz --robot panda.urdf]
 
-All planners use the same certified edges and differ in the search only. The baseline is RRT-Connect with one round of
+All planners use the same certified edges; only the search differs. The baseline is RRT-Connect with one round of
 shortcuts, without a budget. Budgets are CPU time: planners read a clock of the process's CPU time. Lengths
 are multiples of the shortest length found for a problem by any planner, infinite without a path, also in the
 median. Problems whose straight line is free are omitted.
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     budgets = sorted(ms / 1e3 for ms in args.milliseconds)
     names = [_BASELINE, *args.planners]
     for name in names:
-        _solve(name, next(iter(problems.values())), 0, budgets[0])  # loads what is loaded once
+        _solve(name, next(iter(problems.values())), 0, budgets[0])  # loads modules and kernels
     work = [(name, problem, args.seed + s) for problem in problems for s in range(args.repeats) for name in names]
     runs: list[Run] = []
     for name, problem, seed in track(work, "path lengths"):
@@ -85,7 +85,7 @@ def _scenes() -> list[str]:
 
 
 def _problems(args: argparse.Namespace) -> dict[str, rp.Problem]:
-    """By name; those whose straight line is free are none."""
+    """Problems by name, without those whose straight line is free."""
     found = {f"{scene}/{name}": p for scene in args.scenes for name, p in rp.load_problems(scene).items()}
     found = dict(list(found.items())[:: args.every])
     if args.file is not None:
@@ -104,7 +104,7 @@ def _is_straight(problem: rp.Problem) -> bool:
 
 @contextmanager
 def _cpu_clock() -> Iterator[None]:
-    """Planners that look at the clock see the CPU time of this process."""
+    """Planners read the CPU time of this process as their clock."""
     clock = time.perf_counter
     time.perf_counter = time.process_time
     try:
@@ -144,7 +144,7 @@ def _shortest(runs: Sequence[Run]) -> dict[str, float]:
 
 
 def summarise(runs: Sequence[Run], best: Mapping[str, float], budgets: Sequence[float]) -> list[dict[str, float]]:
-    """For each budget: the share solved, and median and 90th percentile of the length, as multiples of the shortest."""
+    """For each budget, fraction solved, and median and 90th percentile of length as multiples of the shortest."""
     rows = []
     for budget in budgets:
         lengths = np.sort(

@@ -22,8 +22,8 @@ from typing import IO, Any
 
 from shared import console, track
 
-_INSTALL = 1200.0  # longest an installation may take [s]
-_START = 120.0  # longest a worker may take to load its libraries [s]
+_INSTALL = 1200.0  # time limit of an installation [s]
+_START = 120.0  # time limit for loading a worker's libraries [s]
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Peer:
         name: Name in reports.
         environment: Name of its virtual environment; peers may share one.
         packages: What pip installs there. Empty: it cannot be installed by pip alone.
-        worker: The script that answers for it.
+        worker: The script that runs it.
         options: Options of its worker.
         note: Note for readers of its results.
     """
@@ -78,7 +78,7 @@ PEERS = (
 
 
 class PeerMissing(Exception):
-    """A peer cannot be installed, loaded or run; the message tells why."""
+    """A peer cannot be installed, loaded or run; the message gives the reason."""
 
 
 def interpreter(peer: Peer, folder: Path | None, given: Mapping[str, Path]) -> Path:
@@ -86,7 +86,7 @@ def interpreter(peer: Peer, folder: Path | None, given: Mapping[str, Path]) -> P
 
     Args:
         peer: The peer.
-        folder: Where environments are, and are made.
+        folder: Folder of environments; missing ones are created.
         given: Interpreters by the name of an environment, used before any in the folder.
 
     Raises:
@@ -106,7 +106,7 @@ def interpreter(peer: Peer, folder: Path | None, given: Mapping[str, Path]) -> P
 
 
 def _install(peer: Peer, place: Path, python: Path) -> None:
-    """Make the environment whole, or leave none."""
+    """Create the environment; remove it on failure."""
     complete = False
     try:
         with console.status(f"installing {' '.join(peer.packages)} into {place}"):
@@ -135,7 +135,7 @@ def _last_line(text: str) -> str:
 
 
 def ask(peer: Peer, python: Path, problems: Sequence[Mapping[str, Any]], seconds: float) -> list[dict[str, Any]]:
-    """A peer's answers to problems, in their order; see `worker.py` for both.
+    """A peer's results for problems, in their order; see `worker.py` for both.
 
     Args:
         peer: The peer.
@@ -162,7 +162,7 @@ def _answers(
     while problem is not None:
         with running(peer, python, seconds) as worker:
             if first:
-                worker.ask(problem, limit)  # not counted: what is loaded once is loaded now
+                worker.ask(problem, limit)  # not counted: it loads what is needed once
                 first = False
             while problem is not None and worker.alive:
                 yield worker.ask(problem, limit)
@@ -171,7 +171,7 @@ def _answers(
 
 @contextmanager
 def running(peer: Peer, python: Path, seconds: float) -> Iterator[Worker]:
-    """A worker of a peer, ended on the way out.
+    """A worker of a peer, as a context manager that ends it.
 
     Raises:
         PeerMissing: it does not start.
@@ -215,26 +215,26 @@ class Worker:
 
     @property
     def ended(self) -> bool:
-        """The process is gone."""
+        """The worker's process has ended."""
         return self._process.poll() is not None
 
     def ask(self, problem: Mapping[str, Any], limit: float) -> dict[str, Any]:
-        """Its answer; one with a failure when it takes longer than the limit [s] or dies."""
+        """Its result, or a failure if it exceeds the time limit [s] or dies."""
         answer = self._exchange(problem, limit)
         return {"name": problem["name"], "seconds": {}, "failure": self._reason} if answer is None else answer
 
     def end(self) -> None:
-        """End the process, whatever it does."""
+        """End the process in any state."""
         self.alive = False
         self._process.kill()
         self._process.wait()
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
-                with suppress(BrokenPipeError):  # what it has not read is lost on purpose
+                with suppress(BrokenPipeError):  # discard unread input
                     pipe.close()
 
     def _exchange(self, message: Mapping[str, Any], limit: float) -> dict[str, Any] | None:
-        """Its next line; None when it is dead or silent, and it is then not asked again."""
+        """Its next line; None if it is dead or silent, after which it is not used again."""
         try:
             assert self._process.stdin is not None
             self._process.stdin.write(json.dumps(message) + "\n")

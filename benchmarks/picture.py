@@ -1,4 +1,4 @@
-"""The comparison as one picture: how fast, and how many of the results touch something."""
+"""The comparison as one picture: planning times, and fraction of results with a contact."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TINTS = {"raw": 0.35, "path": 0.65, "timed": 1.0}
 
 
 def draw(file: Path, runs: Sequence[Run], title: str) -> None:
-    """Write the picture (PNG): two distributions of times, and bars of the share that touches."""
+    """Write the picture (PNG): two distributions of times, and bars of the fraction with a contact."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -50,7 +50,7 @@ def draw(file: Path, runs: Sequence[Run], title: str) -> None:
 
 
 def _draw_times(axes: Any, runs: Sequence[Run], colors: dict[str, str], column: str, title: str) -> None:
-    """Each planner's share of all problems solved within a time, the medians of both panels in its label."""
+    """Each planner's fraction of problems solved within a time, with the medians of both panels in its label."""
     for i, run in enumerate(runs):
         data = np.sort(run.times(column))
         data = data[np.isfinite(data)]
@@ -72,7 +72,7 @@ def _draw_times(axes: Any, runs: Sequence[Run], colors: dict[str, str], column: 
 
 
 def _draw_touches(axes: Any, runs: Sequence[Run], colors: dict[str, str]) -> None:
-    """Three bars a planner: raw path, short path, timed motion."""
+    """Three bars per planner: raw path, short path, timed motion."""
     height, most = 0.26, 1.0
     for i, run in enumerate(runs):
         for j, kind in enumerate(KINDS):
@@ -95,7 +95,7 @@ def _draw_touches(axes: Any, runs: Sequence[Run], colors: dict[str, str]) -> Non
 
 
 def draw_race(file: Path, race: Mapping[str, Sequence[Mapping[str, float]]], budgets: Sequence[float]) -> None:
-    """Write a picture (PNG) of the length of paths after each budget [ms], and of the share solved by then.
+    """Write a picture (PNG) of the length of paths after each budget [ms], and of the fraction solved by then.
 
     The first planner is drawn as the baseline, the second as ours.
     """

@@ -13,7 +13,7 @@ SHAPES = {"box": coal.Box, "cylinder": coal.Cylinder, "sphere": coal.Sphere}
 
 
 def load_model(robot: dict[str, Any]) -> tuple[Any, Any]:
-    """Pinocchio's model and its collision geometry: convex hulls, and the pairs the SRDF leaves."""
+    """Pinocchio's model and its collision geometry: convex hulls, and the pairs that the SRDF enables."""
     urdf = Path(robot["urdf"])
     model = pin.buildModelFromUrdf(str(urdf))
     bodies = pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.COLLISION, package_dirs=[str(urdf.parent)])
@@ -29,7 +29,7 @@ def load_model(robot: dict[str, Any]) -> tuple[Any, Any]:
 
 
 def with_obstacles(model: Any, bodies: Any, problem: dict[str, Any]) -> Any:
-    """The geometry with a problem's obstacles, each checked against the links it must not touch."""
+    """The geometry with a problem's obstacles, each checked against the links that it must not touch."""
     whole = bodies.copy()
     free = set(map(tuple, problem["may_touch"]))
     links = [model.frames[body.parentFrame].name for body in bodies.geometryObjects]

@@ -1,6 +1,6 @@
 """Problems in a form that all planners support: a URDF of convex shapes, obstacles, two configurations.
 
-Held and mimic joints are written as fixed ones, meshes as STL files, a capsule as a cylinder and two
+Locked and mimic joints are written as fixed joints, meshes as STL files, a capsule as a cylinder and two
 spheres, a half-space as a slab beyond the arm's reach: all planners get the same bodies and pairs to check.
 A continuous joint is limited to one turn, from -pi to pi, because peers treat continuous joints differently.
 """
@@ -22,7 +22,7 @@ from rr1plan.checks import Array
 from rr1plan.robot import Geometry, Joint, Robot
 from rr1plan.transforms import inverse, pose, rotation_about
 
-_SLAB = 10.0  # sides and depth of the slab that stands for a half-space [m]
+_SLAB = 10.0  # sides and depth of the slab that replaces a half-space [m]
 
 
 def settle(problem: rp.Problem, seed: int) -> rp.Problem:
@@ -112,13 +112,13 @@ def describe_changes(problem: rp.Problem) -> str:
 
 
 def _in_one_turn(q: Array, endless: Array) -> list[float]:
-    """A configuration, whole turns taken off joints that turn without end."""
+    """A configuration, with continuous joints reduced to one turn."""
     turned = np.where(endless, q - 2.0 * np.pi * np.round(q / (2.0 * np.pi)), q)
     return [float(x) for x in np.where(endless, np.clip(turned, -np.pi, np.pi), q)]
 
 
 def _parts(thing: rp.Obstacle) -> Any:
-    """Kind, sizes and T_world of each of an obstacle's parts."""
+    """Kind, sizes and T_world of each part of an obstacle."""
     for g in thing.geometries:
         for kind, size, T in _simple(g):
             if kind == "mesh":
@@ -203,7 +203,7 @@ def _joint(robot: Robot, joint: Joint, values: dict[str, float]) -> ElementTree.
 
 
 def _add_inertia(element: ElementTree.Element) -> None:
-    """Some readers want a mass of every link; no planner here uses it."""
+    """Some readers require a mass of every link; no planner here uses it."""
     inertial = ElementTree.SubElement(element, "inertial")
     ElementTree.SubElement(inertial, "mass", value="1.0")
     ElementTree.SubElement(inertial, "inertia", ixx="0.01", iyy="0.01", izz="0.01", ixy="0", ixz="0", iyz="0")
@@ -231,7 +231,7 @@ def _add_shape(element: ElementTree.Element, kind: str, size: list[float], stl: 
 
 
 def _write_hull(mesh: rp.Mesh, file: Path) -> None:
-    """Write the hull twice, because one peer expects it next to the mesh under another name."""
+    """Write the hull twice: one peer expects it next to the mesh under another name."""
     hull = trimesh.Trimesh(mesh.vertices, mesh.faces).convex_hull
     for name in (file.name, f"{file.name}.convex.stl"):
         hull.export(file.with_name(name))

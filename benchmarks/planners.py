@@ -36,7 +36,7 @@ class Run:
 
     @property
     def solved(self) -> bool:
-        """It found a path."""
+        """Whether it found a path."""
         return bool(np.isfinite(self.length))
 
 
@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     pin_to_core(args.core)
     queries = {f"{scene}/{name}": p for scene in args.scenes for name, p in rp.load_problems(scene).items()}
     queries = dict(list(queries.items())[:: args.every])
-    rp.plan(next(iter(queries.values())), rng=0)  # loads what is loaded once
+    rp.plan(next(iter(queries.values())), rng=0)  # loads modules and kernels
     work = [(p, q, args.seed + s) for p in args.planners for q in queries for s in range(args.repeats)]
     runs = [
         _run(planner, query, queries[query], seed, args.seconds) for planner, query, seed in track(work, "planners")
@@ -112,7 +112,7 @@ def _tables(runs: Sequence[Run]) -> list[str]:
 
 
 def _unsolved(runs: Sequence[Run]) -> str:
-    """Which planner did not solve which query."""
+    """Planners that failed, by query."""
     lines = []
     for query in dict.fromkeys(r.query for r in runs):
         own = [r for r in runs if r.query == query]

@@ -1,4 +1,4 @@
-"""pyroboplan's side of the comparison; see `worker.py`."""
+"""pyroboplan as a worker of the comparison; see `worker.py`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from worker import COARSE, FINE, Answer, serve
 
 
 def load(robot: dict[str, Any], task: dict[str, Any]) -> tuple[Any, ...]:
-    """Model, geometry, limits of speed and acceleration, and its options."""
+    """Model, geometry, velocity and acceleration limits, and its options."""
     options = RRTPlannerOptions(rrt_connect=True, bidirectional_rrt=True, max_planning_time=task["seconds"])
     return *load_model(robot), np.array(robot["velocity"]), np.array(robot["acceleration"]), options
 
 
 def solve(own: tuple[Any, ...], problem: dict[str, Any], answer: Answer) -> None:
-    """Plan, shorten and retime at its defaults; its retiming rests at every waypoint."""
+    """Plan, shorten and retime at its defaults; its retiming stops at every waypoint."""
     model, bodies, velocity, acceleration, options = own
     with answer.stage("set up"):
         whole = with_obstacles(model, bodies, problem)

@@ -1,4 +1,4 @@
-"""Random feasible queries: drawn, answered by the whole line, replayed, and told in tables.
+"""Random feasible queries: generated, solved by the whole pipeline, replayed, and reported in tables.
 
 Both ends are drawn uniformly within the joint limits until they are free and a roadmap of certified edges
 joins them, so that a path is known to exist. Half of the goals are the drawn configuration itself, a quarter
@@ -28,7 +28,7 @@ _MOST_DRAWS = 20_000
 
 @dataclass(frozen=True)
 class Query:
-    """A question with all it takes to ask it again."""
+    """A query with all data to repeat it."""
 
     name: str
     scene: str
@@ -39,9 +39,9 @@ class Query:
 
 
 class Roadmap:
-    """Which free configurations are known to be connected: random ones, joined by certified edges.
+    """A roadmap of random free configurations, connected by certified edges.
 
-    Two ends that a certified edge joins to the same part of it are proven to have a path between them.
+    Two ends that certified edges connect to the same component have a path between them.
     """
 
     def __init__(self, motions: rp.CollisionChecker, points: Array, neighbors: int = 30) -> None:
@@ -53,7 +53,7 @@ class Roadmap:
                     self._part[self._part == self._part[j]] = self._part[i]
 
     def part(self, q: Array) -> int | None:
-        """The part of the roadmap that q is joined to, or None."""
+        """The component of the roadmap to which q is connected, or None."""
         for i in self._nearest(q):
             if self._motions.edge_is_free(q, self._points[i]):
                 return int(self._part[i])
@@ -71,7 +71,7 @@ class Drawer:
         scene = rp.load_scene(scene_name)
         for name, arm in scene.arms.items():
             scene = scene.with_robot(name, arm.robot.with_limits(limits))
-        # The configurations of the file may lie outside these limits; every arm moves, so they do not matter.
+        # Configurations of the file may be outside these limits; they do not matter, because every arm moves.
         self.scene, self.scene_name, self.limits = scene, scene_name, limits
         self._motions = rp.CollisionChecker(scene)
         self._checker = self._motions
@@ -128,13 +128,13 @@ def draw_queries(scenes: Sequence[str], count: int, seed: int, nodes: int) -> li
 
 @dataclass(frozen=True)
 class Answer:
-    """A query and what came of it."""
+    """A query and its result."""
 
     query: Query
     outcome: Outcome
 
     def faults(self) -> list[str]:
-        """All that is not as it has to be."""
+        """All failures of the result."""
         out = self.outcome
         if not out.solved:
             return [] if out.status in _ANSWERS else [f"{out.status}: {out.reason}"]
@@ -151,7 +151,7 @@ class Answer:
 
 
 def answer_queries(args: argparse.Namespace, queries: Sequence[Query]) -> list[Answer]:
-    """Each query through the whole line and the replay."""
+    """Run each query through the whole pipeline and the replay."""
     warm_up()
     return [
         Answer(
@@ -177,7 +177,7 @@ def add_options(parser: argparse.ArgumentParser, count: int, nodes: int) -> None
 
 
 def tell(args: argparse.Namespace, name: str, title: str, answers: Sequence[Answer]) -> int:
-    """Write the results; 0 when every query is as it has to be."""
+    """Write the results. Returns 0 if no query failed."""
     facts = {"queries": len(answers), "planner": args.planner, "seed": args.seed, "margin": f"{1e3 * args.margin:g} mm"}
     clocks = [a.outcome.clock for a in answers if a.outcome.solved]
     faults = [f"- {a.query.name}: {fault}" for a in answers for fault in a.faults()]

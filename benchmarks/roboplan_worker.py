@@ -1,4 +1,4 @@
-"""roboplan's side of the comparison; see `worker.py`. Options: step, in place of its default of 0.05 rad."""
+"""roboplan as a worker of the comparison; see `worker.py`. Options: step, instead of its default of 0.05 rad."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHAPES = {"box": ("Box", core.Box), "cylinder": ("Cylinder", core.Cylinder), "sp
 
 
 def load(robot: dict[str, Any], task: dict[str, Any]) -> dict[str, Any]:
-    """The robot in an empty scene, with the limits of acceleration that no URDF tells."""
+    """The robot in an empty scene, with acceleration limits, which a URDF does not have."""
     urdf = Path(robot["urdf"])
     scene = core.Scene("benchmark", core.loadUrdfSceneDescription(str(urdf), [str(urdf.parent)]))
     scene.importSrdf(Path(robot["srdf"]).read_text(encoding="utf-8"))

@@ -2,8 +2,8 @@
 
     python benchmarks/rr1_queries.py [--count 1000]
 
-Each has to be solved (or proven to have no usable end), certified by the referee, and replayed in MuJoCo
-without a contact and with a tracking error below 0.005 rad under the `sim` limits, 0.001 rad under `hardware`.
+Each has to be solved (or proven to have no valid end), certified by the referee, and replayed in MuJoCo
+without contact and with a tracking error below 0.005 rad under the `sim` limits, 0.001 rad under `hardware`.
 """
 
 from __future__ import annotations

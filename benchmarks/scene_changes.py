@@ -1,10 +1,10 @@
-"""How soon the first answer comes after a scene has changed: an obstacle moved, ten new boxes, a new scene.
+"""Time to the first result after a change of the scene: an obstacle moved, ten new boxes, a new scene.
 
     python benchmarks/scene_changes.py [PROBLEMS.json.gz --robot panda.urdf] [--every 5]
 
 `moved`: an obstacle of a checker is moved (`CollisionChecker.move_obstacle`) and a configuration checked. `boxes`: ten
 boxes stand elsewhere in a new `Scene`, a checker comes from the pool, and a configuration and an edge are checked; with
-a margin of 2 mm too, as planners ask. `new scene`: the stages of the first `plan_motion` in each of a file's scenes.
+a margin of 2 mm too, as planners use. `new scene`: the stages of the first `plan_motion` in each of a file's scenes.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _SCENE = "rr1_table"
 _BOXES = 10
 _MARGIN = 0.002  # [m]
 _UNTIMED = 10  # first rounds, in which things are loaded
-# What is aimed at, the median [s].
+# Target of the median [s].
 _GOALS = {"moved": 50e-6, "boxes": 200e-6, "set up": 350e-6}
 
 
@@ -113,7 +113,7 @@ def _time_boxes(rounds: int, margin: float, rng: np.random.Generator) -> list[fl
 
 
 def _time_scenes(file: Path, urdf: Path, every: int, seed: int) -> dict[str, list[float]]:
-    """The stages of the first answer in each scene; the first few are not counted."""
+    """The stages of the first result in each scene; the first few scenes are not counted."""
     robot = rp.load_robot(urdf, joints=problem_set_joints(file))
     problems = list(read_problem_set(file, robot).values())[::every]
     stages: dict[str, list[float]] = {}

@@ -1,4 +1,4 @@
-"""What all benchmarks share: one core, clocks, the machine's name, tables, files, progress."""
+"""Common code of all benchmarks: one core, clocks, the machine's name, tables, files, progress."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PACKAGES = ("rr1plan", "numpy", "pin", "coal", "ompl", "mujoco", "python-fcl")
 
 
 def make_parser(description: str, out: str) -> argparse.ArgumentParser:
-    """A parser with the options every benchmark has."""
+    """A parser with the options of every benchmark."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("benchmarks/results") / out, help="folder for the results")
     parser.add_argument("--core", type=int, default=-1, help="the core to run on (-1: the last one there is)")
@@ -34,7 +34,7 @@ def make_parser(description: str, out: str) -> argparse.ArgumentParser:
 
 
 def pin_to_core(core: int) -> int:
-    """Keep this process, and those it starts, on one core; the core's number."""
+    """Pin this process and its children to one core. Returns the number of the core."""
     if not hasattr(os, "sched_setaffinity"):
         return -1
     allowed = sorted(os.sched_getaffinity(0))
@@ -44,7 +44,7 @@ def pin_to_core(core: int) -> int:
 
 
 def machine() -> dict[str, Any]:
-    """What this ran on."""
+    """The machine of this run."""
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
@@ -76,14 +76,14 @@ def _version(package: str) -> str:
 
 @dataclass
 class Clock:
-    """CPU and wall time of named stages [s]; a stage entered twice adds up."""
+    """CPU and wall time of named stages [s]; repeated stages add up."""
 
     cpu: dict[str, float] = field(default_factory=dict)
     wall: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Time what happens inside."""
+        """Time the body of the `with` statement."""
         cpu, wall = time.process_time(), time.perf_counter()
         try:
             yield
@@ -123,14 +123,14 @@ STAGE_HEADER = ["stage", "CPU median [ms]", "CPU p95 [ms]", "CPU max [ms]", "wal
 
 
 def number(value: float) -> str:
-    """Three digits, whatever the size."""
+    """Three significant digits, for any magnitude."""
     if not np.isfinite(value):
         return "-"
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A table in Markdown, the first column to the left and the others to the right."""
+    """A table in Markdown, the first column aligned left and the others right."""
     lines = [list(map(str, header)), *[list(map(str, row)) for row in rows]]
     widths = [max(len(line[i]) for line in lines) for i in range(len(header))]
     rule = ["-" * widths[0], *["-" * (w - 1) + ":" for w in widths[1:]]]
@@ -166,7 +166,7 @@ def _plain(value: Any) -> Any:
 
 
 def save_distribution(file: Path, curves: Mapping[str, Sequence[float]], label: str, goal: float | None = None) -> None:
-    """Draw how many of the values lie below each value, one curve a name."""
+    """Draw cumulative distributions of the values, one curve per name."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -197,7 +197,7 @@ def mark_powers(axes: Any) -> None:
 
 
 def track(items: Sequence[Any], what: str) -> Iterator[Any]:
-    """The items, with a bar of the progress."""
+    """The items, with a progress bar."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
         task = bar.add_task(what, total=len(items))

@@ -1,9 +1,9 @@
-"""Simulated time for a second of computation, by the number of RR1: all of them follow seven poses, contacts on.
+"""Simulated time per second of computation, by the number of RR1: all follow seven poses, contacts on.
 
     python benchmarks/simulated_arms_speed.py [--arms 1 12 120 1000] [--spacings 0.8 3] [--threads 1 2]
 
 The experiment `multi` of `rr1plan experiment`, with other spacings and threads. At 0.8 m arms can meet their neighbors
-and are one model; at 3 m they cannot, and have separate models. Beside it is MuJoCo alone, which steps as many arms
+and are one model; at 3 m they cannot, and have separate models. For comparison, MuJoCo alone steps as many arms
 without shapes and controllers.
 """
 
@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _measure(task: Mapping[str, Any]) -> Mapping[str, Any]:
-    """What was measured, or the reason why that failed."""
+    """The measurements, or why they failed."""
     try:
         return measure("multi", task)[0]
     except Rr1PlanError as error:
@@ -68,7 +68,7 @@ def _measure(task: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _alone(arms: int, threads: int) -> float:
-    """Simulated time for a second of MuJoCo alone."""
+    """Simulated time per second of MuJoCo alone."""
     most = min(_ARMS, -(-arms // threads))
     robot, counts = load_robot("rr1"), [min(most, arms - first) for first in range(0, arms, most)]
     robot = replace(robot, links=tuple(replace(link, collisions=(), visuals=()) for link in robot.links))

@@ -1,7 +1,7 @@
 """SRMP's multi-robot planner at its defaults on Coal; see `worker.py`.
 
 A problem has `arms` instead of `start` and `goal`: for each a name, a pose of its base, a start and a goal. The answer
-keeps in `raw` the configurations of all arms, one after the other, at SRMP's instants. There is no retiming.
+has in `raw` the concatenated configurations of all arms at SRMP's instants. There is no retiming.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _PLANNER = "xECBS"
 
 
 def load(robot: dict[str, Any], task: dict[str, Any]) -> tuple[dict[str, Any], float, str]:
-    """The robot's files with paths that SRMP finds, the limit of one search, and which planner."""
+    """The robot's files with paths that SRMP resolves, the time limit of one search, and the planner's name."""
     urdf = Path(robot["urdf"])
     own = urdf.with_suffix(".srmp.urdf")
     own.write_text(urdf.read_text(encoding="utf-8").replace("package://", f"{urdf.parent}/"), encoding="utf-8")
@@ -58,7 +58,7 @@ def _pose(matrix: list[list[float]]) -> Any:
     T = np.array(matrix)
     R, pose = T[:3, :3], srmp.Pose()
     pose.p = T[:3, 3]
-    # The largest component first, which is never small.
+    # Start with the largest component, which is never small.
     squares = np.array([1.0 + np.trace(R), *(1.0 + 2.0 * R[k, k] - np.trace(R) for k in range(3))])
     k = int(squares.argmax())
     rows = np.array(

@@ -1,12 +1,12 @@
-"""What does a concave obstacle cost as its triangles, and what as convex pieces?
+"""Cost of a concave obstacle as triangles and as convex pieces.
 
     python benchmarks/triangle_meshes.py
 
-An RR1 beside a mug of 2,600 triangles, and above a terrain of 10,000 and of 100,000, all made here. Set up is what the
-tables of the scene take once the arm's are made. Edges are random, from random free configurations. Convex pieces come
-from CoACD (`convex_pieces`), where they come within `--seconds`. Verdicts of the kernels are compared with those of
-python-fcl's hierarchy of triangles at random configurations; those nearer to contact than `GRAZING` are counted
-separately.
+An RR1 next to a mug of 2,600 triangles, and above a terrain of 10,000 and of 100,000, all generated here. Set up is the
+time for the tables of the scene if those of the arm exist. Edges are random, from random free configurations. Convex
+pieces come from CoACD (`convex_pieces`), if it finishes within `--seconds`. Verdicts of the kernels are compared with
+those of python-fcl's hierarchy of triangles at random configurations; those nearer to contact than `GRAZING` are
+counted separately.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def _terrain(rng: np.random.Generator, triangles: int) -> rp.Mesh:
 
 
 def _measure(name: str, given: tuple[rp.Mesh, Any] | None, args: argparse.Namespace) -> dict[str, Any]:
-    """All about one mesh, at a place."""
+    """All measurements of one mesh at a pose."""
     bare, rng = rp.Scene().with_arm("arm", rp.load_robot("rr1")), np.random.default_rng(args.seed)
     CollisionChecker(bare).warm_up()
     if given is None:
@@ -86,7 +86,7 @@ def _measure(name: str, given: tuple[rp.Mesh, Any] | None, args: argparse.Namesp
 
 
 def _time_set_up(bare: rp.Scene, mesh: rp.Mesh, place: Any) -> float:
-    """Best time of the tables of a scene whose mesh was never seen before, CPU [s]."""
+    """Best CPU time to build the tables of a scene with a new mesh [s]."""
     times = []
     for k in range(_ROUNDS):
         scene = bare.with_obstacle("mesh", rp.Mesh(mesh.vertices * (1.0 + 1e-9 * (k + 1)), mesh.faces), place)
@@ -97,7 +97,7 @@ def _time_set_up(bare: rp.Scene, mesh: rp.Mesh, place: Any) -> float:
 
 
 def _time_edges(scene: rp.Scene, count: int, rng: np.random.Generator) -> dict[str, float]:
-    """Best CPU time of a certified edge [s], and the share that is free."""
+    """Best CPU time of a certified edge [s], and the fraction of free edges."""
     checker = CollisionChecker(scene)
     low, high = box_of(checker.limits)
     begins: list[Array] = []
@@ -127,7 +127,7 @@ def _best(function: Callable[..., Any], *arguments: Any) -> float:
 def _decompose(
     bare: rp.Scene, mesh: rp.Mesh, place: Any, args: argparse.Namespace, rng: np.random.Generator
 ) -> dict[str, Any]:
-    """The same of convex pieces, or why there are none."""
+    """Likewise for convex pieces, or why there are none."""
     begin = time.perf_counter()
     try:
         # Pieces of an earlier run would be read from the cache.

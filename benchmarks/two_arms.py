@@ -2,7 +2,7 @@
 
     python benchmarks/two_arms.py [--count 100]
 
-The conditions are those of `rr1_queries.py`: solved, certified, replayed without a contact, tracked.
+Requirements are those of `rr1_queries.py`: solved, certified, replayed without contact, tracked.
 """
 
 from __future__ import annotations

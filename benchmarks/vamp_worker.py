@@ -1,4 +1,4 @@
-"""VAMP's side of the comparison, for the Panda it ships; see `worker.py`. It plans for its own spheres."""
+"""VAMP as a worker of the comparison, for its own Panda model of spheres; see `worker.py`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from worker import Answer, serve
 
 
 def load(robot: dict[str, Any], task: dict[str, Any]) -> tuple[Any, ...]:
-    """Its compiled robot of that name, the planner and the settings."""
+    """VAMP's compiled robot, planner and settings."""
     if not hasattr(vamp, robot["name"]):
         raise ValueError(f"{robot['name']} is none of the robots compiled into it")
     return vamp.configure_robot_and_planner_with_kwargs(robot["name"], "rrtc")
@@ -34,7 +34,7 @@ def solve(own: tuple[Any, ...], problem: dict[str, Any], answer: Answer) -> None
 
 
 def make_environment(problem: dict[str, Any]) -> Any:
-    """The obstacles. It has no cylinders that end flat: capsules stand for them, in the set "box" boxes, as it does."""
+    """The obstacles. VAMP has no flat-ended cylinders and uses capsules, or in set "box" boxes; so do we."""
     environment = vamp.Environment()
     for obstacle in problem["obstacles"]:
         T, size = np.array(obstacle["pose"]), obstacle["size"]

@@ -1,12 +1,12 @@
-"""The peers' side of the comparison: what all workers share. It knows nothing of rr1plan and needs numpy alone.
+"""Common code of the peers' workers. It does not use rr1plan and needs only NumPy.
 
-Protocol, one JSON object a line. First line in: {"seconds": limit of one search, "options": {...}}; first line
-out: {"ready": true}. Then a problem in, an answer out:
+Protocol, one JSON object per line. First line in: {"seconds": limit of one search, "options": {...}}; first line
+out: {"ready": true}. Then problems in, results out:
 
     in   name, seed, start, goal, obstacles (name, kind, size, pose), may_touch (pairs of link and obstacle),
          robot (name, urdf, srdf, base, tip, joints, velocity, acceleration)
     out  name, seconds (CPU time of each stage: set up, plan, shorten, retime), raw, path (lists of waypoints),
-         timed (positions every 2 ms), step (the exact time between those), duration; failure where something failed
+         timed (positions every 2 ms), step (the exact time between those), duration; failure if something failed
 
 Sizes are [x, y, z] of a box, [radius, length] of a cylinder, [radius] of a sphere; poses are matrices in
 the frame of the robot's base.
@@ -24,19 +24,19 @@ from typing import Any
 
 import numpy as np
 
-FINE = 0.002  # step of the samples of a timed motion that are judged [s]
-COARSE = 0.01  # step of the samples whose making belongs to the retiming's time [s]
+FINE = 0.002  # step of the checked samples of a timed motion [s]
+COARSE = 0.01  # step of the samples that the time of retiming includes [s]
 
 
 class Answer:
-    """What a peer found for one problem, and the CPU seconds of its stages."""
+    """A peer's result for one problem, and the CPU seconds of its stages."""
 
     def __init__(self, name: str) -> None:
         self.data: dict[str, Any] = {"name": name, "seconds": {}}
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Time what happens inside."""
+        """Time the body of the `with` statement."""
         began = time.process_time()
         try:
             yield
@@ -49,13 +49,13 @@ class Answer:
 
 
 def serve(load: Callable[..., Any], solve: Callable[..., None]) -> None:
-    """Answer problems until there are no more.
+    """Solve problems until the input ends.
 
     Args:
-        load: Makes of `robot` and the first line whatever `solve` needs; called once for each robot.
+        load: Prepares the data for `solve` from `robot` and the first line; called once for each robot.
         solve: Fills an answer: `solve(loaded, problem, answer)`; may raise.
     """
-    # Whatever a library prints goes to standard error; the pipe carries answers only.
+    # Output of libraries goes to standard error; the pipe is for answers only.
     pipe = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     task = json.loads(sys.stdin.readline())
@@ -69,7 +69,7 @@ def serve(load: Callable[..., Any], solve: Callable[..., None]) -> None:
             if urdf not in robots:
                 robots[urdf] = load(problem["robot"], task)
             solve(robots[urdf], problem, answer)
-        except Exception as error:  # a library may raise anything, and the next problem is worth a try
+        except Exception as error:  # a library may raise anything; continue with the next problem
             answer.data["failure"] = f"{type(error).__name__}: {error}"
         _send(pipe, answer.data)
 

@@ -8,7 +8,7 @@ from rr1plan.shapes import Mesh
 
 
 def revolved(profile: np.ndarray, sides: int, *, closed_profile: bool = True) -> Mesh:
-    """A profile (n, 2) of radius and height turned about z, counter-clockwise ones facing outwards."""
+    """A profile (n, 2) of radius and height revolved about z; counter-clockwise profiles face outwards."""
     angles = 2.0 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     r, z = profile.T
@@ -23,7 +23,7 @@ def revolved(profile: np.ndarray, sides: int, *, closed_profile: bool = True) ->
 
 
 def merged(mesh: Mesh) -> Mesh:
-    """Equal vertices as one; triangles without an area left out."""
+    """Merge equal vertices; drop triangles without area."""
     vertices, which = np.unique(mesh.vertices.round(12), axis=0, return_inverse=True)
     faces = which.ravel()[mesh.faces]
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
@@ -68,7 +68,7 @@ def terrain(cells: int = 22, size: float = 1.0, height: float = 0.08, seed: int 
 
 
 def half_shell(radius: float = 0.2, wall: float = 0.01, sides: int = 36, levels: int = 12) -> Mesh:
-    """A closed bowl, open to above."""
+    """A closed surface in the shape of a bowl, open at the top."""
     angles = np.linspace(-0.5 * np.pi, 0.0, levels)
     outer = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     inner = (radius - wall) * np.stack([np.cos(angles), np.sin(angles)], axis=1)[::-1]
@@ -85,7 +85,7 @@ def open_bowl(radius: float = 0.2, sides: int = 24, levels: int = 8) -> Mesh:
 
 
 def soup(count: int = 20, size: float = 0.4, seed: int = 0) -> Mesh:
-    """Triangles that have nothing to do with each other."""
+    """Unconnected random triangles."""
     rng = np.random.default_rng(seed)
     centers = rng.uniform(-0.5 * size, 0.5 * size, (count, 1, 3))
     points = (centers + rng.normal(scale=0.15 * size, size=(count, 3, 3))).reshape(-1, 3)

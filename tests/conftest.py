@@ -1,4 +1,4 @@
-"""Fixtures that every part of the tests may use."""
+"""Fixtures for all tests."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 import rr1plan as rp
 from rr1plan.playback.viewer.camera import choose_camera
 
-# A shell that runs the tests in the background has Ctrl-C ignored, and every child would inherit that.
+# A shell that runs the tests in the background ignores Ctrl-C, which every child process would inherit.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -34,7 +34,7 @@ def rr1_table() -> rp.Scene:
 
 @pytest.fixture(scope="session")
 def foreign_robots() -> Path:
-    """The folder of the robots that nobody here wrote, from the package example-robot-data."""
+    """The folder of third-party robots, from the package example-robot-data."""
     try:
         files = importlib.metadata.files("example-robot-data") or []
     except importlib.metadata.PackageNotFoundError:
@@ -48,7 +48,7 @@ def foreign_robots() -> Path:
 
 @pytest.fixture(scope="session")
 def panda_and_wall(foreign_robots: Path) -> tuple[rp.Scene, rp.Trajectory, tuple[float, float, float]]:
-    """A magenta Panda, a motion of it, a wall that hides all of it, and the direction from which the wall does."""
+    """A magenta Panda behind a wall, a motion of it, and the view direction from which the wall hides all of it."""
     panda = rp.load_robot(foreign_robots / "panda_description/urdf/panda.urdf")
     panda = replace(
         panda,
@@ -60,7 +60,7 @@ def panda_and_wall(foreign_robots: Path) -> tuple[rp.Scene, rp.Trajectory, tuple
     scene = rp.Scene().with_arm("panda", panda)
     turn = np.array([1.2, 0.3, 0.0, 0.4, 0.0, 0.0, 0.0])
     motion = rp.Trajectory(scene.joint_names(), np.array([0.0, 1.0]), np.stack([panda.home, turn])[None])
-    # The first view of the same motion without the wall.
+    # The initial camera for the same motion without the wall.
     x, y, z = choose_camera(scene, motion).direction
     away = 1.1 / np.hypot(x, y)
     at = rp.transforms.pose([away * x, away * y, 1.2], rpy=[0.0, 0.0, np.arctan2(y, x)])

@@ -1,4 +1,4 @@
-"""What the page draws of links, and what Python says of them."""
+"""Bounding boxes of links as the page draws them and as Python computes them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 import rr1plan as rp
 
-# The boxes around what is drawn of each link at a level of detail, from the corners that the graphics card gets.
+# Boxes around the drawn shapes of each link at a level of detail, from the vertices sent to the graphics card.
 DRAWN_LINKS = """level => {
     const found = {}, matrix = new RR1.THREE.Matrix4(), corner = new RR1.THREE.Vector3();
     RR1.world.detail.levels.fill(level);
@@ -30,7 +30,7 @@ DRAWN_LINKS = """level => {
 
 
 def surface_points(shape: rp.Shape) -> np.ndarray:
-    """Points of a box, a cylinder or a capsule that reach as far as the solid does, in its frame."""
+    """Extreme points of a box, a cylinder or a capsule, in its frame."""
     if isinstance(shape, rp.Box):
         return np.array(np.meshgrid(*[[-0.5 * s, 0.5 * s] for s in shape.size])).reshape(3, -1).T
     angles = np.linspace(0.0, 2.0 * np.pi, 721)

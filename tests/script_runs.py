@@ -1,4 +1,4 @@
-"""Runs scripts for readers in the process of the tests, which has imported most of their modules already."""
+"""Run example scripts in the test process, where most of their modules are already imported."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def run_script(script: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, capf
     finally:
         logging.getLogger().removeHandler(handler)
     said = capfd.readouterr()
-    # What is said of the first compilation depends on what ran before.
+    # Messages about the first compilation depend on earlier runs.
     assert [line for line in said.err.splitlines() if not line.startswith("compiling for this machine")] == []
     assert log.getvalue() == ""
     return said.out

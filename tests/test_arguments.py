@@ -1,8 +1,8 @@
-"""Every argument of every public function is given a list of wrong values: each is taken, or refused by our own error.
+"""Every argument of every public function gets a list of wrong values: each is accepted, or raises our own error.
 
-The calls below name each public function with arguments that it takes; a new public function has to be added. Then each
-argument in turn is replaced by each wrong value. What no function may do: raise an error of a library, write a message
-longer than a page, or go on for seconds.
+The calls below name each public function with valid arguments; a new public function has to be added. Then each
+argument in turn is replaced by each wrong value. No function may raise an error of a library, write a message longer
+than a page, or run for seconds.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Call = tuple[Callable[..., Any], dict[str, Any]]
 
 
 class InThisThread(Executor):
-    """Runs a task at once."""
+    """Runs a task immediately."""
 
     def submit(self, function: Any, /, *args: Any, **options: Any) -> Future[Any]:
         future: Future[Any] = Future()
@@ -119,7 +119,7 @@ def teaching_calls() -> dict[str, Call]:
 
 
 def calibration_calls(folder: Path) -> dict[str, Call]:
-    """Those of calibrations."""
+    """Calls of calibration functions."""
     robot = rp.load_robot("planar2r")
     scene, q = rp.Scene().with_arm("arm", robot), np.zeros(2)
     planar_q = np.random.default_rng(0).uniform(-1.0, 1.0, (6, 2))
@@ -154,12 +154,12 @@ def calibration_calls(folder: Path) -> dict[str, Call]:
 
 
 def silent() -> rp.ViewOptions:
-    """Options of live pages that are opened by nobody."""
+    """Options of live pages that no browser opens."""
     return rp.ViewOptions(quiet=True)
 
 
 def mirror_calls(scene: rp.Scene, trajectory: rp.Trajectory, folder: Path) -> dict[str, Call]:
-    """Those of mirrors and of manual control."""
+    """Calls of mirrors and of manual control."""
     names, q = scene.joint_names(), np.zeros(2)
     state, corridor = rp.StateMessage(0.0, names, q), rp.certified_corridor(scene, trajectory)
     with rp.Mirror(scene, trajectory, record=folder / "mirror.jsonl") as mirror:
@@ -217,21 +217,21 @@ ramp_steps = 8
 
 
 def asserted(check: Callable[..., Any], **options: Any) -> None:
-    """What fails is the motion, not the argument."""
+    """The motion fails, not the argument."""
     with contextlib.suppress(AssertionError):
         check(**options)
 
 
 def cancelled(function: Callable[..., Any], **options: Any) -> None:
-    """Arguments are checked, but nothing is done: the progress callback cancels."""
-    if options["progress"] is None:  # which is right, and cancels nothing
+    """Arguments are checked, but no work is done: the progress callback cancels."""
+    if options["progress"] is None:  # valid, and does not cancel
         return
     with contextlib.suppress(rp.CancelledError):
         function(**options)
 
 
 def calls(folder: Path) -> dict[str, Call]:
-    """Public functions by name, each with arguments that it takes."""
+    """Public functions by name, each with valid arguments."""
     robot = rp.load_robot("planar2r")
     scene = rp.Scene().with_arm("arm", robot).with_obstacle("box", rp.Box((0.1, 0.1, 0.1)), [0, 0, 0.5])
     problem = rp.Problem(scene, "home", [0.5, 0.5])
@@ -893,9 +893,9 @@ def _a_diagram() -> rp.CoordinationDiagram:
     )
 
 
-# Arguments that take anything: what does not fit is JSON's to refuse, when the page is made.
+# Arguments that accept anything: JSON rejects invalid values when the page is built.
 _ANYTHING = {"Panel": {"data"}}
-# Answers, which nobody makes by hand; ways past the checks, which say so; what takes no argument.
+# Result types, which users do not construct; documented ways past the checks; functions without arguments.
 _NOT_CALLED = {
     *(
         "PlanFailure",
@@ -962,7 +962,7 @@ _NOT_CALLED = {
 
 
 def public_functions() -> Iterator[tuple[str, Any]]:
-    """Every public function, constructor and method, by the name that users write."""
+    """Every public function, constructor and method by its public name."""
     for name in rp.__all__:
         value = getattr(rp, name)
         if inspect.isfunction(value):
@@ -1009,7 +1009,7 @@ def test_no_argument_is_forgotten(table: dict[str, Call]) -> None:
 
 @pytest.fixture
 def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Some wrong values are names of files that may be written; no browser shows pages that open with usual options."""
+    """Some wrong values are valid names of output files; no browser opens, not even for pages with default options."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("webbrowser.open", lambda url: True)
 
@@ -1018,7 +1018,7 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 @pytest.mark.usefixtures("_in_an_empty_folder")
 def test_every_argument_is_checked(name: str, table: dict[str, Call]) -> None:
     function, right = table[name]
-    if name not in ("screenshot", "save_video"):  # whose page is not there
+    if name not in ("screenshot", "save_video"):  # its page does not exist
         function(**right)
     for argument in right:
         for wrong, make in WRONG.items():
@@ -1028,12 +1028,12 @@ def test_every_argument_is_checked(name: str, table: dict[str, Call]) -> None:
             assert problem is None, f"{name}({argument}={wrong}): {problem}"
 
 
-# A class is a function too, and what a function of the caller's raises is raised.
+# A class is callable, too; exceptions of the caller's functions are passed on.
 _CALLBACKS = ("progress", "accept", "factory", "callback", "to", "on_event")
 
 
 def refusal_of(function: Callable[..., Any], arguments: dict[str, Any]) -> str | None:
-    """What is wrong with how a call is refused, None where nothing is or where it is taken."""
+    """What is wrong with the error of a call; None if the error is right or the call succeeds."""
     try:
         function(**arguments)
     except rp.Rr1PlanError as error:

@@ -1,4 +1,4 @@
-"""Many problems at once. What is spawned starts slowly, so most tests share one batch or work in this process."""
+"""Many problems at once. Processes start slowly, so most tests share one batch or run in this process."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BUDGET = rp.Budget(float("inf"), iterations=20_000)
 
 
 class InLine(Executor):
-    """Works when asked, in this process, and remembers how many tasks came at once."""
+    """Runs tasks in this process on request, and records how many tasks were submitted at once."""
 
     def __init__(self):
         self.sizes = []
@@ -45,7 +45,7 @@ def problems(planar2r):
 
 
 class Killer(rp.Problem):
-    """A problem that ends the process it is unpickled in."""
+    """A problem that ends the process in which it is unpickled."""
 
     def __reduce__(self):
         return os._exit, (1,)
@@ -185,7 +185,7 @@ def test_progress_is_told_and_may_cancel(problems):
 
 def test_each_problem_is_reported_as_it_ends_and_its_answer_survives_a_cancellation(problems):
     unreachable = rp.Problem(problems[0].scene, np.zeros(2), rp.PoseGoal("tool", [9.0, 0.0, 0.0]))
-    # An optimizing planner works on what no straight line solves until its budget ends.
+    # An optimizing planner works until its budget ends unless a straight line solves the problem.
     slow = rp.load_problems("planar2r_path")["to_a_point"]
     fractions = []
 
@@ -249,7 +249,7 @@ def test_a_script_without_a_guard_is_told_so(tmp_path):
 
 
 def has_ended(group):
-    """No process of a group is left; multiprocessing's tracker needs a moment more than the others."""
+    """Whether no process of a group is left; multiprocessing's tracker ends a moment later than the others."""
     try:
         os.killpg(group, 0)
     except ProcessLookupError:
@@ -261,7 +261,7 @@ def has_ended(group):
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends Ctrl-C to consoles, not to processes")
 def test_ctrl_c_ends_all_processes_at_once(tmp_path):
     file = tmp_path / "long.py"
-    # the first has its answer at once; an optimizing planner works on the others, which no straight line solves,
+    # the first is solved immediately; an optimizing planner works on the others, which no straight line solves,
     # until its budget ends
     file.write_text(
         SCRIPT + "first = rp.Problem(scene, [0.0, 0.0], rp.PoseGoal('tool', [9.0, 0.0, 0.0]))\n"

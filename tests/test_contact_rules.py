@@ -1,4 +1,4 @@
-"""The tables of rules about all pairs say what the scene says about each pair."""
+"""Tables of contact rules for all pairs agree with the scene's rule for each pair."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_of_arms_and_obstacles_that_meet_the_tables_are_the_same(allowed, specia
     robots = ((name, arm.robot) for name, arm in scene.arms.items())
     arms = tuple((name, robot.base, robot.solid_links, robot.disabled_collisions) for name, robot in robots)
     held = tuple((name, thing.arm, thing.link, thing.touch) for name, thing in scene.attachments.items())
-    # Names that are no elements, and pairs of what is not there, do no harm.
+    # Unknown names, and pairs of missing elements, have no effect.
     near = frozenset({*meeting, frozenset({"l", "gone"})})
     content = RuleContent(arms, tuple(scene.obstacles), held, scene.allowed, near)
     expected = [

@@ -1,4 +1,4 @@
-"""Values and errors come back whole from pickle and copy, as they do from other processes."""
+"""Values and errors survive pickle and copy, and so transfers between processes."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_value_comes_back(values: dict[str, Any], name: str, way: str) -> None
     assert set(values) == set(NAMES)
     back = WAYS[way](values[name])
     assert type(back) is type(values[name])
-    # Sets may be listed in another order.
+    # The order of sets may differ.
     assert sorted(repr(back)) == sorted(repr(values[name]))
 
 

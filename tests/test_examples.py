@@ -1,4 +1,4 @@
-"""Every example runs, from an empty folder, headless, with warnings as errors, and shows what it claims."""
+"""Every example runs in an empty folder, headless, with warnings as errors, and shows what it claims."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FREE = "VALID, certified free of collision in continuous time"
 
 
 def number(pattern: str, said: str) -> float:
-    """The number in the only group of a pattern, which the output holds."""
+    """The number in the only group of a pattern that occurs in the output."""
     found = re.search(pattern, said)
     assert found, f"{pattern!r} is not in:\n{said}"
     return float(found[1])
@@ -55,7 +55,7 @@ def robots_have_presets_and_grippers_and_bad_files_are_refused(said: str, _: Pat
 def scenes_are_values(said: str, folder: Path) -> None:
     assert "obstacles: ground, crate, ball, post, scan | before: none" in said
     assert "home is free: True" in said
-    # Nearer than the padding of 20 mm.
+    # Closer than the padding of 20 mm.
     assert number(r"nearest: .*, (\d+) mm apart", said) < 20
     assert "with padding, home is free: False" in said
     assert "held: ball | put down again: True" in said
@@ -112,7 +112,7 @@ def the_referee_names_what_is_wrong_and_what_it_did_not_check(said: str, _: Path
     assert "not checked  jerk" in good
     assert "INVALID" in fast
     assert set(re.findall(r"violation +(\w+):", fast)) == {"acceleration"}
-    # Twice as fast is four times the acceleration, which was at its limit.
+    # Twice the speed needs four times the acceleration, which was at its limit.
     assert number(r"acceleration +(\S+) % of the limit", fast) == pytest.approx(400, rel=0.01)
     assert "INVALID" in blocked
     assert set(re.findall(r"violation +collision: \S+ and (\w+)", blocked)) == {"late_ball"}
@@ -407,7 +407,7 @@ def test_an_example_runs_in_a_fresh_process(name: str, tmp_path: Path) -> None:
     command = [sys.executable, "-W", "error", str(EXAMPLES[0].with_name(f"{name}.py"))]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
-    # What is said of the first compilation depends on what ran before.
+    # Messages about the first compilation depend on earlier runs.
     assert [line for line in done.stderr.splitlines() if not line.startswith("compiling for this machine")] == []
     CLAIMS[name](done.stdout, tmp_path)
 

@@ -1,4 +1,4 @@
-"""The guide's files and code, taken from the page, run as they stand there."""
+"""Files and code of the guide run unchanged."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _blocks(language: str, page: Path = GUIDE) -> list[str]:
 
 def test_the_guide_s_code_runs_on_the_guide_s_files(tmp_path: Path) -> None:
     (urdf, mjcf), (scene, sequence) = _blocks("xml"), _blocks("toml")
-    # A declaration or comment may not come before what names the file.
+    # No declaration or comment may precede the line that names the file.
     (tmp_path / "picker.urdf").write_text(urdf)
     (tmp_path / "lifter.xml").write_text(mjcf)
     (tmp_path / "cell.toml").write_text(scene)
@@ -38,7 +38,7 @@ def test_the_guide_s_code_runs_on_the_guide_s_files(tmp_path: Path) -> None:
     command = [sys.executable, "-W", "error", "guide.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
-    # What is said of the first compilation depends on what ran before.
+    # Messages about the first compilation depend on earlier runs.
     said = ("compiling for this machine", "lifter.xml: not part of the robot", "no velocity limit for turn, lift")
     assert [line for line in done.stderr.splitlines() if not line.startswith(said)] == []
     assert (tmp_path / "cell.html").stat().st_size > 0
@@ -54,7 +54,7 @@ def test_the_code_of_a_page_on_moving_over_runs(page: Path, tmp_path: Path, monk
             first, rest = text.split("\n", 1)
             name = re.fullmatch(r"(?:<!-- |# )(\S+?)(?: -->)?", first)
             assert name, first
-            # Formats without comments begin after the name.
+            # In formats without comments, the content starts after the name.
             (tmp_path / name[1]).write_text(rest if language == "text" else text)
     code = _blocks("python", page)
     assert code

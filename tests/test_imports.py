@@ -1,4 +1,4 @@
-"""No module imports itself by way of others, not for types or inside functions either; no file name occurs twice."""
+"""There are no import cycles, not even for types or inside functions; no file name occurs twice."""
 
 from __future__ import annotations
 

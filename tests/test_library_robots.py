@@ -65,7 +65,7 @@ def test_a_robot_without_shapes_says_so_and_goes_the_whole_line(arm: Path, caplo
 
 
 def coupled(leader: str, follower: str) -> str:
-    """An arm of two joints of which the second follows the first."""
+    """An arm with two joints, where the second follows the first."""
     joint = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/><axis xyz="0 0 1"/>{}</joint>'
     links = "".join(f'<link name="l{i}"/>' for i in range(3))
     kinds = ["continuous" if "lower" not in text else "revolute" for text in (leader, follower)]
@@ -153,7 +153,7 @@ def test_equal_loads_share_a_robot_and_a_changed_file_is_read_anew(arm: Path) ->
     assert rp.load_robot(arm) is robot
     assert rp.load_robot(arm, joints=robot.joint_names[:1]) is not robot
     text = arm.read_text()
-    # No shape to collide with and no joint differs, so that plans are the same.
+    # Collision shapes and joints are equal, so plans are the same.
     visual = '<visual><geometry><sphere radius="0.1"/></geometry></visual>'
     arm.write_text(text.replace('<link name="l0"/>', f'<link name="l0">{visual}</link>'))
     seen = rp.load_robot(arm)
@@ -265,7 +265,7 @@ def test_joints_beside_the_way_to_the_tool_are_named_once(arm: Path, caplog: pyt
 def test_a_gripper_without_an_srdf_is_planned_for_with_advice(
     arm: Path, caplog: pytest.LogCaptureFixture, has_tool: bool
 ) -> None:
-    # One finger is driven and the other one mimics it, so that all joints are on the way to the last link.
+    # One finger is driven and the other mimics it, so all joints are in the chain to the last link.
     fingers = "".join(
         f'<link name="{finger}"/><joint name="{finger}_joint" type="prismatic"><parent link="l3"/>'
         f'<child link="{finger}"/><axis xyz="0 1 0"/>{LIMIT.format(0, 0.04)}{mimic}</joint>'
@@ -445,7 +445,7 @@ SOLID = VISUAL.replace("visual", "collision")
 
 @pytest.fixture
 def half_clothed(tmp_path: Path) -> Path:
-    """An arm whose second link has a visual alone; one decoration is fixed to the first link, one to the second."""
+    """An arm whose second link has only a visual; one decoration is fixed to the first link, one to the second."""
     text = arm_text(("a", -1, 1), ("b", -1, 1), ("c", -1, 1))
     for link, inside in (("l0", SOLID), ("l1", VISUAL + SOLID), ("l2", VISUAL), ("l3", SOLID)):
         text = text.replace(f'<link name="{link}"/>', f'<link name="{link}">{inside}</link>')

@@ -1,4 +1,4 @@
-"""Motions from files: judged by the referee in the scene they were made in, or in another."""
+"""Motions from files, validated in the scene in which they were planned, or in another."""
 
 from __future__ import annotations
 
@@ -255,7 +255,7 @@ def test_a_file_that_is_not_there_or_of_another_kind_is_named(tmp_path: Path, na
 
 @pytest.fixture
 def bulky(motion: rp.MotionPlan) -> dict[str, Any]:
-    """What to save: a scene with a mesh and a cloud that are too large for the document."""
+    """A scene to save, with a mesh and a cloud that are too large for the document."""
     turns = np.linspace(0.0, 2.0 * np.pi, 81)[:-1]
     corners = [[0, 0, 0], [0, 0, 0.1], *np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1).tolist()]
     ring = [(k + 2, (k + 1) % 80 + 2) for k in range(80)]
@@ -292,7 +292,7 @@ def test_shapes_that_are_gone_or_altered_are_named_and_a_scene_can_stand_in(
     assert rp.load_motion(file)
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
-        # A header that ends within a bracket, of which numpy's reader raises a TokenError.
+        # A header that ends within a bracket, for which numpy's reader raises a TokenError.
         archive.writestr("vertices.npy", b"\x93NUMPY\x01\x00" + b"v\x00" + b"{'shape': (3,".ljust(118))
     first.write_bytes(packed.getvalue())
     with pytest.raises(rp.FormatError, match=f"{first.name}: holds no mesh or point cloud: damaged"):

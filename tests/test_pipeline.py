@@ -1,4 +1,4 @@
-"""From a question to a proven motion: what the whole line adds to its stages."""
+"""From a problem to a proven motion: behavior of the pipeline beyond that of its stages."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_motion_is_certified_and_every_stage_has_its_time(problem: rp.Problem)
     assert found.found
     assert found.valid
     assert found.report.certified
-    # The first question of a process has imports before.
+    # The first query of a process includes imports.
     assert [name for name in found.seconds if name != "imports"] == ["set up", "plan", "shorten", "retime", "validate"]
     assert all(seconds > 0.0 for seconds in found.seconds.values())
     np.testing.assert_array_equal(found.trajectory(0.0), problem.start)
@@ -138,12 +138,12 @@ def test_every_planner_keeps_the_margin_of_a_question(planner: str) -> None:
     scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
     scene = scene.with_obstacle("post", rp.Sphere(0.05), [0.55, 0.0, 0.0]).with_padding(0.01)
     problem = rp.Problem(scene, [0.7, 0.9], [-0.7, -0.9]).with_margin(0.1)
-    # Those that improve their paths use all of a budget.
+    # Optimizing planners use the whole budget.
     path = rp.plan(problem, planner=planner, budget=rp.Budget(np.inf, iterations=2000), rng=0).path
     assert path is not None
     wide = rp.CollisionChecker(scene.with_margin(0.1))
     assert all(wide.edge_is_free(a, b) for a, b in pairwise(path.waypoints))
-    # A wider one has no such path: the margin counts.
+    # With a larger margin there is no such path.
     refused = rp.plan(problem.with_margin(0.5), planner=planner, budget=rp.Budget(seconds=0.3), rng=0)
     assert refused.status is rp.PlanStatus.INVALID_START
 
@@ -272,7 +272,7 @@ def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:
 
 
 def test_setting_up_is_not_at_the_expense_of_the_budget(problem: rp.Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is made once may take longer than a budget: tables of a new scene, code that is not compiled yet."""
+    """Setup may take longer than a budget: tables of a new scene, code that is not compiled yet."""
     make = rp.CollisionChecker.warm_up
 
     def slowly(checker: rp.CollisionChecker) -> None:

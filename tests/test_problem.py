@@ -1,4 +1,4 @@
-"""Problems: every way to say start and goal, and every way to say it wrong."""
+"""Problems: every way to specify start and goal, and every wrong way."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def test_typed_imports_are_the_lazy_names() -> None:
 
 
 def test_a_name_has_one_home() -> None:
-    """What is public is in `rr1plan` itself, not in a package below it too."""
+    """Public names are in `rr1plan` itself, not also in a subpackage."""
     assert [name for name in rr1plan.__all__ if inspect.ismodule(getattr(rr1plan, name))] == ["transforms"]
     assert "rr1plan.playback" not in rr1plan._EXPORTS
     assert list(rr1plan._EXPORTS) == sorted(rr1plan._EXPORTS)
@@ -51,7 +51,7 @@ def test_import_loads_nothing_heavy() -> None:
 
 
 def public_callables() -> Iterator[tuple[str, typing.Any]]:
-    """Functions, constructors, methods and properties by the name that users write."""
+    """Functions, constructors, methods and properties by their public name."""
     for name in rr1plan.__all__:
         value = getattr(rr1plan, name)
         if inspect.isfunction(value):
@@ -88,7 +88,7 @@ _INTERNAL = {
     *("Scene.contact_rules", "Scene.kept", "Scene.kept_for_any_padding", "GroupResult"),
     *("ManyArmsResult.separated", "Schedule", "Schedule.occupancy", "Part", "Part.occupancy", "Route"),
 }
-# Those of data classes are their fields.
+# Constructor arguments of data classes are their fields.
 _MOST_PARAMETERS = 10
 
 
@@ -101,7 +101,7 @@ def annotations(function: typing.Any) -> Iterator[str]:
         yield str(signature.return_annotation)
 
 
-# Methods that callers' own classes have.
+# Methods that users' own classes implement.
 _PROTOCOLS = {"CurveChecker", "HasPage", "SerialPort"}
 
 
@@ -116,7 +116,7 @@ def test_no_signature_hides_its_types(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(set(CALLABLES) - _INTERNAL))
 def test_the_types_of_signatures_are_public(name: str) -> None:
-    """Every class of ours that an annotation names, itself or through an alias, is a public name."""
+    """Every class of ours in an annotation, named directly or through an alias, is public."""
     function = CALLABLES[name]
     module = sys.modules[getattr(inspect.unwrap(function), "__module__", "rr1plan")]
     for text in annotations(function):

@@ -1,4 +1,4 @@
-"""The README's five lines, run as a script: they print the page's address and wait for somebody to look at it."""
+"""The README's five lines, run as a script: they print the page's address and wait for a viewer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tornado.websocket import websocket_connect
 README = Path(__file__).parent.parent / "README.md"
 
 
-# Three seconds: a new process that plans, and a page that has to stay away for a while before it counts as closed.
+# Three seconds: a new process plans, and a page has to be gone for a while before it counts as closed.
 def test_the_five_lines_serve_their_page_until_it_is_closed(tmp_path: Path) -> None:
     (code,) = re.findall(r"^```python\n(.*?)^```$", README.read_text(), re.MULTILINE | re.DOTALL)
     (tmp_path / "five.py").write_text(code)

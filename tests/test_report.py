@@ -1,4 +1,4 @@
-"""What a report says, and that it survives a file."""
+"""The text of a report, and its round trip through a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The contract of every robot in models/robots: a new folder is found here by itself."""
+"""The contract of every robot in models/robots; new folders are found automatically."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ DOCS = Path(__file__).parent.parent / "docs"
 
 
 class Page(HTMLParser):
-    """The links of a page, and the names that links can lead to."""
+    """The links of a page, and the names that links can target."""
 
     def __init__(self, file: Path) -> None:
         super().__init__()
@@ -28,7 +28,7 @@ class Page(HTMLParser):
         self.feed(file.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note what a tag links to, or is called."""
+        """Record the target of a link, or the name of a tag."""
         for name, value in attrs:
             if value and name in ("href", "src"):
                 self.links.append(value)
@@ -38,7 +38,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The site, with pictures instead of the pages of examples."""
+    """The site, with pictures instead of example pages."""
     out = tmp_path_factory.mktemp("site")
     command = [sys.executable, str(DOCS / "make_site.py"), str(out), "--no-pages"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -1,4 +1,4 @@
-"""What values show of themselves, and what typical mistakes are answered with."""
+"""Representations of values, and error messages for typical mistakes."""
 
 from __future__ import annotations
 

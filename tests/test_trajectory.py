@@ -22,7 +22,7 @@ def test_a_trajectory_is_shown_in_a_line() -> None:
 
 @st.composite
 def trajectories(draw: st.DrawFn, arm: str = "a") -> Trajectory:
-    """Smooth in position, with the pieces, degree and clock drawn."""
+    """Trajectories with continuous positions, and random pieces, degree and start time."""
     rng = np.random.default_rng(draw(st.integers(0, 10_000)))
     pieces, degree, nq = draw(st.integers(1, 4)), draw(st.integers(0, 4)), draw(st.integers(1, 3))
     breaks = rng.uniform(-1, 1) + np.concatenate([[0.0], np.cumsum(rng.uniform(0.05, 1.5, pieces))])

@@ -1,4 +1,4 @@
-"""The truth value of every answer is its verdict, so that `assert rp.validate(...)` means what it says."""
+"""The truth value of every result is its verdict, so that `assert rp.validate(...)` works."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The whole line with robots nobody here wrote: plan, prove, replay, draw, save."""
+"""The whole pipeline with third-party robots: plan, prove, replay, draw, save."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Experiments on the simulator and the viewer, beside those of the thesis that the project comes from."""
+"""Experiments with the simulator and the viewer, compared with those of the thesis that the project is based on."""

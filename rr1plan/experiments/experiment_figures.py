@@ -1,4 +1,4 @@
-"""Figures of the experiments, with the thesis's numbers where there are some."""
+"""Figures of the experiments, with the numbers of the thesis where available."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Panel = Callable[[mpl_axes.Axes, Sequence[Row]], None]
 
 
 def _figure(left: Panel, right: Panel) -> Callable[[Sequence[Row]], Figure]:
-    """A function that draws two panels of the rows of an experiment."""
+    """A function that draws the rows of an experiment in two panels."""
 
     def draw(rows: Sequence[Row]) -> Figure:
         with rc_context(style_of(_LOOK)):
@@ -60,7 +60,7 @@ def _label(plot: mpl_axes.Axes, x: str, y: str, title: str) -> None:
 
 
 def _factors(plot: mpl_axes.Axes, rows: Sequence[Row], key: str, thesis: Mapping[int, float], title: str) -> None:
-    """Real-time factors over a number of things, the thesis's among them."""
+    """Real-time factors over the number of boats or arms, including those of the thesis."""
     plot.set_xscale("log")
     plot.set_yscale("log")
     plot.axhline(1.0, color=_LOOK.soft, linewidth=1)

@@ -1,4 +1,4 @@
-"""The report of experiments: tables and figures beside those of the thesis, as Markdown and as one HTML page."""
+"""The report of experiments: tables and figures next to those of the thesis, as Markdown and as one HTML page."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ class _Section:
     """How an experiment is presented.
 
     Args:
-        title: Its headline.
-        text: What was measured.
+        title: Heading.
+        text: Description of the measurement.
         columns: Headers by the name of the value.
-        thesis: Headers and values of the thesis by the number in the first column.
+        thesis: Values of the thesis by header, and by the number in the first column.
     """
 
     title: str
@@ -53,8 +53,8 @@ class _Section:
 _SECTIONS = {
     "static": _Section(
         "Static scene",
-        "One RR1 follows the seven poses beside boats that stand still and share one mesh. Contacts are on; "
-        "steps of 2 ms. What the thesis measured in such a scene is not available as numbers.",
+        "One RR1 follows the seven poses next to stationary boats that share one mesh. Contacts are on; steps of "
+        "2 ms. The measurements of the thesis in such a scene are not available as numbers.",
         {
             "boats": "boats",
             "triangles": "triangles of each",
@@ -68,10 +68,10 @@ _SECTIONS = {
     ),
     "dynamic": _Section(
         "Falling tower",
-        "Loose boats of 1 kg, each a hull of 256 triangles, stacked in columns and a little tilted, fall into"
+        "Loose boats of 1 kg, each a hull of 256 triangles, stacked in columns and slightly tilted, fall into"
         ' a heap; steps of 4 ms, `Simulation(solver="cg")`, one thread. Penetrations are the deepest of any '
         "contact; the lowest point is that of all boats when the window ends, the floor is at 0. The thesis: "
-        "Gazebo, Table 6.5, where 1 is the most.",
+        "Gazebo, Table 6.5, where 1 is the maximum.",
         {
             "boats": "boats",
             "from_s": "from [s]",
@@ -87,10 +87,10 @@ _SECTIONS = {
     ),
     "multi": _Section(
         "Many arms",
-        "RR1 on a grid of 1 m, all of which follow the seven poses in 4 s each; one controller and one clock, contacts "
+        "RR1 arms on a grid of 1 m follow the seven poses, 4 s for each move; one controller and one clock, contacts "
         "between arms and with the floor on, steps of 2 ms, one thread. The thesis: real-time factor of Gazebo, which "
         "started at most twelve, and frames per second of Unity, which drew arms but did not simulate contacts; both "
-        "from its raw data, as labels of the printed Table 6.6 are off by a column. (`benchmarks/page_frames.py` "
+        "from its raw data, because labels of the printed Table 6.6 are off by a column. (`benchmarks/page_frames.py` "
         "measures frames of our page.)",
         {
             "arms": "arms",
@@ -107,8 +107,8 @@ _SECTIONS = {
     ),
     "latency": _Section(
         "Messages from planner to viewer",
-        "A live viewer sends messages over its websocket to a client on this machine, in the place of the page, "
-        "which parses and acknowledges each before the next one is sent. Latency ends when the message is parsed, "
+        "A live viewer sends messages over its websocket to a client on this machine instead of the page; the client "
+        "parses and acknowledges each message before the next one is sent. Latency ends when the message is parsed, "
         "the round trip when the acknowledgment is back. Figure 6.6 of the thesis is not available as numbers.",
         {
             "bytes": "size [bytes]",
@@ -123,12 +123,12 @@ _SECTIONS = {
 
 
 def save_report(folder: Path, results: Mapping[str, Sequence[Row]], failures: Sequence[str]) -> list[Path]:
-    """Write figures, `experiments.md` and `experiments.html`, which has the figures in it.
+    """Write figures, `experiments.md` and `experiments.html`, which embeds the figures.
 
     Args:
-        folder: For the files.
+        folder: Folder for the files.
         results: Rows by experiment.
-        failures: Measurements that could not be taken.
+        failures: Measurements that failed.
 
     Returns:
         The files.
@@ -163,7 +163,7 @@ def save_report(folder: Path, results: Mapping[str, Sequence[Row]], failures: Se
 
 
 def _table(section: _Section, rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
-    """Header and cells: ours, and the thesis's for the same number of things."""
+    """Header and cells: our values, and those of the thesis for the same number of boats or arms."""
     key = next(iter(section.columns))
     cells = []
     for row in rows:
@@ -173,7 +173,7 @@ def _table(section: _Section, rows: Sequence[Row]) -> tuple[list[str], list[list
 
 
 def _number(value: float | None) -> str:
-    """Three digits, whole numbers as they are."""
+    """Three significant digits; whole numbers unchanged."""
     if value is None or value != value:
         return "-"
     if value == int(value):
@@ -190,7 +190,7 @@ def _html_cells(tag: str, cells: Sequence[str]) -> str:
 
 
 def _machine() -> str:
-    """What the measurements were taken on, and that of the thesis."""
+    """The machine and software of the measurements, and the hardware of the thesis."""
     load = f", load {os.getloadavg()[0]:.1f} when they ended" if hasattr(os, "getloadavg") else ""
     packages = f"Python {platform.python_version()}, MuJoCo {version('mujoco')}"
     return (

@@ -18,7 +18,7 @@ from rr1plan.shapes import HalfSpace
 from rr1plan.transforms import identity, pose
 
 _WINDOW = 2.0  # [s]
-# Of the tower, along each side; others are as slender as these.
+# Columns along each side of the tower by the number of boats; other towers are about as slender.
 _COLUMNS = {10: 1, 20: 2, 50: 3, 100: 4, 200: 6, 500: 6}
 _LEVEL = 14
 _TILT = 0.1  # [rad]
@@ -27,18 +27,18 @@ _TILT = 0.1  # [rad]
 def measure_tower(
     boats: int, *, seed: int = 0, dt: float = 0.004, seconds: float = 6.0, solver: Solver = "cg", threads: int = 1
 ) -> list[dict[str, float]]:
-    """Simulate boats of 1 kg and 256 triangles, stacked in columns and a little tilted.
+    """Simulate boats of 1 kg and 256 triangles, stacked in columns and slightly tilted.
 
     Args:
-        boats: How many.
-        seed: Of how they are tilted.
+        boats: Number of boats.
+        seed: Seed of their tilt.
         dt: Time of a step [s].
         seconds: Simulated time [s].
         solver: As in `Simulation`.
         threads: Threads of the simulation.
 
     Returns:
-        What was measured in each two simulated seconds, by name. Penetrations are the deepest of any contact.
+        Measurements of each two simulated seconds, by name. Penetrations are the deepest of any contact.
     """
     mesh = boat_mesh(8, 16)
     body = Obstacle((Geometry("boat", mesh, identity()),), mass=1.0)
@@ -72,7 +72,7 @@ def measure_tower(
 
 
 def _depths_to(keep: Callable[[float], None]) -> Callable[[Simulation], None]:
-    """A callback that keeps the deepest penetration of each step [m]."""
+    """A callback that passes the deepest penetration of each step [m] to `keep`."""
     return lambda sim: keep(max(0.0, -float(sim.data.contact.dist.min())) if sim.data.ncon else 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Measurements in separate processes: none affects the memory or the speed of the next."""
+"""Measurements in separate processes, so that none affects the memory or speed of the next."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rr1plan.errors import BackendError, InputError, Rr1PlanError
 
 Row = Mapping[str, float]
 
-# The paths of modules come first: the process that asks may have found the package anywhere.
+# Set `sys.path` first: the parent process may have found the package anywhere.
 _CHILD = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from rr1plan.experiments.measuring_process import answer; answer(*sys.argv[2:])"
@@ -20,17 +20,17 @@ _MARK = "measured: "
 
 
 def measure(name: str, arguments: Mapping[str, float]) -> list[Row]:
-    """Take one of the measurements of this folder in a new process.
+    """Run one of the measurements of this folder in a new process.
 
     Args:
-        name: Which one: "static", "dynamic", "multi" or "latency".
-        arguments: Those of its function, by name.
+        name: "static", "dynamic", "multi" or "latency".
+        arguments: Keyword arguments of its function.
 
     Returns:
         Rows of results, by name.
 
     Raises:
-        InputError: it cannot be taken with these arguments.
+        InputError: it cannot run with these arguments.
         BackendError: the process failed.
     """
     words = [sys.executable, "-c", _CHILD, json.dumps(sys.path), name, json.dumps(dict(arguments))]
@@ -46,7 +46,7 @@ def measure(name: str, arguments: Mapping[str, float]) -> list[Row]:
 
 
 def answer(name: str, arguments: str) -> None:
-    """Take a measurement in this process and print it as JSON."""
+    """Run a measurement in this process and print the result as JSON."""
     from rr1plan.experiments.falling_tower import measure_tower
     from rr1plan.experiments.message_latency import measure_latency
     from rr1plan.experiments.simulated_arms import measure_arms, measure_static_scene

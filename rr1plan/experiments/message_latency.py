@@ -1,4 +1,4 @@
-"""How long messages from the planner to the viewer take."""
+"""Latency of messages from the planner to the viewer."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rr1plan.scene.model_library import load_robot
 
 _PATIENCE = 30.0  # [s]
 _WARM_UP = 5  # messages that do not count
-_LARGEST = 1 << 30  # message that the client takes [bytes]
+_LARGEST = 1 << 30  # largest message that the client accepts [bytes]
 _PANEL = "latency"
 
 
@@ -30,12 +30,12 @@ def measure_latency(size: int, *, repeats: int = 200, seed: int = 0) -> dict[str
     The client takes the place of the page: it connects to the same websocket, parses each message and acknowledges it.
 
     Args:
-        size: Of a message [bytes], about.
-        repeats: How many are sent.
-        seed: Of their content.
+        size: Approximate size of a message [bytes].
+        repeats: Number of messages.
+        seed: Seed of their content.
 
     Returns:
-        What was measured, by name: from before a message is made to after it is parsed, and to its acknowledgment.
+        Measurements by name: times from before a message is created until it is parsed, and until its acknowledgment.
     """
     letters = np.random.default_rng(seed).integers(97, 123, size, dtype=np.uint8).tobytes().decode()
     arrivals: queue.Queue[float] = queue.Queue()
@@ -77,9 +77,9 @@ def _wait_for_page(viewer: Viewer) -> None:
 
 
 async def _acknowledge(url: str, arrivals: queue.Queue[float]) -> None:
-    """Acknowledge messages to the panel, as a slider that was moved, until the viewer closes."""
+    """Acknowledge messages to the panel by moves of a slider, until the viewer closes."""
     page = (await AsyncHTTPClient().fetch(url)).body.decode()
-    token = page.partition('"token":"')[2].partition('"')[0]  # only pages may follow and act
+    token = page.partition('"token":"')[2].partition('"')[0]  # the server requires the page's token
     address = f"{url.replace('http://', 'ws://')}updates?token={token}"
     connection: WebSocketClientConnection = await websocket_connect(address, max_message_size=_LARGEST)
     try:

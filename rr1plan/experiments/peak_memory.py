@@ -1,4 +1,4 @@
-"""The most memory that this process has used."""
+"""Peak memory of this process."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ _STATUS = Path("/proc/self/status")
 
 
 def peak_memory() -> float:
-    """Largest resident set size of this process [MB]; NaN where the system does not say."""
+    """Largest resident set size of this process [MB]; NaN if the system does not report it."""
     if is_regular(_STATUS):
-        # Not `getrusage`: on Linux that of a new process begins with the memory of the one that started it.
+        # Not `getrusage`: on Linux its value in a new process starts at the memory of the parent.
         for line in _STATUS.read_text(encoding="utf-8").splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024 / 1e6

@@ -27,12 +27,12 @@ Task = Mapping[str, float]
 
 @dataclass(frozen=True)
 class ExperimentReport:
-    """What experiments have measured.
+    """Results of experiments.
 
     Args:
-        results: By experiment, the rows of its table: values by the name of the column, which ends in the unit.
-        failures: Measurements that could not be taken, and why.
-        files: What was written: a table for each experiment, figures, the report as Markdown and as a page.
+        results: Rows of the table of each experiment: values by the name of the column, which ends in the unit.
+        failures: Measurements that failed, and why.
+        files: Written files: a table for each experiment, figures, the report as Markdown and as a page.
     """
 
     results: Mapping[str, tuple[Mapping[str, float], ...]]
@@ -40,7 +40,7 @@ class ExperimentReport:
     files: tuple[Path, ...]
 
     def __bool__(self) -> bool:
-        """Whether all measurements were taken."""
+        """Whether all measurements succeeded."""
         return not self.failures
 
 
@@ -53,28 +53,27 @@ def run_experiments(
     arms: Sequence[int] | None = None,
     progress: ProgressCallback | None = None,
 ) -> ExperimentReport:
-    """Repeat the experiments of the thesis with MuJoCo and the page, and write a report beside its figures.
+    """Repeat the experiments of the thesis with MuJoCo and the page, and write a report that compares the figures.
 
         rp.run_experiments(["dynamic", "multi"], "results", quick=True)
 
-    Each measurement is taken in a separate process, one after the other. Motions and contacts are the same in every
-    run; times are not.
+    Each measurement runs in a separate process, one after the other. Motions and contacts are the same in every run;
+    times are not.
 
     Args:
-        experiments: "static" (an arm among boats that stand still), "dynamic" (a falling tower of boats), "multi" (arms
+        experiments: "static" (an arm among stationary boats), "dynamic" (a falling tower of boats), "multi" (arms
             that follow seven poses), "latency" (messages from planner to viewer); or "all".
-        out: Folder for the files; it is made if it is not there, and older results in it are replaced.
+        out: Folder for the files; it is created if it does not exist, and older results in it are replaced.
         quick: Few and short measurements, in less than half a minute.
-        seed: Of the tilt of the boats and the content of messages.
+        seed: Seed of the tilt of the boats and of the content of messages.
         arms: Numbers of arms of "multi" (default: 1 to 120, as in the thesis).
-        progress: Called as work goes on; it may return False to cancel.
+        progress: Called before each measurement; it may return False to cancel.
 
     Returns:
-        The results. A measurement that cannot be taken does not stop the others; see `failures`.
+        The results. A measurement that fails does not stop the others; see `failures`.
 
     Raises:
-        InputError: no such experiment, a seed or a number of arms that makes no sense, or a folder that cannot be
-            written.
+        InputError: no such experiment, an invalid seed or number of arms, or a folder that cannot be written.
         CancelledError: `progress` returned False.
     """
     names = _checked_names(experiments)
@@ -90,7 +89,7 @@ def run_experiments(
 
 
 def _checked_names(experiments: Sequence[str]) -> list[str]:
-    """The experiments in their order, each once."""
+    """The experiments in the order of `EXPERIMENTS`, without repetition."""
     words = [experiments] if isinstance(experiments, str) else experiments
     if not isinstance(words, Sequence) or not len(words):
         raise InputError(f"experiments is {shown(experiments)}, expected some of {', '.join(EXPERIMENTS)}, all")
@@ -125,7 +124,7 @@ def _tasks(name: str, quick: bool, seed: int, arms: Sequence[int]) -> Iterator[T
 
 
 def _reporting(progress: ProgressCallback | None, advance: Advance) -> Advance:
-    """A function that shows the fraction done and the measurement that is next."""
+    """A function that reports the fraction done and the next measurement."""
     began = time.perf_counter()
 
     def report(fraction: float, what: str = "") -> None:
@@ -139,7 +138,7 @@ def _reporting(progress: ProgressCallback | None, advance: Advance) -> Advance:
 def _measure_all(
     tasks: Sequence[tuple[str, Task]], folder: Path, report: Advance
 ) -> tuple[dict[str, list[Row]], list[str], list[Path]]:
-    """Rows by experiment, what could not be measured, and a file for the rows of each experiment that is done."""
+    """Rows by experiment, failures, and a file with the rows of each experiment."""
     results: dict[str, list[Row]] = {}
     failures, files, done = [], [], 0
     for name, group in groupby(tasks, key=lambda task: task[0]):

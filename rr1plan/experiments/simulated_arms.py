@@ -1,4 +1,4 @@
-"""Arms that follow the seven poses of the thesis: many of them on a grid, or one among boats that stand still."""
+"""Arms that follow the seven poses of the thesis: many arms on a grid, or one among stationary boats."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rr1plan.trajectory import Trajectory
 from rr1plan.transforms import identity, pose
 
 _BLOCK = 50  # steps that are timed together
-_ROW = 20  # boats beside each other
+_ROW = 20  # boats in a row
 _BOAT_CELL = (0.7, 0.4)  # [m]
 SEVEN_MOVES = MOVE_TIME * len(SEVEN_POSES)  # [s]
 
@@ -30,17 +30,17 @@ SEVEN_MOVES = MOVE_TIME * len(SEVEN_POSES)  # [s]
 def measure_arms(
     arms: int, *, spacing: float = 1.0, dt: float = 0.002, threads: int = 1, seconds: float = SEVEN_MOVES
 ) -> dict[str, float]:
-    """Simulate RR1 on a grid, all of which follow the seven poses, contacts between them and with the floor on.
+    """Simulate RR1 arms on a grid that follow the seven poses, with contacts between them and with the floor.
 
     Args:
-        arms: How many.
-        spacing: Of the grid [m].
+        arms: Number of arms.
+        spacing: Spacing of the grid [m].
         dt: Time of a step [s].
         threads: Threads of the simulation.
         seconds: Simulated time [s].
 
     Returns:
-        What was measured, by name.
+        Measurements by name.
     """
     began = time.perf_counter()
     sim = Simulation(_arm_grid(arms, spacing), dt, threads=threads)
@@ -51,16 +51,16 @@ def measure_arms(
 def measure_static_scene(
     boats: int, *, stations: int = 625, around: int = 200, seconds: float = 4.0
 ) -> dict[str, float]:
-    """Simulate an RR1 that follows the seven poses beside boats that stand still and share one mesh.
+    """Simulate an RR1 that follows the seven poses next to stationary boats that share one mesh.
 
     Args:
-        boats: How many.
-        stations: Cross sections of the mesh, which has 2 * stations * around triangles.
-        around: Vertices of each.
+        boats: Number of boats.
+        stations: Number of cross sections of the mesh, which has 2 * stations * around triangles.
+        around: Number of vertices of each cross section.
         seconds: Simulated time [s].
 
     Returns:
-        What was measured, by name.
+        Measurements by name.
     """
     shape = Geometry("boat", boat_mesh(stations, around), identity())
     obstacles = {}
@@ -82,7 +82,7 @@ def _arm_grid(count: int, spacing: float) -> Scene:
 
 
 def seven_poses(scene: Scene) -> Trajectory:
-    """All arms of a scene from the last of the seven poses through all of them, at rest in each."""
+    """A motion of all arms of a scene from the last of the seven poses through all of them, with a stop at each."""
     poses = np.tile(np.array((SEVEN_POSES[-1], *SEVEN_POSES)), len(scene.arms))
     rest = np.zeros_like(poses)
     return Trajectory.from_samples(scene.joint_names(), MOVE_TIME * np.arange(len(poses)), poses, rest, rest)
@@ -115,7 +115,10 @@ def _follow_poses(sim: Simulation, seconds: float) -> dict[str, float]:
 
 
 def _send_poses(sim: Simulation) -> tuple[Execution, Array]:
-    """Send the seven poses to all arms; also when the set-points of each arm leave its start, as the run fills in."""
+    """Send the seven poses to all arms. Returns the execution and when the set-points of each arm leave its start.
+
+    The simulation fills in these times as it runs.
+    """
     trajectory = seven_poses(sim.scene)
     follow = JointTrajectoryController(trajectory.joint_names)
     sim.activate(follow)

@@ -1,14 +1,14 @@
-"""Figures of the thesis: what its experiments measured, and the poses that its arms were driven through.
+"""Figures of the thesis: the measurements of its experiments, and the poses of its arms.
 
 Sources: the poses, the frames per second of many arms and the real-time factors of Gazebo with several arms are from
 the thesis author's own packages (`EnviloN/rr1_*`, (c) 2023 Jan Chudy, MIT license). Labels of Table 6.6 in the printed
-text are off by a column, so figures of many arms are those of its raw data. The falling tower is Table 6.5 of the text.
-Of its static scene and its message latency (figure 6.6) there are no numbers to compare with.
+text are off by a column, so figures of many arms are from the raw data. The falling tower is Table 6.5 of the text. For
+the static scene and the message latency (figure 6.6), the thesis has no numbers to compare with.
 """
 
 from __future__ import annotations
 
-# The computer that its figures were measured on.
+# The computer on which its figures were measured.
 HARDWARE = "Ryzen 7 3700X, RTX 2060 Super"
 
 # Joints from the base to the hand [rad]; the last pose is also the first.
@@ -24,10 +24,10 @@ SEVEN_POSES: tuple[tuple[float, ...], ...] = (
 # Time of a move from one pose to the next [s].
 MOVE_TIME = 4.0
 
-# Real-time factor of Gazebo, which is never above 1, by the boats in the falling tower.
+# Real-time factor of Gazebo, which is never above 1, by the number of boats in the falling tower.
 TOWER_FACTORS: dict[int, float] = {10: 1.0, 20: 0.98, 50: 0.40, 100: 0.19, 200: 0.08, 500: 0.03}
 
-# The same by the number of arms; twelve were the most that could be started.
+# Real-time factor of Gazebo by the number of arms; twelve were the most that could be started.
 GAZEBO_FACTORS: dict[int, float] = dict(
     zip((1, 2, 3, 4, 5, 6, 8, 10, 12), (0.999, 0.999, 1.0, 0.999, 0.999, 1.0, 0.998, 0.989, 0.980), strict=True)
 )

@@ -1,4 +1,4 @@
-"""The planners' kernels as Python calls them."""
+"""Python binding of the planning kernels."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class CStruct(memory.CStruct):
         fields: Values of its fields.
 
     Raises:
-        TypeError: an array that is not what the headers say.
+        TypeError: an array that does not match the headers.
     """
 
     sources = SOURCES

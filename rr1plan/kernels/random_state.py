@@ -1,4 +1,4 @@
-"""The random numbers of the kernels (`random.h`): a seed as their state, and single numbers for Python."""
+"""Random numbers of the kernels (`random.h`): generator state from a seed, and single numbers for Python."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ RandomState = NDArray[np.uint64]
 
 
 def random_state(seed: int) -> RandomState:
-    """The state that belongs to a seed >= 0."""
+    """The state for a seed >= 0."""
     return np.array([seed % 2**64], np.uint64)
 
 

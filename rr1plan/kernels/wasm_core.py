@@ -1,6 +1,6 @@
-"""The planners' kernels for JavaScript: `core.wasm`, its binding `core.js`, and memory for it.
+"""The planning kernels for JavaScript: `core.wasm`, its binding `core.js`, and memory for it.
 
-A page that plans by itself gets three things from here: the module, the text of the binding, and a memory image of the
+A page with its own planner needs three things from here: the module, the text of the binding, and a memory image of the
 tables of its scene (`CollisionChecker.memory_image`).
 """
 

@@ -1,4 +1,4 @@
-"""Agents: one arm, or a few arms that move as one (a meta-agent), among those of a problem."""
+"""Agents of a problem: one arm, or a few arms that move as one (a meta-agent)."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from rr1plan.scene.subscene import subscene
 
 
 class AgentBodies:
-    """The bodies of some arms, grouped by the joint that carries them, without anything else of their scene.
+    """The bodies of some arms, grouped by the joint that carries them; obstacles are not included.
 
     Args:
-        scene: A scene of these arms alone.
+        scene: A scene with these arms only.
 
     Attributes:
-        elements: Name of the element that each body is a part of.
-        exact: The bodies as the kernels read them.
-        group_rows: Joint, first and last body of each group, shape (g, 3).
-        group_balls: A ball around each, in the frame of its joint: center and radius [m], shape (g, 4).
-        is_fixed: Bodies that no joint moves, shape (b,).
-        reach: How far a change of each joint moves a point of the arms at most [m/rad, or m/m], shape (nq,).
+        elements: Name of the element to which each body belongs.
+        exact: The bodies as a kernel struct.
+        group_rows: Joint, first body and end (exclusive) of each group, shape (g, 3).
+        group_balls: Enclosing ball of each group, in the frame of its joint: center and radius [m], shape (g, 4).
+        is_fixed: Whether no joint moves a body, shape (b,).
+        reach: Largest displacement of any point of the arms per change of each joint [m/rad, or m/m], shape (nq,).
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -50,7 +50,7 @@ class AgentBodies:
         self.group_rows: NDArray[np.int64] = np.column_stack([joint[begins], begins, ends]).astype(np.int64)
         balls = tables.body_values[:, 12:16]
         self.is_fixed = tables.bodies[:, 4] == tables.bodies[:, 5]
-        # What is fixed is placed in the world, so that no two arms share it.
+        # Fixed bodies have world coordinates, so no two arms share their ball.
         self.group_balls = np.array(
             [
                 _loose_ball(balls[a:b]) if self.is_fixed[a] else _ball_around(balls[a:b].tobytes())
@@ -63,18 +63,18 @@ class AgentBodies:
                 self.reach[column] = max(self.reach[column], lever)
 
     def scratch(self) -> CStruct:
-        """Memory in which to place them; one thread's."""
+        """Memory for the placed bodies, for one thread."""
         return exact_scratch(self.tables, self.columns)
 
 
 @lru_cache(maxsize=1024)
 def _ball_around(balls: bytes) -> Array:
-    """A ball around balls (n, 4), which arms with the same geometry share."""
+    """Enclosing ball of balls (n, 4), cached for arms with the same geometry."""
     return enclosing_ball(np.frombuffer(balls).reshape(-1, 4))
 
 
 def _loose_ball(balls: Array) -> Array:
-    """A ball around balls (n, 4), in no time."""
+    """An enclosing ball of balls (n, 4), not minimal but cheap."""
     center = balls[:, :3].mean(axis=0)
     return np.append(center, float(ball_reach(balls, center).max()) * (1.0 + 1e-9))
 
@@ -83,14 +83,14 @@ class Agent:
     """One arm, or a few that move as one.
 
     Args:
-        problem: Of which it is a part.
+        problem: The problem that it belongs to.
         arms: Its arms.
-        timing: How its motions are timed.
+        timing: Retiming of its motions.
 
     Attributes:
         arms: Its arms, in the order of the scene.
-        start: Where they start, shape (nq,).
-        columns: Which of its joints belong to each arm.
+        start: Start configuration of all its joints, shape (nq,).
+        columns: Columns of each arm among its joints.
     """
 
     def __init__(self, problem: Problem, arms: Iterable[str], timing: HopTiming = BLENDED) -> None:
@@ -108,7 +108,7 @@ class Agent:
         return f"Agent({', '.join(self.arms)})"
 
     def __getstate__(self) -> dict[str, object]:
-        """The constructor's arguments, without memory of kernels."""
+        """All attributes except the cached ones that hold kernel memory."""
         return {name: value for name, value in self.__dict__.items() if name not in ("bodies", "_alone")}
 
     @cached_property
@@ -136,15 +136,15 @@ class Agent:
 
     @cached_property
     def _alone(self) -> Problem:
-        """The question without other moving arms; its scene keeps what is made from it."""
+        """The question without other moving arms, cached together with the tables of its scene."""
         return self._question({})
 
     def question(self, others: Mapping[str, Array | None], margin: float) -> Problem:
-        """The problem of these arms while `others` stand still.
+        """The problem of these arms while `others` are stationary.
 
         Args:
-            others: Moving arms of the problem that stand at some configuration, shape (nq,); others do not count.
-            margin: Distance to keep beyond the padding [m].
+            others: Configurations of moving arms of the problem, shape (nq,); moving arms not named here are ignored.
+            margin: Distance to keep in addition to the padding [m].
         """
         return (self._question(others) if others else self._alone).with_margin(margin)
 

@@ -7,5 +7,5 @@ of all moving arms, its checker tests arms against each other, and every planner
     result = plan(problem)
 
 The method is as complete as the planner, and suitable for two or three arms. The dimension grows with
-every arm, so decoupled methods for many arms belong in other modules of this package.
+every arm; decoupled methods for many arms are in other modules of this package.
 """

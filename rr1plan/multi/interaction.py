@@ -1,4 +1,4 @@
-"""Interaction groups of arms on their paths: what an arm sweeps decides, by boxes or by coordination diagrams."""
+"""Interaction groups of arms on their paths, by boxes around swept volumes or by coordination diagrams."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ def meeting_groups(
     exactly: bool = False,
     watch: Stopwatch | None = None,
 ) -> list[tuple[str, ...]]:
-    """Groups of arms whose paths may meet: arms of different groups never touch, whenever they are where.
+    """Groups of arms whose paths may collide: arms of different groups never touch, whatever their timing.
 
     Args:
         paths: The path of each arm; arms that move as one share it.
-        near: Of each arm those that it can meet at all.
+        near: For each arm, the arms that it can touch at all.
         diagrams: Coordination diagrams of the problem.
-        exactly: Whether to decide by coordination diagrams, not by boxes around what is swept.
-        watch: When its time is over, all pairs that are left count as ones that may meet.
+        exactly: Whether to use coordination diagrams instead of boxes around swept volumes.
+        watch: After its deadline, all remaining pairs count as pairs that may collide.
     """
     meets = (lambda a, b: diagrams.diagram(a, b) is not None) if exactly else diagrams.may_touch
     found: dict[str, list[str]] = {arm: [] for arm in paths}

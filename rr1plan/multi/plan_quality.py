@@ -1,4 +1,4 @@
-"""How good the schedules of a plan are: makespan, path length, waiting, and the slowest arm alone."""
+"""Quality of the schedules of a plan: makespan, path length, waiting, and the slowest arm alone."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from rr1plan.multi.timing.schedule import Schedule
 
 @dataclass(frozen=True)
 class PlanQuality:
-    """The figures of a plan of many arms.
+    """Quality figures of a plan of many arms.
 
     Args:
         makespan: When the last arm arrives [s].
         slowest_alone: Duration of the fastest known motion of the slowest arm alone [s].
         path_length: Sum of the lengths of all motions [rad].
-        waiting: Sum of the times that agents rest before they arrive [s].
+        waiting: Sum of the times that agents wait before they arrive [s].
     """
 
     makespan: float = 0.0
@@ -27,16 +27,16 @@ class PlanQuality:
 
     @property
     def ratio(self) -> float:
-        """Makespan over `slowest_alone`; 1 where nothing moves."""
+        """Makespan over `slowest_alone`; 1 if nothing moves."""
         return self.makespan / self.slowest_alone if self.slowest_alone > 0.0 else 1.0
 
 
 def plan_quality(schedules: Iterable[Schedule], alone: Mapping[str, float]) -> PlanQuality:
-    """The figures of some schedules.
+    """Quality figures of some schedules.
 
     Args:
         schedules: One for each agent.
-        alone: Duration of the fastest known motion of each arm alone [s]. Its motion in the plan counts, too.
+        alone: Duration of the fastest known motion of each arm alone [s]; an earlier arrival in the plan replaces it.
     """
     schedules = list(schedules)
     bounds = [

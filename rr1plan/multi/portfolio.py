@@ -2,12 +2,11 @@
 
     result = plan_many_arms(problem)
 
-First each arm is planned alone. Arms whose paths do not meet keep their paths; the groups of others follow
-from what their paths sweep, and are joined where a later path of one meets another. Each group goes through the same
-stages until one solves it, under one deadline: the joint space of up to four arms, timing on the fixed paths of each
-arm alone, detours, eviction, windows of time on which arms that conflict are coupled, and moves of one arm at a time.
-Groups are planned side by side on threads; each has random numbers that depend on its arms only, so the threads do not
-change the result.
+Each arm is first planned alone. Arms whose paths cannot collide keep their paths; the others form groups by their swept
+volumes, and groups are merged if a later path of one may collide with another. Each group goes through the same stages
+until one solves it, under one deadline: the joint space of up to four arms, timing on the fixed paths of each arm
+alone, detours, eviction, time windows in which conflicting arms are coupled, and moves of one arm at a time. Groups are
+planned in parallel threads; the random numbers of a group depend on its arms only, so threads do not change the result.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ _SEARCH = "conflict_based_search"
 _METHODS = ("portfolio", _SEARCH)
 # Share of the budget reserved for work that cannot be interrupted, and the longest reserve [s].
 _RESERVE, _MOST_RESERVE = 0.05, 0.1
-_POLL = 0.05  # time between two looks at what threads do [s]
+_POLL = 0.05  # time between two checks of the clock while threads work [s]
 
 
 @dataclass(frozen=True)
@@ -59,10 +58,10 @@ class GroupResult:
         stage: The last stage that was needed: "timing", "detours", "eviction", "windows", "composite" or "sequential",
             or the method "conflict_based_search"; empty if none did.
         seconds: Wall time [s].
-        reason: Why there is no answer, in words; empty if there is one.
-        statistics: What was done.
-        suboptimality: The sum of its arrivals is at most this multiple of the least on the roadmaps that were searched,
-            on which each arm stops at each vertex; None: nothing is known.
+        reason: Why there is no solution, as text; empty if there is one.
+        statistics: Counts of the search's operations.
+        suboptimality: Proven bound: the sum of its arrival times is at most this multiple of the minimum on the
+            searched roadmaps, on which each arm stops at each vertex; None: unknown.
     """
 
     arms: tuple[str, ...]
@@ -74,26 +73,26 @@ class GroupResult:
 
     @property
     def found(self) -> bool:
-        """There is a schedule for all of its arms."""
+        """Whether there is a schedule for all of its arms."""
         return not self.reason
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ManyArmsResult(Value):
-    """The answer to a problem of many arms.
+    """The result of planning many arms.
 
     Args:
-        status: How it ended.
-        reason: Why there is no motion, in words.
+        status: Outcome.
+        reason: Why there is no motion, as text.
         trajectory: All moving arms on one clock, columns in the order of the problem; or None.
         paths: The path of each arm.
         schedules: When each agent moves along its path; an agent is one arm, or a few that move as one.
-        groups: What came of each interaction group.
+        groups: Result of each interaction group.
         seconds: Wall time [s].
-        quality: Its figures: makespan, path length, waiting, and the slowest arm alone.
-        first: The same of the first plan, before `improvement`; None if there is no plan.
-        improvements: Moves that were tried to improve it.
-        history: (seconds, makespan [s]) of the first plan, and whenever the makespan got shorter.
+        quality: Makespan, path length, waiting, and the slowest arm alone.
+        first: Likewise for the first plan, before `improvement`; None if there is no plan.
+        improvements: Number of attempted improvements.
+        history: (seconds, makespan [s]) of the first plan and of each plan with a shorter makespan.
     """
 
     status: PlanStatus
@@ -113,7 +112,7 @@ class ManyArmsResult(Value):
 
     @property
     def found(self) -> bool:
-        """There is a motion."""
+        """Whether there is a motion."""
         return self.status is PlanStatus.FOUND
 
     def __bool__(self) -> bool:
@@ -122,12 +121,12 @@ class ManyArmsResult(Value):
 
     @cached_property
     def separated(self) -> SeparatedSchedules:
-        """The same motion with a schedule for each arm, as far as an order of all arms is certified."""
+        """The same motion with a schedule for each arm, wherever an order of the arms is certified."""
         return separate(self.schedules)
 
     @property
     def inseparable(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of arms that only move as one, because no order in which they pass each other is certified."""
+        """Groups of arms that can only move as one, because no order in which they pass each other is certified."""
         return tuple(schedule.arms for schedule in self.separated.schedules if len(schedule.arms) > 1)
 
     @property
@@ -137,7 +136,7 @@ class ManyArmsResult(Value):
 
     @property
     def ratio(self) -> float:
-        """Makespan over the duration of the fastest motion found for the slowest arm alone; 1 where nothing moves."""
+        """Makespan over the duration of the fastest motion found for the slowest arm alone; 1 if nothing moves."""
         return self.quality.ratio
 
     def __repr__(self) -> str:
@@ -163,29 +162,30 @@ def plan_many_arms(
     """Plan the motions of all moving arms on one clock, certified between the arms in continuous time.
 
     Args:
-        problem: The problem. Arms that move without a goal may yield and come back.
-        margin: Distance to keep beyond the scene's padding [m], as far as starts and goals have it (default: that of
-            the problem, or 2 mm where it has none). An arm without a path that keeps it in half of the time gets one
-            that does not.
-        budget: When to stop (default: 10 s); of iterations only the seconds count.
-        improvement: How long to improve the first plan, within `budget`: seconds, and moves as iterations (default: not
-            at all). Makespan first, then the sum of all arrivals; see `improvement.py`.
+        problem: The problem. Moving arms without a goal may yield and return.
+        margin: Distance to keep in addition to the scene's padding [m], as far as starts and goals allow (default: the
+            margin of the problem, or 2 mm if it has none). An arm for which half of the time finds no path with the
+            margin gets a path without it.
+        budget: When to stop (default: 10 s); only its seconds count, not its iterations.
+        improvement: How long to improve the first plan, within `budget`: seconds, and attempts as iterations (default:
+            not at all). Makespan first, then the sum of all arrival times; see `improvement.py`.
         method: "portfolio", or "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their
-            arrivals (`GroupResult.suboptimality`) that holds before `improvement`.
-        retiming: "blend" rounds corners where certified, "stop" stops at each, "ruckig" too and limits jerk.
+            arrival times (`GroupResult.suboptimality`) that holds before `improvement`.
+        retiming: "blend" rounds corners where certified, "stop" stops at corners, "ruckig" stops at them and limits
+            jerk.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
-        rng: Seed; where time does not run out, the same seed and number of moves give the same motion.
+        rng: Seed; unless time runs out, the same seed and number of attempts give the same motion.
         progress: Called about ten times a second; False cancels.
 
     Returns:
-        The motion, or why there is none: INVALID_START or INVALID_GOAL with the links that touch and how deep,
-        INFEASIBLE with the joint of an arm that cannot get past what stands still, or TIMEOUT with the arms that have
-        no schedule, and those among which they have none.
+        The motion, or why there is none: INVALID_START or INVALID_GOAL with the links in contact and their depth,
+        INFEASIBLE with the joint of an arm that cannot pass stationary objects, TIMEOUT with the arms that have no
+        schedule and the arms among which none was found, or CANCELLED.
 
     Raises:
         UnknownNameError: an unknown method or retiming.
-        InputError: no problem, a margin below zero, a retiming that leaves the paths, a scene that cannot be checked,
-            or too many arms for the method.
+        InputError: not a problem, a margin below zero, a retiming that leaves the paths, a scene that cannot be
+            checked, or too many arms for the method.
     """
     check_question(problem, budget, progress)
     if improvement is not None:
@@ -221,7 +221,7 @@ def plan_many_arms(
             reason = groups[-1].reason
             return ManyArmsResult(PlanStatus.INFEASIBLE, reason, groups=tuple(groups), seconds=watch.seconds)
         schedules = [schedule for planner in search.planners for schedule in planner.schedules.values()]
-        # Without an answer the time is over.
+        # Without a solution no time is left for the bounds.
         solved = search.planners if all(group.found for group in groups) else []
         alone = {arm: bound for planner in solved for arm, bound in planner.fastest_alone().items()}
         margins = {arm: pool.margin for arm, pool in pools.items()}
@@ -245,7 +245,7 @@ def plan_many_arms(
         groups=tuple(groups),
         seconds=watch.seconds,
         quality=quality,
-        # By the same bound, so that both ratios compare.
+        # With the same bound, so that both ratios are comparable.
         first=replace(first, slowest_alone=quality.slowest_alone),
         improvements=improver.iterations,
         history=(history, *improver.history),
@@ -255,10 +255,10 @@ def plan_many_arms(
 def _search_small_teams(
     found: Preflight, near: Mapping[str, frozenset[str]], seeds: Mapping[str, int], watch: Stopwatch
 ) -> tuple[list[GroupResult], list[Schedule], dict[str, float], dict[str, float]]:
-    """What the conflict-based search of each group came to.
+    """Conflict-based search of each group.
 
     Returns:
-        The results, all schedules, and of each arm the duration alone [s] and the margin [m].
+        The results, all schedules, and for each arm the duration of its motion alone [s] and its margin [m].
     """
     groups: list[GroupResult] = []
     schedules: list[Schedule] = []
@@ -276,19 +276,19 @@ def _search_small_teams(
 
 
 class _GroupSearch:
-    """Plans interaction groups side by side, and joins those whose paths turn out to meet.
+    """Plans interaction groups in parallel, and merges groups whose paths turn out to meet.
 
     Args:
         arms: The arms, in the order of the problem.
         pools: An empty pool for each.
-        near: Arms that can meet each arm at all.
-        diagrams: Coordination diagrams, which all groups share.
+        near: For each arm, the arms that it can touch at all.
+        diagrams: Coordination diagrams, shared by all groups.
         seeds: Seed of each arm.
-        watch: Says when to give up.
+        watch: Deadline.
 
     Attributes:
         planners: One for each group.
-        impossible: The first path of the last arm that was tried is proven not to exist.
+        impossible: Whether some arm provably has no path.
     """
 
     def __init__(
@@ -306,7 +306,7 @@ class _GroupSearch:
         self.impossible = False
 
     def run(self) -> list[GroupResult]:
-        """Plan all groups; what came of each."""
+        """Plan all groups. Returns the result of each."""
         without = self._first_paths()
         if without:
             return without
@@ -319,7 +319,7 @@ class _GroupSearch:
         return [results[planner] for planner in self.planners]
 
     def _first_paths(self) -> list[GroupResult]:
-        """Find the first path of each arm; the arms that have none."""
+        """Find the first path of each arm. Returns the first failure, if any."""
         without = []
         for arm, pool in self._pools.items():
             began = self._watch.seconds
@@ -333,7 +333,7 @@ class _GroupSearch:
         return without
 
     def _groups(self) -> list[tuple[str, ...]]:
-        """Arms whose first paths meet: by boxes, and in large groups by diagrams, which are needed there anyway."""
+        """Arms whose first paths may collide, by boxes; in large groups by diagrams, which are needed there anyway."""
         paths = {arm: pool.paths[0] for arm, pool in self._pools.items()}
         groups = []
         for group in meeting_groups(paths, self._near, self._diagrams, watch=self._watch):
@@ -352,7 +352,7 @@ class _GroupSearch:
         return PrioritizedPlanner(pools, self._near, self._diagrams, rng, self._watch)
 
     def _solve_all(self, planners: list[PrioritizedPlanner]) -> list[GroupResult]:
-        """Plan some groups, those of several arms on threads."""
+        """Plan some groups; groups of several arms run on threads."""
         several = [planner for planner in planners if len(planner.agents) > 1]
         threads = min(_processors(), len(several))
         for planner in planners:
@@ -371,13 +371,13 @@ class _GroupSearch:
             return [future.result() for future in futures]
 
     def _join_meeting(self, planners: list[PrioritizedPlanner]) -> list[PrioritizedPlanner]:
-        """Join groups whose paths meet now, as detours may; those that have to be planned again."""
+        """Merge groups whose present paths, such as detours, meet. Returns the groups to be planned again."""
         owner = {arm: planner for planner in planners for arm in planner.arms}
         paths = {arm: s.path for p in planners for agent, s in p.schedules.items() for arm in agent.arms}
         again: list[PrioritizedPlanner] = []
         for group in meeting_groups(paths, self._near, self._diagrams, exactly=True, watch=self._watch):
             first, *others = dict.fromkeys(owner[arm] for arm in group)
-            # A group may have parts that do not meet.
+            # Arms that meet may already be in one group.
             if not others:
                 continue
             for other in others:
@@ -394,7 +394,7 @@ def _processors() -> int:
 
 
 def _solve(planner: PrioritizedPlanner, watch: Stopwatch) -> GroupResult:
-    """Schedule a group, and make its makespan shorter."""
+    """Schedule a group and reduce its makespan."""
     began = watch.seconds
     solved = planner.run()
     if solved:

@@ -1,4 +1,4 @@
-"""Before planning: starts and goals that cannot be, with the reason, and a configuration for each goal."""
+"""Checks before planning: invalid starts and goals, with the reason, and a configuration for each goal."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from rr1plan.scene.problem import JointGoal, Problem
 from rr1plan.scene.subscene import subscene
 
 MARGINS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1e-4, 1e-5)
-"""Distances to keep beyond the padding [m]: the largest is taken of which starts and goals have twice as much.
+"""Distances to keep in addition to the padding [m]; an arm uses the largest one of which its ends have twice as much.
 
-Also the least is ten times what the referee cannot tell from contact.
+Even the smallest is ten times the clearance that the referee cannot distinguish from contact.
 """
 
-# Changes of goal configurations that are tried to separate goals of different arms.
+# Largest number of rounds that change goal configurations to separate goals of different arms.
 _REPAIRS = 200
-# After which one of several goal configurations of an arm counts as not reached.
+# Planner iterations after which one of several goal configurations of an arm counts as not reached.
 _ITERATIONS = 2000
 
 
@@ -41,10 +41,10 @@ class Preflight:
     """The result of the checks before planning.
 
     Args:
-        agents: The agent of each arm, in a problem with a configuration as each goal; none if there is no answer to it.
-        margins: Distance that each arm can keep from what stands still, beyond the padding [m].
-        status: None, or why there is no answer.
-        reason: The same in words.
+        agents: The agent of each arm, in a problem whose goals are configurations; empty if planning is impossible.
+        margins: Distance that each arm can keep from stationary objects in addition to the padding [m].
+        status: Why there is no solution; None if planning can start.
+        reason: The reason as text.
     """
 
     agents: Mapping[str, Agent]
@@ -65,11 +65,11 @@ def preflight(
 
     Args:
         problem: The problem.
-        near: Of each moving arm those that it can meet.
-        largest_margin: No arm needs to keep more [m].
+        near: For each moving arm, the arms that it can touch.
+        largest_margin: Upper bound of the margins [m].
         rng: Generator or seed of inverse kinematics.
-        timing: How the motions of agents are timed.
-        watch: Says when to give up, with the status TIMEOUT (default: never).
+        timing: Retiming of the agents' motions.
+        watch: Deadline, after which the status is TIMEOUT (default: none).
     """
     watch = watch or Stopwatch(np.inf)
     agents = {arm: Agent(problem, [arm], timing) for arm in problem.arms}
@@ -140,17 +140,17 @@ def goal_configurations(
     watch: Stopwatch | None = None,
     is_reached: Callable[[str, Array], bool] = lambda arm, q: True,
 ) -> tuple[dict[str, Array], PlanStatus | None, str]:
-    """A configuration for the goal of each arm, without contact with those of the others.
+    """A goal configuration for each arm, without contact between arms.
 
     Args:
         agents: The agent of each arm.
-        near: Of each arm those that it can meet.
+        near: For each arm, the arms that it can touch.
         rng: Generator or seed of inverse kinematics.
-        watch: Says when to give up, with the status TIMEOUT (default: never).
-        is_reached: Whether an arm by itself gets to a configuration; otherwise another one is chosen if there is one.
+        watch: Deadline, after which the status is TIMEOUT (default: none).
+        is_reached: Whether an arm alone can reach a configuration; otherwise another one is chosen if possible.
 
     Returns:
-        The configurations, None and an empty text; or none of them, and why there are none.
+        The configurations, None and an empty text; or no configurations, the status and the reason.
     """
     choices: dict[str, Array] = {}
     for arm, agent in agents.items():
@@ -171,7 +171,7 @@ def goal_configurations(
     if touching is None:
         return chosen, None, ""
     tried = "" if all(len(found) == 1 for found in choices.values()) else " in all combinations tried"
-    # Also those that have no goal, and so come back.
+    # This includes arms without a goal, which return to their start.
     staying = [
         f"{arm} ends where it starts"
         for arm, agent in agents.items()
@@ -182,12 +182,12 @@ def goal_configurations(
 
 
 def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:
-    """The largest margin of which an agent's start and goal have twice as much [m].
+    """The largest margin such that an agent has twice as much clearance at its start and goal [m].
 
     Args:
         agent: The agent.
-        goal: Its configuration at its goal, shape (nq,).
-        largest: It needs no more [m].
+        goal: Its goal configuration, shape (nq,).
+        largest: Upper bound [m].
     """
     question = agent.question({}, 0.0)
     with checker_from_pool(question.scene, question.arms) as checker:
@@ -196,14 +196,14 @@ def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:
 
 
 def _is_usable(checker: CollisionChecker, q: Array) -> bool:
-    """Whether nothing touches, also among what stands still."""
+    """Whether q is within the limits and free of contacts, including contacts between stationary objects."""
     return checker.static_is_free and checker.within_limits(q) and checker.clearance(q, 1e-3) > 0.0
 
 
 def _first_contact(
     agents: Mapping[str, Agent], configurations: Mapping[str, Array], near: Mapping[str, frozenset[str]]
 ) -> str | None:
-    """A sentence that names the links of two arms that touch, with their depth; None if no arms do."""
+    """A description of a contact between two arms, with links and depth; None if there is none."""
     placed = {arm: placed_configuration(agent.bodies, configurations[arm]) for arm, agent in agents.items()}
     for one, agent in agents.items():
         for two in near[one]:
@@ -224,9 +224,9 @@ def _choose_reached_goals(
     near: Mapping[str, frozenset[str]],
     is_reached: Callable[[str, Array], bool],
 ) -> dict[str, Array]:
-    """A configuration for each arm as of `_choose_goals`, without those that it does not reach by itself.
+    """Like `_choose_goals`, but without configurations that an arm cannot reach alone.
 
-    Links of an arm, or what stands around it, often separate the solutions of inverse kinematics.
+    Links of an arm, or objects around it, often separate the solutions of inverse kinematics.
     """
     left, reached = dict(choices), set()
     while True:
@@ -248,7 +248,7 @@ def _choose_reached_goals(
 def _choose_goals(
     agents: Mapping[str, Agent], choices: Mapping[str, Array], near: Mapping[str, frozenset[str]]
 ) -> dict[str, Array]:
-    """A configuration for each arm so that those of neighbors are apart, as far as can be: min-conflicts repair."""
+    """A configuration for each arm, with as few contacts between neighbors as min-conflicts repair finds."""
     picked = dict.fromkeys(agents, 0)
     if all(len(found) == 1 for found in choices.values()):
         return {arm: choices[arm][0] for arm in agents}
@@ -266,7 +266,7 @@ def _choose_goals(
     for _ in range(_REPAIRS):
         bad = [arm for arm in agents if conflicts(arm, picked[arm])]
         movable = [arm for arm in bad if len(choices[arm]) > 1]
-        # The repair is deterministic: what comes back goes on coming back.
+        # The repair is deterministic: a repeated state means a cycle.
         state = tuple(picked.values())
         if not movable or state in seen:
             break

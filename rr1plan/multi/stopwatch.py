@@ -1,4 +1,4 @@
-"""The clock of a search: its deadline, and progress that may cancel it."""
+"""The clock of a search: its deadline, and a progress callback that may cancel it."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from rr1plan.planning import Progress, ProgressCallback
 
 _REPORTS = 0.1  # time between two reports [s]
 CANCELLED = "the progress callback returned False"
-"""Why a search that the progress callback cancels has no answer."""
+"""Reason of results of cancelled searches."""
 
 
 class Stopwatch:
-    """A clock that runs from its making; any thread may read it.
+    """A clock that starts at construction; any thread may read it.
 
     Args:
         budget: Seconds until the search has to stop (inf: no limit).
-        progress: Called about ten times a second, in the thread that made the clock, or None; False cancels.
+        progress: Called about ten times a second, in the thread that created the clock; False cancels. May be None.
 
     Attributes:
-        cancelled: The search has to end: the progress callback returned False, or `cancel` was called.
-        stop: A flag for kernels that take long, shape (1,): not 0 once the time is over in a `with` block of the clock,
-            or the search is cancelled.
+        cancelled: Whether the progress callback returned False, or `cancel` was called.
+        stop: A flag for long-running kernels, shape (1,): nonzero once the search is cancelled or, in a `with` block of
+            the clock, its deadline has passed.
     """
 
     def __init__(self, budget: float, progress: ProgressCallback | None = None) -> None:
@@ -58,7 +58,7 @@ class Stopwatch:
 
     @property
     def left(self) -> float:
-        """Wall time left [s]; below zero when it is used up."""
+        """Wall time left [s]; negative after the deadline."""
         return self._budget - self.seconds
 
     @property
@@ -67,10 +67,10 @@ class Stopwatch:
         return max(self.left, 1e-3)
 
     def with_deadline(self, seconds: float) -> Stopwatch:
-        """The same clock, of which no more than some time is left.
+        """A copy of the clock with an earlier deadline.
 
         Args:
-            seconds: That time [s].
+            seconds: Largest time left [s].
         """
         other = copy(self)
         other._budget = min(self._budget, self.seconds + seconds)
@@ -82,7 +82,7 @@ class Stopwatch:
         self.stop[0] = 1
 
     def goes_on(self) -> bool:
-        """Whether there is time left and nothing cancels; reports progress in the thread that made the clock."""
+        """Whether time is left and nothing cancels; reports progress in the thread that created the clock."""
         seconds = self.seconds
         if (
             self._progress is not None
@@ -97,5 +97,5 @@ class Stopwatch:
         return not self.cancelled and seconds < self._budget
 
     def let_planner_go_on(self, _: Progress) -> bool:
-        """The progress callback of a planner within the search: False once the search has to end."""
+        """Progress callback for planners within the search: False once the search has to end."""
         return self.goes_on()

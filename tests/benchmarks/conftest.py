@@ -1,4 +1,4 @@
-"""The benchmarks are scripts beside the package: their folder is put on the path."""
+"""The benchmarks are scripts outside the package: their folder is added to the path."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
 
 @pytest.fixture
 def script(monkeypatch):
-    """A benchmark by name, which leaves this process on all its cores."""
+    """A benchmark by name, without pinning this process to one core."""
     monkeypatch.setattr(sys, "path", [str(_FOLDER), *sys.path])
 
     def load(name):

@@ -1,4 +1,4 @@
-"""The comparison with Coal: small, on all robots that are here, and with errors planted to be found."""
+"""The comparison with Coal: small samples on all installed robots, and planted errors that it has to find."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_a_kernel_with_one_answer_for_all_is_found_out(script, tmp_path, monkeyp
 
 @pytest.fixture
 def proof_of(script):
-    """Coal's proof for the planar arm beside things, and the checker it asks."""
+    """Coal's proof for the planar arm next to objects, and its checker."""
     coal_proof = script("coal_proof")
 
     def make(shape, place, padding=0.0):
@@ -137,7 +137,7 @@ def test_a_robot_without_a_file_is_left_out(script, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("scenes", ["2 at 0.35 m", "4 at 0.5 m, 3 move", "margin", "rods", "all shapes", "planar2r"])
 def test_compiled_answers_are_coals_among_many_arms(script, tmp_path, monkeypatch, scenes):
-    """Alike and of two robots, some standing still, beside all shapes, with margin, padding and held rods."""
+    """Equal arms and two robots, some stationary, next to all shapes, with margin, padding and attached rods."""
     agreement = script("agreement")
     monkeypatch.setattr(agreement, "find_urdf", lambda name, folder: None)
     sizes = ["--configurations", "120", "--edges", "24", "--out", str(tmp_path)]
@@ -219,6 +219,6 @@ def test_the_distance_of_a_concave_mesh_is_bracketed(proof_of, padding):
 
 
 def _shell(half):
-    """Corners and triangles of a cube that is not known to be convex: a notch is cut into its top."""
+    """Corners and triangles of a concave cube with a notch in its top."""
     block = concave_meshes.angle_block(2.0 * half, 1.5 * half)
     return block.vertices * [1.0, 1.0, 2.0 * half / 0.15] - [0.75 * half, 0.75 * half, half], block.faces

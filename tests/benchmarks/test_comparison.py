@@ -1,4 +1,4 @@
-"""The comparison's tables, from answers that are known."""
+"""The comparison's tables, from known results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Peers: the protocol of their workers, the time they may take, and what is told of one that does not run."""
+"""Peers: the protocol of their workers, time limits, and the report on a peer that does not run."""
 
 from __future__ import annotations
 

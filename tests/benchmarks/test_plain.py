@@ -1,4 +1,4 @@
-"""Problems in plain words mean what the problems mean."""
+"""Plain descriptions of problems are equivalent to the problems."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every benchmark runs, on two problems, and writes what it found."""
+"""Every benchmark runs on two problems and writes its results."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ def test_many_arms_are_measured_in_processes_of_their_own(script, tmp_path):
         "referee": [(2, None), (4, None)],
         "edge": [(2, "grid"), (2, "row"), (4, "grid"), (4, "row")],
     }
-    # Four arms on a grid: each can meet each other.
+    # Four arms on a grid, each within reach of all others.
     near = {(r["arms"], r["layout"]): r["near"] for r in results["results"] if r["column"] == "edge"}
     assert near[2, "grid"] == near[2, "row"] == 1
     assert near[4, "row"] < near[4, "grid"] == 6

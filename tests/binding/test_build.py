@@ -1,4 +1,4 @@
-"""What the build does where modules for pages cannot be made, and that it makes the same bytes everywhere."""
+"""The build if modules for pages cannot be compiled, and reproducible bytes on every machine."""
 
 from __future__ import annotations
 

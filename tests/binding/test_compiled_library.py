@@ -1,4 +1,4 @@
-"""The libraries of both sets of kernels: their layouts, and what is said of an installation without them."""
+"""The libraries of both sets of kernels: struct layouts, and error messages of an installation without them."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def test_a_library_needs_nothing_that_old_systems_lack(name: str, variant: str) 
     if nm := shutil.which("nm"):
         listed = subprocess.run([nm, "-D", "--undefined-only", file], capture_output=True)
         names = {line.split()[-1].partition("@")[0] for line in listed.stdout.decode().splitlines()}
-        # Sines of the referee are its own affair: it is independent of the planners in that too.
+        # The referee has its own sines: it is independent of the planners in this, too.
         assert names <= {"memcpy", "memset", "memmove"} | (
             {"sin", "cos", "sincos", "atan2", "qsort"} if name == "referee" else set()
         )

@@ -77,7 +77,7 @@ def test_structs_arrays_and_what_they_share_arrive(sources: KernelSources) -> No
     loaded = Loaded(sources, image)
     made = loaded.root("tree")
     assert made.tag == -7
-    assert made.pair[0].numbers == made.pair[1].numbers == 0  # null pointers stay that
+    assert made.pair[0].numbers == made.pair[1].numbers == 0  # null pointers are kept
     assert loaded.numbers(loaded.at("Leaf", made.leaves).numbers, 3) == [1.5, 2.5, 3.5]
     assert loaded.at("Leaf", made.leaves).count == 3
     assert loaded.numbers(made.room, 1000) == [0.0] * 1000

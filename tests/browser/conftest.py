@@ -16,7 +16,7 @@ from rr1plan.playback.viewer.page_capture import find_browser, open_browser, wai
 _READY = "Boolean(window.RR1 && RR1.ready)"
 
 
-# No longer than a module: as long as it runs, nothing else of this thread can use asyncio.
+# One module only: while it runs, no other code in this thread can use asyncio.
 @pytest.fixture(scope="module")
 def browser(needs_browser: None) -> Iterator[Any]:
     with open_browser((960, 640)) as context:
@@ -44,7 +44,7 @@ NO_DRAWING = """
 
 
 class Tab:
-    """A page of the browser that remembers every request and complaint.
+    """A page of the browser that records every request, error and warning.
 
     Args:
         page: The page.
@@ -63,7 +63,7 @@ class Tab:
         page.on("dialog", lambda d: (self.complaints.append(f"dialog {d.message}"), d.dismiss()))
 
     def disable_webgl(self) -> None:
-        """Pages that are opened from now on get no WebGL."""
+        """Disable WebGL for pages that are opened later."""
         self.page.add_init_script(NO_WEBGL)
 
     def ask(self, expression: str, argument: Any = None) -> Any:
@@ -80,7 +80,7 @@ class Tab:
         wait_until(self.page, f"RR1.frames > {frames} + 2")
 
     def picture(self) -> np.ndarray:
-        """The pixels of the next frames as they stand, shape (height, width, 3)."""
+        """The pixels of the page after the next frames, shape (height, width, 3)."""
         assert self.drawn, "mark the test, or its module: pytest.mark.drawn"
         self.next_frames()
         return np.asarray(Image.open(io.BytesIO(self.page.screenshot())).convert("RGB"), dtype=int)
@@ -91,7 +91,7 @@ class Tab:
         return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=int)
 
     def bare_picture(self) -> np.ndarray:
-        """The same without the cards."""
+        """The pixels of the page without its cards, shape (height, width, 3)."""
         self.ask("document.body.classList.add('bare')")
         pixels = self.picture()
         self.ask("document.body.classList.remove('bare')")
@@ -99,7 +99,7 @@ class Tab:
 
 
 def is_drawn(request: pytest.FixtureRequest) -> bool:
-    """Whether the test, or the module of a module's fixture, looks at pixels of the 3-D view."""
+    """Whether the test, or the module of a module-scoped fixture, examines pixels of the 3-D view."""
     return request.node.get_closest_marker("drawn") is not None
 
 

@@ -1,4 +1,4 @@
-"""How a page is built, in few numbers: where its parts are, and a coarse picture of its window.
+"""The structure of a page in a few numbers: positions of its parts, and a coarse picture of its window.
 
 Fonts and graphics differ between machines, and pixels with them. The places of cards, pictures and buttons
 stay, and so do the mean color and the amount of detail of each part of the window. Run
@@ -80,7 +80,7 @@ def _coarse(picture: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def differences(found: Structure, stored: Mapping[str, Any]) -> list[str]:
-    """What is elsewhere or looks otherwise than stored, in words; empty if nothing is."""
+    """Differences from the stored structure, as messages; empty if there are none."""
     own, expected = found["boxes"], stored["boxes"]
     words = [f"{name} is missing" for name in expected if name not in own]
     words += [f"{name} is new" for name in own if name not in expected]
@@ -97,7 +97,7 @@ def differences(found: Structure, stored: Mapping[str, Any]) -> list[str]:
 
 
 def resize(page: Any, size: tuple[int, int]) -> None:
-    """Give the window another size, and wait until the page has been drawn in it."""
+    """Resize the window, and wait until the page has been drawn."""
     page.set_viewport_size({"width": size[0], "height": size[1]})
     wait_until(page, f"innerWidth === {size[0]} && innerHeight === {size[1]}")
     page.mouse.move(0, 0)
@@ -106,7 +106,7 @@ def resize(page: Any, size: tuple[int, int]) -> None:
 
 
 def stored(name: str, size: tuple[int, int]) -> Mapping[str, Any]:
-    """What was stored of a page in a window of a size."""
+    """The stored structure of a page for a window size."""
     found: Mapping[str, Any] = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
     return found[f"{size[0]}x{size[1]}"]
 
@@ -134,7 +134,7 @@ def _slice(file: Path) -> None:
 
 
 def makers() -> dict[str, Callable[[Path], object]]:
-    """Of each page that is compared what writes its file."""
+    """For each compared page, the function that writes its file."""
     own: dict[str, Callable[[Path], object]] = {"motion": _motion, "cspace": _cspace, "slice": _slice}
     return own | {
         f"lesson_{name}": lambda file, name=name: rp.lesson(name).save_html(file) for name in rp.lesson_names()
@@ -142,7 +142,7 @@ def makers() -> dict[str, Callable[[Path], object]]:
 
 
 def open_at_rest(page: Any, file: Path) -> None:
-    """Open a page, and wait until its planner is there and what it animates at first has ended."""
+    """Open a page, and wait until its planner is loaded and its initial animation has ended."""
     page.set_viewport_size({"width": SIZES[0][0], "height": SIZES[0][1]})
     page.goto(file.as_uri())
     wait_until(page, f"{READY} && Boolean(RR1.planner || RR1.noPlanner || !RR1.document.planner)")

@@ -55,7 +55,7 @@ def calm(opened: Any) -> Iterator[Any]:
 
 
 def shown(tab: Any) -> np.ndarray:
-    """The two joints, as the 3-D arm stands."""
+    """The two joint values of the 3-D arm."""
     return np.array(tab.ask("Array.from(RR1.q)"))
 
 
@@ -92,7 +92,7 @@ def near(pixels: np.ndarray, color: str, tolerance: int = 12) -> np.ndarray:
 
 
 def check_arm(tab: Any, scene: rp.Scene, q: np.ndarray) -> None:
-    """The page's kinematics put every link where ours do."""
+    """The page's kinematics place every link like ours."""
     expected = scene.link_poses({"arm": q})
     for name, T in expected.items():
         found = np.reshape(tab.ask("n => RR1.linkPose(n)", name), (4, 4)).T
@@ -207,7 +207,7 @@ def test_the_badge_says_whether_the_arm_is_free_and_the_arm_turns_red(calm: Any,
     calm.page.mouse.click(*on_canvas(calm, lesson.start))
     assert state.inner_text() == "free"
     assert not calm.ask("RR1.lesson.blocked")
-    np.testing.assert_allclose(shown(calm), lesson.start, atol=1e-9)  # a click on the mark means the mark
+    np.testing.assert_allclose(shown(calm), lesson.start, atol=1e-9)  # a click on the mark selects the mark
 
 
 def test_the_mark_follows_the_clock(calm: Any, lesson: rp.CSpace) -> None:
@@ -254,7 +254,7 @@ def test_the_tree_can_be_hidden_and_grown(calm: Any, lesson: rp.CSpace) -> None:
 
 
 def test_the_tree_grows_from_its_roots(calm: Any, lesson: rp.CSpace) -> None:
-    """However far it has grown, every edge hangs together with the start or a goal."""
+    """At every stage of its growth, every edge is connected to the start or a goal."""
     pieces = calm.ask("RR1.lesson.tree.map((copies) => copies[0])")
     first = np.array([pieces[0][0], pieces[0][1]])
     span = 2 * np.pi
@@ -366,7 +366,7 @@ def test_a_live_page_redraws_both_spaces_for_another_scene(tab: Any, rr1_table: 
         tab.open(viewer.url, READY)
         wait_until(tab.page, "RR1.live.socket && RR1.live.socket.readyState === 1")
         assert tab.page.locator(".verdict").inner_text().startswith("Start and goal lie in the same")
-        # Without a query: another world, nothing of the old query is left.
+        # Another scene without a query: nothing of the old query remains.
         emptied = path_scene.scene.without_obstacle("red").without_obstacle("green")
         viewer.load(emptied)
         second = rp.cspace(emptied, resolution=48)
@@ -394,7 +394,7 @@ def test_a_live_page_redraws_both_spaces_for_another_scene(tab: Any, rr1_table: 
         seen("RR1.lesson.cells.n", 48)
         wait_until(tab.page, "!document.querySelector('[data-tool=elbow]').hidden")
         assert tab.page.locator(".verdict").inner_text() == verdict(first)
-        # Who comes later sees the same.
+        # A page that connects later shows the same.
         tab.page.reload()
         wait_until(tab.page, READY)
         seen("Array.from(RR1.lesson.cells.bits).filter((b) => b === 0).length", int(first.grid.free.sum()))
@@ -416,7 +416,7 @@ def test_both_pictures_are_large_in_a_small_window(
     assert canvas["y"] + canvas["height"] <= height
     tools = [tab.page.locator(f"#panel-cspace {part}").bounding_box() for part in (".verdict", ".tools", ".grow")]
     assert all(box["x"] >= 0.0 and box["x"] + box["width"] <= width for box in tools)
-    # On a phone the tools are scrolled to; the answer never is.
+    # On a phone the tools may need scrolling; the answer never does.
     assert max(box["y"] + box["height"] for box in (tools if width > height else tools[:1])) <= height
     card = tab.page.locator("#panel-cspace").bounding_box()
     assert max(box["y"] + box["height"] for box in tools) < card["y"] + card["height"]
@@ -485,7 +485,7 @@ def test_without_a_path_the_arm_stands_at_the_start_and_both_ends_are_seen(tab: 
 
 
 def written(tab: Any) -> tuple[dict[str, np.ndarray], list[float]]:
-    """What is written into the configuration space: left, top, right and bottom of each text, and of the picture."""
+    """Labels in the configuration space: left, top, right and bottom of each text, and of the picture."""
     rows, plot = tab.ask("""() => {
         const usual = CanvasRenderingContext2D.prototype.fillText, rows = [], { plot } = RR1.lesson;
         CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {

@@ -1,4 +1,4 @@
-"""Moving things by hand in a real browser: links, tools, obstacles, start and goal, and motions that the page plans."""
+"""Dragging in a real browser: links, tools, obstacles, start and goal, and motions that the page plans."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def page_file(problem: rp.Problem, tmp_path_factory: pytest.TempPathFactory) -> 
 
 @pytest.fixture
 def calm(opened: Any) -> Iterator[Any]:
-    """The page as it came, standing still, drawn coarsely so that frames are fast."""
+    """The page in its initial state, paused, drawn coarsely so that frames are fast."""
     wait_until(opened.page, "RR1.planner || RR1.noPlanner")
     assert opened.ask("RR1.noPlanner") == ""
     opened.ask(
@@ -60,7 +60,7 @@ def frames(tab: Any, count: int = 2) -> None:
 
 
 def seen_at(tab: Any, point: Any) -> tuple[float, float]:
-    """Where a point of the world is in the window [px]."""
+    """Position of a point of the world in the window [px]."""
     ask = "([x, y, z]) => { const s = RR1.editing.picker.project({ x, y, z }); return [s.x, s.y]; }"
     x, y = tab.ask(ask, list(point))
     return x, y
@@ -82,7 +82,7 @@ def drag_handle(tab: Any, name: str, by: tuple[float, float]) -> None:
 
 
 def grab_point(tab: Any, element: str) -> tuple[float, float]:
-    """A point of the window at which an element is seen and no card is."""
+    """A point of the window at which an element is visible and no card covers it."""
     found = tab.ask(
         """element => {
         const pane = RR1.stage.pane.getBoundingClientRect();
@@ -107,12 +107,12 @@ def q_of(tab: Any) -> np.ndarray:
 
 
 def place_of(tab: Any, name: str) -> np.ndarray:
-    """T_world_obstacle as the page has it, shape (4, 4)."""
+    """T_world_obstacle on the page, shape (4, 4)."""
     return np.reshape(tab.ask("name => Array.from(RR1.editing.poses.get(name))", name), (4, 4)).T
 
 
 def scene_of(tab: Any, scene: rp.Scene) -> rp.Scene:
-    """The scene with the obstacles where the page has them."""
+    """The scene with the poses of obstacles on the page."""
     for name in scene.obstacles:
         scene = scene.with_obstacle_at(name, place_of(tab, name))
     return scene
@@ -584,7 +584,7 @@ def test_a_problem_without_a_motion_is_planned_and_played(tab: Any, planar2r: rp
     tab.page.keyboard.press("o")
     frames(tab)
     assert tab.page.locator("#play").is_hidden()
-    # Two joints cannot keep an orientation: the tool follows with its position.
+    # Two joints cannot keep an orientation: only the position of the tool follows.
     tab.page.keyboard.press("j")
     tab.page.keyboard.press("ArrowUp")
     assert tab.complaints == []

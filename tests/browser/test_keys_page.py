@@ -1,4 +1,4 @@
-"""Keys: which row of several counts, and the list that "?" shows."""
+"""Keys: which of several rows they act on, and the list that "?" shows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the lessons about the configuration space draw: regions of the workspace, certified cells."""
+"""Drawings of the lessons about the configuration space: regions of the workspace, certified cells."""
 
 from __future__ import annotations
 

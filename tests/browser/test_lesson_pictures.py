@@ -40,7 +40,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path
 
 @pytest.fixture(scope="module")
 def tabs(browser: Any) -> Iterator[dict[str, Tab]]:
-    """The lessons that are open by now."""
+    """The lessons opened so far."""
     opened: dict[str, Tab] = defaultdict(lambda: Tab(browser.new_page()))
     yield opened
     for tab in opened.values():
@@ -51,7 +51,7 @@ def tabs(browser: Any) -> Iterator[dict[str, Tab]]:
 def page(
     tabs: dict[str, Tab], files: dict[str, tuple[Any, Path]], request: pytest.FixtureRequest
 ) -> Iterator[tuple[Any, Any]]:
-    """The page of a lesson at its first step, everything where it was at first."""
+    """The page of a lesson at its first step, in its initial state."""
     name = request.param
     lesson, file = files[name]
     if name not in tabs:

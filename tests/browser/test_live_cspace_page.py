@@ -28,7 +28,7 @@ TURN = 2.0 * np.pi
 
 @pytest.fixture(scope="module")
 def problem() -> rp.Problem:
-    """The query of the lesson, with a box and a pyramid besides its discs."""
+    """The query of the lesson, with a box and a pyramid in addition to its discs."""
     asked = load_problems("planar2r_path")["over_the_seam"]
     corners = [[-0.1, -0.1, -0.1], [0.2, -0.1, -0.1], [0.0, 0.2, -0.1], [0.0, 0.0, 0.1]]
     pyramid = rp.Mesh(corners, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], convex=True)
@@ -52,7 +52,7 @@ def opened(shared_tab: Any, page_file: FilePath) -> Any:
 
 @pytest.fixture
 def fresh(opened: Any) -> Iterator[Any]:
-    """The page with everything where it was at first."""
+    """The page in its initial state."""
     opened.ask("RR1.lesson.past.length && RR1.lesson.restore(RR1.lesson.first)")
     opened.ask("RR1.lesson.past = [], RR1.lesson.select(null)")
     opened.ask("document.activeElement.blur(), RR1.pause()")
@@ -102,7 +102,7 @@ def place(tab: Any, name: str) -> np.ndarray:
 
 
 def moved_scene(tab: Any, scene: rp.Scene) -> rp.Scene:
-    """The scene as the page has it."""
+    """The scene in the state of the page."""
     for name in scene.obstacles:
         pose = np.reshape(tab.ask("name => Array.from(RR1.planner.obstaclePose(name))", name), (4, 4)).T
         scene = scene.with_obstacle_at(name, pose)

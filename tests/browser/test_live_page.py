@@ -115,7 +115,7 @@ def test_a_viewer_in_a_notebook_follows_the_program_and_stays_when_it_ends(
     assert not tab.complaints
     viewer.close()
     wait_until(frame, "RR1.live.ended")
-    # As somebody else sees it who is sent the notebook: a page by itself, which says nothing of a program.
+    # As a recipient of the notebook sees it: a page on its own, without messages about a program.
     tab.page.reload()
     frame = tab.page.frames[1]
     wait_until(frame, "window.RR1 && RR1.ready && RR1.live.socket.readyState === 3")

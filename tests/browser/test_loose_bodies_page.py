@@ -1,4 +1,4 @@
-"""Loose bodies on the page: where they were at every time, drawn while they were there."""
+"""Loose bodies on the page: at their poses at every time, drawn while they were in the scene."""
 
 from __future__ import annotations
 

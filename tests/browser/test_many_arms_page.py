@@ -1,4 +1,4 @@
-"""Pages of many arms: what is left out where drawing is slow, colors, conflicts on the time line."""
+"""Pages of many arms: levels of detail for slow drawing, colors, conflicts on the time line."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_late_frames_draw_less_and_early_ones_more(calm: Any) -> None:
     assert calm.ask(run, [[2, 16]]) == [[begin, 400]]
     assert calm.ask(run, [[100, 200]])[0][0] == last
     assert calm.ask(run, [[300, 16]])[0][0] == 0
-    # More was drawn, which was too much: it takes twice as long until more is drawn again.
+    # More detail was too slow: the next attempt at more detail comes after twice the time.
     (_, first), (level, second) = calm.ask(run, [[30, 16], [12, 100]])
     assert second == 2 * first
     assert level == begin

@@ -47,7 +47,7 @@ def exported(ran: Any) -> str:
 
 
 def outputs(ran: Any, ending: str) -> dict[str, str]:
-    """What the cell displayed that ends so."""
+    """Output of the cell with this ending."""
     (cell,) = [cell for cell in ran.cells if cell.cell_type == "code" and cell.source.endswith(ending)]
     return {kind: text for out in cell.outputs for kind, text in out.get("data", {}).items()}
 

@@ -62,7 +62,7 @@ def page_file(two_arms: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> F
 
 @pytest.fixture
 def calm(opened: Any) -> Iterator[Any]:
-    """The page at its start, standing still, whatever the test before did."""
+    """The page at its start, paused, regardless of earlier tests."""
     opened.ask("RR1.pause(), RR1.setSpeed(1), RR1.setLoop(true), RR1.seek(0)")
     yield opened
     assert opened.complaints == []

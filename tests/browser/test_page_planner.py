@@ -69,7 +69,7 @@ def planner_data(scene: rp.Scene) -> dict[str, Any]:
 
 
 def columns(T: np.ndarray) -> list[float]:
-    """A transform as pages have it, column after column."""
+    """A transform in the format of pages, column by column."""
     return T.T.ravel().tolist()
 
 
@@ -150,7 +150,7 @@ def check(found: list[Any], expected: list[Any]) -> None:
         reason = got.pop("reason")
         assert (reason == "") == (want["status"] == "found"), i
         assert got == want, (i, reason)
-    # Not one answer only.
+    # Results vary.
     solved = sum(answer["status"] == "found" for answer in wanted)
     assert 0.2 * len(wanted) < solved < len(wanted)
     assert any(answer["parts"][0][0] > answer["parts"][1][0] for answer in wanted if answer["status"] == "found")
@@ -290,7 +290,7 @@ def test_one_arm_among_many_moves_as_plan_motion_says(crowd: rp.Scene) -> None:
     assert [(a["status"], a["certified"], a["parts"]) for a in answers] == expected
     solved = [answer for answer in answers if answer["status"] == "found"]
     assert len(solved) > 0.7 * len(asked)
-    # What is said of one arm holds in the whole scene.
+    # Results for one arm hold in the whole scene.
     for answer in solved[::6]:
         assert rp.validate(joined(moved, answer["motion"]), moved).certified
 
@@ -503,7 +503,7 @@ def test_what_would_take_long_or_much_room_is_left_out(planar2r: rp.Robot, monke
     monkeypatch.setattr(pages, "cut_meshes", too_slow)
     scene = rp.Scene().with_arm("arm", planar2r)
     assert page_planner(scene) == {"missing": "convex decomposition of the moving meshes takes longer than 1 s"}
-    # Not for ever: once a motion has been planned the pieces are known.
+    # Not permanently: the pieces are known after the first planned motion.
     monkeypatch.undo()
     assert "missing" not in page_planner(scene)
 

@@ -1,4 +1,4 @@
-"""Pages are built as they were: the same parts in the same places, looking alike, in windows of three sizes."""
+"""Pages keep their structure: the same parts at the same positions, with the same look, in three window sizes."""
 
 from __future__ import annotations
 

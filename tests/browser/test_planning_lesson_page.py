@@ -1,4 +1,4 @@
-"""The page of the lesson about planners: what it shows of a search after each step, its controls and its keys."""
+"""The page of the lesson about planners: the state of a search after each step, controls and keys."""
 
 from __future__ import annotations
 

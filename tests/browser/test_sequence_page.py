@@ -35,7 +35,7 @@ def opened(shared_tab: Any, plan: rp.SequencePlan, tmp_path_factory: pytest.Temp
 
 
 def magenta(tab: Any) -> np.ndarray:
-    """Where pixels of the block are, shape (n, 2)."""
+    """Positions of pixels of the block, shape (n, 2)."""
     pixels = tab.bare_picture()
     return np.argwhere((pixels[..., 0] > pixels[..., 1] + 60) & (pixels[..., 2] > pixels[..., 1] + 60))
 
@@ -124,7 +124,7 @@ def test_the_arm_is_planned_for_with_the_block_in_its_hand(opened: Any, plan: rp
 
 
 def in_hand(tab: Any) -> None:
-    """The block is drawn where the hand holds it."""
+    """The block is drawn in the hand that holds it."""
     tool, drawn = (
         np.array(tab.ask(ask)).reshape(4, 4).T for ask in ("RR1.linkPose('arm/tool')", "[...RR1.world.bodyPoses]")
     )

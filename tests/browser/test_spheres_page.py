@@ -47,7 +47,7 @@ def page_file(scene: rp.Scene, tmp_path_factory: pytest.TempPathFactory) -> File
 
 @pytest.fixture
 def calm(opened: Any) -> Iterator[Any]:
-    """The page as it opens, standing still."""
+    """The page in its initial state, paused."""
     opened.ask("RR1.pause(), RR1.seek(0)")
     yield opened
     opened.ask("['linkspheres', 'bodyspheres'].forEach(l => RR1.setShown(l, false)), RR1.setShown('spheres', true)")

@@ -1,4 +1,4 @@
-"""Calibration: signs, zeros and scales come back from noisy measurements, and what cannot be known is named."""
+"""Calibration: signs, zeros and scales are recovered from noisy measurements, and unobservable parameters are named."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from rr1plan.scene.model_library import installed_robot_names, robot_names, scen
 
 
 def answer(capsys: pytest.CaptureFixture[str]) -> dict:
-    """The one JSON value on stdout; nothing else may stand there."""
+    """The only JSON value on stdout, which may have no other output."""
     return json.loads(capsys.readouterr().out)
 
 

@@ -1,4 +1,4 @@
-"""`plan` of scenes with many arms: what it says, its figures, and its exit codes."""
+"""`plan` of scenes with many arms: its output, figures and exit codes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every option has an effect or is refused, and every mistake is one line in the words of the command line."""
+"""Every option has an effect or is rejected, and every mistake gives one line in terms of the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the command line does where its output cannot go, and when it is interrupted."""
+"""The command line if its output cannot be written, and if it is interrupted."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def test_a_table_on_a_narrow_terminal_has_whole_names() -> None:
         assert all(query in text for query in load_problems(name))
 
 
-# Speaks from inside `main`, whose first act is to import the command line: a signal sent
+# Prints from inside `main`, which first imports the command line: a signal sent
 # while the interpreter itself is starting is not ours to answer.
 _TELLS_THAT_IT_RUNS = """
 import sys

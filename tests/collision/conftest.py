@@ -1,4 +1,4 @@
-"""Robots and scenes made for the collision tests: small, odd, and not from any file."""
+"""Small and unusual robots and scenes for the collision tests, built in code."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _planar():
 
 
 def _odd():
-    """Revolute, prismatic, continuous, mimic and locked joints, and every shape a link may have."""
+    """Revolute, prismatic, continuous, mimic and locked joints, and every shape of a link."""
     links = (
         Link("base", collisions=(Geometry("b", Box((0.2, 0.2, 0.1)), pose([0, 0, 0.05])),)),
         Link("slide", collisions=(Geometry("s", Cylinder(0.06, 0.3), pose([0, 0, 0.25])),)),
@@ -139,7 +139,7 @@ def wedge():
 
 @pytest.fixture(scope="session")
 def cluttered(six):
-    """The six-joint arm among all kinds of obstacles."""
+    """The six-joint arm among obstacles of all kinds."""
     rng = np.random.default_rng(5)
     scene = Scene().with_arm("arm", six).with_obstacle("box", Box((0.3, 0.2, 0.5)), pose([0.6, 0, 0.2]))
     scene = scene.with_obstacle("ball", Sphere(0.12), [0.1, 0.55, 0.6])
@@ -155,7 +155,7 @@ def scara():
 
 @pytest.fixture(scope="session")
 def foreign(foreign_robots):
-    """Robots of meshes that nobody here wrote."""
+    """Third-party robots with meshes."""
     files = {"panda": "panda_description/urdf/panda.urdf", "ur5": "ur_description/urdf/ur5_robot.urdf"}
     return {name: load_robot(foreign_robots / file) for name, file in files.items()}
 
@@ -164,9 +164,9 @@ def foreign(foreign_robots):
 
 
 class EveryPair:
-    """All that a scene forbids to touch, measured pair by pair with Coal where `Scene.link_poses` has it.
+    """All pairs whose contact a scene does not allow, measured one by one with Coal at the poses of `Scene.link_poses`.
 
-    No code of the checkers is used, and nothing is left out. Meshes are taken for convex.
+    No code of the checkers is used, and no pair is skipped. Meshes are assumed convex.
 
     Args:
         scene: The scene.
@@ -197,15 +197,15 @@ class EveryPair:
         one, two, three = (self._poses(q) for q in np.random.default_rng(0).uniform(low, high, (3, len(low))))
         self.moves = np.array([any(_differ(one, x, a, b) for x in (two, three)) for a, b in self.pairs], bool)
         owners = [(scene.owner(a), scene.owner(b)) for a, b in self.pairs]
-        #: Which pairs have an element of an arm that moves.
+        #: Whether a pair has an element of a moving arm.
         self.of_moving_arms = np.array([bool({*both} & {*self.arms}) for both in owners], bool)
 
     def padding(self, margin=0.0):
-        """Distance to keep between each pair: the margin is for what moves against each other."""
+        """Distance to keep between each pair; the margin applies to pairs in relative motion."""
         return np.array([self.scene.padding_of(a, b) for a, b in self.pairs]) + margin * self.moves
 
     def distances(self, q):
-        """Distance of each pair, negative where they overlap."""
+        """Signed distance of each pair, negative if they overlap."""
         poses = self._poses(q)
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         request.gjk_tolerance = 1e-10
@@ -235,7 +235,7 @@ def _differ(one, two, a, b):
 
 
 def _coal_solids(shape):
-    """A shape as placed solids of Coal."""
+    """A shape as Coal solids with poses."""
     nowhere = np.eye(4)
     match shape:
         case Box(size):
@@ -269,7 +269,7 @@ def every_pair():
 
 
 def random_arms(rng, robots, spread):
-    """Two to nine arms at random places among obstacles of all kinds, with all kinds of rules; and those that move."""
+    """Two to nine arms at random poses among obstacles of all kinds, with all kinds of rules; and the moving arms."""
     scene = Scene()
     for i in range(int(rng.integers(2, 10))):
         robot = robots[int(rng.integers(len(robots)))]
@@ -302,7 +302,7 @@ def random_arms(rng, robots, spread):
 
 @pytest.fixture(scope="session")
 def arms_at_random(odd, six, planar, scara, rr1):
-    """Random scenes of many arms of these robots and others, each with the arms that move."""
+    """Random scenes of many arms of these robots and others, each with its moving arms."""
 
     def make(seed, others=()):
         rng = np.random.default_rng(seed)
@@ -313,7 +313,7 @@ def arms_at_random(odd, six, planar, scara, rr1):
 
 
 def random_configurations(scene, arms, count, seed):
-    """Configurations of some arms: some near those of the scene, some anywhere."""
+    """Configurations of some arms: some near those of the scene, others anywhere."""
     rng, limits, home = np.random.default_rng(seed), scene.limits(arms), scene.configuration(arms)
     near = home + 0.3 * rng.normal(size=(count, len(home)))
     far = rng.uniform(np.maximum(limits.lower, -3.0), np.minimum(limits.upper, 3.0), (count, len(home)))

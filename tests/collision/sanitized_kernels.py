@@ -1,4 +1,4 @@
-"""Kernels of a library with sanitizers, compared with the one that ships; run by `test_edge_kernel.py`.
+"""Kernels of a library with sanitizers, compared with the shipped library; run by `test_edge_kernel.py`.
 
 Scenes of edges hold all kinds of bodies and obstacles, meshes that are not convex among them, padding, something held,
 and two arms.
@@ -44,7 +44,7 @@ def scenes():
 
 
 def edges():
-    """Answers about edges and curves."""
+    """Results for edges and curves."""
     for scene in scenes():
         checker = CollisionChecker(scene)
         tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
@@ -60,7 +60,7 @@ def edges():
 
 
 def timed_edges():
-    """Answers about edges among arms that move; polynomials of several degrees, one motion of a single instant."""
+    """Results for edges among moving arms: polynomials of several degrees, and one motion of a single instant."""
     scene = rp.load_scene("rr1_twelve")
     arms, rng = list(scene.arms), np.random.default_rng(2)
     checker = CollisionChecker(scene, arms[:2])
@@ -84,7 +84,7 @@ def timed_edges():
 
 
 def plans():
-    """Paths, shorter ones, motions along them, and what a roadmap finds."""
+    """Paths, shortened paths, motions along them, and roadmaps."""
     for scene, name in (
         ("rr1_shelf", "lower_level"),
         ("rr1_pair", "both_reach_out"),

@@ -1,4 +1,4 @@
-"""Bodies put into groups: what is said of a group holds for all of its bodies, all along an edge."""
+"""Groups of bodies: bounds of a group hold for all of its bodies along the whole edge."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_no_sphere_moves_farther_than_its_travel(built):
         apart = np.linalg.norm(moved - centers, axis=1)
         assert (apart <= travel + 1e-12).all()
         if size < 0.01:
-            # A bound that says nothing would pass as well.
+            # Otherwise a vacuous bound would pass.
             assert travel.max() < 1.5 * apart.max()
 
 
@@ -74,7 +74,7 @@ def test_a_groups_box_contains_the_cores_of_its_bodies(built):
         low, high = np.split(box + np.tile(tables.arm.spheres[ball, :3], 2), 2)
         assert (low <= np.min(ends, axis=0)).all()
         assert (high >= np.max(ends, axis=0)).all()
-        # A box that contains everything would pass as well.
+        # Otherwise a box that contains everything would pass.
         assert (high - low < 1.5 * np.ptp(ends, axis=0) + 1e-9).all()
 
 

@@ -1,4 +1,4 @@
-"""What a checker leaves out changes no answer: scenes of many arms against Coal on every pair."""
+"""Pairs that a checker omits do not change results: scenes of many arms against Coal on every pair."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def named(contacts):
 
 
 def compare(scene, arms, oracle, margin, configurations):
-    """Compare a checker's answers with Coal's on every pair; how many configurations were free, and how many not."""
+    """Compare a checker with Coal on every pair. Returns the numbers of free and of blocked configurations."""
     checker = CollisionChecker(scene, arms, margin=margin)
     padding = oracle.padding(margin)
     asked = oracle.of_moving_arms
@@ -84,7 +84,7 @@ def test_answers_are_those_of_a_checker_that_leaves_nothing_out(first, arms_at_r
         scene, arms = arms_at_random(seed)
         whole_scene = with_nothing_left_out(scene)
         some, whole = CollisionChecker(scene, arms), CollisionChecker(whole_scene, arms)
-        # Nothing is left out of it.
+        # No pair is omitted.
         moving = [both for both in whole_scene.checked_pairs if {*map(scene.owner, both)} & {*arms}]
         assert sorted(whole.pairs) == sorted(moving)
         assert set(some.pairs) <= set(whole.pairs)
@@ -169,7 +169,7 @@ def test_a_margin_is_a_wider_padding_of_what_moves(margin, arms_at_random, confi
 
 
 def test_what_never_moves_needs_no_more_than_its_padding(planar, odd):
-    # Two arms stand still 5 mm apart, and the foot of the arm that moves is 5 mm from a wall.
+    # Two stationary arms are 5 mm apart, and the base of the moving arm is 5 mm from a wall.
     scene = Scene().with_arm("m", odd).with_obstacle("wall", Box((0.02, 0.2, 0.1)), [0.115, 0.0, 0.05])
     scene = scene.with_arm("a", planar, [5.0, 0, 0]).with_arm("b", planar, [5.0, 0.045, 0])
     q = [0.0, 2.0, 0.2]

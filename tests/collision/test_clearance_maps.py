@@ -1,4 +1,4 @@
-"""Clearance maps against Coal, and how they are kept."""
+"""Clearance maps against Coal, and their cache."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rr1plan.transforms import pose
 
 
 def forget():
-    """A new process has none of what this one keeps."""
+    """Clear all caches, as in a new process."""
     clearance_maps._gaps.cache_clear()
     arm_geometry._arm_geometry.cache_clear()
     arm_geometry.arm_instances.cache_clear()
@@ -33,7 +33,7 @@ def own_cache(tmp_path, monkeypatch):
 
 
 def of(scene, least=0.001):
-    """A checker, its pairs that move against each other by few columns, and their maps."""
+    """A checker, its pairs whose relative pose depends on few columns, and their maps."""
     checker = CollisionChecker(scene)
     groups = checker.geometry.instances.groups
     pairs = checker.solid_pairs

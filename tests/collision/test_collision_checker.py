@@ -67,7 +67,7 @@ def random_edges(checker, wide, count, seed, long=0.5):
 
 
 def clearance(checker, q):
-    """Least distance beyond the padding [m]."""
+    """Least distance minus padding [m]."""
     paddings = np.array([checker.scene.padding_of(a, b) for a, b in checker.pairs])
     return float((checker.distances(q) - paddings).min(initial=np.inf))
 
@@ -292,7 +292,7 @@ def test_mimicking_links_are_swept_too(odd):
 
 
 def test_grazing_is_refused_and_clearing_by_more_than_the_tolerance_is_not(planar):
-    """The arm's straight rod passes beside a ball; the gap is set to the micrometer."""
+    """The arm's straight rod passes a ball; the gap is set to the micrometer."""
     for gap, free in ((1e-8, False), (1e-5, True), (-1e-5, False)):
         # Rod of radius 0.02 whose round end reaches 0.97 m from the shoulder.
         scene = Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.97 + 0.1 + gap, 0.0, 0.0])

@@ -1,4 +1,4 @@
-"""Tables that scenes share are those that a scene made anew has, whatever was changed."""
+"""Tables shared between scenes equal those of a scene built from scratch, after any change."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def forget() -> None:
 
 
 def copied(scene: Scene) -> Scene:
-    """An equal scene that shares nothing that was kept with the first."""
+    """An equal scene without cached data of the first."""
     fields = (scene.arms, scene.obstacles, scene.attachments, scene.allowed, scene.padding, scene.pair_padding)
     return Scene(*fields)
 

@@ -1,4 +1,4 @@
-"""Obstacles that are meshes and not convex: every triangle as it is, and an inside where a surface is closed."""
+"""Concave meshes as obstacles: exact triangles, and an inside if a surface is closed."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ MESHES = {
 
 @pytest.mark.parametrize("name", MESHES)
 def test_a_ball_is_as_far_as_the_nearest_of_all_triangles(name):
-    """The surface does not swell: kernel and Coal have the distance of the triangles themselves."""
+    """The surface has no margin: kernel and Coal have the distance of the triangles themselves."""
     mesh, radius = MESHES[name], 0.004
     place = pose([0.3, -0.2, 0.5], rpy=[0.3, -0.8, 2.0])
     checker = CollisionChecker(scene_with(rp.Sphere(radius), mesh, place))
@@ -114,7 +114,7 @@ def test_python_fcl_and_coal_find_the_same_bodies_free(name, shape):
         free, clearance = checker.is_free(q), checker.clearance(q)
         assert free == checker.is_free_slowly(q)
         assert free == (clearance > 0.0)
-        # What is this near may be seen either way.
+        # This close, both results are valid.
         if abs(clearance) > 1e-6:
             assert set().union(*contacts.values()) == (set() if free else {"FCL", "Coal"})
         answers.append(free)

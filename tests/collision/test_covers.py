@@ -64,10 +64,10 @@ def surface_of(geometries: tuple[Geometry, ...], count: int, rng: np.random.Gene
 
 
 def worst_outside(points: np.ndarray, centers: np.ndarray, radii: np.ndarray) -> float:
-    """How far the point that is farthest from all spheres is outside of them [m]; -1 when all are inside."""
+    """Largest distance of a point from the spheres [m]; -1 if all points are inside."""
     nearest = np.full(len(points), np.inf)
     for k in np.argsort(-radii, kind="stable"):
-        # What is in one of them is looked at no more.
+        # Skip points inside an earlier sphere.
         nearest = np.minimum(nearest, np.linalg.norm(points - centers[k], axis=1) - radii[k])
         points, nearest = points[nearest > 0.0], nearest[nearest > 0.0]
     return float(nearest.max(initial=-1.0))

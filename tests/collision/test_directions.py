@@ -38,7 +38,7 @@ class Separation:
             yield [a, b, m, pair, ALL, int(bodies[a, 1]), int(bodies[b, 1])]
 
     def place(self, q0, q1, half):
-        """Place everything in the middle of an edge."""
+        """Compute all poses at the middle of an edge."""
         curve, lanes = np.array([q0, q1 - q0, 0.0 * q0]), np.ones(LANES)
         load_library().rr1_place_spheres(*self.kernel.context, curve, 0.5 * lanes, half * lanes, self.spheres)
 

@@ -79,7 +79,7 @@ WORLDS = (
 
 
 def kernel_of(checker, library=None, queue_size=None):
-    """A kernel with scratch memory that nothing else uses."""
+    """A kernel with separate scratch memory."""
     exact = ExactKernel(checker.tables, checker.nq)
     exact.scratch.value.queue_size = queue_size or exact.scratch.value.queue_size
     tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, TOLERANCE)
@@ -120,7 +120,7 @@ def test_verdicts_are_those_of_the_exact_kernel_and_contacts_are_coals(worlds, n
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_the_exact_kernel_is_right_about_curves_of_any_degree(worlds, name):
-    """A contact is one to Coal, and where a curve is free so is every sample of it."""
+    """Coal confirms every contact, and every sample of a free curve is free."""
     scene, wide = worlds[name]
     checker = CollisionChecker(scene)
     kernel, rng = kernel_of(checker), np.random.default_rng(33)
@@ -198,7 +198,7 @@ def test_a_full_queue_changes_the_order_and_no_verdict(worlds):
 
 
 def test_kernels_of_one_thread_share_lists_and_answer_as_alone(worlds):
-    """Lists hold nothing from one call to the next, so kernels that take turns answer like kernels of other threads."""
+    """Lists keep no state between calls, so alternating kernels give the results of kernels in separate threads."""
     names = ("cluttered", "two arms", "planar", "triangles")
     checkers = [CollisionChecker(worlds[name][0]) for name in names]
     asked = [list(questions(c.nq, worlds[name][1], 25, 38)) for c, name in zip(checkers, names, strict=True)]

@@ -1,4 +1,4 @@
-"""Balls and capsules whose core just touches a surface are deep in it; Coal overlooks that by default."""
+"""Balls and capsules whose core just touches a surface penetrate it deeply; Coal misses this by default."""
 
 from __future__ import annotations
 

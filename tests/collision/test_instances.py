@@ -1,4 +1,4 @@
-"""Equal arms share what is made for them, and a scene's tables are those of its arms, placed."""
+"""Equal arms share their tables, and a scene's tables are those of its arms at their poses."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def crowd(six, odd, scara):
 
 
 def alone(scene, *names):
-    """Some arms and what they hold, at their places, alone in the world."""
+    """Some arms with their attached objects at their poses, without anything else."""
     held = {n: thing for n, thing in scene.attachments.items() if thing.arm in names}
     return Scene({name: arm for name, arm in scene.arms.items() if name in names}, {}, held)
 
@@ -182,7 +182,7 @@ def test_answers_about_all_arms_are_the_least_of_each_alone_and_of_every_two(cro
         apart += least > 0.0
         assert whole.clearance(q) == pytest.approx(least, abs=1e-9)
         assert whole.is_free(q) == all(checker.is_free(part) for checker, part in zip(checkers, parts, strict=True))
-        # Arms that stand still there are obstacles to the one that moves.
+        # Stationary arms there are obstacles for the moving arm.
         posed = crowd
         for name in names:
             posed = posed.with_configuration(name, q[columns[name]])
@@ -208,7 +208,7 @@ def counted(monkeypatch, module, name):
 
 
 def test_one_arm_among_a_hundred_makes_the_tables_of_one(six, monkeypatch):
-    # A robot that no test has made anything of.
+    # A robot that no other test uses.
     links = list(six.links)
     ball = Geometry("ball", Sphere(0.0517), pose([0, 0, 0.06]))
     links[-1] = type(links[-1])(links[-1].name, collisions=(ball,))
@@ -231,7 +231,7 @@ def test_one_arm_among_a_hundred_makes_the_tables_of_one(six, monkeypatch):
     apart = {n: float(np.linalg.norm(at - bases[name])) for n, at in bases.items()}
     assert {n for n in apart if apart[n] < 1.0} <= near
     assert 5 <= len(near) < 50
-    # An arm beside it has everything ready.
+    # Tables for a neighboring arm exist already.
     CollisionChecker(scene, [list(scene.arms)[45]]).warm_up()
     assert len(made) == len(spheres) == 1
 

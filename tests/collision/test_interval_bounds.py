@@ -1,7 +1,7 @@
-"""What the kernels claim of an interval of a parabola, on random robots, against dense samples of plain kinematics.
+"""Bounds by the kernels on an interval of a parabola, on random robots, against dense samples of plain kinematics.
 
-Distances are Coal's. Nothing is ever proven at a padding that a sample undercuts: so each claim is asked at the edge of
-being wrong.
+Distances are Coal's. Nothing may be proven at a padding that exceeds the distance of a sample, so each bound is tested
+at the limit of being wrong.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rr1plan.transforms import pose
 
 LANES = constants()["LANES"]
 ALL = 2**LANES - 1
-# A sample nearer than the padding by this much is no rounding [m].
+# A sample closer than the padding by this much is not a rounding error [m].
 CLEARLY = 2e-6
 ROUNDING = 1e-9
 
@@ -268,7 +268,7 @@ def test_no_interval_is_proven_at_a_padding_that_a_sample_undercuts(seed, prove,
 
 @pytest.mark.parametrize(("prove", "shape"), [(by_directions, solid), (by_directions, ball), (by_spheres, ball)])
 def test_a_short_interval_is_proven_up_to_little_less_than_its_least_distance(prove, shape):
-    """So the claims above are near to what is true, and a bound that is a little too bold is seen."""
+    """So the bounds above are tight, and a slightly wrong bound is detected."""
     asked = proven = 0
     for seed in range(15):
         world = World(seed, shape)

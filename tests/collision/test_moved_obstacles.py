@@ -1,4 +1,4 @@
-"""A checker whose obstacles have been moved answers like a new one of the changed scene."""
+"""A checker with moved obstacles gives the same results as a new one of the changed scene."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def furnished(scene, rng):
 
 
 def same_answers(moved, rng, count=25):
-    """The answers of a checker and of a new one; how many edges are free."""
+    """Compare results of a checker and of a new one. Returns the number of free edges."""
     anew = CollisionChecker(copy_of(moved.scene), moved.arms, margin=moved.margin)
     assert moved.static_is_free == anew.static_is_free
     assert moved.static_contacts == anew.static_contacts
@@ -75,7 +75,7 @@ def same_answers(moved, rng, count=25):
 
 
 def copy_of(scene):
-    """An equal scene that shares nothing that was kept with the first."""
+    """An equal scene without cached data of the first."""
     fields = (scene.arms, scene.obstacles, scene.attachments, scene.allowed, scene.padding, scene.pair_padding)
     return Scene(*fields)
 

@@ -20,7 +20,7 @@ Rows = list[tuple[int, ...]]
 
 
 def holding(six):
-    """An arm above a half-space and beside a box, that holds a tray."""
+    """An arm with an attached tray above a half-space and next to a box."""
     scene = Scene().with_arm("a", six).with_obstacle("tray", Box((0.2, 0.3, 0.02)), [9, 9, 9])
     scene = scene.with_obstacle("ground", HalfSpace((0, 0, 1), -5.0)).with_obstacle("box", Box((1, 1, 1)), [1, 0, 0])
     return scene.attach("tray", "a", touch=["l5"], pose=pose([0, 0, 0.12]))

@@ -1,4 +1,4 @@
-"""Balls that contain all an arm can reach."""
+"""Balls that contain the reachable space of an arm."""
 
 from __future__ import annotations
 

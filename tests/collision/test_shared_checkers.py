@@ -60,7 +60,7 @@ def ask_on_threads(shared: Any, questions: list[Question], rounds: int = 1) -> l
 
 
 def furnished() -> rp.Scene:
-    """An arm in a cell, and another one that stands still."""
+    """An arm in a cell, and a stationary arm."""
     scene = rp.load_scene("rr1_pair")
     return scene.with_obstacle("box", rp.Box((0.1, 0.1, 0.3)), [-0.2, 0.3, 0.3])
 
@@ -114,7 +114,7 @@ def test_answers_are_those_of_a_checker_of_one_thread(arms: list[str] | None) ->
     questions = motion_questions(alone)
     expected = [plain(question(alone)) for question in questions]
     assert {True, False} <= {answer for answer in expected if isinstance(answer, bool)}
-    # Tables are built by whoever is first.
+    # The first thread builds the tables.
     shared = CollisionChecker(furnished(), arms)
     for answers in ask_on_threads(shared, questions, 2):
         assert answers == expected

@@ -1,4 +1,4 @@
-"""Contacts among what stands still: planted ones are found, and none but those that Coal finds on every pair."""
+"""Contacts between stationary objects: planted contacts are found, and only those that Coal finds on every pair."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_two_arms_that_stand_in_each_other(row, planar, every_pair):
     scene = row.with_arm("b", planar, [0.3, -0.25, 0], q=[np.pi / 2, 0.0])
     contacts = found(scene, ["m"])
     assert contacts == expected(every_pair, scene, ["m"]) == pairs(("a/upper", "b/upper"))
-    # It is no contact of what stands still where one of them moves.
+    # It is not a static contact if one of the two moves.
     assert found(scene, ["b"]) == found(scene, ["a", "m"]) == set()
     assert found(scene, ["c"]) == contacts
     assert found(scene, ["a", "b", "c", "m"]) == set()

@@ -1,4 +1,4 @@
-"""Plates, needles and specks of a millimeter in the way of arms that move fast: no edge passes through them."""
+"""Plates, needles and specks of a millimeter in the path of fast arms: no edge passes through them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def points_inside(scene, q, rng):
 @pytest.mark.parametrize("thin", THIN)
 @pytest.mark.parametrize("name", ["six", "odd", "rr1"])
 def test_no_edge_passes_through_something_thin(name, thin, request):
-    """It stands where one of the arm's bodies will be for an instant; both ends of the edge are free of it."""
+    """It is in the path of one of the arm's bodies for an instant; both ends of the edge are free of it."""
     robot = load_robot("rr1") if name == "rr1" else request.getfixturevalue(name)
     rng = np.random.default_rng(sorted(THIN).index(thin))
     bare = Scene().with_arm("arm", robot)

@@ -1,4 +1,4 @@
-"""Experiments: what they measure, the files that they write, and what is refused."""
+"""Experiments: measurements, output files, and rejected arguments."""
 
 from __future__ import annotations
 

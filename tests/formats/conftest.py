@@ -1,4 +1,4 @@
-"""Fixtures for the readers: an own cache folder, and small meshes made here."""
+"""Fixtures for the readers: a separate cache folder, and small meshes built in code."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def box_mesh(lower: tuple[float, float, float], upper: tuple[float, float, float
 
 @pytest.fixture
 def block() -> Mesh:
-    """A block of 1 x 2 x 3 m with a corner in the origin."""
+    """A block of 1 x 2 x 3 m with a corner at the origin."""
     return Mesh(*box_mesh((0, 0, 0), (1, 2, 3)))
 
 

@@ -1,4 +1,4 @@
-"""What a joint trajectory controller rejects is named in words; what is written here is accepted."""
+"""Messages name what a joint trajectory controller rejects; trajectories written here are accepted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hulls and convex pieces contain what they stand for; the cache never changes an answer."""
+"""Hulls and convex pieces contain their shape; the cache never changes a result."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def test_a_failing_decomposition_is_our_error(
 
 @pytest.fixture
 def endless(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """A decomposition that does not end, and the file that says which process it is in."""
+    """A decomposition that does not end, and the file with the number of its process."""
     file = tmp_path / "child"
     work = f"import os, time; open({str(file)!r}, 'w').write(str(os.getpid())); time.sleep(600)"
     monkeypatch.setattr(coacd_process, "_CHILD", work)

@@ -1,4 +1,4 @@
-"""Trajectories as CSV: what is written reads back the same motion; what is wrong is refused by name."""
+"""Trajectories as CSV: written files read back as the same motion; messages name every fault."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A motion at its limits is within them after every export: what reads it back interpolates between samples."""
+"""A motion at its limits is within them after every export, although readers interpolate between samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robots nobody here wrote, from the package example-robot-data, against Pinocchio."""
+"""Third-party robots from the package example-robot-data, against Pinocchio."""
 
 from __future__ import annotations
 

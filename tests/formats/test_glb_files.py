@@ -1,4 +1,4 @@
-"""Animated 3-D models: what a player makes of the file is where Pinocchio has the links."""
+"""Animated 3-D models: a player of the file has the links at the poses of Pinocchio."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]
 
 
 class Player:
-    """Plays a file as the specification of glTF 2.0 says, with pygltflib's reading and SciPy's slerp."""
+    """Plays a file according to the specification of glTF 2.0, with pygltflib's reader and SciPy's slerp."""
 
     def __init__(self, file: Path) -> None:
         self.content = pygltflib.GLTF2().load(str(file))
@@ -209,7 +209,7 @@ def test_the_file_is_well_formed(pair: rp.Scene, motion: rp.Trajectory, tmp_path
 
 def test_times_increase_in_the_precision_of_the_file(planar2r: rp.Robot, tmp_path: Path) -> None:
     scene = rp.Scene().with_arm("arm", planar2r)
-    # The end is 1e-8 s after the last sample, which is nothing in single precision.
+    # The end is 1e-8 s after the last sample, which vanishes in single precision.
     motion = rp.Trajectory(scene.joint_names(), np.array([0.0, 1.0 + 1e-8]), np.array([[[0.0, 0.0], [1.0, 1.0]]]))
     player = Player(rp.save_glb(tmp_path / "arm.glb", scene, trajectory=motion, rate=10.0))
     assert len(player.tracks) == 2

@@ -1,4 +1,4 @@
-"""Robots whose glTF meshes have z up, unlike what the format says: told from their other shapes and masses."""
+"""Robots whose glTF meshes have z up, contrary to the format: detected by their other shapes and masses."""
 
 from __future__ import annotations
 

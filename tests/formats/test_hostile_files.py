@@ -1,4 +1,4 @@
-"""Files that are no files, or far more than they look: every reader refuses them at once, in words."""
+"""Paths that are not regular files, and small files with huge content: every reader rejects them immediately."""
 
 from __future__ import annotations
 

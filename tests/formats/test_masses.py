@@ -1,4 +1,4 @@
-"""Masses of links that have none in their file: those of their shapes, and everyone says so."""
+"""Links without masses in their file get masses of their shapes, and all reports mention it."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_joints_that_carry_nothing_are_tracked_and_named(tmp_path: Path) -> None
 
 
 def test_placeholder_efforts_do_not_hold_an_arm_of_estimated_masses_back(tmp_path: Path) -> None:
-    """A file without masses often has an effort of 1 as well: the share is reported, the motion is followed."""
+    """A file without masses often has efforts of 1 as well: the fraction is reported, and the motion is followed."""
     arm(tmp_path, SOLID, SOLID)
     file = tmp_path / "arm.urdf"
     file.write_text(file.read_text().replace('effort="20"', 'effort="1"'))

@@ -1,4 +1,4 @@
-"""Mesh files: found only where they may be, read as what they are, refused when they are not."""
+"""Mesh files: found only in permitted folders, read by content, rejected if they are not meshes."""
 
 from __future__ import annotations
 

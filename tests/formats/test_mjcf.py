@@ -1,4 +1,4 @@
-"""MJCF files, written here: the robot that is read agrees with MuJoCo's own compiler, and bad files are refused."""
+"""MJCF files, written here: the robot agrees with MuJoCo's own compiler, and bad files are rejected."""
 
 from __future__ import annotations
 
@@ -292,7 +292,7 @@ def test_the_mass_matrix_is_mujocos_without_armature(case: str, folder: Path) ->
     robot = load(folder, CASES[case])
     twin, kinematics, rng = Twin(robot, reference(CASES[case], folder)), rp.Kinematics(robot), np.random.default_rng(1)
     model = twin.model
-    # How joint velocities follow from those of the planning joints.
+    # Joint velocities from those of the planning joints.
     S = np.zeros((model.nv, robot.nq))
     zero = robot.joint_values(np.zeros(robot.nq))
     for k in range(robot.nq):

@@ -1,4 +1,4 @@
-"""Motion files that were changed and signed again: each is refused by name, or loads as a motion that makes sense."""
+"""Motion files that were changed and hashed again: each is rejected with a reason, or loads as a valid motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Saved paths, trajectories and motions: whole, exact, for the right scene, or refused by name."""
+"""Saved paths, trajectories and motions: complete, exact, for the right scene, or rejected with a reason."""
 
 from __future__ import annotations
 

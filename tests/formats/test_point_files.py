@@ -1,4 +1,4 @@
-"""Point clouds from files: PLY and PCD in their codings, arrays and text; what is damaged is refused."""
+"""Point clouds from files: all encodings of PLY and PCD, arrays and text; damaged files are rejected."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def test_a_point_at_infinity_is_refused(tmp_path: Path) -> None:
 
 
 def damaged(data: bytes) -> bytes:
-    """The file with a reference to what is before its first byte."""
+    """The file with a back-reference to before its first byte."""
     head, body = data.split(b"compressed\n")
     return head + b"compressed\n" + body[:8] + b"\xff" * (len(body) - 8)
 

@@ -1,4 +1,4 @@
-"""Trajectories of ROS programs: what a controller would drive is what is read, or the file is refused by name."""
+"""Trajectories of ROS programs: read as a controller would execute them, or rejected with a reason."""
 
 from __future__ import annotations
 

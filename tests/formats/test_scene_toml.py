@@ -1,4 +1,4 @@
-"""Scene files: the shipped ones, the round trip, and one test for each way a file can be wrong."""
+"""Scene files: shipped scenes, the round trip, and one test for each kind of fault."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_shipped_queries_start_free_and_their_joint_goals_are_free(name: str) ->
 
 
 def narrowed(robot: rp.Robot) -> rp.Robot:
-    """The robot with the position limits that all of its presets have in common."""
+    """The robot with the intersection of the position limits of all its presets."""
     presets = [robot.with_limits(name).limits for name in robot.presets]
     lower, upper = np.max([p.lower for p in presets], axis=0), np.min([p.upper for p in presets], axis=0)
     return robot.with_limits(replace(robot.limits, lower=lower, upper=upper))

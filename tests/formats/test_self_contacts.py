@@ -1,4 +1,4 @@
-"""What is sampled of a robot when it is loaded: the same as slow and plain, and found once."""
+"""Samples of self-contacts when a robot is loaded: equal to a slow, plain version, and computed once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The SRDF reader and the pairs proposed where there is no SRDF."""
+"""The SRDF reader, and the pairs proposed if there is no SRDF."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The URDF reader: right about good files, and loud about every bad one."""
+"""The URDF reader: correct results for good files, and a clear error for every bad one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""RR1 with a calibration and a control box whose numbers are made up, except for the published ones of the firmware."""
+"""RR1 with an invented calibration and control box; only the firmware numbers are real, as published."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plans of commands: what the emulated arm does, close to the motion, certified step by step."""
+"""Command plans: the emulated arm stays close to the motion, which is certified step by step."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def test_commands_follow_the_motion_and_are_certified(motion: rp.MotionPlan, pla
     assert plan.path_report.certified
     assert "goal" not in plan.report.checked
     ends = motion.trajectory([motion.trajectory.start_time, motion.trajectory.end_time])
-    # To a step or two of the coarsest joint, of 1/14 degree.
+    # Within one or two steps of the coarsest joint, 1/14 degree each.
     np.testing.assert_allclose(plan.path.waypoints[[0, -1]], ends, atol=2.5e-3)
     samples = motion.trajectory(np.linspace(0.0, motion.trajectory.end_time, 50))
     path = plan.trajectory(np.linspace(0.0, plan.trajectory.end_time, 4000))

@@ -1,4 +1,4 @@
-"""Sending commands: only what was checked, to an arm that is where its plan begins; every fault is named."""
+"""Sending commands: only checked ones, to an arm at the start of its plan; every fault is named."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Recording:
 
     Args:
         line: The line behind it.
-        change: What becomes of the bytes that are read.
+        change: Function of the read bytes and the number of the read: the bytes to return.
     """
 
     def __init__(self, line: Any, change: Callable[[bytes, int], bytes] = lambda data, _: data) -> None:

@@ -1,4 +1,4 @@
-"""Frames of the control box and its part of a calibration file: exact, and refused by name where they are wrong."""
+"""Frames of the control box and its part of a calibration file: exact, and rejected with a reason if wrong."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The emulator of the control box has the firmware's tick for every step."""
+"""The emulator of the control box has every step at the tick of the firmware."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _CHANNELS = ("S1", "S2", "E1", "E2", "W1", "W2", "G")
 
 @dataclass
 class PlainRule:
-    """The tick rule in its plainest form: all joints of many boxes as arrays, one pass of the loop after the other.
+    """The plain tick rule: all joints of many boxes as arrays, one pass of the loop after the other.
 
     Everything is derived from the law as written down: a sine ramp, truncated times, stretching to the slowest joint.
     """

@@ -49,16 +49,16 @@ def _counted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class BoxOnTerminal:
-    """An emulated box on a pseudo-terminal: a thread passes bytes on, until it is told to stop.
+    """An emulated box on a pseudo-terminal: a thread forwards bytes until it is stopped.
 
     Args:
         line: The emulated serial line.
-        change: What becomes of a frame of telemetry, by its number from 0; None: the box falls silent.
+        change: Function of a frame of telemetry and its number from 0: the frame to send; None: the box falls silent.
 
     Attributes:
         name: The terminal's other end, the serial port.
-        received: All bytes that came in.
-        written: Number of bytes that went out.
+        received: All received bytes.
+        written: Number of sent bytes.
     """
 
     def __init__(self, line: Any, change: Callable[[bytes, int], bytes | None] = lambda frame, _: frame) -> None:

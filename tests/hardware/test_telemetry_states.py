@@ -1,4 +1,4 @@
-"""Telemetry as joint states: what an emulated box reports is where its arm is, and faults of the line are named."""
+"""Telemetry as joint states: an emulated box reports the state of its arm, and faults of the line are named."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calls of native kernels, recorded with all memory that they are given, to be made once more by `core.wasm`."""
+"""Calls of native kernels, recorded with all memory that they receive, to be repeated by `core.wasm`."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Call:
     """One call.
 
     Args:
-        question: For `replay` of `core_answers.js`: the kernel, a memory image, arguments, and what may be written.
-        answer: What it returned, the numbers in structs and the bytes of arrays after the call.
+        question: Input of `replay` in `core_answers.js`: the kernel, a memory image, arguments, and writable parts.
+        answer: The return value, and the numbers in structs and bytes of arrays after the call.
     """
 
     question: dict[str, Any]
@@ -27,10 +27,10 @@ class Call:
 
 
 class Recorder:
-    """The native library, which notes the calls of all kernels.
+    """The native library, which records the calls of all kernels.
 
     Args:
-        context: Addresses of a scene's tables and scratch memory, which are in an image of their own.
+        context: Addresses of a scene's tables and scratch memory, which have a separate image.
     """
 
     def __init__(self, context: tuple[int, int] = (0, 0)) -> None:
@@ -46,7 +46,7 @@ class Recorder:
         return [call.question for call in self.calls]
 
     def answers(self) -> list[list[Any]]:
-        """What the native kernels answered."""
+        """Results of the native kernels."""
         return [call.answer for call in self.calls]
 
     def _call(self, kernel: str, function: Any, given: Sequence[Any]) -> Any:

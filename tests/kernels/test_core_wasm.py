@@ -1,4 +1,4 @@
-"""`core.wasm` and its binding in JavaScript, in Node and in a page: all answers are those of the native kernels."""
+"""`core.wasm` and its binding in JavaScript, in Node and in a page: all results equal those of the native kernels."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def test_edges_have_the_same_answers_to_the_last_bit(ask: Ask, name: str) -> Non
     ends = random_edges(checker.nq, 1200)
     expected = np.array([native(checker, "rr1_certify_edge", *edge) for edge in ends], float)
     assert np.array_equal(ask("edges", checker.memory_image(), ends), expected.ravel())
-    # Not one answer only.
+    # Results vary.
     assert 20 < np.count_nonzero(expected[:, 0] == constants()["EDGE_FREE"]) < 1180
 
 
@@ -230,7 +230,7 @@ def test_a_seed_gives_the_same_path_to_the_last_bit(ask: Ask, scene: str, name: 
 
 
 def same_answers(ask: Ask, recorder: Recorder, image: bytes = b"") -> Counter[str]:
-    """All recorded calls have the same answers, to the last bit; how many there were of each kernel."""
+    """Repeat all recorded calls, with bitwise equal results. Returns the number of calls of each kernel."""
     found = ask("replay", image, recorder.questions())
     assert len(found) == len(recorder.calls)
     for call, (result, *parts) in zip(recorder.calls, found, strict=True):

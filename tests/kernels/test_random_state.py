@@ -1,4 +1,4 @@
-"""Against the published numbers of SplitMix64, and what a uniform distribution has to be."""
+"""Random numbers against the published ones of SplitMix64, and tests of the uniform distribution."""
 
 from __future__ import annotations
 

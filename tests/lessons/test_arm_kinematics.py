@@ -1,4 +1,4 @@
-"""DH parameters of all arms, Jacobians and ellipses of planar ones, and where they are singular."""
+"""DH parameters of all arms, Jacobians and ellipses of planar arms, and their singularities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pages about the lessons: their code runs, and prints what the answers to the exercises say."""
+"""The pages about the lessons: their code runs, and its output agrees with the answers to the exercises."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lessons: their steps, figures and pages, teachers' own arms, and the numbers they state."""
+"""Lessons: their steps, figures and pages, teachers' own arms, and numbers in their texts."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def test_a_planar_arm_plans_among_obstacles(kinds: str) -> None:
 
 @pytest.mark.parametrize("kinds", KINDS)
 def test_an_arm_alone_has_a_page(kinds: str, tmp_path: Path) -> None:
-    """Where nothing can touch, no pair of solids is checked, and the tables of the page are empty."""
+    """If no pair can touch, no pair of solids is checked, and the tables of the page are empty."""
     scene = rp.Scene().with_arm("arm", rp.planar_arm(kinds))
     assert rp.save_html(tmp_path / "a.html", scene).stat().st_size > 100_000
     assert rp.cspace(scene, resolution=16).save_html(tmp_path / "b.html").stat().st_size > 100_000

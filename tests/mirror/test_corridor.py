@@ -1,4 +1,4 @@
-"""The certified corridor: levers bound how far bodies come together, and what is inside touches nothing."""
+"""The certified corridor: levers bound how far bodies approach each other, and no state inside is in contact."""
 
 from __future__ import annotations
 

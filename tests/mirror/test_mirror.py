@@ -1,4 +1,4 @@
-"""Mirrors: streams of joint states from everywhere, compared with a plan; what is wrong with them is named."""
+"""Mirrors: streams of joint states from all sources, compared with a plan; faults are named."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_good_stream_stays_inside(scene: rp.Scene, plan: rp.Trajectory) -> Non
     assert mirror.state.proven_free
     assert mirror.events == []
     assert "always inside the certified corridor" in str(report)
-    # MuJoCo is in the newest state, fingers included.
+    # MuJoCo is in the latest state, including fingers.
     names = [mirror.model.joint(i).name for i in range(mirror.model.njnt)]
     at = dict(zip(names, mirror.data.qpos.tolist(), strict=True))
     np.testing.assert_allclose([at[name] for name in ARM], mirror.state.q)

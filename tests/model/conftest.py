@@ -1,4 +1,4 @@
-"""Arms with everything a shipped robot has not: odd axes, slides, mimic joints, wide limits."""
+"""Arms with features that no shipped robot has: oblique axes, prismatic joints, mimic joints, wide limits."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def oblique_axis(*xyz):
 
 @pytest.fixture(scope="session")
 def odd_arm() -> Robot:
-    """Continuous, revolute, held, prismatic and mimic joints on oblique axes, all on the way to the tool."""
+    """Continuous, revolute, locked, prismatic and mimic joints on oblique axes, all in the chain to the tool."""
     step = pose([0.05, -0.1, 0.3], rpy=[0.3, -0.2, 0.4])
     joints = [
         Joint("turn", "continuous", "base", "a", step),

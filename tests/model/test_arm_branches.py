@@ -79,7 +79,7 @@ def test_solids_are_where_one_model_of_all_arms_has_them(scene, arms):
 
 
 def test_no_data_are_made_of_several_arms(scene, monkeypatch):
-    """Their size grows with the cube of the joints."""
+    """Their size grows with the cube of the number of joints."""
     joints = []
     create = pin.Model.createData
     monkeypatch.setattr(pin.Model, "createData", lambda model: joints.append(model.nv) or create(model))

@@ -1,4 +1,4 @@
-"""The compiled search beside descents written plainly on Pinocchio, and how it goes on."""
+"""The compiled search, compared with plain descents on Pinocchio, and its continuation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def search_for(robot, goal, seed=0, **settings):
 
 
 def slow_descent(kinematics, frame, T, q, steps=60):
-    """Levenberg-Marquardt on Pinocchio: where it ends, and the distance and angle that are left there."""
+    """Levenberg-Marquardt on Pinocchio: its last configuration, and the remaining distance and angle."""
     limits = kinematics.scene_model.limits
     index = kinematics.scene_model.frame_id(kinematics.frame(frame))
     mu, last = 0.1, np.inf
@@ -79,7 +79,7 @@ def test_descents_arrive_as_often_as_those_written_plainly(name, request):
         assert (q <= limits.upper).all()
         reached = kinematics.pose(q)
         off, turn = reached[:3, 3] - T[:3, 3], pin.log3(reached[:3, :3] @ T[:3, :3].T)
-        # What it says is left is what Pinocchio finds.
+        # The reported error is that of Pinocchio.
         assert square == pytest.approx(off @ off + 0.09 * turn @ turn, rel=1e-6, abs=1e-16)
         arrived += square < 1e-12
         _, off, turn = slow_descent(kinematics, "tool", T, start)
@@ -123,7 +123,7 @@ def test_solutions_are_reached_by_pinocchio_within_the_tolerances(redundant_arm)
 
 
 def test_a_second_attempt_with_the_whole_tolerance_leaves_the_random_numbers_of_others(planar2r):
-    """What a search with the same state finds next does not depend on it."""
+    """Later results of a search with the same state do not depend on it."""
     states, chain = [], chain_of(Kinematics(planar2r).scene_model.arm_model, f"arm/{planar2r.tool}")
     for share in (0.95, 50.0):
         state = random_state(3)

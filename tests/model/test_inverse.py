@@ -1,4 +1,4 @@
-"""Inverse kinematics: what it finds is right, what exists is found, what does not exist is explained."""
+"""Inverse kinematics: solutions are right, existing solutions are found, and missing ones are explained."""
 
 import numpy as np
 import pytest
@@ -102,7 +102,7 @@ def test_patience_ends_the_search_when_nothing_new_is_found(wrist_arm):
     assert 0 < hasty.attempts < whole.attempts
     # It is the beginning of the same search.
     assert {q.tobytes() for q in hasty.solutions} <= {q.tobytes() for q in whole.solutions}
-    # Before there is a solution, there is no end of patience.
+    # Without a solution, the search does not end early.
     out_of_reach = PoseGoal("tool", [9.0, 0.0, 0.0])
     assert solve_ik(kinematics, out_of_reach, rng=3, patience=4).attempts == whole.attempts
 
@@ -248,7 +248,7 @@ def test_wrong_calls_are_told(rr1):
 
 @pytest.mark.parametrize("share", [0.92, 0.96, 0.999])
 def test_a_pose_that_is_reached_only_at_the_edge_of_its_tolerance_is_solved(planar2r, rr1, share):
-    """Goals beyond a stretched arm, by a share of the tolerance."""
+    """Goals beyond a stretched arm, by a fraction of the tolerance."""
     arm = rp.Scene().with_arm("arm", planar2r)
     tolerance, stretched = 1e-4, np.array([1.7 * np.cos(0.4), 1.7 * np.sin(0.4), 0.0])
     goal = PoseGoal("tool", stretched * (1.0 + share * tolerance / 1.7))

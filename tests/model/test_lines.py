@@ -1,4 +1,4 @@
-"""The bound of how far an edge leaves a straight line holds, and is not absurdly large."""
+"""The bound of the deviation of an edge from a straight line holds and is not too large."""
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +11,7 @@ from rr1plan.model.workspace_lines import EdgeBound, Line
 
 
 def leave_of_chord(kinematics, a, b):
-    """How far the tool really leaves the chord [m] and the even turn [rad] between the ends of an edge."""
+    """Actual deviation of the tool from the chord [m] and from uniform rotation [rad] between the ends of an edge."""
     t = np.linspace(0.0, 1.0, 41)[:, None]
     T = kinematics.poses_batch(a + t * (b - a))
     p, R = T[:, :3, 3], T[:, :3, :3]

@@ -1,4 +1,4 @@
-"""What every plan of many arms has to hold."""
+"""Requirements on every plan of many arms."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rr1plan.collision import CollisionChecker
 
 
 def check_plan(problem: rp.Problem, result: ManyArmsResult, samples: int = 150) -> None:
-    """The referee certifies the motion, and Coal sees no contact at many instants."""
+    """Check that the referee certifies the motion and that Coal finds no contact at many instants."""
     assert result.found, result.reason
     assert result.trajectory is not None
     report = rp.validate(result.trajectory, problem.scene, problem)

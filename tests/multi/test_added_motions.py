@@ -1,4 +1,4 @@
-"""New goals while a plan runs: the past stays, the rest is certified, and who is in the way is named."""
+"""New goals while a plan runs: the past stays, the rest is certified, and arms in the way are named."""
 
 from __future__ import annotations
 

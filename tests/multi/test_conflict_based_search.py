@@ -1,4 +1,4 @@
-"""Conflict-based search: the least sum of arrivals, compared with brute force in the joint space of tiny roadmaps."""
+"""Conflict-based search: the minimum sum of arrivals, compared with brute force in the joint space of tiny roadmaps."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _STEP = 0.04  # of the brute force [s]
 
 
 def _duration(one: np.ndarray, two: np.ndarray, limits: rp.Limits) -> float:
-    """Of the fastest motion on a straight line from rest to rest [s]."""
+    """Duration of the fastest motion on a straight line from rest to rest [s]."""
     delta = np.abs(two - one)
     moving = delta > 0.0
     speed = (limits.velocity[moving] / delta[moving]).min()
@@ -39,7 +39,7 @@ def _duration(one: np.ndarray, two: np.ndarray, limits: rp.Limits) -> float:
 
 
 def _share(time: float, duration: float, one: np.ndarray, two: np.ndarray, limits: rp.Limits) -> float:
-    """How much of the line is done at a time."""
+    """Fraction of the line traversed at a time."""
     delta = np.abs(two - one)
     moving = delta > 0.0
     speed = (limits.velocity[moving] / delta[moving]).min()
@@ -69,7 +69,7 @@ class _Arm:
 
 
 def _brute_force(problem: rp.Problem, roadmaps: dict[str, tuple[np.ndarray, list[tuple[int, int]]]]) -> float:
-    """The least sum of arrivals of two arms in steps of time [s]; the goal of each is its vertex 1."""
+    """The minimum sum of arrivals of two arms in steps of time [s]; the goal of each is its vertex 1."""
     one, two = (_Arm(*roadmaps[arm], problem.scene.arms[arm].robot.limits) for arm in problem.arms)
     checker = CollisionChecker(problem.scene, problem.arms)
     free: dict[tuple, bool] = {}
@@ -118,7 +118,7 @@ def _case(name: str, planar2r: rp.Robot) -> tuple[rp.Problem, dict[str, tuple[np
         ends = {"left": ([-0.6, 0.0], [0.25, 0.0]), "right": ([pi - 0.9, 0.0], [pi, 0.0])}
         inner = {"left": [[-1.2, 0.3], [0.9, 0.0]], "right": [[pi + 0.9, 0.2]]}
     elif name == "pass":
-        # Both go through the middle, and one waits for that.
+        # Both go through the middle, so one waits.
         ends = {"left": ([-0.9, 0.0], [0.9, 0.0]), "right": ([pi + 0.9, 0.0], [pi - 0.9, 0.0])}
         inner = {"left": [[-0.3, 2.4]], "right": [[pi + 1.3, 0.4]]}
     else:
@@ -200,7 +200,7 @@ def test_a_search_that_gives_up_states_the_bound_of_the_plan_that_it_began_with(
     assert one.suboptimality is not None
     assert two.suboptimality is not None
     assert 1.0 <= one.suboptimality <= 1.1
-    # The least on the same roadmaps is at least what the first search has proven, and at most what it has found.
+    # The minimum on the same roadmaps is between the proven bound and the cost of the first search.
     assert two.suboptimality * arrivals[0] >= arrivals[1] - 1e-9
 
 
@@ -237,7 +237,7 @@ def test_constraints_put_off_what_they_have_to(rr1: rp.Robot) -> None:
     later = earliest_moves(roadmap, (Departure((2, 1), 0.0, half + 0.3),))
     assert later is not None
     assert later[-1].departure == pytest.approx(half + 0.3)
-    # Nobody may wait in the middle then: it waits at the start.
+    # Waiting in the middle is forbidden then: it waits at the start.
     waits = earliest_moves(roadmap, (Departure((2, 1), 0.0, half + 0.3), Presence(2, 0.0, half + 0.2)))
     assert waits is not None
     assert waits[0].departure == pytest.approx(0.2)

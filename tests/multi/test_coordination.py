@@ -1,4 +1,4 @@
-"""Coordination diagrams: what is free in them is free for checkers that share no code with them."""
+"""Coordination diagrams: free cells are free for checkers that share no code with them."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_a_diagram_is_that_of_the_other_order_transposed(crossing) -> None:
     _, one, two, blocked = crossing
     other = coordination_diagram(two, one)
     assert other is not None
-    # Where searches end early by a hair may depend on the order.
+    # Searches that end early by rounding may depend on the order.
     assert np.mean(blocked != other.T) < 0.01
 
 

@@ -55,7 +55,7 @@ def _cycle(planar2r: rp.Robot, count: int = 3, radius: float = 1.3) -> rp.Proble
 
 
 def _idle(planar2r: rp.Robot) -> rp.Problem:
-    """An arm without a goal hangs into the way of another one."""
+    """An arm without a goal blocks the path of another arm."""
     scene = rp.Scene().with_arm("left", planar2r, (-1.2, 0.0, 0.0)).with_arm("idle", planar2r, (-0.6, 1.5, 0.0))
     scene = scene.with_obstacle("wall", rp.Box((0.1, 3.0, 0.2)), (-1.5, 0.0, 0.0))
     start = {"left": [1.3, 0.3], "idle": [-np.pi / 2, 0.0]}
@@ -63,7 +63,7 @@ def _idle(planar2r: rp.Robot) -> rp.Problem:
 
 
 def _retreat(planar2r: rp.Robot) -> rp.Problem:
-    """One sweeps across the start and the goal of the other, which has to back up beyond its start before it may go."""
+    """One sweeps across start and goal of the other, which has to back up beyond its start before it can proceed."""
     scene = _facing(planar2r).with_obstacle("wall", rp.Box((0.1, 1.6, 0.2)), (1.7, 0.0, 0.0))
     start = {"left": [0.2, 0.0], "right": [np.pi - 0.9, 0.0]}
     return rp.Problem(scene, start, {"left": [-0.5, 0.0], "right": [np.pi + 0.9, 0.0]})
@@ -81,7 +81,7 @@ def _pools(problem: rp.Problem) -> dict[str, PathPool]:
 
 
 def _prioritized(paths: dict[str, AgentPath], order: tuple[str, ...]) -> bool:
-    """Plain prioritized planning: each arm on its path, among the schedules of those before it."""
+    """Plain prioritized planning: each arm on its path, given the schedules of the arms before it."""
     done: list[Schedule] = []
     for arm in order:
         diagrams = [(coordination_diagram(paths[arm], other.path), other) for other in done]

@@ -1,4 +1,4 @@
-"""Interaction groups: what actual paths sweep decides which arms are planned together, and threads change nothing."""
+"""Interaction groups: swept volumes of the paths determine which arms are planned together; threads have no effect."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_arms_of_different_groups_never_touch(grid: rp.Problem, pools: dict[str,
         for one, two in combinations(grid.arms, 2):
             if group_of[one] != group_of[two]:
                 assert diagrams.diagram(paths[one], paths[two]) is None
-    # What moves as one is one.
+    # Arms that move as one are one group.
     assert len(meeting_groups(dict.fromkeys(grid.arms, paths[grid.arms[0]]), near, diagrams)) == 1
 
 

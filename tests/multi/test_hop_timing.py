@@ -1,4 +1,4 @@
-"""Motions from stop to stop under torque and jerk limits: the limits hold, and arms are where schedules have them."""
+"""Motions from stop to stop under torque and jerk limits: the limits hold, and arms follow their schedules."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class _Free:
 
 
 def _weak(robot: rp.Robot, share: float) -> rp.Robot:
-    """The robot with a share of its effort limits."""
+    """The robot with a fraction of its effort limits."""
     kept = {name: getattr(robot.limits, name) for name in ("lower", "upper", "velocity", "acceleration", "jerk")}
     return replace(robot, limits=rp.Limits(**kept, effort=share * robot.limits.effort))
 

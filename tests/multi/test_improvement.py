@@ -169,7 +169,7 @@ def test_every_state_is_certified_and_cheaper_than_the_one_before(planar2r: rp.R
 
 
 class _Clock(Stopwatch):
-    """A clock that goes on by a second at each reading of `goes_on`."""
+    """A clock that advances by a second at each call of `goes_on`."""
 
     def __init__(self) -> None:
         super().__init__(math.inf)

@@ -1,4 +1,4 @@
-"""Many arms on one clock: what every plan has to hold, and groups of arms that meet."""
+"""Many arms on one clock: requirements on every plan, and groups of arms that meet."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_arms_that_cannot_meet_are_planned_apart(rr1: rp.Robot, assert_safe: Che
     assert interaction_groups(near) == [("arm01", "arm02", "arm03"), ("left01", "left02")]
     goal = {arm: np.array([0.4, 0.1, 0.3, 0.2, 1.2, 0.3]) for arm in scene.arms}
     result = plan_many_arms(rp.Problem(scene, None, goal), rng=0, budget=_BUDGET)
-    # They could meet, but what they sweep does not.
+    # They could meet, but their swept volumes do not.
     assert [len(group.arms) for group in result.groups] == [1] * 5
     assert_safe(rp.Problem(scene, None, goal), result, 30)
 

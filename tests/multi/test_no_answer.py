@@ -1,4 +1,4 @@
-"""Problems of many arms without an answer: proofs where there are any, and never a motion that is none."""
+"""Problems of many arms without a solution: proofs where possible, and never an invalid motion."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def _sealed(planar2r: rp.Robot) -> rp.Problem:
 
 def test_a_first_path_that_runs_out_of_time_was_not_cancelled(planar2r: rp.Robot) -> None:
     class Late(Stopwatch):
-        """A clock whose end the planner only learns of by its progress callback."""
+        """A clock whose end the planner can only detect by its progress callback."""
 
         @property
         def time_left(self) -> float:

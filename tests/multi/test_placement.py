@@ -1,4 +1,4 @@
-"""Placement helpers: where arms stand and which way they look."""
+"""Placement helpers: positions and headings of arms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Temporal plan graphs: complete, minimal, acyclic; safe whatever is delayed; what a file holds is what was saved."""
+"""Temporal plan graphs: complete, minimal, acyclic; safe under all delays; unchanged by saving and loading."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def ring(rr1: rp.Robot) -> Plan:
 def _reachable(
     graph: rp.PlanGraph, without: rp.Dependency | None = None
 ) -> dict[tuple[int, int], set[tuple[int, int]]]:
-    """All that has to happen before each node, by plain search backward."""
+    """All predecessors of each node, by plain backward search."""
     before: dict[Step, list[Step]] = {}
     for agent, route in enumerate(graph.routes):
         for step in range(1, len(route.steps)):

@@ -62,7 +62,7 @@ def test_in_a_ring_each_tool_gets_where_the_neighbor_was(rr1: rp.Robot) -> None:
 
 
 def tools(problem: rp.Problem, q: np.ndarray) -> dict[str, np.ndarray]:
-    """Where the tools of all arms are."""
+    """Positions of the tools of all arms."""
     poses = problem.scene.link_poses(problem.scene.split(q, problem.arms))
     return {arm: poses[f"{arm}/{problem.scene.arms[arm].robot.tool}"][:3, 3] for arm in problem.arms}
 

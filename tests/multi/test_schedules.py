@@ -1,4 +1,4 @@
-"""Schedules on fixed paths: the dynamics of hops, what they occupy, and the earliest schedule among moving agents."""
+"""Schedules on fixed paths: dynamics of hops, occupancy, and the earliest schedule among moving agents."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def test_an_agent_waits_until_a_segment_is_free_and_leaves_its_start_in_time(pat
     assert schedule is not None
     assert _is_safe(schedule, blocked)
     assert 3.0 < schedule.arrival < 3.0 + path.fastest
-    # The start is needed by another one before that.
+    # Another agent needs the start before that.
     blocked = _times(path, [(0, 1.0, 2.5), (1, 1.0, 2.5), (middle, -math.inf, 3.0)])
     schedule = earliest_schedule(path, blocked)
     assert schedule is not None

@@ -1,4 +1,4 @@
-"""Arms that were planned as one get schedules of their own: the motion stays, the order is certified or refused."""
+"""Arms that were planned as one get separate schedules: the motion stays, and their order is certified or rejected."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who waits for whom, and where two arms are in their coordination diagram."""
+"""Who waits for whom, and positions of two arms in their coordination diagram."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def in_contact(schedules: list[Schedule], problem: rp.Problem, step: float = 0.0
 
 
 def test_an_arm_that_does_not_wait_touches_one_that_it_waits_for(motion: rp.MotionPlan) -> None:
-    """The slow way: without its wait, an arm gets too near to one of the others that the wait names."""
+    """The slow way: without its wait, an arm gets too close to one of the arms that the wait names."""
     assert motion.many_arms is not None
     schedules = motion.many_arms.separated.schedules
     for wait in waits_of(schedules):

@@ -1,4 +1,4 @@
-"""The anytime planner: what the contract of all planners does not ask."""
+"""The anytime planner: properties beyond the contract of all planners."""
 
 from __future__ import annotations
 

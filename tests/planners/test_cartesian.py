@@ -1,4 +1,4 @@
-"""Straight lines: straight between waypoints too, certified, or a reason and how far it came."""
+"""Straight lines: straight between waypoints too, certified; otherwise a reason and the fraction reached."""
 
 import numpy as np
 import pytest

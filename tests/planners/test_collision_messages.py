@@ -1,4 +1,4 @@
-"""What a start or a goal in collision is answered with: pairs, depths, and what helps where an object is held."""
+"""Messages for a start or goal in collision: pairs, depths, and remedies for attached objects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every planner in the table has to keep; a new row is found here by itself."""
+"""The contract of every planner in the table; new rows are tested automatically."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values that a joint cannot pass: proofs hold at random samples, and what can be passed is not called barred."""
+"""Values that a joint cannot pass: proofs hold at random samples, and passable values are not reported."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_what_is_barred_is_infeasible_before_the_budget_ends(on_floor: rp.Scene)
     many = rp.plan_many_arms(problem, budget=Budget(60.0), rng=0)
     assert many.status is PlanStatus.INFEASIBLE
     assert many.reason.startswith("arm: no path exists: joint 'arm/swing' cannot pass")
-    # A goal on this side is reached, whatever else is none.
+    # A goal on this side is reached, even if others are not.
     either = rp.Problem(on_floor, problem.start, {"arm": [rp.JointGoal([2.0, 5.2, -1.0]), rp.JointGoal([2.0, 0, 0])]})
     assert rp.plan(either, budget=BUDGET, rng=0).found
 

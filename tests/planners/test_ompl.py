@@ -1,4 +1,4 @@
-"""The guarded door to OMPL, on plain arrays and a wall; every way OMPL can die is tried in a process of its own."""
+"""The guarded interface to OMPL, on plain arrays and a wall; each way to crash OMPL is tried in a separate process."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def in_a_process(code: str, timeout: float = 60.0) -> subprocess.CompletedProces
 
 def assert_clean(done: subprocess.CompletedProcess[str]) -> None:
     assert done.returncode == 0, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
-    # What is said of the first compilation depends on what ran before.
+    # Messages about the first compilation depend on earlier runs.
     said = [line for line in done.stderr.splitlines() if not line.startswith("compiling for this machine")]
     assert said == [], "nothing else may be said on stderr, not at exit either"
 

@@ -1,4 +1,4 @@
-"""A planner of the caller's own: taken by instance or by name, held to the contract, and refused in words."""
+"""User-defined planners: accepted by instance or by name, checked against the contract, and rejected with a reason."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class ViaPoint(rp.Planner):
 
 
 class Answering(rp.Planner):
-    """Returns what it is told to."""
+    """Returns a given result."""
 
     name = "answering"
 

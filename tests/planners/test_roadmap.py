@@ -1,4 +1,4 @@
-"""Roadmaps, kept and learning: what the contract of all planners does not ask."""
+"""Persistent, growing roadmaps: properties beyond the contract of all planners."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def seam():
 
 
 def short_way(problem, difference):
-    """Differences of configurations, those of endless joints the short way."""
+    """Differences of configurations; continuous joints go the short way."""
     endless = problem.scene.arm(problem.arms[0]).robot.continuous > 0.0
     return np.where(endless, difference - 2 * np.pi * np.round(difference / (2 * np.pi)), difference)
 
@@ -93,7 +93,7 @@ def test_the_answer_is_the_shortest_way_along_the_free_edges(name, samples, requ
     assert result.status is PlanStatus.FOUND
     assert result.iterations == 0
     assert result.path.length == pytest.approx(expected, rel=1e-9)
-    # What is known from the first time does not change it.
+    # Results cached from the first time do not change it.
     again = roadmap.plan(problem, rng=1)
     assert again.path.waypoints.tobytes() == result.path.waypoints.tobytes()
     assert again.edges_checked < result.edges_checked
@@ -162,7 +162,7 @@ def test_a_question_for_another_scene_or_other_arms_is_refused(shelf, seam):
     # Its edges are proven without a margin.
     with pytest.raises(InputError, match="keeps a margin"):
         roadmap.plan(shelf.with_margin(0.01))
-    # Where the arm stands is no part of the roadmap.
+    # The configuration of the arm is not part of the roadmap.
     moved = shelf.scene.with_configuration(shelf.arms[0], shelf.start + 0.01)
     assert roadmap.plan(rp.Problem(moved, shelf.start, shelf.goal), budget=COUNTED, rng=0).status is PlanStatus.FOUND
 

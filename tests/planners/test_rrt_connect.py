@@ -1,4 +1,4 @@
-"""The compiled RRT-Connect: what the contract of all planners does not ask."""
+"""The compiled RRT-Connect: properties beyond the contract of all planners."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_no_end_of_more_goals_has_room(monkeypatch):
             assert (np.diff(np.linalg.norm(query.goals - problem.start, axis=1)) >= 0.0).all()
         assert len(query.goals) == len(known)
         assert roots_of_goals(search.trees) == known
-        # And trees that are planted anew have them all.
+        # Reinitialized trees have them all.
         assert not search.connect(samples=5)
         assert roots_of_goals(search.trees) == known
 
@@ -154,7 +154,7 @@ def roots_of_goals(trees):
 
 
 def test_a_question_within_a_question_spoils_neither(cage):
-    """Searches use the memory of those before them, but never of one that is under way."""
+    """Searches reuse the memory of earlier searches, but never of a running one."""
     alone = rp.plan(cage, budget=COUNTED, rng=3).path.waypoints
     inner = []
 

@@ -1,4 +1,4 @@
-"""Joints that turn without end: where planners search, which goal is the nearest, how trees meet across a seam."""
+"""Continuous joints: the space that planners search, the nearest goal, and trees that meet across a seam."""
 
 from __future__ import annotations
 

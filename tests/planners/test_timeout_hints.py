@@ -1,4 +1,4 @@
-"""Why there may be no path: the pair of links that separates start and goal is named, whatever the planner."""
+"""Hints why there may be no path: the pair of links that separates start and goal is named, for every planner."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Proofs that arms touch nothing: sound, used, and without any effect on what a simulation computes."""
+"""Proofs that arms touch nothing: sound, used, and without effect on the results of a simulation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FLOOR = rp.HalfSpace((0.0, 0.0, 1.0), -0.02)
 
 
 def ring(count: int, radius: float) -> rp.Scene:
-    """RR1 around a post, near enough to touch each other, the post and the floor."""
+    """RR1 around a post, close enough to touch each other, the post and the floor."""
     robot = rp.load_robot("rr1")
     turns = 2.0 * np.pi * np.arange(count) / count
     places = (pose([radius * np.cos(t), radius * np.sin(t), 0.0], rpy=[0.0, 0.0, t]) for t in turns)
@@ -30,7 +30,7 @@ def ring(count: int, radius: float) -> rp.Scene:
 
 
 def wander(scene: rp.Scene, names: tuple[str, ...], seed: int, seconds: float) -> rp.Trajectory:
-    """Through random configurations, at rest in each."""
+    """A motion through random configurations, with a stop at each."""
     rng, limits = np.random.default_rng(seed), scene.limits()
     home = scene.configuration()
     points = home + np.array([[0.0], [0.6], [0.4], [0.8]]) * (
@@ -52,7 +52,7 @@ def search_always(sim: rp.Simulation) -> None:
 
 
 class Run:
-    """What a simulation of wandering arms and their grippers does."""
+    """Results of a simulation of randomly moving arms and their grippers."""
 
     def __init__(self, scene: rp.Scene, seed: int, *, proofs: bool, push: float = 0.0) -> None:
         sim = rp.Simulation(scene)
@@ -134,14 +134,14 @@ def test_arms_on_threads_move_as_on_one(monkeypatch: pytest.MonkeyPatch, threads
     assert shared.contacts == whole.contacts != ()
     assert 40 < taken < 500
     assert workers == set(range(threads))
-    # Whoever looks finds everything of the last step.
+    # All values of MuJoCo's data belong to the last step.
     for name in ("time", "qpos", "qvel", "qacc", "ctrl", "actuator_force", "qfrc_bias", "xpos", "geom_xpos", "ncon"):
         np.testing.assert_array_equal(getattr(shared.data, name), getattr(whole.data, name))
     assert tile.arms is None
 
 
 class Steps:
-    """How many steps are taken in one go from states that are proven."""
+    """Number of steps that simulations take at once from proven states."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.counts: list[int] = []
@@ -156,7 +156,7 @@ class Steps:
 
 
 def end_of(sim: rp.Simulation, executions: list[rp.Execution]) -> list[object]:
-    """All that a run leaves to be seen."""
+    """All observable results of a run."""
     outcomes = [(e.status, e.message, e.ended, e.max_error.tobytes()) for e in executions]
     rows = (sim.positions, sim.velocities, sim.efforts, sim.set_points)
     return [sim.steps, sim.contacts, sim.max_penetration, *(row.tobytes() for row in rows), *outcomes]
@@ -293,7 +293,7 @@ def test_what_needs_the_state_takes_single_steps(monkeypatch: pytest.MonkeyPatch
 
 
 class Foreseen(rp.Controller):
-    """Previews a sway, or something else in place of it."""
+    """Previews a sway, or another motion instead."""
 
     def __init__(self, names: tuple[str, ...], wrong: object = None) -> None:
         super().__init__(names)

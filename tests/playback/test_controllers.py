@@ -21,14 +21,14 @@ ARM = [f"rr1/{name}" for name in rp.load_robot("rr1").joint_names]
 
 
 class Sway(rp.Controller):
-    """A user's own controller: one method."""
+    """A user-defined controller: one method."""
 
     def update(self, state: rp.JointState) -> rp.SetPoint:
         return rp.SetPoint(np.full(len(self.joints.names), 0.05 * math.sin(3.0 * state.time)))
 
 
 def motion(scene: rp.Scene, names: list[str], seconds: float = 0.6, by: float = 0.2) -> rp.Trajectory:
-    """From the scene's configuration by some angle, quintic, at rest at both ends."""
+    """A quintic motion from the scene's configuration by some angle, at rest at both ends."""
     q = scene.configuration()
     start = np.array([q[scene.joint_names().index(name)] for name in names])
     still = np.zeros((2, len(names)))
@@ -41,7 +41,7 @@ def scene() -> rp.Scene:
 
 
 def made(kind: str, scene: rp.Scene) -> tuple[rp.Controller, Callable[[], object]]:
-    """A controller, and a call that gives it something to do once it is active."""
+    """A controller, and a call that commands a motion once it is active."""
     if kind == "own":
         return Sway(ARM), lambda: None
     if kind == "trajectory":
@@ -149,7 +149,7 @@ def test_a_trajectory_is_followed_and_its_execution_succeeds(scene: rp.Scene) ->
     np.testing.assert_allclose(sim.configuration(), trajectory(0.6), atol=1e-4)
 
 
-# Positions of the joints that the RR1 twin of the thesis was driven through [rad], each in 4 s.
+# Joint positions through which the RR1 twin of the thesis was driven [rad], each in 4 s.
 POSES = (
     *((-2.25, -0.39, 1.30, 0.05, 3.10, 1.25), (-0.35, -0.25, 1.15, -2.15, 1.80, -1.20)),
     *((1.40, 0.39, 0.95, 2.30, 2.65, -0.60), (-2.35, 0.32, -1.10, -1.50, 1.40, 0.50)),
@@ -166,7 +166,7 @@ def test_seven_poses_are_tracked_also_with_an_unknown_load(rr1: rp.Robot, payloa
     tool, jacobian = model.body("rr1/tool").id, np.zeros((3, model.nv))
 
     def pull(_: rp.Simulation) -> None:
-        """The weight of a load at the tool, of which the feed-forward does not know [kg]."""
+        """Mass of a load at the tool, which the feed-forward torque does not model [kg]."""
         mujoco.mj_jac(model, data, jacobian, None, data.xpos[tool], tool)
         data.qfrc_applied[:] = jacobian[2] * (-9.81 * payload)
 
@@ -287,7 +287,7 @@ def test_tolerances_end_an_execution_with_the_codes_of_ros(scene: rp.Scene) -> N
     pushed.activate(late)
     execution = late.send(motion(scene, ARM))
     body = pushed.model.body("rr1/hand_link").id
-    pushed.data.xfrc_applied[body, 2] = -20.0  # a load that the feed-forward does not know
+    pushed.data.xfrc_applied[body, 2] = -20.0  # a load that the feed-forward torque does not model
     pushed.run(until=1.0)
     assert execution.status is rp.ExecutionStatus.GOAL_TOLERANCE_VIOLATED
     assert execution.code == -5
@@ -386,7 +386,7 @@ def test_manual_control_follows_sliders_and_keys_within_speed_and_limits(scene: 
     assert hand.selected == ARM[2]
     sim.run(duration=1.0)
     assert sim.configuration()[2] == pytest.approx(start[2] + 0.05, abs=1e-3)
-    # A new target takes over on the way, without a jump of the velocity.
+    # A new target during the motion, without a jump of the velocity.
     hand.move(ARM[0], 1.0)
     sim.run(duration=0.3)
     before = sim.velocities[0]
@@ -507,7 +507,7 @@ def test_a_run_can_be_paused_and_paced(scene: rp.Scene) -> None:
 
 
 def test_a_trajectory_ends_with_its_controller(scene: rp.Scene) -> None:
-    """Whoever waits for its execution to end must not wait for ever."""
+    """Waiting for its execution to end must not block forever."""
     follow, hold = rp.JointTrajectoryController(ARM), rp.ForwardPositionController(ARM)
     sim = rp.Simulation(scene)
     for swap in (lambda: sim.activate(hold, replace=True), lambda: sim.deactivate(follow)):

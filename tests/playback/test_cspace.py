@@ -1,4 +1,4 @@
-"""The configuration space: every cell agrees with Coal, components know the torus, pictures are written."""
+"""The configuration space: every cell agrees with Coal, components wrap around the torus, pictures are written."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def hopeless() -> rp.Problem:
 
 @pytest.mark.parametrize("name", ["planar2r_path", "planar2r_no_path"])
 def test_every_cell_of_360_by_360_agrees_with_coal(name: str) -> None:
-    """Each cell against Coal on two capsules and the scene's cylinders, set up here and asked one by one."""
+    """Each cell against Coal on two capsules and the scene's cylinders, built here and checked one by one."""
     scene = rp.load_scene(name)
     grid = compute_grid(scene, resolution=360)
     arm, geometry = _two_bars(scene)
@@ -297,7 +297,7 @@ def test_a_slice_is_where_it_is_asked_for(rr1_table: rp.Scene) -> None:
     assert str(given) == str(stands) != str(here)
     zero = rp.cspace(rr1_table, joints=joints, at="zero", resolution=24)
     assert "a slice, at upper_arm_joint = 0, forearm_joint = 0, wrist_joint = 0, hand_joint = 0" in str(zero)
-    # Values of the two joints themselves do not count, not even beyond their limits.
+    # Values of the two joints themselves are ignored, even beyond their limits.
     q[[0, list(rr1_table.arms["rr1"].robot.joint_names).index("elbow_joint")]] = 9.0
     assert np.array_equal(rp.cspace(rr1_table, joints=joints, at=q, resolution=24).grid.labels, given.grid.labels)
 

@@ -1,4 +1,4 @@
-"""What the lesson page is told: components, the tree from its roots, the arm as two bars, one true sentence."""
+"""Data of the lesson page: components, the tree from its roots, the arm as two bars, one true sentence."""
 
 from __future__ import annotations
 

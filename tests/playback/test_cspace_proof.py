@@ -1,4 +1,4 @@
-"""The verdict "no path exists" is a proof: no planner finds a path, and all of a certified cell is in contact."""
+"""The verdict "no path exists" is a proof: no planner finds a path, and certified cells are entirely in contact."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SPANS = {"continuous": (-np.inf, np.inf), "revolute": (-2.0, 2.5), "prismatic": 
 
 
 def robot_of(joints: list[Joint], collisions: dict[str, list[Geometry]]) -> Robot:
-    """An arm whose planning joints are those that mimic no other one."""
+    """An arm whose planning joints are those that do not mimic others."""
     own = [joint for joint in joints if joint.mimic is None]
     names = ["base", *(joint.child for joint in joints)]
     links = tuple(Link(name, collisions=tuple(collisions.get(name, ()))) for name in names)
@@ -144,7 +144,7 @@ def test_every_configuration_of_a_certified_cell_is_in_contact(seed: int) -> Non
     checker = CollisionChecker(scene)
     places, blocked = certified_cells(scene, rng)
     assert [q for q in places if checker.is_free(q)] == []
-    # Not by certifying next to nothing.
+    # A sufficient fraction is certified.
     touching = sum(not checker.is_free(q) for q in somewhere(scene, rng, 200)) / 200
     assert blocked.mean() > 0.2 * touching - 0.1
 
@@ -242,7 +242,7 @@ def test_a_path_that_was_found_is_never_contradicted() -> None:
 
 
 def test_a_path_counts_as_an_answer_only_if_it_is_one() -> None:
-    """A result of another query, of another world, or made by hand proves nothing."""
+    """A result of another query or scene, or one constructed by hand, proves nothing."""
     problem = before_a_wall(-0.01)
     empty = rp.Scene().with_arm("arm", gantry())
     elsewhere = rp.plan(rp.Problem(empty, problem.start, [0.8, 0.5]), rng=0)

@@ -92,7 +92,7 @@ def test_colliding_bodies_keep_their_momentum() -> None:
 
 
 def test_the_model_has_the_inertia_that_mujoco_gives_the_same_bodies() -> None:
-    """A body of MuJoCo's own, with mass and geoms in MJCF, as a second opinion; a mesh as its vertices."""
+    """A body in plain MJCF, with mass and geoms, as a second opinion; a mesh as its vertices."""
     hull = rp.Mesh([[0, 0, 0], [0.2, 0, 0], [0, 0.1, 0], [0, 0, 0.3]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     parts = {
         rp.Box((0.1, 0.2, 0.3)): 'type="box" size="0.05 0.1 0.15"',
@@ -357,7 +357,7 @@ def test_more_bodies_than_the_memory_holds_are_refused_before_it_is_taken(monkey
 
 
 def test_other_users_of_the_model_take_loose_bodies_as_fixed_and_say_what_is_forbidden() -> None:
-    """Neither a body on the floor nor an allowed one that an arm touches is a fault, one that is not allowed is."""
+    """A body on the floor, or touched by an arm that may touch it, is not a fault; a forbidden contact is."""
     scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1")).with_obstacle("floor", rp.HalfSpace())
     tool = scene.link_poses()["rr1/hand_link"][:3, 3]
     loose = scene.with_obstacle("held", rp.Box((0.1, 0.1, 0.1)), tool, mass=1.0)

@@ -116,7 +116,7 @@ def test_a_collision_has_a_place_between_the_bodies(rr1_table: rp.Scene) -> None
     trajectory = rp.Trajectory.from_samples(
         rr1_table.joint_names(), [0.0, 1.0], [start, start + np.array([0.0, 1.5, 0.8, 0.0, 0.0, 0.0])]
     )
-    # A second arm far away, which the place does not depend on.
+    # A second arm far away, which does not affect the place.
     two = rr1_table.with_arm("other", rr1_table.arms["rr1"].robot, [3.0, 0.0, 0.0])
     report = rp.validate(trajectory, rr1_table)
     places = violation_places(rr1_table, trajectory, report)

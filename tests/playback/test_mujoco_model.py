@@ -1,4 +1,4 @@
-"""How MuJoCo models of scenes are built; what they do is in `test_simulation`."""
+"""Construction of MuJoCo models of scenes; their behavior is in `test_simulation`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Time lines and coordination diagrams: what they hold, and that their files are what they claim."""
+"""Time lines and coordination diagrams: their content, and valid output files."""
 
 from __future__ import annotations
 

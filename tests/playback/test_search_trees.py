@@ -1,4 +1,4 @@
-"""Search trees as they are drawn: whose each edge is, and how far along it it is."""
+"""Search trees as drawn: the tree of each edge, and its distance along the tree."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_tree_that_hangs_on_no_known_root_begins_at_its_first_vertex() -> None
     ids=["rrt_connect", "ompl_rrt_connect", "rrt"],
 )
 def test_a_planners_trees_hang_together_as_they_grow(planner: rp.Planner) -> None:
-    """In the order of how far they are along their tree, edges begin at its root or at an edge before them."""
+    """In order of their distance along the tree, edges start at its root or at an earlier edge."""
     problem = rp.load_problems("planar2r_path")["over_the_seam"]
     tree = planner.plan(problem, budget=rp.Budget(iterations=20000), rng=3).tree
     assert tree is not None
@@ -108,7 +108,7 @@ def test_a_huge_tree_is_thinned_to_a_part_of_it_that_hangs_together(most: int) -
         assert frozenset(ends) in known
         assert ends & seen, "an edge that begins nowhere"
         seen |= ends
-    # It still reaches as far as the whole one.
+    # It still reaches as far as the complete tree.
     span = np.ptp(tree.vertices, axis=0)
     assert (np.ptp(drawn.vertices, axis=0) > 0.75 * span).all()
 

@@ -1,4 +1,4 @@
-"""MuJoCo replay: the model agrees with Pinocchio, and what the report says is what happened."""
+"""MuJoCo replay: the model agrees with Pinocchio, and the report is correct."""
 
 from __future__ import annotations
 
@@ -214,7 +214,7 @@ def test_bad_arguments_are_named(rr1_table: rp.Scene) -> None:
 
 @pytest.fixture
 def too_fast(rr1_table: rp.Scene) -> rp.Trajectory:
-    """A motion whose set-points are larger than MuJoCo takes."""
+    """A motion whose set-points exceed the range of MuJoCo."""
     q = rr1_table.configuration()
     return quintic(rr1_table, q, q + 1e12, 1.0)
 

@@ -1,4 +1,4 @@
-"""Where the page is looked at from first: what has to be seen is seen, and a view can be given."""
+"""The initial camera of the page: the arms are visible, and a view can be given."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_a_panda_behind_a_wall_is_looked_at_from_where_it_is_seen(
     ]
 
     def hidden(direction: Any) -> float:
-        """The share of the arm's surface from which the wall is met on the way to a camera that far away."""
+        """The fraction of the arm's surface that the wall hides from a camera in a direction."""
         steps = np.linspace(0.0, 6.0, 600)[:, None] * direction
         at = (np.array(corners)[:, None] + steps - wall.pose[:3, 3]) @ wall.pose[:3, :3]
         return float(inside(wall.geometries[0].shape, at).any(axis=1).mean())
@@ -87,7 +87,7 @@ def test_a_transparent_wall_hides_nothing(rr1: rp.Robot) -> None:
 
 
 def inside(shape: Any, at: np.ndarray) -> np.ndarray:
-    """Which points (..., 3), in the shape's coordinates, are in it."""
+    """Whether points (..., 3), in the shape's coordinates, are inside it."""
     match shape:
         case rp.Box():
             return (np.abs(at) <= 0.5 * np.array(shape.size)).all(axis=-1)

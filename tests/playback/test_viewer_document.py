@@ -1,4 +1,4 @@
-"""What is sent to the page, without a browser."""
+"""The data sent to the page, tested without a browser."""
 
 from __future__ import annotations
 
@@ -222,7 +222,7 @@ def test_arrays_are_packed_exactly() -> None:
 
 
 def spheres_sent(document: dict) -> dict[str, list[np.ndarray]]:
-    """Levels, centers and radii by the names of links of the first robot and of held objects."""
+    """Levels, centers and radii by names of links of the first robot and of attached objects."""
     (robot,) = document["robots"]
     things = [(robot["links"], robot["spheres"])] + [([a["name"]], a["spheres"]) for a in document["attachments"]]
     sent = {}

@@ -1,4 +1,4 @@
-"""The live page's server, spoken to without a browser."""
+"""The live page's server, tested without a browser."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def fetch(url: str, host: str | None = None) -> str:
 
 
 async def close(connection: WebSocketClientConnection) -> None:
-    """Close a connection and read what the server sent before it knew; after the last message comes None."""
+    """Close a connection, and read what the server sent before it noticed; None follows the last message."""
     connection.close()
     message: str | bytes | None = ""
     while message is not None:
@@ -50,7 +50,7 @@ async def close(connection: WebSocketClientConnection) -> None:
 
 
 def token_in(page: str) -> str:
-    """What a page shows to follow its viewer and to act on it."""
+    """The token with which a page follows its viewer and acts on it."""
     found = re.search(r'"token":\s*"([^"]+)"', page)
     assert found is not None
     return found[1]
@@ -207,7 +207,7 @@ def test_wait_ends_with_close_and_with_its_timeout(viewer: Viewer) -> None:
 
 
 async def look(viewer: Viewer, times: int, away: float) -> None:
-    """A page that is opened, and loaded again `times` - 1 times."""
+    """A page that is opened, and reloaded `times` - 1 times."""
     for _ in range(times):
         connection = await websocket_connect(updates(viewer))
         await asyncio.sleep(0.05)
@@ -312,7 +312,7 @@ def test_without_the_token_nothing_is_told_and_nothing_heard(viewer: Viewer, rr1
         return told
 
     assert asyncio.run(try_to_act()) == [{"type": "reload"}]
-    # The same message is heard from a page that knows the token.
+    # The same message is accepted from a page with the token.
     asyncio.run(asyncio.wait_for(_act(viewer, heard), 20))
     assert heard == [("rr1/upper_arm_joint", 0.25)]
     assert viewer._page.visits == 1
@@ -353,7 +353,7 @@ def test_viewers_share_one_port_and_one_thread(rr1_table: rp.Scene, planar2r: rp
         two.update([0.3, 0.4])
         frames = [asyncio.run(listen(v, 1))[0] for v in (one, two)]
         assert [len(frame) for frame in frames] == [8 * 6, 8 * 2]
-        # A page's token is of no use at another page.
+        # A page's token is invalid for other pages.
         assert json.loads(asyncio.run(listen(two, 1, token=token_in(fetch(one.url))))[0]) == {"type": "reload"}
         one.close()
         assert one.closed
@@ -394,7 +394,7 @@ def test_what_is_not_finite_is_never_sent(rr1_table: rp.Scene, bad: float) -> No
             viewer.pause()
             return await listening
 
-        # The first message is that of the only call that was right.
+        # The first message is from the only valid call.
         assert json.loads(asyncio.run(follow())[0])["type"] == "pause"
 
 

@@ -1,4 +1,4 @@
-"""Arms without shapes of any number of joints, and a certifier with a mind of its own."""
+"""Arms without shapes with any number of joints, and a certifier with given verdicts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rr1plan.robot import Joint, Link
 
 
 class Certifier:
-    """Says what it is told to, and remembers the curves it was asked about."""
+    """Returns given verdicts, and records the curves to certify."""
 
     def __init__(self, answer: Callable[[np.ndarray, float], bool] = lambda c, d: True) -> None:
         self.answer = answer
@@ -34,7 +34,7 @@ def limits_of(
 
 
 def shapeless_scene(limits: rp.Limits) -> rp.Scene:
-    """One arm "a" with joints j0, j1, ... that cannot hit anything."""
+    """One arm "a" with joints j0, j1, ... that cannot collide."""
     n = len(limits)
     robot = rp.Robot(
         name="shapeless",
@@ -87,7 +87,7 @@ def distance_to_polyline(points: np.ndarray, polyline: np.ndarray) -> np.ndarray
 
 
 def check_motion(trajectory: rp.Trajectory, waypoints: Any, limits: rp.Limits, jerk: bool = False) -> None:
-    """What every retiming promises: ends exact and at rest, smooth, limits held everywhere."""
+    """Requirements on every retiming: exact ends at rest, smoothness, limits kept everywhere."""
     points = np.asarray(waypoints, dtype=float)
     size = 1.0 + np.abs(points).max()
     assert trajectory.start_time == 0.0
@@ -111,7 +111,7 @@ def check_motion(trajectory: rp.Trajectory, waypoints: Any, limits: rp.Limits, j
 
 @pytest.fixture
 def tools() -> Any:
-    """The helpers above, for the test modules beside this file."""
+    """The helpers above, for the test modules in this folder."""
     from types import SimpleNamespace
 
     return SimpleNamespace(

@@ -40,6 +40,6 @@ def test_what_is_left_out_says_nothing(grid):
         between = points[a : b + 1]
         once = between[np.concatenate([[True], (np.diff(between, axis=0) != 0).any(axis=1)])]
         assert straight(once)
-    # and no corner that is left says nothing: unless the next edge would be a straight one too
+    # and no remaining corner is redundant: unless the next edge would be a straight one too
     for a, b, c in zip(kept[:-2], kept[1:-1], kept[2:], strict=True):
         assert not straight(points[[a, b, c]])

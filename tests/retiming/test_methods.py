@@ -95,7 +95,7 @@ def test_limits_beyond_what_times_resolve_are_refused(tools, largest):
     for name in JERKY:
         with pytest.raises(rp.RetimingError, match=r"'a/j[01]' moves in .* which times cannot resolve"):
             tools.retime_points([[0.0, 0.0], [1.0, 0.5], [0.0, 1.0]], limits, name)
-    # Where nothing moves there is nothing to resolve.
+    # Without motion there is nothing to resolve.
     assert tools.retime_points([[0.5, 0.5], [0.5, 0.5]], limits, "blend").duration == 0.0
 
 

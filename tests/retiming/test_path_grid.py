@@ -14,7 +14,7 @@ STEP = 0.1  # how much the derivative may change in an interval, of `rr1plan.ret
 
 
 def random_curve(seed, nq):
-    """A rounded polyline, some of its corners all but reversals, and limits of velocity and acceleration."""
+    """A rounded polyline with some corners that are almost reversals, and limits of velocity and acceleration."""
     rng = np.random.default_rng(seed)
     steps = rng.normal(size=(5, nq))
     steps[2] = -steps[1] + 10.0 ** rng.uniform(-2.0, 0.0) * rng.normal(size=nq)
@@ -60,7 +60,7 @@ def test_the_derivative_changes_little_within_an_interval(seed, nq):
             for s in (0.0, curve.lengths[:, None])
         ]
         most = np.maximum(*ends)[piece]
-        # half as much again for where the middle is not the place that was looked at
+        # half as much again for middles that differ from the tested place
         shortest = (delta * 250.0 <= curve.lengths[piece]) | (change == 0.0)
         assert (shortest | (change <= 1.5 * STEP * np.sqrt(np.maximum(size, 0.02 * most) * most))).all()
 

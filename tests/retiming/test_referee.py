@@ -1,4 +1,4 @@
-"""Every method's motions, in a scene full of obstacles, before the referee, who shares no code with them."""
+"""Motions of every method in a cluttered scene, validated by the referee, which shares no code with them."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class CurvePath(toppra.interpolator.AbstractGeometricPath):
 
 
 def toppra_duration(curve, limits):
-    """TOPPRA's own constraints on a fine grid, stretched by what its motion exceeds the limits."""
+    """TOPPRA's own constraints on a fine grid, stretched by the factor by which its motion exceeds the limits."""
     path = CurvePath(curve)
     grid = np.unique(
         np.concatenate([np.linspace(a, b, 41) for a, b in zip(path.knots[:-1], path.knots[1:], strict=True)])

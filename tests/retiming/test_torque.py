@@ -21,13 +21,13 @@ def effort_scene(rr1, effort):
 
 @pytest.fixture(scope="module")
 def setting(rr1):
-    """A path of RR1, and torques of its motion without torque limits: gravity's and all."""
+    """A path of RR1, and torques of its motion without torque limits: of gravity, and in total."""
     rr1 = rr1.with_limits("hardware")
     limits = rr1.limits
     low, high = np.maximum(limits.lower, -1.5), np.minimum(limits.upper, 1.5)
     points = np.random.default_rng(0).uniform(low, high, (4, rr1.nq))
     path = rp.Path(tuple(f"arm/{name}" for name in rr1.joint_names), points)
-    # faster joints than the real ones, so that torque is what binds
+    # faster joints than the real ones, so that torque is the active limit
     rates = {"velocity": 8.0, "acceleration": 60.0, "jerk": 5000.0}
     fast = replace(limits, **{name: np.full(rr1.nq, rate) for name, rate in rates.items()})
     robot = rr1.with_limits(fast)

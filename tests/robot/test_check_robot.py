@@ -1,4 +1,4 @@
-"""Descriptions from elsewhere are held to what the URDF reader holds a file to."""
+"""Descriptions from other sources get the same checks as those of the URDF reader."""
 
 from __future__ import annotations
 

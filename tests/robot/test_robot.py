@@ -1,4 +1,4 @@
-"""The robot value: read-only, sound, and with a plain kinematics of its own."""
+"""The robot value: read-only, consistent, and with plain kinematics."""
 
 from __future__ import annotations
 

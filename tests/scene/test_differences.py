@@ -1,4 +1,4 @@
-"""What differs between two scenes: each change is named, and nothing is said of equal scenes."""
+"""Differences between two scenes: each change is named, and equal scenes have none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenes: names, rules about contact, attaching and detaching, and that nothing ever changes."""
+"""Scenes: names, contact rules, attaching and detaching, immutability."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ def table(rr1: rp.Robot) -> rp.Scene:
 
 @pytest.fixture(scope="session")
 def moved(table: rp.Scene) -> rp.SequencePlan:
-    """The block is taken, put down elsewhere, and the arm goes home."""
+    """Pick the block, place it elsewhere, and return home."""
     segments = [*rp.pick_and_place(table, "block", [-0.28, -0.12, 0.03]), rp.Pause(0.2), rp.FreeMotion("home")]
     plan = rp.plan_sequence(rp.Sequence(table, segments), rng=0, budget=rp.Budget(seconds=100.0))
     assert plan.found, plan
@@ -26,7 +26,7 @@ def moved(table: rp.Scene) -> rp.SequencePlan:
 
 
 def tool_down(x: float, y: float, z: float, yaw: float = 0.0) -> rp.PoseGoal:
-    """The tool points down, its fingers travel along an angle around the vertical."""
+    """The tool points down; an angle about the vertical gives the direction in which its fingers travel."""
     c, s = np.cos(yaw), np.sin(yaw)
     T = np.eye(4)
     T[:3, :3] = [[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, -1.0]]

@@ -42,7 +42,7 @@ def test_segments_are_passed_without_a_stop_and_sooner(table: rp.Scene) -> None:
     assert min(speeds[:2]) > 0.05
     assert speeds[2] < 1e-9
     assert passing.trajectory.duration < 0.97 * stopping.trajectory.duration
-    # Stages end where the motion is nearest to their goals, and it is near.
+    # Stages end at the point of the motion nearest to their goals, which is near.
     for k, stage in enumerate(passing.stages[:2]):
         goal = stopping.trajectory(stopping.stages[k].end)
         q = passing.trajectory(np.linspace(0.0, passing.trajectory.end_time, 20_001))
@@ -75,7 +75,7 @@ def test_a_pick_without_stops_carries_the_block_as_well(
         passing.stages[6].label,  # above the place
         passing.stages[10].label,  # withdrawn
     ]
-    # Fingers close, and the block is taken and let go, at rest.
+    # Fingers close, and the block is grasped and released, at rest.
     for event in passing.events:
         assert speed_at(passing, event.begin) < 1e-9
     end = passing.trajectory.end_time
@@ -98,7 +98,7 @@ def test_what_cannot_be_passed_is_a_stop(table: rp.Scene) -> None:
     assert max(speed_at(plan, stage.end) for stage in plan.stages) < 1e-9
     other = plan_of(table, *(replace(s, stop=True) if hasattr(s, "stop") else s for s in segments))
     np.testing.assert_array_equal(plan.trajectory.breaks, other.trajectory.breaks)
-    # There and back by the same way has no corner to round.
+    # A way back along the same line has no corner to round.
     back = plan_of(table, rp.FreeMotion("raised", stop=False), rp.FreeMotion("home"))
     assert back, back
     assert speed_at(back, back.stages[0].end) < 1e-6

@@ -79,7 +79,7 @@ def test_a_gripper_moves_while_its_arm_stands_still(table: rp.Scene) -> None:
 
 
 def test_a_width_is_that_of_a_block_between_the_fingers(table: rp.Scene, moved: rp.SequencePlan) -> None:
-    """Closing around a block 40 mm wide goes by the squeeze beyond what a width of 40 mm is."""
+    """Closing on a block 40 mm wide goes beyond the width of 40 mm by the squeeze."""
     closed = moved.trajectory(moved.events[0].begin)[-1]
     width = plan_of(table, rp.MoveGripper(width=0.04)).trajectory
     at_width = width(width.end_time)[-1]
@@ -127,7 +127,7 @@ def test_an_object_goes_from_one_hand_to_the_other(rr1: rp.Robot) -> None:
 
 
 def test_where_the_line_after_the_nearest_goal_is_blocked_the_next_goal_is_taken(table: rp.Scene) -> None:
-    """A post stands under the goal that is nearer, so that only from the other one the tool gets down."""
+    """A post is under the nearer goal, so the tool can only descend from the other one."""
     near, far = tool_down(-0.3, 0.0, 0.2), tool_down(-0.3, -0.15, 0.2)
     down = rp.StraightLine(offset=[0.0, 0.0, -0.1])
     free = plan_of(table, rp.FreeMotion([near, far]), down)
@@ -146,7 +146,7 @@ def test_where_the_line_after_the_nearest_goal_is_blocked_the_next_goal_is_taken
 
 
 def test_a_grasp_is_chosen_for_what_comes_after_it(table: rp.Scene) -> None:
-    """At its new place the block stands between two walls, where fingers fit along x only."""
+    """At its new place the block is between two walls, where fingers fit along x only."""
     place = rp.transforms.pose([-0.3, -0.1, 0.03])
     slot = table
     for side in (-1, 1):

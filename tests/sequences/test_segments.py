@@ -1,4 +1,4 @@
-"""Segments and sequences: what they hold, what they say, and what they refuse."""
+"""Segments and sequences: their content, text, and rejected arguments."""
 
 from __future__ import annotations
 

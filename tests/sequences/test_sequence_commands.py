@@ -48,7 +48,7 @@ def test_a_sequence_is_shown(saved: Path, tmp_path: Path) -> None:
 
 
 def test_a_sequence_is_not_mirrored(saved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its corridor would be that of the first scene, with the block where it was before the arm took it."""
+    """Its corridor would be that of the first scene, with the block at its place before the grasp."""
     (tmp_path / "none.jsonl").touch()
     assert run(["mirror", str(tmp_path / "none.jsonl"), "--plan", str(saved), "--no-page"]) == BAD_INPUT
     assert "holds a sequence, whose scene changes on the way; only single" in capsys.readouterr().err

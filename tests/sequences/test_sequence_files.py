@@ -1,4 +1,4 @@
-"""Sequences in files: whole again, judged again, in their scene or another."""
+"""Sequences in files: loaded completely and validated again, in their scene or another."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def saved(moved: rp.SequencePlan, tmp_path_factory: pytest.TempPathFactory) -> P
 
 
 def altered(saved: Path, file: Path, change: object) -> Path:
-    """A copy with another content and the hash of that."""
+    """A copy with another content and its hash."""
     document = json.loads(saved.read_text())
     change(document["content"])
     canonical = json.dumps(document["content"], sort_keys=True, separators=(",", ":"))

@@ -1,4 +1,4 @@
-"""3-D models of sequences: objects move with the hand and stay where they were put down."""
+"""3-D models of sequences: objects move with the hand and stay where they are placed."""
 
 from __future__ import annotations
 

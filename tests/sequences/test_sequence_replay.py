@@ -1,4 +1,4 @@
-"""Replays of sequences in MuJoCo: what fingers hold, they hold by friction."""
+"""Replays of sequences in MuJoCo: fingers hold objects by friction."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_a_plan_that_failed_has_no_replay(table: rp.Scene) -> None:
 
 
 def test_a_body_that_touches_something_at_once_is_simulated(table: rp.Scene) -> None:
-    """MuJoCo crashes where its no-slip solver is switched on after contacts were found without it."""
+    """MuJoCo crashes if its no-slip solver is enabled after contacts were found without it."""
     sunk = table.with_obstacle_at("block", [-0.3, 0.1, 0.0295])
     plan = rp.plan_sequence(rp.Sequence(sunk, [rp.Attach("block"), rp.Detach("block"), rp.Pause(0.05)]), rng=0)
     assert rp.simulate_sequence(plan, hold=0.1).objects["block"].max_offset < 1e-3

@@ -1,4 +1,4 @@
-"""Sequences that are written by hand: each kind of segment equals that of Python, mistakes have their line."""
+"""Sequences written by hand: each kind of segment equals that of Python, and messages give the line of a mistake."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ POSE = '{ frame = "tool", position = [-0.3, 0, 0.2], quaternion = [0, 1, 0, 0] }
 
 @pytest.fixture
 def folder(table: rp.Scene, tmp_path: Path) -> Path:
-    """A folder with the scene, and a place for sequences beside it."""
+    """A folder with the scene, and a path for a sequence next to it."""
     rp.save_scene(tmp_path / "cell.toml", table)
     return tmp_path
 
@@ -33,7 +33,7 @@ def write(folder: Path, *segments: str, head: str = 'scene = "cell.toml"') -> Pa
 
 
 def described(segment: object) -> object:
-    """All that a segment holds, comparable."""
+    """All content of a segment as comparable values."""
     if isinstance(segment, np.ndarray):
         return segment.tolist()
     if isinstance(segment, tuple | list):
@@ -97,7 +97,7 @@ def test_a_pick_stands_for_its_segments_and_is_planned(folder: Path, table: rp.S
     assert described(read.segments) == described([*expected, rp.FreeMotion("home")])
     plan = rp.plan_sequence(read, rng=0, budget=rp.Budget(seconds=100.0))
     assert plan, plan
-    # The frame of a place is the object.
+    # A place is a pose of the object's frame.
     where = "{ position = [-0.28, -0.12, 0.03], quaternion = [1, 0, 0, 0] }"
     grasp = "{ position = [-0.3, 0.1, 0.04], quaternion = [0, 1, 0, 0] }"
     read = rp.load_segments(write(folder, f'pick_and_place = "block"\nplace = {where}\ngrasps = {grasp}'))

@@ -12,7 +12,7 @@ from rr1plan.sequences.stage_validation import validate_stages
 
 
 def carried(plan: rp.SequencePlan) -> float:
-    """A time at which the block is on its way."""
+    """A time at which the block is being carried."""
     return 0.5 * (plan.events[0].end + plan.events[1].begin)
 
 

@@ -1,1 +1,1 @@
-"""The slow collision certificate on Coal's distances, to which tests hold the referee."""
+"""The slow collision certificate on Coal's distances, the reference for tests of the referee."""

@@ -1,8 +1,8 @@
-"""The cells of a point cloud in blocks, to ask only those near a body.
+"""The cells of a point cloud in blocks, so that only cells near a body are measured.
 
-A block is a box around neighboring cells. Boxes around the blocks, and around the cells of the near
-ones, give lower bounds that leave few cells to ask. Every cell asked of a convex body leaves a
-separating plane, and that plane bounds the distances of all other cells as well.
+A block is a box around neighboring cells. Boxes around the blocks, and around the cells of near
+blocks, give lower bounds that leave few cells to measure. Every measured distance to a convex body
+gives a separating plane, which bounds the distances of all other cells as well.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from rr1plan.checks import Array
 from rr1plan.shapes import PointCloud
 from slow_certificate.polynomial_bounds import Index
 
-# Cells of a block: fewer make more blocks to look through, more make more cells.
+# Cells per block: fewer mean more blocks to search, more mean more cells.
 _BLOCK = 64
-# A cell is asked no more when it could be nearer than the nearest by less than this [m].
+# Cells that could reduce the distance by less than this are not measured [m].
 _ROUNDING = 1e-9
 
 # Distance [m] of a body to the cell at a center (3,) in the cloud's frame, and the normal from the body
 # to the cell (3,) in the cloud's frame with the body's support along it from the cloud's origin [m];
-# None where no plane parts them.
+# None if no plane separates them.
 Ask = Callable[[Array], tuple[float, tuple[Array, float] | None]]
 
 
@@ -56,7 +56,7 @@ class CellBlocks:
         self._middle, self._half = 0.5 * (lower + upper), 0.5 * (upper - lower)
 
     def distance(self, body: BodyBox, ask: Ask) -> float:
-        """Distance [m] of a body to the nearest cell; in contact minus the depth of some cell."""
+        """Distance [m] of a body to the nearest cell; in contact, minus the depth of some cell."""
         bound = _gaps(body, self._middle, self._half)
         order = np.argsort(bound)
         best = self._nearest(self._cells(order[:1]), body, ask, np.inf)
@@ -87,7 +87,7 @@ class CellBlocks:
 
 
 def _gaps(body: BodyBox, centers: Array, halves: Array) -> Array:
-    """A lower bound of the distance of a body to boxes (k,) [m]; below zero minus their overlap."""
+    """A lower bound of the distance of a body to boxes (k,) [m]; if negative, minus their overlap."""
     apart = np.abs((centers - body.center) @ body.axes) - body.half - halves @ np.abs(body.axes)
     outside = np.linalg.norm(np.maximum(apart, 0.0), axis=1)
     return np.asarray(np.where(outside > 0.0, outside, apart.max(axis=1)))

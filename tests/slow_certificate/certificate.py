@@ -1,13 +1,13 @@
 """The continuous-time collision certificate of a piecewise polynomial motion.
 
-A pair of bodies with clearance c at one time is free as long as the two cannot come closer than c.
-How far each can get within an interval follows from the exact range of every joint there
-(Bernstein coefficients) and from its distance to the joints' axes. Where that does not decide,
-the interval is cut in two. There is no sampling step: a contact of any duration is found, and
-what remains closer than a micrometer is called undecided, never free. All times of one round are
-handled side by side in numpy; Coal measures only the pairs that bounding volumes leave open.
+A pair of bodies with clearance c at one time is free as long as the two cannot approach each other by c.
+The displacement of each within an interval is bounded by the exact range of every joint there
+(Bernstein coefficients) and its distance to the joints' axes. If this does not decide,
+the interval is halved. There is no sampling step: a contact of any duration is found, and
+pairs that remain closer than a micrometer are undecided, never free. All times of one round are
+processed together in numpy; Coal measures only the pairs that bounding volumes leave open.
 
-The tests hold the referee's compiled search to it on all pairs.
+Tests compare the referee's compiled search with it on all pairs.
 
 Schwarzer, Saha, Latombe (2005), Adaptive dynamic collision checking, IEEE T-RO 21.
 """
@@ -26,12 +26,12 @@ from slow_certificate.certificate_bodies import Bodies
 from slow_certificate.polynomial_bounds import Index, Mask
 from slow_certificate.scene_motion import SceneMotion
 
-# A clearance below this cannot be told from contact [m].
+# A clearance below this cannot be distinguished from contact [m].
 TOUCH = 1e-6
-# The moment of the first contact is found to this [s].
+# Accuracy of the time of first contact [s].
 _TIME_STEP = 1e-5
 _MOST_NODES = 1024
-# A smallest clearance is sharp when those around it differ by less than this share of the tolerance.
+# A smallest clearance is sharp if those around it differ by less than this fraction of the tolerance.
 _POLISHED = 1e-3
 # Refinement of the times of smallest clearances: most pairs, first steps in the whole motion, most steps after those.
 _MOST_POLISHED, _POLISH_STEPS, _POLISH_ROUNDS = 64, 256, 40
@@ -65,15 +65,15 @@ class Nearest(NamedTuple):
 
 @dataclass
 class Findings:
-    """What the certificate found, for each pair of elements.
+    """Results of the certificate for each pair of elements.
 
     Args:
         clearance: Smallest clearance seen [m], shape (pairs,); inf for pairs that never came near.
-        time: When it was seen [s], shape (pairs,).
-        first_contact: First moment seen in contact [s], shape (pairs,); inf for none.
-        undecided: Pairs for which an interval could not be decided, shape (pairs,).
-        proven: Never is the clearance below this, where nothing is undecided [m], shape (pairs,).
-        cancelled: The search was cut off; what is left of it is not decided.
+        time: Time of the smallest clearance [s], shape (pairs,).
+        first_contact: First time found in contact [s], shape (pairs,); inf for none.
+        undecided: Pairs with an undecided interval, shape (pairs,).
+        proven: Proven lower bound of the clearance of pairs that are not undecided [m], shape (pairs,).
+        cancelled: Whether the search was cancelled, with the rest left undecided.
         statistics: Counts of the work done.
     """
 
@@ -93,11 +93,11 @@ class Certificate:
         motion: The motion.
         bodies: The bodies and pairs.
         tolerance: The smallest clearance reported is within this of the true one [m].
-        most_distances: Exact distances to compute before giving up on what is still open.
-        progress: Called with the fraction decided, after each round; False from it cancels the search.
+        most_distances: Largest number of exact distances; pairs still open after them are undecided.
+        progress: Called with the fraction decided after each round; False cancels the search.
         items: The pairs of shapes to decide (default: all).
-        smallest: What is known of the smallest clearance with the surroundings and of one arm's own [m], shape (2,).
-        first: First contacts that are known already, if the pairs are in contact, shape (pairs,) [s]; inf for others.
+        smallest: Known upper bounds of the smallest clearance with the surroundings and within one arm [m], shape (2,).
+        first: Known times of first contact [s], inf for pairs without known contact, shape (pairs,).
     """
 
     def __init__(
@@ -156,7 +156,7 @@ class Certificate:
     # ---- one round ------------------------------------------------------------------------
 
     def _round(self, work: Intervals) -> Intervals:
-        """Decide what can be decided; the halves of what cannot."""
+        """Decide open pairs if possible. Returns the halves of the other intervals."""
         motion, bodies = self._motion, self._bodies
         self._nodes += len(work.first)
         self._checks += len(work.item)
@@ -199,7 +199,7 @@ class Certificate:
         return np.where(single, work.first, piece), np.where(single, 0.5 * (work.start + work.end), local)
 
     def _see(self, pair: Index, value: Array, time: Array) -> None:
-        """Note clearances (k,) of pairs of elements (k,) at times (k,)."""
+        """Record clearances (k,) of pairs of elements (k,) at times (k,)."""
         found = self.found
         order = np.lexsort((-value, pair))
         last = order[np.append(np.diff(pair[order]) > 0, True)]
@@ -209,7 +209,7 @@ class Certificate:
         np.minimum.at(found.first_contact, pair[touching], time[touching])
 
     def _settled(self, work: Intervals, begin: Array, proven: Array, approach: Array) -> Mask:
-        """Which open pairs (k,) nothing is left to find out about on their interval."""
+        """Whether open pairs (k,) are settled on their interval."""
         found = self.found
         pair = self._bodies.pair[work.item]
         least = proven - approach
@@ -222,16 +222,16 @@ class Certificate:
         return np.asarray(np.where(contact, no_worse & ((least > 0.0) | ~before), free))
 
     def _smallest(self) -> Array:
-        """Smallest clearance seen with the surroundings and of one arm's own [m], shape (2,).
+        """Smallest clearance found with the surroundings and within one arm [m], shape (2,).
 
-        With a contact to report, only contacts are looked for.
+        Once a contact is found, only contacts are searched for.
         """
         own, clearance = self._bodies.own, self.found.clearance
         each = np.array([clearance[~own].min(initial=self._known[0]), clearance[own].min(initial=self._known[1])])
         return each if each.min() > TOUCH else np.minimum(each, each.min())
 
     def _drop_points(self, work: Intervals, open_: Index, begin: Array, finish: Array) -> Index:
-        """Drop open pairs whose interval is too short to cut: known contacts, or else undecided."""
+        """Drop open pairs whose interval is too short to halve; pairs without a known contact become undecided."""
         found = self.found
         node, pair = work.node[open_], self._bodies.pair[work.item[open_]]
         width = finish[node] - begin[node]
@@ -243,7 +243,7 @@ class Certificate:
         return open_[~(lost | known)]
 
     def _account(self, work: Intervals, settled: Array, least: Array, begin: Array, finish: Array) -> None:
-        """Note the clearance proven on settled intervals, and how much of the motion is settled."""
+        """Record the clearance proven on settled intervals, and the fraction of the motion that is settled."""
         found = self.found
         pair = self._bodies.pair[work.item[settled]]
         np.minimum.at(found.proven, pair, least[settled])
@@ -298,7 +298,7 @@ class Certificate:
         return [Nearest(*found) for found in zip(best.tolist(), which.tolist(), times.tolist(), strict=True)]
 
     def _polish(self) -> None:
-        """Refine the time and value of each group's smallest clearance and of every contact's worst."""
+        """Refine time and value of the smallest clearance of each group and of each pair in contact."""
         found = self.found
         chosen = set(np.flatnonzero(np.isfinite(found.first_contact)).tolist())
         for own in (False, True):
@@ -335,7 +335,7 @@ class Certificate:
         node = np.repeat(np.arange(len(pairs)), high - low)
         item = order[np.concatenate([np.arange(*ends) for ends in zip(low, high, strict=True)])]
         bound = np.maximum(bodies.far_bound(placed, node, item), bodies.box_bound(placed, node, item))
-        # Of the shapes of a pair those count that may be the nearest then; of one that is in contact most are not.
+        # Only shapes of a pair that may be nearest at that time count; for a pair in contact, most are not.
         least = np.full(len(pairs), np.inf)
         for nearest_first in (True, False):
             lowest = np.full(len(pairs), np.inf)
@@ -352,7 +352,7 @@ class Certificate:
 def _next_time(times: Array, values: Array, wide: bool) -> Array:
     """Where to measure between three times (k, 3), of which the middle one has the smallest value, shape (k,).
 
-    The lowest point of the parabola through them, or, where that is no better than the middle one or with `wide`, the
+    The lowest point of the parabola through them, or, if that is not better than the middle one or with `wide`, the
     golden section of the longer side.
     """
     (low, at, high), (below, here, above) = times.T, values.T
@@ -362,14 +362,14 @@ def _next_time(times: Array, values: Array, wide: bool) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         move = 0.5 * ((below - here) * right**2 - (above - here) * left**2) / bend
     usable = (bend > 0.0) & np.isfinite(move) & (move > -left) & (move < right) & (move != 0.0)
-    # All but there: the farther end comes near.
+    # Almost converged: the farther end moves closer.
     short = np.abs(move) < 0.02 * np.maximum(left, right)
     move = np.where(short, np.sign(golden) * np.maximum(4.0 * np.abs(move), 0.01 * np.maximum(left, right)), move)
     return np.asarray(at + np.where(usable & ~wide, move, golden))
 
 
 def _narrowed(times: Array, values: Array, at: Array, value: Array) -> tuple[Array, Array]:
-    """Three times (k, 3) around the smallest of their values and of one more between them."""
+    """Three times (k, 3) that bracket the smallest of their values and of one more value between them."""
     times, values = np.column_stack([times, at]), np.column_stack([values, value])
     order = np.argsort(times, axis=1)
     times, values = np.take_along_axis(times, order, 1), np.take_along_axis(values, order, 1)
@@ -378,7 +378,7 @@ def _narrowed(times: Array, values: Array, at: Array, value: Array) -> tuple[Arr
 
 
 def _chunks(work: Intervals) -> list[Intervals]:
-    """The same work in parts that fit into memory."""
+    """The same work in chunks that fit into memory."""
     count = len(work.first)
     parts = []
     for low in range(0, count, _MOST_NODES):

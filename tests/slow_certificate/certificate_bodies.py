@@ -1,4 +1,4 @@
-"""The bodies of a scene, the pairs of them that must stay apart, and bounds of how they move."""
+"""The bodies of a scene, the pairs that must stay separated, and bounds of their motion."""
 
 from __future__ import annotations
 
@@ -105,13 +105,13 @@ class Bodies:
         a, b: Bodies of each pair of shapes, shape (k,).
         pair: The pair of elements each pair of shapes belongs to, shape (k,).
         padding: Distance to keep, for each pair of elements [m].
-        own: Whether one arm owns both elements (its links, and what it holds), for each pair of elements.
+        own: Whether both elements belong to one arm (links and attached objects), for each pair of elements.
         solids: The bodies.
         forms: Their forms, shape (b,).
         link: Number of the link of each body, shape (b,).
         local_rotation, local_origin, local_center: Pose of each shape's frame and center of its bounding ball
             in its link's frame, shapes (b, 3, 3), (b, 3), (b, 3).
-        moved: Which moving joints carry each body, shape (b, joints) of 0 and 1.
+        moved: 1 for the moving joints that carry each body, else 0, shape (b, joints).
 
     Raises:
         InputError: a half-space on a link that moves, or two half-spaces to keep apart.
@@ -137,7 +137,7 @@ class Bodies:
         return CoalDistance()
 
     def _element(self, scene: Scene, name: str) -> tuple[int, ElementBodies]:
-        """Number of the link that an element is on, and its bodies."""
+        """Number of the link that carries an element, and its bodies."""
         link, pose = name, _IDENTITY
         if name in scene.obstacles:
             link, pose, parts = "", scene.obstacles[name].pose, scene.obstacles[name].geometries
@@ -160,14 +160,14 @@ class Bodies:
         self.radius, self.half = rows.radius, rows.half
         self.local_rotation, self.local_origin, self.local_center = rows.rotation, rows.origin, rows.center
         self.moved = self.motion.movers[self.link].reshape(len(self.link), len(self.motion.column))
-        # The joints that carry each body, padded to the same number with a joint that counts nothing.
+        # The joints that carry each body, padded to equal numbers with a joint without effect.
         depth = int(self.moved.sum(axis=1).max(initial=0.0))
         self._chain = np.argsort(-self.moved, axis=1, kind="stable")[:, :depth]
         self._in_chain = np.take_along_axis(self.moved, self._chain, 1)
         self._fixed: dict[int, Any] = {}
 
     def _pair_up(self, counts: Index) -> None:
-        """All bodies of one element against all of the other, for each pair of elements; a half-space comes second."""
+        """All pairs of bodies of the two elements, for each pair of elements; a half-space comes second."""
         one, two = self._index.T
         first = np.cumsum(counts) - counts
         each = counts[one] * counts[two]
@@ -184,7 +184,7 @@ class Bodies:
         if len(both):
             names = self.pairs[int(self.pair[both[0]])]
             raise InputError(f"{names[0]!r} and {names[1]!r} are both half-spaces, which cannot be kept apart")
-        # A joint that carries both bodies does not move one against the other.
+        # A joint that carries both bodies does not move them relative to each other.
         self._only_a = self._in_chain[self.a] * (1.0 - np.take_along_axis(self.moved[self.b], self._chain[self.a], 1))
         self._only_b = self._in_chain[self.b] * (1.0 - np.take_along_axis(self.moved[self.a], self._chain[self.b], 1))
 
@@ -199,11 +199,11 @@ class Bodies:
         return Placed(rotation, origin, center)
 
     def sweeps(self, frames: Frames, placed: Placed, change: Array) -> Array:
-        """How far each joint alone can carry each body [m], shape (n, bodies, chain).
+        """Largest displacement of each body by each joint alone [m], shape (n, bodies, chain).
 
-        The way from one configuration to another is cut into one joint after the other, from
-        the base outwards. While a joint turns, those farther out still stand as they do in
-        `frames`, so the distance of a body from the axis is the one found there.
+        The motion from one configuration to another is split into motions of one joint after the other,
+        from the base outwards. While a joint turns, joints farther out are still as in
+        `frames`, so the distance of a body from the axis is the one in `frames`.
 
         Args:
             frames: Poses at the configurations to start from.
@@ -215,12 +215,12 @@ class Bodies:
         across = np.sqrt(np.maximum(np.einsum("nbji,nbji->nbj", arm, arm) - along**2, 0.0))
         finite = np.where(np.isfinite(self.radius), self.radius, 0.0)
         moved = change[:, self._chain]
-        # A chord is never longer than the arc, nor than the diameter.
+        # A chord is at most as long as the arc and the diameter.
         turned = np.minimum(moved, 2.0) * (across + finite[None, :, None] + _REACH_ROUNDING)
         return np.asarray(np.where(self.motion.slides[self._chain], moved, turned))
 
     def approach(self, sweeps: Array, node: Index, item: Index) -> Array:
-        """Bound of how much the distance of pair `item` can change around time `node` [m], each (k,)."""
+        """Bound of the change of the distance of pair `item` around time `node` [m], each (k,)."""
         a = np.einsum("kj,kj->k", sweeps[node, self.a[item]], self._only_a[item])
         b = np.einsum("kj,kj->k", sweeps[node, self.b[item]], self._only_b[item])
         return np.asarray(a + b)
@@ -245,7 +245,7 @@ class Bodies:
         near_b = np.einsum("kij,ki->kj", placed.rotation[node, b], gap)
         from_a = np.linalg.norm(np.maximum(np.abs(near_a) - self.half[a], 0.0), axis=1)
         from_b = np.linalg.norm(np.maximum(np.abs(near_b) - self.half[b], 0.0), axis=1)
-        # A center inside the other's box says nothing about how deep it is.
+        # A center inside the other's box gives no bound of the depth.
         from_a = np.where(from_a > 0.0, from_a - self.radius[b], -np.inf)
         from_b = np.where(from_b > 0.0, from_b - self.radius[a], -np.inf)
         return np.asarray(np.maximum(from_a, from_b) - self.padding[self.pair[item]])
@@ -269,7 +269,7 @@ class Bodies:
     # ---- distances ------------------------------------------------------------------------
 
     def clearances(self, placed: Placed, node: Index, item: Index) -> tuple[Array, Array]:
-        """Clearance [m] of pair `item` at time `node`, each (k,): distance minus padding; below 0 a depth.
+        """Clearance [m] of pair `item` at time `node`, each (k,): distance minus padding; negative values are depths.
 
         Returns:
             The value found, and a proven lower bound of it.

@@ -1,13 +1,13 @@
 """Distances between two solids, by Coal, each proven by a separating plane.
 
-Coal's GJK now and then stops early: distances 2e-5 m too large were seen. So its answer for two
-convex solids is only taken as a hint: the normal it returns gives a plane, and the gap between
-the two solids along it, worked out in `certificate_bodies.py` from their support functions, is a proven lower bound.
-Half-spaces are answered by the support function alone.
+Coal's GJK sometimes stops early: distances 2e-5 m too large were observed. So its result for two
+convex solids is only a hint: the returned normal gives a plane, and the gap between
+the two solids along it, computed in `certificate_bodies.py` from their support functions, is a proven lower bound.
+Half-spaces need the support function only.
 
-Coal's hierarchy of triangles measures the surface of a concave mesh, but takes a body wholly inside for free;
-`mesh_surfaces.py` decides whether a point is inside. `cloud_blocks.py` measures the cells of a point
-cloud, and Coal where one is touched or the other solid is not convex.
+Coal's hierarchy of triangles measures the surface of a concave mesh, but reports a body wholly inside as free;
+`insides.py` decides whether a point is inside. `cell_blocks.py` measures the cells of a point
+cloud; Coal does so if a cell is touched or the other solid is not convex.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from slow_certificate.solids import Solid, solid, support
 
 _GJK_TOLERANCE = 1e-8
 _GJK_ITERATIONS = 1000
-# What Coal may overrate where no plane can prove it (triangles and cells one by one) [m].
+# Largest overestimate by Coal if no plane can prove a distance (single triangles and cells) [m].
 SLACK = 5e-5
 
 
 class CoalDistance:
-    """Signed distances of two solids; negative is a depth of penetration."""
+    """Signed distances of two solids; negative values are penetration depths."""
 
     def __init__(self) -> None:
         import coal
@@ -48,7 +48,7 @@ class CoalDistance:
         result.clear()
         distance = self._ask(a.geometry, Ta, b.geometry, Tb, self._request, result)
         if not -1e6 < distance < 1e12:
-            # With a tight tolerance the depth of two cylinders now and then ends in -1.8e308.
+            # With a tight tolerance, the depth of two cylinders is sometimes -1.8e308.
             result.clear()
             distance = self._ask(a.geometry, Ta, b.geometry, Tb, self._rough, result)
             if not -1e6 < distance < 1e12:
@@ -96,7 +96,7 @@ class CoalDistance:
 
 
 def _holds(body: Solid, T: Any, other: Solid, To: Any) -> bool:
-    """Whether a concave mesh holds a point of another solid."""
+    """Whether a concave mesh contains a point of another solid."""
     if body.inside is None:
         return False
     inside = other.points[0] if isinstance(other.shape, Mesh) else other.center

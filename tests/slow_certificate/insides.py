@@ -1,7 +1,7 @@
-"""What meshes that are not convex enclose.
+"""The inside of concave meshes.
 
-A part of a mesh, triangles that hang together by edges which no third one shares, is closed when each of its edges
-belongs to an even number of its triangles. Only closed parts have an inside.
+A part of a mesh consists of triangles connected by edges that no third triangle shares. It is closed if each of its
+edges belongs to an even number of its triangles. Only closed parts have an inside.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rr1plan.checks import Array
 from rr1plan.shapes import Mesh
 from slow_certificate.polynomial_bounds import Mask
 
-# Rays that decide where faces disagree about the outside.
+# Rays for meshes whose faces are not consistently oriented.
 _RAYS = ((0.5257, 0.3141, 0.7905), (-0.7071, 0.6612, 0.2503), (0.1732, -0.8660, -0.4691))
 
 
@@ -53,14 +53,14 @@ class Inside:
                     reached.append(other)
         is_open = set()
         for (begin, end), sharing in edges.items():
-            if begin != end:  # an edge of no length bounds nothing
+            if begin != end:  # an edge of zero length bounds nothing
                 times = Counter(part[k] for k in sharing)
                 is_open |= {p for p, count in times.items() if count % 2}
         return np.array([part[k] not in is_open for k in range(len(self._faces))], dtype=np.bool_)
 
     @cached_property
     def _winds(self) -> bool:
-        """Faces of closed parts agree about the outside: each edge is run along as often to and fro."""
+        """Whether closed parts are consistently oriented: each edge occurs equally often in both directions."""
         faces = self._faces[self._closed]
         begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
         _, edge = np.unique(

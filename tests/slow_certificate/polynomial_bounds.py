@@ -39,7 +39,7 @@ def bernstein(coefficients: Array, start: Array, stop: Array) -> Array:
 
 
 class RangeTable:
-    """Ranges of all columns over any run of whole pieces, each answered in constant time.
+    """Ranges of all columns over any run of whole pieces, in constant time per query.
 
     Args:
         lower, upper: Bounds of each piece, shape (m, nq).

@@ -1,4 +1,4 @@
-"""The motion of a scene as the slow certificate reads it."""
+"""The motion of a scene for the slow certificate."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class SceneMotion(LinkMotion):
 
     @property
     def widths(self) -> Array:
-        """How long each piece takes [s], shape (m,)."""
+        """Duration of each piece [s], shape (m,)."""
         return np.diff(self.breaks) if len(self.breaks) > 1 else np.zeros(1)
 
     @cached_property
@@ -50,7 +50,7 @@ class SceneMotion(LinkMotion):
         return RangeTable(control.min(axis=1), control.max(axis=1))
 
     def _movers(self) -> Array:
-        """Which moving joints carry each link, shape (links, joints) of 0 and 1."""
+        """1 for the moving joints that carry each link, else 0, shape (links, joints)."""
         carried = np.zeros((len(self.links), len(self.moving)))
         for step in self.steps:
             carried[step.index] = carried[step.parent]

@@ -1,7 +1,7 @@
-"""Shapes as the slow certificate sees them: their bounds, their support functions and what Coal makes of them.
+"""Shapes for the slow certificate: their bounds, support functions and Coal geometries.
 
-A mesh that is not convex is its triangles and what its closed parts enclose, a point cloud the union of the cells of
-its grid (an octree's leaves).
+A concave mesh consists of its triangles and the inside of its closed parts, a point cloud of the cells of its grid (an
+octree's leaves).
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ class Solid:
         shape: The shape.
         center: Middle of its bounding box [m], shape (3,).
         half: Half the edges of that box [m], shape (3,); infinite for a half-space.
-        radius: All its points are within this of the center [m].
+        radius: Largest distance of its points from the center [m].
         points: Corners of a hull, of a mesh, or centers of a cloud's cells, shape (n, 3).
-        convex: Coal's normal for it can be proven by its support function.
-        inside: What a mesh that is not convex encloses.
-        cells: Those of a cloud.
+        convex: Whether its support function can prove Coal's normal for it.
+        inside: The inside of a concave mesh.
+        cells: The cells of a cloud.
     """
 
     shape: Shape
@@ -95,7 +95,7 @@ def _bounded(shape: Shape, points: Array, thickness: float, convex: bool) -> Sol
 @lru_cache(maxsize=512)
 def _mesh_solid(mesh: Mesh) -> Solid:
     if mesh.convex and not _is_flat(mesh.vertices):
-        # A hull of the corners again: it holds the mesh even where the flag is wrong.
+        # The hull of the corners contains the mesh even if its `convex` flag is wrong.
         return _bounded(mesh, mesh.vertices, 0.0, convex=True)
     corners = mesh.vertices if mesh.convex else mesh.vertices[np.unique(mesh.faces)]
     return replace(_bounded(mesh, corners, 0.0, convex=False), inside=Inside(mesh))
@@ -139,7 +139,7 @@ def _coal_mesh(mesh: Mesh, convex: bool) -> Any:
 
 
 def _is_flat(points: Array) -> bool:
-    """Whether points lie in a plane: Coal's hull of such points ends the process."""
+    """Whether points lie in a plane: Coal's hull of such points crashes the process."""
     thickness = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return bool(thickness[-1] <= 1e-6 * thickness[0])
 

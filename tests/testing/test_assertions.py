@@ -1,4 +1,4 @@
-"""Assertions for a user's tests: they pass what is right, and say what is wrong, where and when."""
+"""Assertions for a user's tests: valid motions pass, and messages say what is wrong, where and when."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def motion() -> rp.MotionPlan:
 
 @pytest.fixture(scope="module")
 def blocked(motion: rp.MotionPlan) -> rp.Scene:
-    """The scene with a ball where the tool ends."""
+    """The scene with a ball at the final position of the tool."""
     end = motion.trajectory(motion.trajectory.end_time)
     return motion.scene.with_obstacle("ball", rp.Sphere(0.08), motion.scene.link_poses({"rr1": end})["rr1/tool"][:3, 3])
 

@@ -1,4 +1,4 @@
-"""Frames, samples and boxes of the second opinion are what they claim to be."""
+"""Frames, samples and boxes of the second opinion are correct."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_no_point_moves_more_than_a_step_between_samples(scene: rp.Scene) -> Non
 
 
 def test_no_pair_in_contact_is_left_out(scene: rp.Scene) -> None:
-    """Not by bounds over the whole motion, nor by boxes at a sample."""
+    """Neither by bounds over the whole motion, nor by boxes at a sample."""
     scene = replace(scene, arms={**scene.arms, "right": replace(scene.arms["right"], base=pose([0.0, 0.3, 0.0]))})
     bodies = SceneBodies(scene, scene.joint_names())
     rng = np.random.default_rng(4)

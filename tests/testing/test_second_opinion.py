@@ -1,4 +1,4 @@
-"""Second opinions: three checkers find what is there, a disagreement is named, and the referee agrees with them."""
+"""Second opinions: three checkers find planted contacts, disagreements are named, and the referee agrees with them."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def everything(seed: int) -> tuple[rp.Scene, rp.Trajectory]:
 
 
 def test_checkers_agree_with_each_other_and_with_the_referee() -> None:
-    """Many arms, held objects, pairs that may touch, and all shapes: whatever is deeper than a sample can miss."""
+    """Many arms, attached objects, pairs that may touch, and all shapes: contacts deeper than sampling can miss."""
     step, touched = 0.012, set()
     for seed in range(3):
         scene, motion = everything(seed)

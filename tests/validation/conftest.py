@@ -1,4 +1,4 @@
-"""Small robots whose contacts are known in closed form, and tools to move them."""
+"""Small robots with contacts in closed form, and tools to move them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Shape = Any
 
 
 def limits_of(n: int, **changes: float) -> rp.Limits:
-    """Wide limits of n joints."""
+    """Wide limits for n joints."""
     wide = {"lower": -10.0, "upper": 10.0, "velocity": 1e9, "acceleration": np.inf, "jerk": np.inf, "effort": np.inf}
     return rp.Limits(**{name: np.full(n, value) for name, value in (wide | changes).items()})
 
@@ -111,7 +111,7 @@ def pieces(names: Sequence[str], breaks: Sequence[float], *columns: Sequence[Seq
 
 
 def glide(names: Sequence[str], start: Any, goal: Any, seconds: float = 1.0) -> rp.Trajectory:
-    """The quintic from rest to rest."""
+    """A quintic polynomial from rest to rest."""
     q0, q1 = np.atleast_1d(start).astype(float), np.atleast_1d(goal).astype(float)
     c = np.zeros((1, 6, len(q0)))
     c[0, 0] = q0
@@ -129,9 +129,9 @@ class AllPairs:
     """Every pair of elements of a scene by Coal, one after the other, with no broad phase.
 
     Attributes:
-        found: Everything about all checked pairs of the scene.
-        hits: Pairs that touch or cannot be decided.
-        smallest: Smallest clearance with the surroundings and of one arm's own [m]; inf where there is no pair.
+        found: Results of all checked pairs of the scene.
+        hits: Pairs that touch or are undecided.
+        smallest: Smallest clearance with the surroundings and of one arm's own [m]; inf if there is no pair.
     """
 
     def __init__(self, scene: rp.Scene, move: rp.Trajectory) -> None:
@@ -191,11 +191,11 @@ class FclWorld:
         )
 
     def distance(self, own: bool) -> float:
-        """To the surroundings, or between an arm's own links; inf where there are none."""
+        """Clearance to the surroundings, or between links of one arm; inf if there are no such pairs."""
         owner = self.scene.owner
         names = [(a, b) for a, b in self.scene.checked_pairs if (owner(a) == owner(b)) == own]
         pairs = [(x, y) for a, b in names for _, _, x in self.parts[a] for _, _, y in self.parts[b]]
-        # One order of the two may give a distance too large by a quarter of a millimeter.
+        # For one order of the two, the distance may be a quarter of a millimeter too large.
         both = [pair for x, y in pairs for pair in ((x, y), (y, x))]
         return min((fcl.distance(x, y, fcl.DistanceRequest(), fcl.DistanceResult()) for x, y in both), default=np.inf)
 

@@ -1,4 +1,4 @@
-"""The referee's kernels with sanitizers, compared with those that ship; run by `test_native.py`."""
+"""The referee's kernels with sanitizers, compared with the shipped kernels; run by `test_native.py`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rr1plan.validation.referee_kernels import LIBRARY, load_library
 
 
 def scenes():
-    """Many arms and few, with all kinds of shapes, something held, and rules; and which arms move."""
+    """Scenes of many and of few arms, with all kinds of shapes, attached objects and rules; and their moving arms."""
     rng = np.random.default_rng(0)
     robot = rp.load_robot("rr1")
     arms = {f"arm{i}": Arm(robot, pose([0.6 * (i // 3), 0.6 * (i % 3), 0.0])) for i in range(9)}
@@ -45,7 +45,7 @@ def scenes():
 
 
 def searches():
-    """What the search finds of motions with and without contacts."""
+    """Results of the search for motions with and without contacts."""
     for scene, names in scenes():
         rng = np.random.default_rng(1)
         columns, q = scene.joint_names(names), scene.configuration(names)
@@ -61,7 +61,7 @@ def searches():
 
 
 def main(file: str) -> int:
-    """Compare what a library finds with what the one that ships finds."""
+    """Compare the results of a library with those of the shipped library."""
     load_library()
     shipped = list(searches())
     LIBRARY.__dict__["fastest"] = LIBRARY.load(Path(file))

@@ -1,4 +1,4 @@
-"""The bounds that the certificate rests on, against what really happens."""
+"""The bounds on which the certificate is based, against actual motions."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from rr1plan.validation.referee_kernels import RefereeStruct, load_library
 from rr1plan.validation.referee_models import ArmTables, obstacle_tables
 
 Make = Callable[..., Any]
-# How much Coal's distance of two convex shapes may be too large [m].
+# Largest overestimate of Coal's distance of two convex shapes [m].
 COAL = 2e-5
 ROUNDING = 1e-9
 
@@ -41,7 +41,7 @@ def one_of_each(rng: np.random.Generator) -> list[Any]:
 
 
 class Pairs:
-    """Bodies in the tables of the search, placed at will, and what Coal says of the same."""
+    """Bodies in the tables of the search at arbitrary poses, and Coal's results for them."""
 
     def __init__(self, model: ArmTables) -> None:
         self.model = model
@@ -50,7 +50,7 @@ class Pairs:
         self.state = RefereeStruct("GjkState")
 
     def bounds(self, a: int, Ta: Array, b: int, Tb: Array, base: float = 1e300) -> tuple[float, float]:
-        """Upper and lower bound of the distance of two bodies, going on from the search before."""
+        """Upper and lower bound of the distance of two bodies, continuing from the previous search."""
         placed = np.zeros((len(self.solids), 15))
         for body, T in ((a, Ta), (b, Tb)):
             middle = T[:3, :3] @ self.solids[body].center + T[:3, 3]
@@ -124,7 +124,7 @@ def test_the_two_bounds_hold_coals_distance_between_them(
 def test_a_search_that_goes_on_from_the_last_one_is_as_good(
     bodies: Callable[[np.random.Generator], Pairs],
 ) -> None:
-    """Points kept from where the bodies were may be poor ones; they must not spoil the bounds."""
+    """Points kept from earlier poses of the bodies may be poor; they must not invalidate the bounds."""
     rng = np.random.default_rng(100)
     pairs = bodies(rng)
     for _ in range(60):
@@ -143,7 +143,7 @@ def test_a_search_that_goes_on_from_the_last_one_is_as_good(
 
 @pytest.mark.parametrize("seed", range(6))
 def test_bodies_that_all_but_touch_are_told_from_touching_ones(seed: int) -> None:
-    """Hulls of few and of many corners, with flat sides too: simplices are thin there, and differences cancel."""
+    """Hulls with few and with many corners, also with flat sides, where simplices are thin and differences cancel."""
     rng = np.random.default_rng(seed)
     shapes: list[Any] = [hull(rng, count, flat) for count in (4, 6, 8, 30, 200) for flat in (False, True)]
     shapes += [rp.Box(tuple(10.0 ** rng.uniform(-2.0, 0.0, 3))) for _ in range(3)]
@@ -204,7 +204,7 @@ def inner_point(body: Solid) -> Array:
 
 
 def geared(robot: rp.Robot) -> rp.Robot:
-    """The last joint follows the first one the other way, and faster."""
+    """The last joint mimics the first in the opposite direction, and faster."""
     joints = (*robot.joints[:-1], replace(robot.joints[-1], mimic=Mimic(robot.joint_names[0], -1.5, 0.1)))
     n = len(robot.joint_names) - 1
     limits = rp.Limits(*(getattr(robot.limits, f.name)[:n] for f in fields(rp.Limits)))
@@ -297,12 +297,12 @@ def test_the_search_and_the_slow_certificate_say_the_same_and_samples_do_not_obj
 
 
 def own_pairs(scene: rp.Scene) -> Array:
-    """Which of the checked pairs one arm owns both elements of."""
+    """Whether one arm owns both elements of each checked pair."""
     return np.array([scene.owner(a) == scene.owner(b) for a, b in scene.checked_pairs])
 
 
 def the_smallest_clearances_agree(scene: rp.Scene, fast: CollisionProof, sure: Any) -> None:
-    """Those with the surroundings and those of an arm's own."""
+    """Pairs with the surroundings, and pairs within one arm."""
     own = own_pairs(scene)
     for group, members in enumerate((~own, own)):
         nearest = fast.nearest[group]
@@ -317,7 +317,7 @@ def the_smallest_clearances_agree(scene: rp.Scene, fast: CollisionProof, sure: A
 
 
 def no_sample_objects(scene: rp.Scene, move: rp.Trajectory, found: CollisionProof) -> None:
-    """No pair that is called free is seen nearer than was proven, and no nearer pair than reported at the ends."""
+    """No sample of a free pair is below its proven clearance, and no pair is nearer at the ends than reported."""
     checker = CollisionChecker(scene)
     assert checker.joint_names == move.joint_names
     # Pairs that are out of reach of each other are not among these.
@@ -433,7 +433,7 @@ def test_a_needle_crossed_by_the_turning_tip_of_an_arm_is_found(gripper: Make, q
         rng = np.random.default_rng(seed)
         angle = rng.uniform(0.3, 2.5)
         scene = rp.Scene().with_arm("arm", gripper(rp.Sphere(0.001)))
-        # The left finger stands at (0.5, 0.05) of the arm.
+        # The left finger is at (0.5, 0.05) of the arm.
         turn = pose(rpy=[0.0, 0.0, angle])
         met = scene.with_obstacle("needle", rp.Capsule(0.0002, 0.4), turn @ pose([0.5, 0.05, 0.0]))
         missed = scene.with_obstacle("needle", rp.Capsule(0.0002, 0.4), turn @ pose([0.5, 0.0, 0.0]))

@@ -1,4 +1,4 @@
-"""What the referee makes of the rules about contacts, against what the scene says of every single pair."""
+"""Contact rules in the referee, against the scene's rule for every single pair."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def with_base(robot: rp.Robot) -> rp.Robot:
 
 
 def said(scene: rp.Scene, joint_names: tuple[str, ...]) -> dict[frozenset[str], float]:
-    """Distances to keep between the pairs that must not touch, as the compiled search reads them."""
+    """Distances to keep between forbidden pairs, as in the tables of the compiled search."""
     moving, count = moving_scene(scene, joint_names), len(scene.element_names)
     rest = TimedColumns(joint_names, np.zeros(1), np.zeros((1, 1, len(joint_names))))
     table = np.full((count, count), -1.0)

@@ -1,4 +1,4 @@
-"""Motions that look right: none of them may pass, whatever was certified just before."""
+"""Motions that look right: none may pass, whatever was certified before."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Starts and goals of a problem: met, missed, and by how much."""
+"""Starts and goals of a problem: satisfied, missed, and by how much."""
 
 from __future__ import annotations
 

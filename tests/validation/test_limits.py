@@ -1,4 +1,4 @@
-"""Planted violations of every limit: which joint, when, how much; and what rounding may leave."""
+"""Planted violations of every limit: joint, time and amount; and the tolerance for rounding."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_a_motion_that_does_not_start_or_end_at_rest_is_caught(slider: Make, tra
 
 
 def forged(move: rp.Trajectory, **changes: Any) -> rp.Trajectory:
-    """A trajectory that passed no constructor, as one from a pickle may be."""
+    """A trajectory that bypassed the constructor, as one from a pickle may."""
     out = pickle.loads(pickle.dumps(move))
     for name, value in changes.items():
         object.__setattr__(out, name, value)

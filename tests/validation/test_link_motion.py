@@ -1,4 +1,4 @@
-"""The referee's kinematics against the plain one of the robot."""
+"""The referee's kinematics against the plain kinematics of the robot."""
 
 from __future__ import annotations
 

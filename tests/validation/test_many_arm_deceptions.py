@@ -137,7 +137,7 @@ def plan(rr1: rp.Robot) -> tuple[rp.Problem, rp.Trajectory]:
 
 
 def _toward(problem: rp.Problem, q: np.ndarray, arm: str, clearance: float, rng: np.random.Generator) -> np.ndarray:
-    """How far an arm has to go along some direction until it is this near another arm, shape (nq,)."""
+    """Displacement of an arm along some direction until it is this close to another arm, shape (nq,)."""
     scene = problem.scene
     for name, part in scene.split(q, problem.arms).items():
         scene = scene.with_configuration(name, part)
@@ -216,7 +216,7 @@ def test_a_plan_at_another_base_is_seen(plan: tuple[rp.Problem, rp.Trajectory]) 
 
 
 def test_arms_that_come_late_or_take_longer_are_seen(plan: tuple[rp.Problem, rp.Trajectory]) -> None:
-    """Whatever the delays, the referee finds the contacts that samples find, and some between them."""
+    """For all delays, the referee finds the contacts that samples find, and some between samples."""
     problem, motion = plan
     rng = np.random.default_rng(1)
     found = 0

@@ -1,4 +1,4 @@
-"""Several arms, up to hundreds: the same verdicts as with all pairs of shapes, whatever the broad phase leaves out."""
+"""Several to hundreds of arms: the same verdicts as with all pairs of shapes, whatever the broad phase omits."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rr1plan.validation import validate
 
 Make = Callable[..., Any]
 BALL = rp.Sphere(0.05)
-# How much Coal's distance of two convex shapes may be too large [m].
+# Largest overestimate of Coal's distance of two convex shapes [m].
 COAL = 2e-5
 
 
@@ -122,7 +122,7 @@ def sliders(slider: Make, count: int, spacing: float) -> rp.Scene:
 @pytest.mark.parametrize("depth", [0.0005, 0.001, -0.0005, -0.001])
 @pytest.mark.parametrize("count", [2, 9, 60])
 def test_balls_that_pass_each_other_touch_for_an_instant(depth: float, count: int, slider: Make, quintic: Make) -> None:
-    """Two of many cross between samples; how near they come is known in closed form."""
+    """Two of many cross between samples; their least distance is known in closed form."""
     scene = sliders(slider, count, 0.3)
     one, two = f"arm{count // 2 - 1}", f"arm{count // 2}"
     # Both balls reach x = 0.5 at half time, one from each side, on rails as far apart as they touch.
@@ -219,7 +219,7 @@ def test_own_contacts_of_arms_in_equal_configurations_are_reported_of_each(
 
 
 def test_arms_far_apart_cost_no_more_than_each_alone(rr1: rp.Robot) -> None:
-    """A hundred arms with the same motion: no pair of shapes of two of them is looked at."""
+    """A hundred arms with the same motion: no pair of shapes of two arms is examined."""
     shapes = []
     for count in (1, 100):
         scene = rp.Scene(arms={f"arm{i}": Arm(rr1, pose([5.0 * (i % 10), 5.0 * (i // 10), 0.0])) for i in range(count)})

@@ -1,4 +1,4 @@
-"""How far bodies can get beside their steady motion, against dense samples of plain kinematics."""
+"""Bounds of the deviation of bodies from their steady motion, against dense samples of plain kinematics."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ class Stretch:
         return found
 
     def bound(self, b: int, shared: int) -> float:
-        """What the search adds for what is not steady."""
+        """Bound of the search for the deviation from steady motion."""
         return float(self.native.rr1_probe_unsteadiness(self.search, b, shared))
 
     def reach(self, b: int, shared: int, time: float, d: Array) -> float:
-        """How far a body gets along d at its steady velocity, as the search has it."""
+        """Displacement of a body along d at its steady velocity, by the search."""
         numbers = [joint.name for joint in self.robot.joints]
         chain = [numbers.index(name) for name in self.chain(b)]
         before = chain[shared - 1] if shared else -1
@@ -69,7 +69,7 @@ class Stretch:
         return float(d @ self.placed[b, ORIGIN : ORIGIN + 3]) + float(moved)
 
     def true_reach(self, b: int, shared: int, time: float, d: Array) -> float:
-        """How far it gets, by numpy, seen from what the first `shared` joints carry."""
+        """Its displacement by NumPy, in the frame that the first `shared` joints carry."""
         T = self._pose(b, time)
         if shared:
             frame = self._frame(b, shared)
@@ -111,7 +111,7 @@ class Run(Stretch):
 
 
 def error(stretch: Stretch, b: int, shared: int, directions: Array) -> float:
-    """The most that a body gets farther along a direction, or less far, than it would at its steady velocity [m]."""
+    """Largest deviation of a body along a direction from its steady motion [m]."""
     times = np.linspace(-stretch.half, stretch.half, SAMPLES)
     return max(
         abs(stretch.true_reach(b, shared, t, d) - stretch.reach(b, shared, t, d)) for t in times for d in directions

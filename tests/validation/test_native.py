@@ -1,4 +1,4 @@
-"""The referee's library: every variant of it judges alike, and threads do not disturb each other."""
+"""The referee's library: every variant gives the same verdicts, and threads do not affect each other."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Make = Callable[..., Any]
 
 @pytest.fixture
 def by_each_variant(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[], Any]], list[Any]]:
-    """What a function returns with each variant of the library, the fastest first."""
+    """Results of a function with each variant of the library, the fastest first."""
 
     def run(function: Callable[[], Any]) -> list[Any]:
         found = []
@@ -52,7 +52,7 @@ def wander(scene: rp.Scene, rng: np.random.Generator, reach: float) -> rp.Trajec
 
 
 def findings(scene: rp.Scene, move: rp.Trajectory) -> tuple[Array, dict[str, float]]:
-    """All numbers that the search writes down for the pairs, and the counts of its work."""
+    """All results of the search for the pairs, and its operation counts."""
     motion = TimedColumns(move.joint_names, move.breaks, move.coefficients)
     found = prove(moving_scene(scene, move.joint_names), motion, ProofOptions(2e-4, 400_000))
     contacts = [(contact.clearance, contact.time, contact.first) for contact in found.contacts]
@@ -61,7 +61,7 @@ def findings(scene: rp.Scene, move: rp.Trajectory) -> tuple[Array, dict[str, flo
 
 
 def hull(rng: np.random.Generator, count: int) -> rp.Mesh:
-    """A convex body with many corners, which are looked at by eights and by tables."""
+    """A convex body with many corners, which are processed in groups of eight and by tables."""
     corners = rng.normal(size=(count, 3))
     corners *= 0.1 / np.linalg.norm(corners, axis=1)[:, None]
     return rp.Mesh(corners, ConvexHull(corners).simplices, convex=True)
@@ -71,7 +71,7 @@ def hull(rng: np.random.Generator, count: int) -> rp.Mesh:
 def test_all_variants_find_the_same_beside_a_sliding_body(
     seed: int, slider: Make, shape: Make, by_each_variant: Make
 ) -> None:
-    """No sine is taken, so every bit is the same."""
+    """No sine is computed, so every bit is the same."""
     rng = np.random.default_rng(seed)
     body = hull(rng, (20, 300)[seed % 2])
     scene = rp.Scene().with_arm("arm", slider(body))

@@ -1,4 +1,4 @@
-"""Distances between solids: known answers, and the traps of the library below."""
+"""Distances between solids: known values, and known errors of Coal."""
 
 from __future__ import annotations
 

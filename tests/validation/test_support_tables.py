@@ -1,4 +1,4 @@
-"""Support functions by tables of directions are those of all corners, one by one."""
+"""Support functions by tables of directions equal those over all corners."""
 
 from __future__ import annotations
 

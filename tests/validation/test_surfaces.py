@@ -1,4 +1,4 @@
-"""Meshes that are not convex in the referee: its search against Coal's distances, and what closed ones enclose."""
+"""Concave meshes in the referee: its search against Coal's distances, and the inside of closed meshes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rr1plan.validation.mesh_surfaces import PartTree, cell_parts, surface_parts
 from rr1plan.validation.referee_kernels import CLOSED, FIRST
 
 Make = Callable[..., Any]
-# Coal may overstate a distance by as much [m].
+# Largest overestimate of a distance by Coal [m].
 COAL = 2e-5
 
 MESHES = {

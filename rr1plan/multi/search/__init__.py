@@ -1,1 +1,1 @@
-"""Searches for schedules of all arms: prioritized, on windows, by conflicts, and improvement."""
+"""Searches for schedules of all arms: prioritized, in time windows, conflict-based, and improvement of schedules."""

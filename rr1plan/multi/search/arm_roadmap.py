@@ -1,4 +1,4 @@
-"""The roadmap of one arm with its start and its goal: certified edges, each a motion from rest to rest."""
+"""The roadmap of one arm, including its start and goal: certified edges, each a motion from rest to rest."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from rr1plan.planners.roadmap_graph import Graph
 from rr1plan.planning import SearchTree
 from rr1plan.retiming.path_speed import line_rates
 
-_NEIGHBORS = 8  # that the start, the goal and what is inserted besides are joined to
+_NEIGHBORS = 8  # nearest vertices to which the start, the goal and inserted waypoints are connected
 _START, _GOAL = 0, 1
 
 
 class ArmRoadmap:
-    """A roadmap that an arm moves on, with a stop at each vertex.
+    """A roadmap on which an arm moves, with a stop at each vertex.
 
     Args:
         agent: The arm.
@@ -32,7 +32,7 @@ class ArmRoadmap:
         edges: Pairs of vertices between which the straight line is certified.
 
     Attributes:
-        to_goal: No motion from a vertex to the goal takes less than this [s], inf where there is none, shape (n,).
+        to_goal: Lower bound of the duration from each vertex to the goal [s], inf if there is no motion, shape (n,).
     """
 
     start, goal = _START, _GOAL
@@ -52,7 +52,7 @@ class ArmRoadmap:
         return len(self.vertices)
 
     def move(self, begin: int, end: int) -> AgentPath:
-        """The path of an edge, from rest to rest; of no length from a vertex to itself, where the arm rests."""
+        """The path of an edge, from rest to rest; of zero length from a vertex to itself, where the arm rests."""
         key = begin, end
         if key not in self._moves:
             points = self.vertices[[begin, end] if begin != end else [begin]]
@@ -61,11 +61,11 @@ class ArmRoadmap:
         return self._moves[key]
 
     def ends(self, path: AgentPath) -> tuple[int, int]:
-        """The vertices of a path that `move` gave."""
+        """The vertices of a path from `move`."""
         return self._ends[path]
 
     def _bounds(self) -> Array:
-        """Durations by Dijkstra's algorithm from the goal, of motions that only velocity and acceleration limit."""
+        """Durations by Dijkstra's algorithm from the goal, of motions limited only in velocity and acceleration."""
         bounds = np.full(len(self.vertices), math.inf)
         queue = [(0.0, _GOAL)]
         while queue:
@@ -79,7 +79,7 @@ class ArmRoadmap:
         return bounds
 
     def _least_duration(self, one: int, two: int) -> float:
-        """Of a straight line from rest to rest [s]."""
+        """Lower bound of the duration of a straight line from rest to rest [s]."""
         delta = self.vertices[two] - self.vertices[one]
         length = float(np.linalg.norm(delta))
         if length == 0.0:
@@ -106,15 +106,14 @@ def build_roadmap(
     known_paths: Sequence[Array] = (),
     goes_on: Callable[[], bool] = lambda: True,
 ) -> ArmRoadmap | None:
-    """A roadmap for an arm; samples and their candidate edges are kept with the scene.
+    """A roadmap for an arm; samples and their candidate edges are cached with the scene.
 
     Args:
         agent: The arm.
-        goal: Its configuration at its goal, shape (nq,).
-        margin: Distance to keep from what stands still, beyond the padding [m].
-        samples: Samples of the roadmap.
-        known_paths: Free paths from the start to the goal whose waypoints are inserted, so that it joins them,
-            shape (m, nq) each.
+        goal: Its goal configuration, shape (nq,).
+        margin: Distance to keep from stationary objects in addition to the padding [m].
+        samples: Number of samples of the roadmap.
+        known_paths: Free paths from the start to the goal to include, waypoints of shape (m, nq) each.
         goes_on: Called often; False stops.
 
     Returns:

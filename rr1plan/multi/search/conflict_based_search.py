@@ -1,19 +1,19 @@
 """Conflict-based search on the roadmaps of a few arms, in continuous time, with a bound on the sum of arrivals.
 
-Each arm moves on its roadmap and stops at each vertex, where it may wait. The search branches on conflicts: one of two
-arms must not do what it does at such times (Sharon et al., Conflict-based search for optimal multi-agent pathfinding,
-2015; in continuous time: Andreychuk et al., Multi-agent pathfinding with continuous time, 2019). Two actions conflict
-as certified coordination diagrams say, at no resolution in time. Each pair of constraints excludes only pairs of
-actions that conflict, so no solution is lost; in particular, constraints on waiting are chosen such that every time
-they exclude conflicts with every departure that the other one excludes.
+Each arm moves on its roadmap and stops at each vertex, where it may wait. The search branches on conflicts: one of the
+two arms is forbidden its action at the times in question (Sharon et al., Conflict-based search for optimal multi-agent
+pathfinding, 2015; in continuous time: Andreychuk et al., Multi-agent pathfinding with continuous time, 2019). Certified
+coordination diagrams determine conflicts of two actions, without sampling of time. Each pair of constraints excludes
+only pairs of actions that conflict, so no solution is lost; in particular, constraints on waiting are chosen such that
+each excluded time of waiting is in conflict with each departure that the other constraint excludes.
 
-Of all nodes whose cost is at most `suboptimality` times the lower bound, that with the fewest conflicts is expanded
-(Barer et al., Suboptimal variants of the conflict-based search algorithm, 2014, with a bound on the high level). Its
-moves are first replaced by those of a child, without the child's constraint, for as long as that removes conflicts
-within the bound (a bypass: Boyarski et al., Don't split, try to work it out, 2015); then it is split at the conflict
-that raises the bound of both children most, a cardinal one if there is one (Boyarski et al., ICBS, 2015). Of each arm
-the least arrival under the constraints is kept beside its moves; the least sum of them in the queue is a lower bound of
-the sum of arrivals on these roadmaps.
+Among all nodes whose cost is at most `suboptimality` times the lower bound, the node with the fewest conflicts is
+expanded (Barer et al., Suboptimal variants of the conflict-based search algorithm, 2014, with a bound on the high
+level). Its moves are first replaced by those of a child, without the child's constraint, as long as this removes
+conflicts within the bound (a bypass: Boyarski et al., Don't split, try to work it out, 2015); then the node is split at
+the conflict that raises the bound of both children most, a cardinal conflict if there is one (Boyarski et al., ICBS,
+2015). A node stores the earliest arrival of each arm under its constraints together with the moves; the minimum sum of
+these arrivals in the queue is a lower bound of the sum of arrivals on these roadmaps.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.schedule import Leg, Schedule
 
 _INSTANT = 1e-6  # [s]
-# A departure is put off until the conflict with rest that ends is this short, then by half of it [s].
+# A departure is delayed until the conflict with a finite rest is this short, then by half of it [s].
 _SHORT_REST = 1e-3
 _MOST_NODES = 20_000
-# Conflicts of a node among which one is chosen.
+# Number of conflicts of a node among which one is chosen.
 _MOST_CONFLICTS = 4
 
 
@@ -47,8 +47,8 @@ class SearchResult:
     Args:
         moves: The moves of each arm on its roadmap; None if none were found.
         cost: Sum of the arrivals [s].
-        lower_bound: No motion on these roadmaps has a lower one [s]; inf if there is none on them.
-        nodes: Nodes that were expanded.
+        lower_bound: Lower bound of the cost of all plans on these roadmaps [s]; inf if there is none.
+        nodes: Number of expanded nodes.
     """
 
     moves: dict[str, list[Move]] | None
@@ -58,7 +58,7 @@ class SearchResult:
 
     @property
     def suboptimality(self) -> float:
-        """The cost is at most this multiple of the least on the roadmaps."""
+        """Proven bound of the ratio of the cost to the minimum on the roadmaps."""
         return max(1.0, self.cost / self.lower_bound) if self.lower_bound > 0.0 else 1.0
 
 
@@ -67,12 +67,12 @@ _Conflicts = dict[tuple[str, str], list[tuple[Action, Action, Conflict]]]
 
 @dataclass
 class _Node:
-    """Constraints, and moves that keep them.
+    """Constraints, and moves that satisfy them.
 
     Args:
-        constraints: Of each arm.
+        constraints: The constraints of each arm.
         best: The earliest moves of each arm under its constraints.
-        moves: Moves of each arm that keep the constraints, perhaps later ones with fewer conflicts.
+        moves: Moves of each arm that satisfy the constraints; some may be later than `best`, with fewer conflicts.
         conflicts: Conflicts of `moves`, by pairs of arms.
     """
 
@@ -83,7 +83,7 @@ class _Node:
 
     @property
     def bound(self) -> float:
-        """No moves that keep the constraints have a lower cost [s]."""
+        """Lower bound of the cost of all moves that satisfy the constraints [s]."""
         return math.fsum(map(_arrival, self.best.values()))
 
     @property
@@ -97,10 +97,10 @@ class _Node:
         return sum(len(found) for found in self.conflicts.values())
 
     def first_conflicts(self, most: int) -> list[tuple[str, str, Action, Action, Conflict]]:
-        """The earliest ones; those with an arm that rests for a while come last, because they exclude the least time.
+        """The earliest conflicts; conflicts with a finite rest come last, because they exclude the least time.
 
         Args:
-            most: How many.
+            most: Largest number of conflicts.
         """
         found = [(*pair, *each) for pair, several in self.conflicts.items() for each in several]
         return sorted(found, key=lambda item: (_rests(item[2]) or _rests(item[3]), item[4].begin))[:most]
@@ -110,10 +110,10 @@ _Entry = TypeVar("_Entry", tuple[float, int], tuple[int, float, int])
 
 
 class _Queue:
-    """Nodes that are still to be expanded, those within the bound by their number of conflicts.
+    """Nodes to be expanded; within the suboptimality bound, nodes with fewer conflicts come first.
 
     Attributes:
-        least: No solution costs less [s].
+        least: Lower bound of the cost of all solutions [s].
     """
 
     def __init__(self, suboptimality: float) -> None:
@@ -132,7 +132,7 @@ class _Queue:
         heappush(self._beyond, (node.cost, self._count))
 
     def pop(self) -> _Node | None:
-        """The node with the fewest conflicts within the bound, or that with the least bound; None if there are none."""
+        """The node with the fewest conflicts within the bound, else that with the lowest bound; None if empty."""
         self._forget_popped(self._by_bound)
         if not self._by_bound:
             return None
@@ -147,7 +147,7 @@ class _Queue:
 
     @property
     def most(self) -> float:
-        """What a solution may cost [s]."""
+        """Largest cost of a solution [s]."""
         return self._suboptimality * self.least
 
     def _forget_popped(self, heap: list[_Entry]) -> None:
@@ -160,10 +160,10 @@ class ConflictBasedSearch:
 
     Args:
         roadmaps: The roadmap of each arm.
-        near: Of each arm those that it can meet.
-        conflicts: When paths of these arms conflict.
-        watch: Says when to give up.
-        suboptimality: The sum of arrivals may be this multiple of the least on the roadmaps, at least 1.
+        near: For each arm, the arms that it can touch.
+        conflicts: Conflicts between paths of these arms.
+        watch: Deadline.
+        suboptimality: Largest ratio of the sum of arrivals to the minimum on the roadmaps, at least 1.
     """
 
     def __init__(
@@ -183,7 +183,7 @@ class ConflictBasedSearch:
 
         Args:
             most_nodes: Nodes to expand, at most.
-            known_cost: Sum of the arrivals of a plan that is known [s].
+            known_cost: Sum of the arrivals of a known plan [s]; inf if there is none.
         """
         root = self._root()
         if root is None:
@@ -197,7 +197,7 @@ class ConflictBasedSearch:
             if known_cost <= queue.most:
                 break
             if node.cost > queue.most:
-                # Later moves of its ancestors: back to the earliest, which are within the bound.
+                # Its moves include later ones from ancestors; the earliest moves are within the bound.
                 self._use(node, node.best)
             children = self._children(node, queue.most) if node.count else []
             if node.count == 0:
@@ -219,7 +219,7 @@ class ConflictBasedSearch:
         return root
 
     def _use(self, node: _Node, moves: Mapping[str, list[Move]]) -> None:
-        """Give a node other moves that keep its constraints."""
+        """Replace the moves of a node by others that satisfy its constraints."""
         changed = {arm for arm, own in moves.items() if node.moves.get(arm) is not own}
         node.moves = dict(moves)
         node.conflicts = {
@@ -228,11 +228,11 @@ class ConflictBasedSearch:
         }
 
     def _children(self, node: _Node, most: float) -> list[_Node]:
-        """The node's children at the conflict that raises their bounds most; bypasses conflicts before.
+        """The node's children at the conflict that raises their bounds most, after bypassing conflicts.
 
         Args:
-            node: The node; it may have no conflict any more afterwards.
-            most: What moves may cost [s].
+            node: The node; bypasses may leave it without conflicts.
+            most: Largest cost of a bypass [s].
         """
         replanned: dict[tuple[str, Constraint], list[Move] | None] = {}
         while node.count and self._watch.goes_on():
@@ -254,13 +254,13 @@ class ConflictBasedSearch:
     def _child(
         self, node: _Node, arm: str, constraint: Constraint, replanned: dict[tuple[str, Constraint], list[Move] | None]
     ) -> _Node | None:
-        """The node with one more constraint; None if an arm has no moves then.
+        """The node with one more constraint; None if the arm then has no moves.
 
         Args:
             node: The node.
-            arm: The arm that the constraint is for.
+            arm: The constrained arm.
             constraint: The constraint.
-            replanned: Moves of arms under one more constraint than those of the node.
+            replanned: Cached moves of arms under one more constraint than those of the node.
         """
         constraints = (*node.constraints[arm], constraint)
         if (arm, constraint) not in replanned:
@@ -285,7 +285,7 @@ class ConflictBasedSearch:
         return found
 
     def _branches(self, one: str, two: str, a: Action, b: Action, conflict: Conflict) -> list[tuple[str, Constraint]]:
-        """Two constraints of which every solution keeps one."""
+        """Two constraints such that every solution satisfies at least one."""
         low, high = conflict.low, conflict.high
         if a.moves and b.moves:
             return [
@@ -298,12 +298,12 @@ class ConflictBasedSearch:
                 for arm, action in ((one, a), (two, b))
             ]
         if b.moves:
-            # The same with the roles exchanged.
+            # Exchange the roles, so that `one` moves and `two` rests.
             one, two, a, b, low, high = two, one, b, a, -high, -low
-        # The mover is in the way of who rests at times from t - high to t - low, if it departs at t.
+        # If the moving arm departs at t, it conflicts with the resting arm from t - high to t - low.
         edge, place = self._edge(one, a), self._edge(two, b)[0]
         if math.isinf(b.end):
-            # However late it departs, who has come for good before is in its way.
+            # The other arm stays at its goal: every later departure conflicts with it.
             return [(one, Departure(edge, a.begin, math.inf)), (two, Settling(a.begin - low))]
         overlap = conflict.end - (a.begin - high)
         delay = overlap - min(_SHORT_REST, 0.5 * overlap)
@@ -325,7 +325,7 @@ def _arrival(moves: Sequence[Move]) -> float:
 
 
 def actions_of(roadmap: ArmRoadmap, moves: Sequence[Move]) -> list[Action]:
-    """All actions of an arm, rests included, until infinity.
+    """All actions of an arm, including rests; the last one does not end.
 
     Args:
         roadmap: Its roadmap.
@@ -341,7 +341,7 @@ def actions_of(roadmap: ArmRoadmap, moves: Sequence[Move]) -> list[Action]:
 
 
 def schedule_of(roadmap: ArmRoadmap, moves: Sequence[Move]) -> Schedule:
-    """The moves of an arm as a schedule on one path, which stops at each vertex.
+    """The moves of an arm as a schedule on one path, with a stop at each vertex.
 
     Args:
         roadmap: Its roadmap.

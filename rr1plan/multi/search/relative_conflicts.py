@@ -1,4 +1,4 @@
-"""When two arms on roadmaps conflict: intervals of relative departure times, exact by certified diagrams."""
+"""Conflicts of two arms on roadmaps as intervals of relative departure times, from certified coordination diagrams."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from rr1plan.checks import Array
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.timing.coordination import Blocked, coordination_diagram
 
-# Intervals are extended by this at both ends, far above the rounding of times; conflicts that are shorter are none [s].
+# Extension of intervals at both ends, far above the rounding of times, and longest conflict that is ignored [s].
 _ROUNDING, _SHORTEST = 1e-7, 1e-8
 
 
 class Action(NamedTuple):
-    """A motion along a whole path from rest to rest, or rest at the place of a path of no length.
+    """A motion along a whole path from rest to rest, or rest at the configuration of a path of zero length.
 
     Args:
         path: The path.
-        begin: When it begins [s].
-        end: When it ends [s]; inf for rest at the goal.
+        begin: Start time [s].
+        end: End time [s]; inf for rest at the goal.
     """
 
     path: AgentPath
@@ -29,7 +29,7 @@ class Action(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Whether it is a motion rather than a rest."""
+        """Whether it is a motion, not a rest."""
         return self.path.segments > 0
 
 
@@ -37,10 +37,10 @@ class Conflict(NamedTuple):
     """A conflict of two actions.
 
     Args:
-        begin: When it begins, at the earliest [s].
-        end: When it ends, at the latest [s].
-        low: The interval of relative times in which it is, see `RelativeConflicts.intervals` [s].
-        high: Its other end [s].
+        begin: Earliest time of the conflict [s].
+        end: Latest time of the conflict [s].
+        low: Lower end of its interval of relative times, see `RelativeConflicts.intervals` [s].
+        high: Upper end of this interval [s].
     """
 
     begin: float
@@ -53,7 +53,7 @@ class RelativeConflicts:
     """Conflicts between the paths of agents, each pair computed once.
 
     Args:
-        margin: Distance that agents keep from each other, beyond the padding [m].
+        margin: Distance that agents keep from each other, in addition to the padding [m].
     """
 
     def __init__(self, margin: float) -> None:
@@ -61,10 +61,10 @@ class RelativeConflicts:
         self._known: dict[tuple[AgentPath, AgentPath], list[tuple[float, float]]] = {}
 
     def intervals(self, one: AgentPath, two: AgentPath) -> list[tuple[float, float]]:
-        """Disjoint intervals of departure times of `one` minus those of `two` with a conflict [s].
+        """Disjoint intervals of relative times (departure of `one` minus departure of `two`) with a conflict [s].
 
-        Where one of them rests, the interval is that of times of rest minus departure of the motion (or of departure
-        minus rest, if `two` rests); where both do, all times or none.
+        For an arm that rests, the time of rest takes the place of its departure. If both rest, they conflict always or
+        never.
         """
         if (one, two) not in self._known:
             blocked = coordination_diagram(one, two, self._margin)
@@ -107,9 +107,9 @@ def _intervals(one: AgentPath, two: AgentPath, blocked: Blocked) -> list[tuple[f
 
 
 def _cell_times(path: AgentPath) -> tuple[Array, Array]:
-    """When each row of its diagrams is entered and left, from its departure on [s], shape (cells,) each.
+    """Times since departure at which each row of its diagrams is entered and left [s], shape (cells,) each.
 
-    All times of rest are relative to the instant of rest itself, so they are zero.
+    Zero for a path of zero length: times of rest are relative to the instant of rest itself.
     """
     if path.segments == 0:
         return np.zeros(path.cells), np.zeros(path.cells)

@@ -1,7 +1,7 @@
 """The earliest motion of one arm on its roadmap under constraints: safe-interval path planning.
 
-A state is a vertex and an interval of time in which the arm may be there; of all motions that reach a state only the
-earliest counts (Phillips and Likhachev 2011). Motions on edges last as long as the dynamics of the arm demand.
+A state is a vertex and a time interval in which the arm may be there; among all motions that reach a state, only the
+earliest is kept (Phillips and Likhachev 2011). The dynamics of the arm determine the duration of motions on edges.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ _ALWAYS = [(-math.inf, math.inf)]
 
 
 class Departure(NamedTuple):
-    """An edge on which a motion must not begin at some times.
+    """A time interval in which no motion may start on an edge.
 
     Args:
-        edge: Its vertices.
-        begin: From this time on [s].
-        end: Until this time [s].
+        edge: The vertices of the edge.
+        begin: Start of the interval [s].
+        end: End of the interval [s].
     """
 
     edge: tuple[int, int]
@@ -35,12 +35,12 @@ class Departure(NamedTuple):
 
 
 class Presence(NamedTuple):
-    """A vertex at which an arm must not be at some times, not for an instant.
+    """A time interval in which the arm may not be at a vertex, not even for an instant.
 
     Args:
         vertex: The vertex.
-        begin: From this time on [s].
-        end: Until this time [s].
+        begin: Start of the interval [s].
+        end: End of the interval [s].
     """
 
     vertex: int
@@ -49,10 +49,10 @@ class Presence(NamedTuple):
 
 
 class Settling(NamedTuple):
-    """An arm must not have come to its goal for good before a time.
+    """The arm may not arrive at its goal for good before a time.
 
     Args:
-        time: The time [s].
+        time: Earliest final arrival [s].
     """
 
     time: float
@@ -65,10 +65,10 @@ class Move(NamedTuple):
     """A motion on an edge.
 
     Args:
-        begin: Vertex.
-        end: Vertex.
-        departure: When it begins [s].
-        arrival: When it ends [s].
+        begin: First vertex.
+        end: Last vertex.
+        departure: Start time [s].
+        arrival: End time [s].
     """
 
     begin: int
@@ -87,7 +87,7 @@ class _State(NamedTuple):
 
 
 def earliest_moves(roadmap: ArmRoadmap, constraints: Iterable[Constraint]) -> list[Move] | None:
-    """The motion that comes to the goal for good first of all that keep some constraints; None if there is none.
+    """The motion with the earliest final arrival at the goal under some constraints; None if there is none.
 
     Args:
         roadmap: The roadmap.
@@ -113,11 +113,11 @@ class _Search:
         self._safe = {vertex: _gaps(spans) for vertex, spans in presence.items()}
 
     def safe(self, vertex: int) -> list[tuple[float, float]]:
-        """When the arm may be at a vertex."""
+        """Time intervals in which the arm may be at a vertex."""
         return self._safe.get(vertex, _ALWAYS)
 
     def run(self) -> list[Move] | None:
-        """Best first, by the time at which the arm may come to its goal."""
+        """A*: best first, by a lower bound of the time of arrival at the goal."""
         first = self._first_state()
         if first is None:
             return None
@@ -151,7 +151,7 @@ class _Search:
         return state.time + (0.0 if state.settled else float(self.roadmap.to_goal[state.vertex]))
 
     def _successors(self, state: _State) -> Iterator[_State]:
-        """The earliest arrival in each interval of each neighbor; at the goal, to stay or to leave again."""
+        """The earliest arrival in each interval of each neighbor; at the goal, one to stay and one to leave again."""
         roadmap = self.roadmap
         leave_by = self.safe(state.vertex)[state.interval][1]
         for other in roadmap.neighbors[state.vertex]:
@@ -171,13 +171,13 @@ class _Search:
 
 
 def _gaps(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """The times between some spans."""
+    """The intervals between some spans."""
     begins, ends = np.array(spans).T
     return safe_intervals(begins, ends)
 
 
 def _first(allowed: list[tuple[float, float]], earliest: float, before: float) -> float | None:
-    """The first allowed time from `earliest` on, if it is before another."""
+    """The first allowed time at or after `earliest`; None if it is not before `before`."""
     for low, high in allowed:
         time = max(low, earliest)
         if time < high:

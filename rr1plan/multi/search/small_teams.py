@@ -1,8 +1,8 @@
 """Conflict-based search for a group of a few arms: roadmaps that grow until there is a plan on them.
 
-Where the first search finds none, the arms are scheduled on their paths as in the portfolio. That plan is the answer if
-the lower bound of a second search comes near enough to it, or if that finds no better one; its suboptimality is then
-what that search has proven, which may be more than what was asked for.
+If the first search finds none, the arms are scheduled on their paths as in the portfolio. That plan is returned if the
+lower bound of a second search proves it good enough, or if this search finds no better plan; its suboptimality is then
+the ratio proven by this search, which may exceed the requested one.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.retiming.path_blends import clean
 
 MOST_ARMS = 8
-"""Arms of a group, at most."""
+"""Largest number of arms of a group."""
 
 SUBOPTIMALITY = 1.1
 """Largest ratio of the sum of arrivals to the minimum on the roadmaps."""
 
-# Samples of the roadmaps, and nodes of the search on them; the last ones have all of the time.
+# Samples of the roadmaps and largest number of nodes of the search on them; the last round uses all remaining time.
 _ROUNDS = ((50, 500), (200, 2000), (800, 10**9))
 
 
@@ -48,9 +48,9 @@ class TeamPlan:
     Args:
         schedules: One for each arm; none if no plan was found.
         alone: Duration of the fastest known motion of each arm alone [s].
-        margins: Distance that each arm keeps from what stands still, beyond the padding [m].
-        suboptimality: The sum of arrivals is at most this multiple of the least on the arms' roadmaps.
-        reason: Why there is no plan, in words.
+        margins: Distance that each arm keeps from stationary objects in addition to the padding [m].
+        suboptimality: Proven bound: the sum of arrivals is at most this multiple of the minimum on the arms' roadmaps.
+        reason: Why there is no plan, as text.
     """
 
     schedules: tuple[Schedule, ...] = ()
@@ -72,12 +72,12 @@ def plan_small_team(
 
     Args:
         agents: The agent of each arm.
-        near: Of each arm those that it can meet.
-        margins: Distance that each arm keeps from what stands still, beyond the padding [m].
-        rng: Where random numbers come from.
-        watch: Says when to give up.
-        suboptimality: The sum of arrivals may be this multiple of the least on the roadmaps, at least 1; more where
-            that takes too long to prove.
+        near: For each arm, the arms that it can touch.
+        margins: Distance that each arm keeps from stationary objects in addition to the padding [m].
+        rng: Random generator.
+        watch: Deadline.
+        suboptimality: Requested ratio of the sum of arrivals to the minimum on the roadmaps, at least 1; the plan may
+            exceed it if a proof takes too long.
 
     Raises:
         InputError: too many arms.
@@ -111,7 +111,7 @@ def plan_small_team(
         bound = found.lower_bound if math.isfinite(found.lower_bound) else bound
         if known:
             break
-        # Paths of the pools need no roadmap.
+        # Schedule the paths of the pools, which need no roadmap.
         planner = PrioritizedPlanner(pools.values(), near, DiagramCache(), rng, watch)
         known = tuple(planner.schedules.values()) if planner.run() else ()
         cost = math.fsum(s.arrival * len(s.arms) for s in known) if known else math.inf
@@ -123,13 +123,13 @@ def plan_small_team(
 def _roadmaps(
     first: Mapping[str, AgentPath], margins: Mapping[str, float], samples: int, watch: Stopwatch
 ) -> dict[str, ArmRoadmap] | None:
-    """A roadmap for each arm, which joins the first path of the arm; None if there is no time.
+    """A roadmap for each arm, including its first path; None after the deadline.
 
     Args:
-        first: Of each arm.
-        margins: Distance that each arm keeps from what stands still, beyond the padding [m].
-        samples: Samples of each roadmap.
-        watch: Says when to give up.
+        first: First path of each arm.
+        margins: Distance that each arm keeps from stationary objects in addition to the padding [m].
+        samples: Number of samples of each roadmap.
+        watch: Deadline.
     """
     roadmaps: dict[str, ArmRoadmap] = {}
     for arm, path in first.items():
@@ -142,7 +142,7 @@ def _roadmaps(
 
 
 def _margin_between(agents: Sequence[Agent], goals: Mapping[str, Array], near: Mapping[str, frozenset[str]]) -> float:
-    """The largest margin that all starts have from each other, and all goals [m]."""
+    """The largest margin that all starts keep from each other, and likewise all goals [m]."""
     ends = [{agent.arms[0]: agent.start for agent in agents}, goals]
     placed = [{a.arms[0]: placed_configuration(a.bodies, end[a.arms[0]]) for a in agents} for end in ends]
     for margin in MARGINS:

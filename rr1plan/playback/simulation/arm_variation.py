@@ -1,4 +1,4 @@
-"""Arms that differ from their description by payload, masses and friction, which the servos do not model."""
+"""Simulated arms that differ from their description in payload, masses and friction, unmodeled in the servos."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import numpy as np
 from rr1plan.checks import Array, number_from_zero, positive_number
 from rr1plan.scene import Scene
 
-# Radius of the ball that a payload is [m].
+# Radius of the ball of a payload [m].
 _PAYLOAD_RADIUS = 0.05
 
 
 @dataclass(frozen=True)
 class ArmVariation:
-    """How simulated arms differ from their description, which the feed-forward torque of their servos follows.
+    """Differences of simulated arms from their description, on which the feed-forward torque of their servos is based.
 
     Args:
         payload: Mass at the tool of each arm [kg], a ball of 5 cm radius around the tool's origin.
-        mass: Factor of the masses and inertias of all links.
-        friction: Coulomb friction of each joint as a share of its effort limit; joints without a limit have none.
+        mass: Factor for the masses and inertias of all links.
+        friction: Coulomb friction of each joint as a fraction of its effort limit; joints without a limit have none.
 
     Raises:
         InputError: a negative payload or friction, a factor that is not above zero, numbers that are not finite.
@@ -44,7 +44,7 @@ class ArmVariation:
 
 
 def varied_model(model: mujoco.MjModel, scene: Scene, effort_limits: Array, variation: ArmVariation) -> mujoco.MjModel:
-    """A copy of a MuJoCo model with other arms.
+    """A copy of a MuJoCo model with varied arms.
 
     Args:
         model: The model of a scene, whose first degrees of freedom are the joints.
@@ -72,6 +72,6 @@ def _add_payload(model: mujoco.MjModel, body: int, payload: float) -> None:
     total = own + payload
     model.body_mass[body] = total
     model.body_ipos[body] = com * (own / total)
-    # The parallel-axis term in all directions alike: at most too much, and none for a frame without a mass.
+    # The same parallel-axis term in all directions: an upper bound, and zero for a frame without mass.
     shifted = own * payload / total * float(com @ com)
     model.body_inertia[body] += shifted + 0.4 * payload * _PAYLOAD_RADIUS**2

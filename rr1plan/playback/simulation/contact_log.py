@@ -1,4 +1,4 @@
-"""Contacts of a simulation as intervals of time: which elements touched, from when to when, how deep."""
+"""Contacts of a simulation as intervals of time, with elements and depth."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from rr1plan.playback.simulation.replay import ReplayContact
 
 
 class ContactLog:
-    """Collects the contacts of instants.
+    """Collects contacts at instants and merges them into intervals.
 
     Args:
-        gap: Longest time between two instants of one interval [s].
+        gap: Longest time between two contacts of one interval [s].
     """
 
     def __init__(self, gap: float) -> None:
@@ -22,12 +22,12 @@ class ContactLog:
         self._intervals: dict[tuple[str, str], list[ReplayContact]] = {}
 
     def add(self, world: MujocoScene, data: Any, time: float) -> None:
-        """Add the contacts of one instant that the scene forbids.
+        """Add the contacts at one instant that the scene does not allow.
 
         Args:
             world: The model.
             data: MuJoCo's data after the collision stage.
-            time: The instant [s], not before that of the last call.
+            time: The instant [s], not before that of the previous call.
         """
         geoms, distances = data.contact.geom, data.contact.dist
         for k in np.flatnonzero(world.forbidden(geoms) & (distances <= 0.0)).tolist():
@@ -46,6 +46,6 @@ class ContactLog:
         self._intervals.clear()
 
     def intervals(self) -> tuple[ReplayContact, ...]:
-        """All intervals in the order in which they began."""
+        """All intervals in the order of their start."""
         found = (contact for intervals in self._intervals.values() for contact in intervals)
         return tuple(sorted(found, key=lambda contact: contact.first))

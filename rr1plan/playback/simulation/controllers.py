@@ -1,8 +1,8 @@
-"""Controllers: what commands the joints of a simulation at every step, with the meaning of `ros2_control`.
+"""Controllers command the joints of a simulation at every step, as in `ros2_control`.
 
-A controller claims some joints. At every step it sees their state and returns set-points, which the joint servos
-follow: a PID with position and velocity set-points and a feed-forward torque from inverse dynamics. Your own controller
-is a class with one method:
+A controller claims some joints. At every step it receives their state and returns set-points. Joint servos follow them:
+a PID with position and velocity set-points and a feed-forward torque from inverse dynamics. Your own controller is a
+class with one method:
 
     class Sway(Controller):
         def update(self, state):
@@ -32,7 +32,7 @@ class JointInfo:
 
     Args:
         names: Their names, "arm/joint", in the order of all arrays.
-        lower, upper: Position limits [rad or m], shape (n,); -inf and inf where there is none.
+        lower, upper: Position limits [rad or m], shape (n,); -inf and inf if there are none.
         velocity: Highest speeds [rad/s or m/s], shape (n,).
         dt: Time between two updates [s].
     """
@@ -45,7 +45,7 @@ class JointInfo:
 
 
 class JointState(NamedTuple):
-    """Some joints at an instant; as in `sensor_msgs/JointState`.
+    """State of some joints at an instant, as in `sensor_msgs/JointState`.
 
     Args:
         time: Simulated time [s].
@@ -83,7 +83,7 @@ class Controller(ABC):
         joint_names: The joints to claim, "arm/joint".
 
     Attributes:
-        joint_names: The same.
+        joint_names: The claimed joints.
         joints: Limits and step, from `activate` to `deactivate`.
 
     Raises:
@@ -94,7 +94,7 @@ class Controller(ABC):
 
     def __init_subclass__(cls, **options: object) -> None:
         super().__init_subclass__(**options)
-        # What an inherited preview says is not what another `update` does.
+        # An inherited preview does not match an overridden `update`.
         if "update" in cls.__dict__ and "preview" not in cls.__dict__:
             cls.preview = Controller.preview  # type: ignore[method-assign]
 
@@ -111,7 +111,7 @@ class Controller(ABC):
         self.joints = joints
 
     def deactivate(self) -> None:
-        """Give up the joints: another controller has them, or none; not called before a reset."""
+        """Release the joints, to another controller or to none; not called before a reset."""
         del self.joints
 
     @abstractmethod
@@ -123,20 +123,20 @@ class Controller(ABC):
         """
 
     def preview(self, times: Array) -> SetPoint | None:
-        """Set-points of the next updates, where these do not depend on the state.
+        """Set-points of the next updates, if they do not depend on the state.
 
-        A simulation may command them without an `update` for each, which is faster. Controllers need not have this.
+        A simulation may command them without an `update` for each, which is faster. This method is optional.
 
         Args:
             times: Simulated times of the next updates [s], shape (k,).
 
         Returns:
-            Arrays of shape (m, n), set-points of the first m updates, at most k; None: the next one needs the state.
+            Set-points of the first m updates, arrays of shape (m, n), m <= k; None if the next one needs the state.
         """
         return None
 
     def passed(self, times: Array, positions: Array) -> None:  # noqa: B027  (most controllers have nothing to note)
-        """Note that set-points of the last `preview` were commanded, in place of as many updates.
+        """Called after set-points of the last `preview` were commanded without calls of `update`.
 
         Args:
             times: Simulated times of these updates [s], shape (m,); there may be fewer than in the preview.
@@ -153,13 +153,13 @@ class Controller(ABC):
             raise InputError("the controller is not active; activate it in a simulation first")
 
     def check_positions(self, positions: Array) -> None:
-        """Refuse positions beyond the limits of the joints.
+        """Require that positions are within the limits of the joints.
 
         Args:
             positions: Positions [rad or m], shape (..., n).
 
         Raises:
-            InputError: a position out of limits, by the name of the joint, or a controller that is not active.
+            InputError: a position is out of limits, with the name of its joint, or the controller is not active.
         """
         self.check_active()
         joints = self.joints
@@ -177,9 +177,9 @@ _TOLERANCE = 1e-6  # rounding of trajectories that end at a limit [rad or m]
 
 
 class ForwardPositionController(Controller):
-    """Passes commanded positions on, as `position_controllers/JointGroupPositionController` does.
+    """Forwards commanded positions, as `position_controllers/JointGroupPositionController` does.
 
-    Before the first command it holds the positions of activation. A command is a step: the servos follow it as fast as
+    Before the first command it holds the positions at activation. A command is a step: the servos follow it as fast as
     their efforts allow.
 
     Args:
@@ -212,7 +212,7 @@ class ForwardPositionController(Controller):
 
 
 class ForwardVelocityController(Controller):
-    """Passes commanded velocities on, as `velocity_controllers/JointGroupVelocityController` does.
+    """Forwards commanded velocities, as `velocity_controllers/JointGroupVelocityController` does.
 
     Positions are integrated from them and stop at the position limits.
 

@@ -1,4 +1,4 @@
-"""A gripper controller: opens and closes at a speed, and says whether it has arrived or holds something."""
+"""A gripper controller: opens and closes at a speed, and reports whether it has arrived or stalled on an object."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class GripperStatus(enum.Enum):
 class GripperController(Controller):
     """Moves fingers at a speed until they arrive or stall, as `gripper_action_controller` does.
 
-    Fingers that stall keep pushing with the effort of their servos, which is how they hold something.
+    Stalled fingers keep pushing with the effort of their servos and so hold an object.
 
     Args:
         joint_names: The joints of the fingers, "arm/joint"; those that mimic them follow.
-        speed: How fast the fingers move [rad/s or m/s].
-        tolerance: They have arrived this near their command [rad or m].
-        stall_speed: They may have stalled if none is faster than this [rad/s or m/s] ...
-        stall_time: ... for this long [s], while their set-points have arrived.
+        speed: Speed of the fingers [rad/s or m/s].
+        tolerance: Largest distance from the command at which fingers count as arrived [rad or m].
+        stall_speed: Fingers stall if none is faster than this [rad/s or m/s] ...
+        stall_time: ... for this long [s] after their set-points have arrived.
 
     Attributes:
-        status: How they stand to the last command.
+        status: State of the last command.
     """
 
     _command: Array
@@ -65,7 +65,7 @@ class GripperController(Controller):
         """Move the fingers from the next update on.
 
         Args:
-            positions: Where to [rad or m], shape (n,).
+            positions: Target positions [rad or m], shape (n,).
 
         Raises:
             InputError: another shape, not finite, out of limits, or a controller that is not active.

@@ -1,4 +1,4 @@
-"""The movable joints of a scene: which are independent, which mimic others, and what all of them do for a motion."""
+"""The movable joints of a scene, independent and mimicking, and the set-points of all of them for a motion."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class JointMap:
 
     Attributes:
         names: "arm/joint" of each, in the order of the arms and of their descriptions.
-        index: Its place among them.
-        followers: Of each mimicking joint, the independent one that it follows.
+        index: Index of each name.
+        followers: For each mimicking joint, the independent joint that it follows.
         lower, upper: Position limits [rad or m], shape (n,).
         velocity: Highest speeds [rad/s or m/s], shape (n,).
         effort: Largest efforts [Nm or N], shape (n,).
@@ -50,7 +50,7 @@ class JointMap:
         self._followed_factor, self._followed_offset = self._factor[following], self._offset[following]
 
     def follow(self, values: Array, *, rates: bool = False) -> Array:
-        """Values of all joints, mimicking ones computed from those that they follow.
+        """Values of all joints, where mimicking joints are computed from the joints that they follow.
 
         Args:
             values: Positions of all joints, or their rates, shape (..., n).
@@ -60,11 +60,11 @@ class JointMap:
         return np.asarray(followed if rates else followed + self._offset)
 
     def leads(self, indices: NDArray[np.int64]) -> bool:
-        """Whether other joints mimic some of these."""
+        """Whether other joints mimic any of these."""
         return not set(self._followed.tolist()).isdisjoint(indices.tolist())
 
     def follow_all(self, rows: Array) -> None:
-        """Update those of mimicking joints.
+        """Update positions, velocities and accelerations of mimicking joints in place.
 
         Args:
             rows: Positions, velocities, accelerations and efforts of all joints, shape (..., 4, n).
@@ -74,7 +74,7 @@ class JointMap:
             rows[..., k, self._following] = values + self._followed_offset if k == 0 else values
 
     def expand(self, q: Array) -> Array:
-        """Positions of all joints while the planning joints of all arms are at q (nq,); locked ones stay locked."""
+        """Positions of all joints when the planning joints of all arms are at q (nq,); locked joints stay locked."""
         split = self._scene.split(q)
         values = {name: arm.robot.joint_values(split[name]) for name, arm in self._scene.arms.items()}
         return np.array([values[arm][joint] for arm, joint in (name.split("/", 1) for name in self.names)])

@@ -18,18 +18,18 @@ _RAMP = 0.2
 
 
 class ManualController(Controller):
-    """Moves joints by hand, as RQt's joint trajectory controller panel does.
+    """Moves joints by hand, like the panel of RQt's joint trajectory controller.
 
         viewer.on_slider(manual.move)          # the sliders of a live page, with mouse or arrow keys
         manual.press("2"); manual.press("+")   # keys of a terminal: choose a joint, move it by a step
 
-    Every joint goes to its last target at a part of its highest speed, which it reaches in 0.2 s; a new target takes
-    over from the present speed.
+    Every joint moves to its last target at a fraction of its highest speed, which it reaches in 0.2 s; a new target is
+    approached from the present speed.
 
     Args:
         joint_names: The joints to claim, "arm/joint".
-        speed: Part of the highest speed, above 0 and at most 1.
-        step: How far a key moves a joint [rad or m].
+        speed: Fraction of the highest speed, above 0 and at most 1.
+        step: Displacement of a joint per key [rad or m].
 
     Attributes:
         selected: The joint that "+" and "-" move.
@@ -59,7 +59,7 @@ class ManualController(Controller):
         """Set the targets of all joints.
 
         Args:
-            positions: Positions [rad or m], shape (n,); beyond the limits, the limits.
+            positions: Positions [rad or m], shape (n,); clipped to the limits.
 
         Raises:
             InputError: another shape, not finite, or a controller that is not active.
@@ -73,7 +73,7 @@ class ManualController(Controller):
 
         Args:
             joint: The joint, "arm/joint".
-            position: Where to [rad or m]; beyond the limits, the limits.
+            position: Target position [rad or m]; clipped to the limits.
 
         Raises:
             UnknownNameError: a joint that this controller does not have.
@@ -87,13 +87,13 @@ class ManualController(Controller):
         self.command(targets)
 
     def press(self, key: str) -> bool:
-        """Take in a key: "1" to "9" choose a joint, "+" and "-" move it by a step, " " stops all joints.
+        """Handle a key: "1" to "9" choose a joint, "+" and "-" move it by a step, " " stops all joints.
 
         Returns:
             Whether it is one of these keys.
 
         Raises:
-            InputError: no text, or a controller that is not active.
+            InputError: not a text, or a controller that is not active.
         """
         check_text("key", key)
         self.check_active()
@@ -114,7 +114,7 @@ class ManualController(Controller):
         fastest = self.speed * np.where(np.isfinite(self.joints.velocity), self.joints.velocity, _SPEED)
         acceleration = fastest / _RAMP
         left = self._target - self._positions
-        # The speed from which a joint can still stop at its target.
+        # The highest speed from which a joint can still stop at its target.
         wanted = np.sign(left) * np.minimum(fastest, np.sqrt(2.0 * acceleration * np.abs(left)))
         change = np.clip(wanted - self._velocities, -acceleration * dt, acceleration * dt)
         velocities = self._velocities + change

@@ -1,4 +1,4 @@
-"""Records of simulations: motions of joints and loose bodies, for pages and for measurements."""
+"""Records of simulations: motions of joints and loose bodies, for pages and measurements."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from rr1plan.scene import Obstacle
 
 
 class BodyLog:
-    """Collects poses of loose bodies; bodies may come and go between two instants."""
+    """Collects poses of loose bodies; bodies may be added and removed between instants."""
 
     def __init__(self) -> None:
         self._bodies: dict[str, Obstacle] = {}
         self._rows: list[dict[str, Array]] = []
 
     def add(self, sim: Simulation) -> None:
-        """Add the present poses."""
+        """Add the current poses."""
         names = sim.body_names
         self._bodies |= {name: sim.scene.obstacles[name] for name in names}
         self._rows.append({name: sim.body_coordinates(name) for name in names})
@@ -44,12 +44,12 @@ class Recorder:
 
     Args:
         sim: The simulation; it may not be reset while it is recorded.
-        dt: Time between recorded instants [s]; tracking errors and efforts are noted at every step. Positions are
-            compared with the set-points of the same instant, which are those of the step that begins then. At the last
-            instant, where no step begins, the record has the set-points of the last step.
+        dt: Time between recorded instants [s]; tracking errors and efforts are measured at every step. Positions are
+            compared with the set-points of the step that starts at the same instant. At the last instant, where no step
+            starts, the record has the set-points of the last step.
 
     Raises:
-        InputError: no simulation, or a time that is not above zero.
+        InputError: not a simulation, or a time that is not above zero.
     """
 
     def __init__(self, sim: Simulation, dt: float = 0.02) -> None:
@@ -74,7 +74,7 @@ class Recorder:
         self.stop()
 
     def stop(self) -> None:
-        """Record no more."""
+        """Stop recording."""
         stop, self._stop = self._stop, lambda: None
         stop()
 
@@ -97,7 +97,7 @@ class Recorder:
         )
 
     def _note(self, sim: Simulation) -> None:
-        # These set-points were for the beginning of the step, and those of its end are not known yet.
+        # These set-points are for the start of the step; those for its end are not known yet.
         desired = sim.set_points[self._columns]
         error = self._before[self._columns] - desired
         self._before = sim.positions

@@ -18,12 +18,12 @@ _TRACKED = 0.01
 
 @dataclass(frozen=True)
 class ReplayContact:
-    """Two elements that touched for a while.
+    """A contact of two elements over an interval of time.
 
     Args:
         pair: The two elements, e.g. ("arm/hand_link", "shelf").
-        first: When they began to touch [s].
-        last: When they last touched [s].
+        first: First instant of contact [s].
+        last: Last instant of contact [s].
         depth: Deepest penetration [m].
     """
 
@@ -39,8 +39,8 @@ class BodyMotion(Value):
 
     Args:
         bodies: The bodies by name.
-        poses: Position [m] and quaternion (wxyz) of each at the times of the record, shape (n, bodies, 7); NaN while it
-            was not in the scene.
+        poses: Position [m] and quaternion (wxyz) of each at the times of the record, shape (n, bodies, 7); NaN while a
+            body was not in the scene.
     """
 
     bodies: Mapping[str, Obstacle]
@@ -58,7 +58,7 @@ class ReplayRecord(Value):
     Args:
         times: Instants [s], shape (n,).
         desired: Set-points [rad], shape (n, nq).
-        actual: Positions that were reached [rad], shape (n, nq).
+        actual: Measured positions [rad], shape (n, nq).
         bodies: Poses of loose bodies; None if there are none, and in a kinematic replay.
     """
 
@@ -74,23 +74,22 @@ class ReplayRecord(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Replay(Value):
-    """The outcome of `simulate`.
+    """The result of `simulate`.
 
     Args:
-        mode: "dynamic" (servos move the arms) or "kinematic" (the arms are put where they should be).
+        mode: "dynamic" (servos move the arms) or "kinematic" (the arms are placed at their set-points).
         joint_names: Columns of the arrays, "arm/joint", as in the trajectory.
         record: Set-points and positions over time, and the poses of loose bodies.
         max_error: Largest tracking error of each joint over all steps [rad], shape (nq,).
         rms_error: Root mean square tracking error of each joint over all steps [rad], shape (nq,).
-        peak_effort: Largest share of the effort limit each joint used, shape (nq,); above 1 only in an arm whose masses
-            are estimated, which is not held to its limits.
-        contacts: Contacts that the scene forbids, in order of time.
+        peak_effort: Peak effort of each joint as a fraction of its limit, shape (nq,); above 1 only in arms with
+            estimated masses, to which effort limits do not apply.
+        contacts: Contacts that the scene does not allow, in order of time.
         steps: Steps of the simulator.
         timestep: Length of a step [s].
-        wall_seconds: Time the replay took [s].
-        settings: Version and options that made it, for a record.
-        remarks: What the replay lacked, in words: masses that the robot's file does not give, a finer step, what MuJoCo
-            warned of.
+        wall_seconds: Wall time of the replay [s].
+        settings: Version and options, for reproduction.
+        remarks: Notes on its accuracy: masses missing in the robot's file, a step that is too long, warnings of MuJoCo.
     """
 
     mode: str
@@ -112,7 +111,7 @@ class Replay(Value):
 
     @property
     def real_time_factor(self) -> float:
-        """Simulated seconds for each second it took."""
+        """Simulated seconds per second of wall time."""
         return self.steps * self.timestep / max(self.wall_seconds, 1e-12)
 
     @property
@@ -122,16 +121,16 @@ class Replay(Value):
 
     @property
     def free(self) -> bool:
-        """No contact that the scene forbids."""
+        """Whether there were no contacts that the scene does not allow."""
         return not self.contacts
 
     @property
     def tracked(self) -> bool:
-        """No joint was farther than 0.01 rad (or m) from its set-point at any step; always so in a kinematic replay."""
+        """Whether all joints stayed within 0.01 rad (or m) of their set-points; always so in a kinematic replay."""
         return bool((self.max_error <= _TRACKED).all())
 
     def __bool__(self) -> bool:
-        """The arms followed their motion: `free` and `tracked`."""
+        """Whether the arms followed their motion: `free` and `tracked`."""
         return self.free and self.tracked
 
     def __repr__(self) -> str:

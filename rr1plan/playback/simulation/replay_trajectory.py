@@ -1,7 +1,7 @@
 """Replay of a trajectory in MuJoCo.
 
-Dynamic: a `Simulation` whose servos follow the trajectory; what comes out is what a well-tuned arm would do.
-Kinematic: the arms are put where the trajectory says, and MuJoCo says what touches.
+Dynamic: a `Simulation` whose servos follow the trajectory, like a well-tuned arm.
+Kinematic: the arms are placed at the configurations of the trajectory, and MuJoCo detects contacts.
 """
 
 from __future__ import annotations
@@ -48,29 +48,29 @@ def simulate(
     variation: ArmVariation | None = None,
     progress: ProgressCallback | None = None,
 ) -> Replay:
-    """Replay a trajectory in MuJoCo, the whole scene at once.
+    """Replay a trajectory in MuJoCo, with the whole scene.
 
-    Joint damping and friction of the description are left out: they belong to a drive, whose
-    controller compensates them. Position limits are the referee's to check.
+    Joint damping and friction of the description are ignored: they belong to the drives, whose controllers compensate
+    them. The referee checks position limits.
 
     Args:
-        trajectory: The motion; arms without columns hold their configuration of the scene.
+        trajectory: The motion; arms without columns hold their configuration in the scene.
         scene: The scene it was planned in.
         mode: "dynamic" or "kinematic".
         dt: Time of a step [s].
         record_dt: Time between recorded positions [s].
         stiffness: Natural frequency of the joint servos [rad/s].
-        hold: How long to go on after the end, the set-points resting there [s].
-        variation: How the arms differ from their description, unknown to the servos (default: not at all).
+        hold: Simulated time after the end, with constant set-points [s].
+        variation: Differences of the arms from their description, unmodeled in the servos (default: none).
         progress: Called about ten times a second; False cancels.
 
     Returns:
-        Tracking error, contacts, effort and speed; true where the arms followed the motion without contact.
+        Tracking error, contacts, effort and speed; true if the arms followed the motion without contacts.
 
     Raises:
-        InputError: a joint the scene does not have, a step that is not above zero, a mode we don't know, a variation of
-            a kinematic replay.
-        BackendError: MuJoCo does not take the scene, or its simulation became unstable.
+        InputError: a joint that the scene does not have, a step that is not above zero, an unknown mode, or a variation
+            of a kinematic replay.
+        BackendError: MuJoCo does not accept the scene, or its simulation became unstable.
         CancelledError: `progress` returned False.
     """
     known_name("replay mode", mode, ("dynamic", "kinematic"))
@@ -117,7 +117,7 @@ def simulate(
 
 
 class _Seen(NamedTuple):
-    """Observations of a replay: all joint positions, shares of effort limits, contacts, loose bodies."""
+    """Observations of a replay: all joint positions, fractions of effort limits, contacts, loose bodies."""
 
     actual: Array
     effort: Array
@@ -128,7 +128,7 @@ class _Seen(NamedTuple):
 
 
 class _Steps(NamedTuple):
-    """Times of steps [s], positions of all joints then, steps from one recorded pose of loose bodies to the next."""
+    """Times of steps [s], set-points of all joints at these times, number of steps between records of loose bodies."""
 
     times: Array
     desired: Array
@@ -136,7 +136,7 @@ class _Steps(NamedTuple):
 
 
 class _Follow(Controller):
-    """Follows a trajectory from the first step on, also beyond limits, which are the referee's to check."""
+    """Follows a trajectory from the first step on, without checking limits, which the referee does."""
 
     def __init__(self, trajectory: Trajectory, times: Array) -> None:
         super().__init__(trajectory.joint_names)
@@ -148,7 +148,7 @@ class _Follow(Controller):
 
 
 def _dynamic(sim: Simulation, targets: JointTargets, steps: _Steps, report: Callable[[int], None]) -> _Seen:
-    """Servos move the arms."""
+    """Simulate servos that move the arms."""
     times, desired = steps.times, steps.desired
     sim.place(targets.names, desired[0], targets(times[:1], 1)[0])
     bodies = BodyLog()
@@ -175,14 +175,14 @@ def _dynamic(sim: Simulation, targets: JointTargets, steps: _Steps, report: Call
 
 
 def _kinematic(scene: Scene, times: Array, desired: Array, dt: float, report: Callable[[int], None]) -> _Seen:
-    """Arms are put where they should be, and MuJoCo says what touches."""
+    """Place arms at their set-points, and detect contacts with MuJoCo."""
     contacts = ContactLog(1.5 * dt)
     with mujoco_warnings() as warnings:
         world = build_mujoco(scene, timestep=dt)
         model, data = world.model, mujoco.MjData(world.model)
         began = time.perf_counter()
         for k, q in enumerate(desired):
-            data.qpos[: len(q)] = q  # loose bodies stay where they stand
+            data.qpos[: len(q)] = q  # loose bodies keep their poses
             mujoco.mj_kinematics(model, data)
             mujoco.mj_collision(model, data)
             if data.ncon:
@@ -194,7 +194,7 @@ def _kinematic(scene: Scene, times: Array, desired: Array, dt: float, report: Ca
 
 
 def _reporter(progress: Callable[[float], None] | None, steps: int) -> Callable[[int], None]:
-    """Reports the fraction of the steps, about ten times a second."""
+    """A function that reports the fraction of the steps done, about ten times a second."""
     last = 0.0
 
     def report(k: int) -> None:
@@ -210,7 +210,7 @@ def _reporter(progress: Callable[[float], None] | None, steps: int) -> Callable[
 
 
 def _remarks(scene: Scene, sim: Simulation, desired: Array) -> tuple[str, ...]:
-    """Remarks on data that the robot's description or the step lacks for the physics."""
+    """Remarks on inaccuracies: estimated masses, joints without mass, steps that are too long."""
     arms = scene.arms.items()
     massless = [name for tile in sim.tiles for name in tile.world.massless_joints]
     links = [f"{name}/{link}" for name, arm in arms for link in arm.robot.links_of_assumed_mass]

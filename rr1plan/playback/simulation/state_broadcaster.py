@@ -1,4 +1,4 @@
-"""A joint state broadcaster: the state of joints at a rate, to a callback, a file or a socket."""
+"""A joint state broadcaster: publishes the state of joints at a rate to a callback, a file or a socket."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class JointStateBroadcaster:
 
     Args:
         joint_names: The joints, "arm/joint".
-        to: A callback that gets each `JointState`, a file, or (host, port).
-        rate: States in a simulated second [Hz].
+        to: A callback for each `JointState`, a file, or (host, port).
+        rate: States per simulated second [Hz].
 
     Raises:
-        InputError: no joints, a rate that is not above zero, or a target that is none of these.
+        InputError: no joints, a rate that is not above zero, or a target of another kind.
     """
 
     def __init__(
@@ -95,4 +95,4 @@ class JointStateBroadcaster:
 
 
 def _ignore(_: int) -> None:
-    """Drop the number of bytes sent."""
+    """Discard the number of bytes sent."""
