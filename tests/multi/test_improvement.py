@@ -112,7 +112,7 @@ def _moves_in_turn(problem: rp.Problem, rng: int) -> PlanImprover:
     goals = [goal.q for arm in problem.arms for goal in problem.goal[arm] if isinstance(goal, rp.JointGoal)]
     goal, single = np.concatenate(goals), {arm: Agent(problem, [arm]) for arm in problem.arms}
     retreats = RetreatSearch(agent, goal, single, near, 0.0, generator, watch)
-    points = SequentialMoves(agent, goal, retreats, 0.0, generator, watch).find()
+    points = next(SequentialMoves(agent, goal, retreats, 0.0, generator, watch).paths(), None)
     assert points is not None
     with checker_from_pool(agent.question({}, 0.0).scene, agent.arms) as checker:
         path = AgentPath(agent, rp.Path(agent.joint_names, points), checker)

@@ -60,20 +60,50 @@ def _check_path(problem: rp.Problem, points: Array) -> None:
 @pytest.mark.parametrize("count", [3, 5])
 def test_arms_that_block_each_other_in_a_cycle_go_by_way_of_retreats(planar2r: rp.Robot, count: int, seed: int) -> None:
     problem = _ring(planar2r, count)
-    points = _moves(problem, seed).find()
-    assert points is not None
-    _check_path(problem, points)
-    steps = joint_times(np.diff(points, axis=0), Agent(problem, problem.arms).limits)
-    in_turn = steps.reshape(len(steps), count, 2).max(axis=2).sum()
-    # Moves overlap, though no two arms can go to their goals at the same time.
-    assert steps.max(axis=1).sum() < 0.9 * in_turn
+    found = list(_moves(problem, seed).paths())
+    assert found
+    for points in found:
+        _check_path(problem, points)
+        steps = joint_times(np.diff(points, axis=0), Agent(problem, problem.arms).limits)
+        in_turn = steps.reshape(len(steps), count, 2).max(axis=2).sum()
+        # Moves overlap, though no two arms can go to their goals at the same time.
+        assert steps.max(axis=1).sum() < 0.9 * in_turn
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_an_arm_withdraws_only_where_none_can_move_to_its_goal(planar2r: rp.Robot, back: bool) -> None:
+    scene = rp.Scene()
+    for k in range(4):
+        scene = scene.with_arm(f"arm{k}", planar2r, (5.0 * k, 0.0, 0.0))
+    problem = rp.Problem(scene, {arm: [0.0, 0.0] for arm in scene.arms}, {arm: [1.0, 0.5] for arm in scene.arms})
+    begin, end = (_goal(problem), problem.start) if back else (problem.start, _goal(problem))
+    moves = _moves(problem, 0)
+    checker = CollisionChecker(scene, problem.arms)
+    for _ in range(10):
+        made = moves._moves_to(checker, begin, end, begin + 0.1)
+        assert made is not None
+        straight = [points for points in made if len(points) == 2]
+        # One move of each arm, and those that withdraw first.
+        assert len(straight) == len(made) < 8
+        np.testing.assert_array_equal(made[-1][-1], end)
+
+
+def test_where_some_retreats_are_not_enough_all_arms_withdraw(
+    planar2r: rp.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = _ring(planar2r, 4)
+    monkeypatch.setattr(SequentialMoves, "_by_some_retreats", lambda *_, **__: None)
+    found = list(_moves(problem, 0).paths())
+    assert len(found) == 3
+    for points in found:
+        _check_path(problem, points)
 
 
 def test_the_same_seed_gives_the_same_moves(planar2r: rp.Robot) -> None:
-    one, two = (_moves(_ring(planar2r, 4), 7).find() for _ in range(2))
-    assert one is not None
-    assert two is not None
-    np.testing.assert_array_equal(one, two)
+    first, second = (list(_moves(_ring(planar2r, 4), 7).paths()) for _ in range(2))
+    assert len(first) == len(second) > 1
+    for one, two in zip(first, second, strict=True):
+        np.testing.assert_array_equal(one, two)
 
 
 def test_a_polyline_is_where_each_of_its_columns_is() -> None:
@@ -96,11 +126,11 @@ def test_a_goal_in_contact_is_not_reached(planar2r: rp.Robot) -> None:
     starts = problem.scene.split(problem.start, problem.arms)
     blocked = rp.Problem(scene, starts, crossed)
     assert not CollisionChecker(scene, blocked.arms).is_free(_goal(blocked))
-    assert _moves(blocked, 0).find() is None
+    assert not list(_moves(blocked, 0).paths())
 
 
 def test_a_deadline_ends_the_search(planar2r: rp.Robot) -> None:
-    assert _moves(_ring(planar2r, 5), 0, seconds=0.0).find() is None
+    assert not list(_moves(_ring(planar2r, 5), 0, seconds=0.0).paths())
 
 
 def test_arms_that_moved_in_turn_move_at_the_same_time(planar2r: rp.Robot) -> None:
@@ -122,7 +152,11 @@ def test_arms_that_moved_in_turn_move_at_the_same_time(planar2r: rp.Robot) -> No
 @pytest.mark.parametrize("seed", [0, 1])
 def test_shortcuts_in_time_are_certified_and_faster(planar2r: rp.Robot, seed: int) -> None:
     problem = _ring(planar2r, 4)
-    points = _moves(problem, seed).find()
+    moves = _moves(problem, seed)
+    retreats = moves._retreats.find()
+    assert retreats is not None
+    # The longest way.
+    points = moves._by_all_retreats(retreats, 0)
     assert points is not None
     checker = CollisionChecker(problem.scene, problem.arms)
     agent, rng = Agent(problem, problem.arms), np.random.default_rng(seed)

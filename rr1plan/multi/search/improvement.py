@@ -347,7 +347,7 @@ class PlanImprover:
         single = {arm: self._agent([arm], whole) for arm in whole.arms}
         margin, goal = self._margin(whole), self._goal(whole)
         retreats = RetreatSearch(whole, goal, single, self._near, margin, self._rng, watch)
-        points = SequentialMoves(whole, goal, retreats, margin, self._rng, watch).find()
+        points = next(SequentialMoves(whole, goal, retreats, margin, self._rng, watch).paths(), None)
         if points is None:
             return False
         pool = PathPool(whole, margin, self._rng, watch)

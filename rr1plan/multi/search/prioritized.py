@@ -54,7 +54,7 @@ _ROUNDS_FIRST = 8  # of windows there, each with twice the effort
 
 STAGES = ("timing", "detours", "eviction", "composite", "windows", "sequential")
 """Stages of a search, by what they cost."""
-_ATTEMPTS = 3  # at a path in that joint space, or by way of retreats
+_ATTEMPTS = 3  # at a path in that joint space
 # Separate paths of a few arms are timed where the joint path is slower than their slowest by more than this [ratio]:
 # their coordination diagrams cost more than several joint paths.
 _WORTH_TIMING = 0.3
@@ -273,10 +273,7 @@ class PrioritizedPlanner:
         goal = np.concatenate([self._alone[arm].paths[0].goal for arm in pool.agent.arms])
         retreats = RetreatSearch(pool.agent, goal, single, self._near, pool.margin, self._rng, self._watch)
         moves = SequentialMoves(pool.agent, goal, retreats, pool.margin, self._rng, self._watch)
-        for _ in range(_ATTEMPTS):
-            points = moves.find(effort // _ROUNDS_OF_SAME_EFFORT) if self._watch.goes_on() else None
-            if points is None:
-                continue
+        for points in moves.paths(effort // _ROUNDS_OF_SAME_EFFORT):
             with suppress(RetimingError):
                 pool.add_shortened([Path(pool.agent.joint_names, points)])
             if min((path.fastest for path in pool.paths), default=math.inf) <= self._slow_from():

@@ -1,15 +1,18 @@
-"""Sequential moves: arms withdraw one at a time to retreats, and leave them one at a time for their goals.
+"""Sequential moves: one arm at a time moves to its goal, some of them by way of retreats.
 
 Each move is a query of one arm among others that stand still, so a crowded group takes milliseconds where the joint
-space of all its arms takes seconds. Arms withdraw from the starts, and from the goals, as parts of an assembly are
-taken apart (Wilson and Latombe, Geometric reasoning about mechanical assembly, 1994): the second order, reversed,
-leads to the goals. Arms that hold each other withdraw as one. At last each move begins as early as it can while those
-before it go on. The result is a path in the joint space of all arms, which `time_shortcuts.py` makes faster.
+space of all its arms takes seconds. Each arm moves to its goal as soon as it can; where none can, one withdraws to its
+retreat. Several random orders are tried, from the starts to the goals and from the goals back. Where arms get stuck,
+all withdraw, from the starts and from the goals, as parts of an assembly are taken apart (Wilson and Latombe, Geometric
+reasoning about mechanical assembly, 1994): the second order, reversed, leads to the goals. Arms that hold each other
+withdraw as one. At last each move begins as early as it can while those before it go on. The results are paths in the
+joint space of all arms, of which `time_shortcuts.py` makes one faster.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from itertools import combinations
 
 import numpy as np
@@ -37,9 +40,13 @@ _MOST_TOGETHER, _MOST_SETS = 3, 12
 # Of the trees, as shares of the diagonal of the moving joints' space: longest edge, and radius of sampling around
 # vertices with a blocked edge.
 _STEP, _DOMAIN = 0.06, 0.3
+# Attempts at paths on which some arms withdraw, and the largest share of the arms that do so first.
+_ATTEMPTS, _LARGEST_SHARE = 10, 0.5
+# Attempts at paths on which all arms withdraw: where there are no others, and else one for so many arms.
+_ATTEMPTS_ALONE, _ARMS_PER_ATTEMPT = 3, 4
 _WITHDRAWALS = 2  # from the starts, and from the goals, of which the fastest is taken
 # Shortcuts of a move, and moments that are tried for its beginning.
-_SHORTCUTS, _HALVINGS = 24, 4
+_MOVE_SHORTCUTS, _SHORTCUTS, _HALVINGS = 8, 24, 4
 _SLICE = 20  # samples between two looks at the clock
 
 
@@ -70,23 +77,97 @@ class SequentialMoves:
         self._question = agent.question({}, margin)
         self._space = Space.around(self._question, goal[None])
 
-    def find(self, effort: int = 0) -> Array | None:
-        """Waypoints of a path from the starts to the goals, shape (n, nq); None if none was found.
+    def paths(self, effort: int = 0) -> Iterator[Array]:
+        """Waypoints of paths from the starts to the goals, each of shape (n, nq).
+
+        On the first ones some arms withdraw, on the last ones all of them.
 
         Args:
-            effort: How often to double the samples after which a move is given up.
+            effort: How often to double the samples after which a move is given up where all arms withdraw.
         """
-        with checker_from_pool(self._question.scene, self._agent.arms, self._margin) as checker:
-            retreats = self._retreats.find()
-            if retreats is None:
+        retreats, alone = self._retreats.find(), True
+        for number in range(_ATTEMPTS):
+            points = None if retreats is None else self._by_some_retreats(retreats, back=number % 2 == 0)
+            if points is not None:
+                alone = False
+                yield points
+        for number in range(_ATTEMPTS_ALONE if alone else len(self._columns) // _ARMS_PER_ATTEMPT):
+            if number > 0 and self._watch.goes_on():
+                retreats = self._retreats.find()
+            points = None if retreats is None else self._by_all_retreats(retreats, effort)
+            if points is not None:
+                yield points
+
+    # ---- some arms withdraw ------------------------------------------------------------------
+
+    def _by_some_retreats(self, retreats: Array, *, back: bool) -> Array | None:
+        """Waypoints on which each arm moves to its goal as soon as it can, shape (n, nq); None if arms get stuck.
+
+        Args:
+            retreats: Where arms withdraw to, shape (nq,).
+            back: Whether to look for the moves from the goals to the starts.
+        """
+        start, goal = self._agent.start, self._goal
+        begin, end = (goal, start) if back else (start, goal)
+        with self._checker() as checker:
+            moves = self._moves_to(checker, begin, end, retreats)
+            if moves is not None and back:
+                # Joints that wrap may have come to the start with some turns more or less.
+                turns = start - moves[-1][-1]
+                moves = [move[::-1] + turns for move in reversed(moves)]
+            return None if moves is None else self._overlapped(checker, start, moves)
+
+    def _moves_to(self, checker: CollisionChecker, q: Array, goal: Array, retreats: Array) -> list[Array] | None:
+        """Moves that lead all arms from a configuration to another one, each of shape (n, nq); None if some get stuck.
+
+        A few random arms withdraw first, so that those that wait for each other are fewer. Then each arm moves to its
+        goal as soon as it can, and where none can, one more withdraws.
+        """
+        moves: list[Array] = []
+        left = self._rng.permutation(len(self._columns)).tolist()
+        first = self._rng.random(len(left)) < _LARGEST_SHARE * self._rng.random()
+        for arm in np.flatnonzero(first).tolist():
+            withdrawal = self._move(checker, q, (arm,), retreats, _SAMPLES)
+            if withdrawal is not None:
+                moves.append(withdrawal)
+                q = withdrawal[-1]
+        inside = [arm for arm in left if not first[arm]]
+        while left:
+            # Straight where that is free.
+            for arms, target, samples in ((left, goal, 0), (left, goal, _SAMPLES), (inside, retreats, _SAMPLES)):
+                arm, points = self._first_move(checker, q, arms, target, samples)
+                if points is not None:
+                    arms.remove(arm)
+                    moves.append(points)
+                    q = points[-1]
+                    break
+            else:
                 return None
+            inside = [arm for arm in inside if arm in left]
+        return moves
+
+    def _first_move(
+        self, checker: CollisionChecker, q: Array, arms: Sequence[int], target: Array, samples: int
+    ) -> tuple[int, Array | None]:
+        """The first of some arms that can move to a target, and its waypoints, shape (n, nq); None if none can."""
+        for arm in arms:
+            points = self._move(checker, q, (arm,), target, samples)
+            if points is not None:
+                return arm, points
+        return -1, None
+
+    # ---- all arms withdraw -------------------------------------------------------------------
+
+    def _by_all_retreats(self, retreats: Array, effort: int) -> Array | None:
+        """Waypoints on which all arms withdraw before one moves to its goal, shape (n, nq); None if none was found."""
+        with self._checker() as checker:
             begin = self._fastest_withdrawal(checker, self._agent.start, retreats, effort)
             end = None if begin is None else self._fastest_withdrawal(checker, self._goal, retreats, effort)
-            if begin is None or end is None:
-                return None
-            # Joints that wrap may have withdrawn to the same place with some turns more or less.
-            turns = begin[-1] - end[-1]
-            return np.concatenate([begin, end[-2::-1] + turns])
+        if begin is None or end is None:
+            return None
+        # Joints that wrap may have withdrawn to the same place with some turns more or less.
+        turns = begin[-1] - end[-1]
+        return np.concatenate([begin, end[-2::-1] + turns])
 
     def _fastest_withdrawal(self, checker: CollisionChecker, q: Array, retreats: Array, effort: int) -> Array | None:
         """The fastest of a few paths that lead all arms to their retreats, shape (n, nq); None if none was found."""
@@ -117,17 +198,21 @@ class SequentialMoves:
             departure = earliest
             for _ in range(_HALVINGS if self._watch.goes_on() else 0):
                 tried = _with_move(times, points, departure, own, move, moving)
-                if checker.path_is_free(tried[1][np.searchsorted(tried[0], departure) :]):
+                if checker.path_is_free(tried[1]):
                     made, latest = tried, departure
                 else:
                     earliest = departure
                 if latest == earliest:
                     break
                 departure = 0.5 * (earliest + latest)
-            times, points = made
+            kept = int(np.searchsorted(times, latest))
+            times, points = np.concatenate([times[:kept], made[0]]), np.concatenate([points[:kept], made[1]])
         return points
 
     # ---- moves -------------------------------------------------------------------------------
+
+    def _checker(self) -> AbstractContextManager[CollisionChecker]:
+        return checker_from_pool(self._question.scene, self._agent.arms, self._margin)
 
     def _withdraw(self, checker: CollisionChecker, q: Array, retreats: Array, effort: int) -> list[Array] | None:
         """Moves that lead all arms from a configuration to their retreats, each of shape (n, nq); None if some stay."""
@@ -167,6 +252,8 @@ class SequentialMoves:
             columns = self._columns[arm]
             goal[columns] = target[columns]
             lower[columns], extent[columns] = self._space.lower[columns], self._space.extent[columns]
+        if not self._watch.goes_on() or not checker.is_free(goal):
+            return None
         if checker.edge_is_free(q, goal):
             return np.stack([q, goal])
         diagonal = float(np.linalg.norm(np.where(np.isinf(extent), 2.0 * np.pi, extent)))
@@ -178,14 +265,16 @@ class SequentialMoves:
         while trees.samples < samples and self._watch.goes_on():
             if trees.grow(state, min(trees.samples + _SLICE, samples), checker):
                 path = Path(self._agent.joint_names, trees.path())
-                return shorten(path, checker.scene, checker=checker, iterations=_SHORTCUTS, rng=self._rng).waypoints
+                return shorten(
+                    path, checker.scene, checker=checker, iterations=_MOVE_SHORTCUTS, rng=self._rng
+                ).waypoints
         return None
 
 
 def _with_move(
     times: Array, points: Array, departure: float, own: Array, move: Array, moving: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Times and waypoints of some moves and one more.
+    """Times and waypoints of some moves and one more, from when it begins.
 
     Args:
         times: Of the waypoints, shape (n,).
@@ -195,10 +284,9 @@ def _with_move(
         move: Its waypoints, all arms, shape (m, nq).
         moving: Columns of the arms that move by it, shape (nq,).
     """
-    knots = np.unique(np.concatenate([times, departure + own]))
+    knots = np.unique(np.concatenate([times[times > departure], departure + own]))
     made = _at(knots, times, points)
-    since = knots >= departure
-    made[np.ix_(since, moving)] = _at(knots[since], departure + own, move[:, moving])
+    made[:, moving] = _at(knots, departure + own, move[:, moving])
     return knots, made
 
 
@@ -210,7 +298,7 @@ def _at(instants: Array, times: Array, points: Array) -> Array:
         times: Of the waypoints, shape (n,).
         points: Waypoints, shape (n, nq).
     """
-    row = np.clip(np.searchsorted(times, instants, side="right") - 1, 0, max(0, len(times) - 2))
+    row = np.minimum(np.searchsorted(times, instants, side="right") - 1, max(0, len(times) - 2))
     after = np.minimum(row + 1, len(times) - 1)
     durations = times[after] - times[row]
     share = np.clip((instants - times[row]) / np.where(durations > 0.0, durations, 1.0), 0.0, 1.0)[:, None]
