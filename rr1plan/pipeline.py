@@ -18,7 +18,7 @@ from rr1plan.collision.convex.convex_bodies import cut_meshes
 from rr1plan.errors import CancelledError, InputError
 from rr1plan.import_clock import import_clock
 from rr1plan.motion_plan import MotionPlan
-from rr1plan.planners import RrtConnect, chosen_planner, plan
+from rr1plan.planners import chosen_planner, plan
 from rr1plan.planners.goal_configurations import joint_goals
 from rr1plan.planners.shortcut import shorten as shorten_path
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
@@ -66,8 +66,7 @@ def plan_motion(
         shorten: Whether to shorten the path; paths of planners with `keeps_shape` (such as the Cartesian one) are not.
         margin: Distance to keep beyond the scene's padding [m] (default: that of the problem, or 2 mm if it has none),
             for an arm with tracking errors of a fraction of a millimeter. It is halved until the clearance of start and
-            goal is twice as large, and is zero if no configuration found for a goal pose has it, or if RRT-Connect
-            finds no path with it in half of the budget.
+            goal is twice as large, and is zero if no configuration found for a goal pose has it.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
         budget: When to stop the planner (default: 10 s).
         rng: Seed; the same seed and a budget of iterations give the same motion.
@@ -103,8 +102,14 @@ def plan_motion(
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), chosen.name), seconds)
     with _timed(seconds, "plan"):
-        result, margin = _plan_one(roomy, chosen, budget or Budget(), seed, progress)
+        result = plan(roomy, planner=chosen, budget=budget, rng=seed, progress=progress)
+        if margin > 0.0 and result.status in (PlanStatus.INVALID_GOAL, PlanStatus.INFEASIBLE):
+            margin = 0.0
+            result = plan(problem.with_margin(0.0), planner=chosen, budget=budget, rng=seed, progress=progress)
     if result.path is None:
+        if margin > 0.0 and result.status is PlanStatus.TIMEOUT:
+            kept = f"the search kept {1000.0 * margin:.3g} mm beyond the padding (argument margin)"
+            result = replace(result, reason=f"{result.reason}; {kept}")
         return MotionPlan(problem, result, seconds, margin)
     path, trajectory, report = result.path, None, None
     jerk_limits = retiming.startswith("ruckig")
@@ -128,47 +133,6 @@ def plan_motion(
             result = replace(result, status=PlanStatus.CANCELLED, path=None, reason=str(error))
             return MotionPlan(problem, result, seconds, margin)
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report, _judge=judge)
-
-
-def _plan_one(
-    problem: Problem, planner: Planner, budget: Budget, seed: int, progress: ProgressCallback | None
-) -> tuple[PlanResult, float]:
-    """A path with the margin of the problem, or without it if it leaves no goal or, for half of the budget, no path.
-
-    Only RRT-Connect has two halves: others use all of a budget.
-
-    Returns:
-        The result, and the margin that its path keeps [m].
-    """
-    margin, most = problem.margin, budget.iterations
-    if margin == 0.0:
-        return plan(problem, planner=planner, budget=budget, rng=seed, progress=progress), margin
-    if type(planner) is RrtConnect:
-        half = Budget(0.5 * budget.seconds, None if most is None else (most + 1) // 2)
-        result = planner.plan(problem, budget=half, rng=seed, progress=progress)
-        again = result.status is PlanStatus.TIMEOUT and (most is None or most > 1)
-    else:
-        result, again = plan(problem, planner=planner, budget=budget, rng=seed, progress=progress), False
-    kept = f"the search kept {1000.0 * margin:.3g} mm beyond the padding (argument margin)"
-    if result.status is PlanStatus.TIMEOUT and not again:
-        return replace(result, reason=f"{result.reason}; {kept}"), margin
-    # RRT-Connect calls nothing infeasible that the margin makes so.
-    doubtful = result.status is PlanStatus.INFEASIBLE and type(planner) is not RrtConnect
-    if not (again or doubtful or result.status is PlanStatus.INVALID_GOAL):
-        return result, margin
-    left = Budget(
-        max(budget.seconds - result.seconds, 1e-3), None if most is None else max(1, most - result.iterations)
-    )
-    bare = plan(problem.with_margin(0.0), planner=planner, budget=left, rng=seed, progress=progress)
-    if again and bare.status is PlanStatus.TIMEOUT:
-        bare = replace(bare, reason=f"{bare.reason}; before that, for {result.seconds:.3g} s, {kept}")
-    both = replace(
-        bare,
-        seconds=result.seconds + bare.seconds,
-        iterations=result.iterations + bare.iterations,
-        edges_checked=result.edges_checked + bare.edges_checked,
-    )
-    return both, 0.0
 
 
 def default_planner(problem: Problem, retiming: str) -> str:

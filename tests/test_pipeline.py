@@ -7,8 +7,6 @@ import subprocess
 import sys
 import time
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -211,51 +209,6 @@ def test_a_search_that_ran_out_of_budget_says_which_margin_it_kept() -> None:
         motion = rp.plan_motion(closed, rng=0, margin=margin, budget=rp.Budget(iterations=300))
         assert motion.status is rp.PlanStatus.TIMEOUT
         assert kept in motion.result.reason if kept else "beyond the padding" not in motion.result.reason
-
-
-CART = """<robot name="cart">
-  <link name="rail"/>
-  <link name="cart"><collision><geometry><box size="0.06 0.06 0.06"/></geometry></collision></link>
-  <joint name="slide" type="prismatic">
-    <parent link="rail"/><child link="cart"/><axis xyz="1 0 0"/>
-    <limit lower="-0.5" upper="0.5" velocity="1" effort="9"/>
-  </joint>
-</robot>"""
-
-
-@pytest.mark.parametrize(("carts", "planner"), [(1, "rrt_connect"), (2, "many_arms")])
-def test_a_gap_narrower_than_the_margin_is_passed_in_the_second_half_of_the_budget(
-    carts: int, planner: str, tmp_path: Path
-) -> None:
-    (tmp_path / "cart.urdf").write_text(CART)
-    scene, names = rp.Scene(), [f"cart{k}" for k in range(carts)]
-    for k, name in enumerate(names):
-        scene = scene.with_arm(name, rp.load_robot(tmp_path / "cart.urdf"), [0.0, 0.5 * k, 0.0])
-    scene = scene.with_obstacle("wall", rp.Box((0.1, 0.02, 0.1)), [0.0, 0.041, 0.0])
-    problem = rp.Problem(scene, {name: [-0.3] for name in names}, {name: [0.3] for name in names})
-    budget = rp.Budget(seconds=100.0, iterations=300) if carts == 1 else rp.Budget(seconds=2.0)
-    motion = rp.plan_motion(problem, planner=planner, rng=0, budget=budget)
-    assert motion.valid
-    assert motion.margin == 0.0
-    assert motion.report.margins["clearance"].value == pytest.approx(1e-3, abs=1e-6)
-
-
-def test_a_proof_is_not_made_again_without_the_margin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "cart.urdf").write_text(CART)
-    scene = rp.Scene().with_arm("cart", rp.load_robot(tmp_path / "cart.urdf"))
-    closed = rp.Problem(scene.with_obstacle("wall", rp.Box((0.1, 0.2, 0.1)), [0.0, 0.0, 0.0]), [-0.3], [0.3])
-    asked: list[float] = []
-    search = rp.RrtConnect.plan
-
-    def counted(own: rp.RrtConnect, problem: rp.Problem, **options: Any) -> rp.PlanResult:
-        asked.append(problem.margin)
-        return search(own, problem, **options)
-
-    monkeypatch.setattr(rp.RrtConnect, "plan", counted)
-    motion = rp.plan_motion(closed, rng=0)
-    assert motion.status is rp.PlanStatus.INFEASIBLE
-    assert "joint 'cart/slide' cannot pass" in motion.result.reason
-    assert asked == [0.002]
 
 
 def test_where_no_goal_has_a_margin_the_question_is_answered_without() -> None:

@@ -164,8 +164,7 @@ def plan_many_arms(
     Args:
         problem: The problem. Moving arms without a goal may yield and return.
         margin: Distance to keep in addition to the scene's padding [m], as far as starts and goals allow (default: the
-            margin of the problem, or 2 mm if it has none). An arm for which half of the time finds no path with the
-            margin gets a path without it.
+            margin of the problem, or 2 mm if it has none).
         budget: When to stop (default: 10 s); only its seconds count, not its iterations.
         improvement: How long to improve the first plan, within `budget`: seconds, and attempts as iterations (default:
             not at all). Makespan first, then the sum of all arrival times; see `improvement.py`.
@@ -208,7 +207,7 @@ def plan_many_arms(
     seeds = {arm: int(generator.integers(2**63)) for arm in problem.arms}
     diagrams = DiagramCache(largest, watch)
     if method == _SEARCH:
-        groups, schedules, alone, margins = _search_small_teams(found, near, seeds, watch)
+        groups, schedules, alone = _search_small_teams(found, near, seeds, watch)
     else:
         pools = {
             arm: PathPool(agent, found.margins[arm], np.random.default_rng(seeds[arm]), watch)
@@ -224,12 +223,11 @@ def plan_many_arms(
         # Without a solution no time is left for the bounds.
         solved = search.planners if all(group.found for group in groups) else []
         alone = {arm: bound for planner in solved for arm, bound in planner.fastest_alone().items()}
-        margins = {arm: pool.margin for arm, pool in pools.items()}
     unsolved = [group for group in groups if not group.found]
     if unsolved and not watch.cancelled:
         reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
         return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
-    improver = PlanImprover(schedules, near, margins, alone, generator, watch, diagrams)
+    improver = PlanImprover(schedules, near, found.margins, alone, generator, watch, diagrams)
     first, history = improver.quality, (watch.seconds, improver.quality.makespan)
     if improvement is not None:
         with watch:
@@ -254,16 +252,15 @@ def plan_many_arms(
 
 def _search_small_teams(
     found: Preflight, near: Mapping[str, frozenset[str]], seeds: Mapping[str, int], watch: Stopwatch
-) -> tuple[list[GroupResult], list[Schedule], dict[str, float], dict[str, float]]:
+) -> tuple[list[GroupResult], list[Schedule], dict[str, float]]:
     """Conflict-based search of each group.
 
     Returns:
-        The results, all schedules, and for each arm the duration of its motion alone [s] and its margin [m].
+        The results, all schedules, and for each arm the duration of its motion alone [s].
     """
     groups: list[GroupResult] = []
     schedules: list[Schedule] = []
     alone: dict[str, float] = {}
-    margins: dict[str, float] = {}
     for arms in interaction_groups(near):
         began, rng = watch.seconds, np.random.default_rng([seeds[arm] for arm in arms])
         team = plan_small_team([found.agents[arm] for arm in arms], near, found.margins, rng, watch)
@@ -271,8 +268,7 @@ def _search_small_teams(
         groups.append(GroupResult(arms, _SEARCH, watch.seconds - began, team.reason, suboptimality=bound))
         schedules += team.schedules
         alone.update(team.alone)
-        margins.update(team.margins)
-    return groups, schedules, alone, margins
+    return groups, schedules, alone
 
 
 class _GroupSearch:

@@ -40,8 +40,7 @@ class PathPool:
 
     Args:
         agent: The agent.
-        margin: Distance that they keep from stationary objects in addition to the padding [m]; zero once a patient
-            search has found no path that keeps it.
+        margin: Distance that they keep from stationary objects in addition to the padding [m].
         rng: Where random numbers come from.
         watch: Deadline (default: none).
 
@@ -65,8 +64,8 @@ class PathPool:
             others: Moving arms of the problem that it has to avoid, each at a configuration (nq,).
             detour: Whether it has to go through a random configuration.
             effort: Number of doublings of the iterations after which a hard search is abandoned.
-            patient: Whether to use all of the time, the second half without the margin if there is one, and then to
-                search for a hint why there is no path; otherwise a hard search is abandoned early.
+            patient: Whether to use all of the time, and then to search for a hint why there is no path; otherwise a
+                hard search is abandoned early.
 
         Returns:
             The path, which has been added to the pool, or None and the reason.
@@ -165,13 +164,7 @@ class PathPool:
         goes_on, seconds = self._watch.let_planner_go_on, self._watch.time_left
         if patient:
             most = None if math.isfinite(seconds) else _NO_LIMIT
-            if self.margin > 0.0:
-                result = RrtConnect().plan(leg, budget=Budget(0.5 * seconds, most), rng=self._rng, progress=goes_on)
-                if result.status is not PlanStatus.TIMEOUT:
-                    return result
-                self.margin = 0.0
-            rest = Budget(self._watch.time_left, most)
-            return plan(leg.with_margin(0.0), budget=rest, rng=self._rng, progress=goes_on)
+            return plan(leg, budget=Budget(seconds, most), rng=self._rng, progress=goes_on)
         budget = Budget(seconds, _ITERATIONS * len(self.agent.arms) << effort)
         return RrtConnect().plan(leg, budget=budget, rng=self._rng, progress=goes_on)
 

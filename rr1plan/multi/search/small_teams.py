@@ -48,14 +48,12 @@ class TeamPlan:
     Args:
         schedules: One for each arm; none if no plan was found.
         alone: Duration of the fastest known motion of each arm alone [s].
-        margins: Distance that each arm keeps from stationary objects in addition to the padding [m].
         suboptimality: Proven bound: the sum of arrivals is at most this multiple of the minimum on the arms' roadmaps.
         reason: Why there is no plan, as text.
     """
 
     schedules: tuple[Schedule, ...] = ()
     alone: Mapping[str, float] = field(default_factory=dict)
-    margins: Mapping[str, float] = field(default_factory=dict)
     suboptimality: float = 1.0
     reason: str = ""
 
@@ -95,7 +93,6 @@ def plan_small_team(
             return TeamPlan(reason=f"{arm}: {reason}")
     first = {arm: pool.paths[0] for arm, pool in pools.items()}
     alone = {arm: path.fastest for arm, path in first.items()}
-    margins = {arm: pool.margin for arm, pool in pools.items()}
     conflicts = RelativeConflicts(_margin_between(agents, {arm: path.goal for arm, path in first.items()}, near))
     known: tuple[Schedule, ...] = ()
     cost, bound, reason = math.inf, 0.0, "no time was left"
@@ -106,7 +103,7 @@ def plan_small_team(
         found = ConflictBasedSearch(roadmaps, near, conflicts, watch, suboptimality).run(nodes, cost)
         if found.moves is not None and found.cost <= cost:
             schedules = tuple(schedule_of(roadmaps[arm], found.moves[arm]) for arm in arms)
-            return TeamPlan(schedules, alone, margins, found.suboptimality)
+            return TeamPlan(schedules, alone, found.suboptimality)
         reason = f"no plan after {found.nodes} nodes of a search on roadmaps of {samples} samples"
         bound = found.lower_bound if math.isfinite(found.lower_bound) else bound
         if known:
@@ -116,7 +113,7 @@ def plan_small_team(
         known = tuple(planner.schedules.values()) if planner.run() else ()
         cost = math.fsum(s.arrival * len(s.arms) for s in known) if known else math.inf
     if known and bound > 0.0:
-        return TeamPlan(known, alone, margins, max(1.0, cost / bound))
+        return TeamPlan(known, alone, max(1.0, cost / bound))
     return TeamPlan(reason=f"{', '.join(arms)}: {reason}")
 
 
