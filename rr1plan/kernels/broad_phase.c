@@ -180,7 +180,8 @@ INLINE int64_t list_body_pairs(const GroupPair *groups, f64x8 h, const SceneTabl
                                  ALL_LANES, scene->max_padding, h, scene, scratch);
         if (near == 0) return 0;
     }
-    // If there are more pairs than bodies, first test the boxes around both groups and each body against the other group.
+    // If there are more pairs than bodies, test the boxes around both groups and each body against the other group
+    // first.
     int64_t bodies = group->last_body - group->first_body + other->last_body - other->first_body;
     int by_body = pairs > bodies;
     if (by_body) {

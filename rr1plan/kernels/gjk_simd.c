@@ -36,7 +36,7 @@ typedef struct {
     int64_t obstacle;      // its number
     int64_t base;          // frame that carries both, 0: the world
     int64_t pair;
-    int64_t sphere;        // of each body, too near each other; both equal for an obstacle
+    int64_t sphere;        // one of each body, too near each other; equal for an obstacle
     int64_t other_sphere;
     double padding;        // distance to keep [m]
     double acceleration;   // bound of the relative acceleration
@@ -75,7 +75,7 @@ INLINE GjkBegin begin_search(const GjkQuery *query, const SceneTables *scene, Sc
     if (seed->edge == scratch->edge) return (GjkBegin){vec8_splat(seed->direction), 0};
     seed->edge = scratch->edge;
     Vec8 point = center_of(&scratch->spheres[query->sphere]), other;
-    // A ball inside the body has the same center.
+    // A ball inside the body has this center.
     int within = scene->arm->spheres[query->sphere].inner_radius > 0.0;
     if (query->other_core < 0) {
         other = nearest_in(scene->obstacles, query->obstacle, point);

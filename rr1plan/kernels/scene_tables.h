@@ -78,7 +78,7 @@ typedef struct {
     int64_t body_pair;  // -1: `other` is an obstacle
     int64_t pair;
     uint64_t lanes;  // in which it is open
-    int64_t sphere;  // of each body, that were too near; both equal for an obstacle
+    int64_t sphere;  // one of each body, too near each other; equal for an obstacle
     int64_t other_sphere;
 } Candidate;
 
@@ -113,8 +113,8 @@ typedef struct {
     FrameLanes *frames;
     SphereLanes *spheres;
     int64_t *placed_batch;  // last batch for which a body was placed, below zero: only the ball around it
-    // Boxes around the balls of groups on the whole edge, enlarged by the largest distance that any pair has to keep [m]:
-    // rows low x, y, z, high x, y, z of `group_stride` numbers each.
+    // Boxes around the balls of groups on the whole edge, enlarged by the largest distance that any pair has to keep
+    // [m]: rows low x, y, z, high x, y, z of `group_stride` numbers each.
     double *group_boxes;
     Near *near_obstacles;
     int64_t *near_groups;  // of `group_pairs`
@@ -122,8 +122,8 @@ typedef struct {
     Near *near_spheres;
     MeshSphere *mesh_spheres;  // of one body
     uint64_t *group_lanes;  // lanes in which a body may be near the current group
-    // Bounds over the edge for the points of groups. Row k ignores the first k joints of the chain (for two groups: those
-    // that move both); shape (longest chain + 1, `group_stride` of the arm).
+    // Bounds over the edge for the points of groups. Row k ignores the first k joints of the chain (for two groups:
+    // those that move both); shape (longest chain + 1, `group_stride` of the arm).
     double *speeds;
     double *accelerations;
     int64_t bound_rows;
@@ -131,7 +131,7 @@ typedef struct {
     Candidate *candidates;
     Interval *intervals;
     OpenInterval *open;
-    int64_t interval_size;  // capacity of both
+    int64_t interval_size;  // capacity of each of the two
     DirectionSeed *seeds;
     double *curve;       // q(t) = curve[0] + curve[1] t + curve[2] t^2, 0 <= t <= 1, shape (3, columns of q)
     ExactScratch *exact;

@@ -7,7 +7,7 @@
 // proves a contact of the body.
 #include "support_simd.h"
 
-// Result for a candidate: open lanes, lanes with a proven contact, and the spheres, one of each side, that are too near.
+// Result for a candidate: open lanes, lanes with a proven contact, and a sphere of each body, which are too near.
 typedef struct {
     uint64_t open;
     uint64_t touching;
