@@ -19,7 +19,7 @@ EXPORT double rr1_least_clearance(const ExactTables *exact, ExactScratch *scratc
 
 // Write the pairs of bodies that are nearer than their padding, ascending. Returns their number.
 //
-// A pair whose gap exceeds its padding by no more than ROUNDING counts as in contact. `found` has room for all pairs.
+// A pair whose gap exceeds its padding by less than ROUNDING counts as in contact. `found` has room for all pairs.
 EXPORT int64_t rr1_find_contacts(const ExactTables *exact, ExactScratch *scratch, const double *q, int64_t *found) {
     int64_t count = 0;
     place_joints(q, exact, scratch);

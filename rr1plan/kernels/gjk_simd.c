@@ -1,7 +1,7 @@
 // Search for a separating direction of two convex bodies that spheres do not prove apart, eight configurations at once.
 //
-// The current direction is improved by that to the point nearest to the origin of a growing simplex in the difference
-// of the bodies (Gilbert, Johnson and Keerthi, A fast procedure for computing the distance between complex objects in
+// Each step takes the direction to the point nearest to the origin of a growing simplex in the difference of the bodies
+// (Gilbert, Johnson and Keerthi, A fast procedure for computing the distance between complex objects in
 // three-dimensional space, 1988); a triangle of it is kept. See support_simd.h for what a direction proves.
 //
 // The points found lie in the bodies. If they are nearer than the padding, so are the bodies.

@@ -34,13 +34,13 @@ INLINE void ready_spheres(int64_t body, int64_t batch, const SceneTables *scene,
     }
 }
 
-// If the squared distance of two points [m^2] is less, gaps along the direction between them are not precise enough.
+// Least squared distance of two points [m^2] for which gaps along the direction between them are precise enough.
 #define LEAST_SQUARE 1e-6
 
 // The lanes in which two objects may come too near.
 //
-// With d the distance of two points and l the gap of two objects along the line through both, this is l < m. Multiplied
-// by d and squared, which avoids quotients and roots: l d is negative, or its square is less than d^2 m^2.
+// With d the distance of two points and l the gap of two objects along the line through both, the test is l < m. To
+// avoid quotients and roots, it is multiplied by d and squared: l d is negative, or its square is less than d^2 m^2.
 //
 // left: l d; square: d^2; needed: m, not negative.
 INLINE uint64_t lanes_too_near(f64x8 left, f64x8 square, f64x8 needed) {
@@ -147,7 +147,7 @@ INLINE f64x8 square_between(int64_t one, int64_t two, const Scratch *scratch) {
 
 // The given lanes in which spheres of two groups may come too near each other.
 //
-// shared: number of joints of their chains that move both; velocity_one, velocity_two: computed if needed when null.
+// shared: number of joints of their chains that move both; velocity_one, velocity_two: null to compute them if needed.
 INLINE uint64_t lanes_near_moving(SphereRef one, SphereRef two, const Vec8 *velocity_one, const Vec8 *velocity_two,
                                   int64_t shared, uint64_t lanes, double padding, f64x8 h, const SceneTables *scene,
                                   const Scratch *scratch) {

@@ -34,7 +34,7 @@ INLINE f64x8 along_origin(const FrameLanes *frame, Vec8 n) {
     return n.x * frame->origin[0] + n.y * frame->origin[1] + n.z * frame->origin[2];
 }
 
-// If the component of a direction across the axis of a cylinder is smaller, the lowest point found is inside the rim.
+// For directions with a smaller component across the axis of a cylinder, the lowest point found is inside the rim.
 #define LEAST_ACROSS 1e-6
 
 INLINE Support8 lowest_of_cylinder(const Point *points, Vec8 n) {
