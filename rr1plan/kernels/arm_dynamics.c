@@ -1,9 +1,9 @@
-// Steps of arms that move freely and are driven by servos, eight arms at once.
+// Simulation steps of freely moving arms driven by servos, eight arms at once.
 //
 // The bias torque comes from the recursive Newton-Euler algorithm, the mass matrix M from the composite-rigid-body
 // algorithm, and M = L^T D L is factorized without fill-in (Featherstone, Rigid Body Dynamics Algorithms, 2008,
-// sections 5.3, 6.2 and 6.5). Servos are computed torque control: to desired positions qd, velocities vd and
-// accelerations ad belongs
+// sections 5.3, 6.2 and 6.5). Servos use computed torque control: for desired positions qd, velocities vd and
+// accelerations ad,
 //
 //     effort = clamp(kp (qd - q) + kv (vd - v) + M ad + bias + added effort).
 //
@@ -12,7 +12,7 @@
 #include "arm_dynamics.h"
 #include "sine.h"
 
-// A vector in a joint's frame in the frame of its parent, and the other way round.
+// Rotate a vector from a joint's frame to that of its parent, and back.
 INLINE Vec8 rotate(const f64x8 R[9], Vec8 v) {
     return (Vec8){
         R[0] * v.x + R[1] * v.y + R[2] * v.z,
@@ -66,8 +66,8 @@ INLINE void place_joint(const DynamicJoint *joint, const DynamicBody *body, Join
     }
 }
 
-// Velocity of a joint's frame, its acceleration while no joint accelerates, and the force and torque that its body
-// takes for that. What the joint carries is its body, to which others are added later.
+// Velocity of a joint's frame, its acceleration without joint accelerations, and the force and torque on its body that
+// these require. Mass and inertia are those of the body, to which others are added later.
 INLINE void move_joint(const DynamicJoint *joint, const DynamicBody *body, const JointLanes *parent,
                        const f64x8 gravity[3], JointLanes *lanes) {
     Vec8 p = vec8_of(lanes->origin), w, dw, a;
@@ -103,14 +103,14 @@ INLINE void move_joint(const DynamicJoint *joint, const DynamicBody *body, const
     for (int i = 0; i < 6; i++) lanes->inertia[i] = splat(body->inertia[i]);
 }
 
-// Add what a joint carries to what its parent carries.
+// Add force, torque and inertia of all that a joint carries to those of its parent.
 INLINE void add_to_parent(const JointLanes *lanes, JointLanes *parent) {
     const f64x8 *R = lanes->rotation, *I = lanes->inertia;
     Vec8 p = vec8_of(lanes->origin), force = rotate(R, vec8_of(lanes->force));
     add_vec8(parent->force, force);
     add_vec8(parent->torque, vec8_add(rotate(R, vec8_of(lanes->torque)), vec8_cross(p, force)));
     Vec8 h = rotate(R, vec8_of(lanes->moment));
-    // R I R^T, with its parallel axes moved by p.
+    // R I R^T, with its axes shifted by p (parallel axis theorem).
     Vec8 rows[3];
     for (int r = 0; r < 3; r++) {
         f64x8 x = R[3 * r], y = R[3 * r + 1], z = R[3 * r + 2];
@@ -155,7 +155,7 @@ INLINE void fill_mass_row(const DynamicJoint *joints, const JointLanes *lanes, i
     }
 }
 
-// Right sides become M times the accelerations that servos are to make.
+// Set right sides to M times the desired accelerations.
 INLINE void multiply(const DynamicJoint *joints, int64_t n, const f64x8 *matrix, JointLanes *lanes) {
     for (int64_t i = 0; i < n; i++) {
         const f64x8 *row = matrix + i * n;
@@ -184,7 +184,7 @@ INLINE void solve(const DynamicJoint *joints, int64_t n, f64x8 *matrix, JointLan
             lanes[k].right_side -= matrix[k * n + i] * lanes[i].right_side;
 }
 
-// Numbers of a joint of eight arms from a row of all joints of the simulation.
+// Values of a joint of eight arms from a row of all joints of the simulation.
 INLINE f64x8 gather(const double *row, const ArmLanes *arms, int64_t joint) {
     f64x8 out;
     for (int i = 0; i < LANES; i++) out[i] = row[arms->columns[i] + joint];
@@ -210,7 +210,7 @@ static void step_arms(const ArmDynamics *dynamics, int64_t group, const double *
         move_joint(&joints[i], &bodies[i], parent, dynamics->bases[group].gravity, &lanes[i]);
         lanes[i].wanted = gather(desired + 2 * columns, arms, i);
     }
-    // All that a joint carries has been added to it before it is added to its parent.
+    // From the last joint to the first: a joint is complete before it is added to its parent.
     for (int64_t i = n - 1; i >= 0; i--) {
         fill_mass_row(joints, lanes, i, bodies[i].armature, matrix + i * n);
         if (joints[i].parent >= 0) add_to_parent(&lanes[i], &lanes[joints[i].parent]);
@@ -239,12 +239,12 @@ static void step_arms(const ArmDynamics *dynamics, int64_t group, const double *
     }
 }
 
-// Take some steps with the arms in the groups from `first` to before `last`.
+// Simulate `count` steps of the arms in the groups from `first` to before `last`.
 //
-// `desired`: positions, velocities, accelerations and efforts to add of all joints of the simulation for each step,
-// shape (count, 4, columns). `states`: their positions, velocities and efforts before the first step, and after each,
-// which are written for these arms, shape (count + 1, 3, columns). `lanes` and `matrix`: memory for as many joints as
-// any arm has, and for the square of that.
+// `desired`: desired positions, velocities and accelerations and added efforts of all joints of the simulation for each
+// step, shape (count, 4, columns). `states`: their positions, velocities and efforts before the first step and after
+// each step, the latter written for these arms, shape (count + 1, 3, columns). `lanes` and `matrix`: scratch for as
+// many joints as any arm has, and for the square of that number.
 EXPORT void rr1_step_arms(const ArmDynamics *dynamics, int64_t first, int64_t last, const double *desired,
                           double *states, int64_t count, JointLanes *lanes, f64x8 *matrix) {
     int64_t columns = dynamics->column_count;

@@ -1,4 +1,4 @@
-// Arms that move freely: rigid bodies in trees of joints, each of which a servo drives.
+// Freely moving arms: rigid bodies in trees of joints, each driven by a servo.
 #ifndef RR1_ARM_DYNAMICS_H
 #define RR1_ARM_DYNAMICS_H
 
@@ -12,7 +12,7 @@ typedef struct {
 
 // The body that a joint carries, in a frame whose z axis is that of the joint.
 typedef struct {
-    double rotation[9];  // to the frame of the parent where the joint is at zero, row by row
+    double rotation[9];  // to the frame of the parent with the joint at zero, row by row
     double origin[3];    // in that frame [m]
     double mass;         // [kg]
     double moment[3];    // mass times center of mass [kg m]
@@ -24,7 +24,7 @@ typedef struct {
 typedef struct {
     f64x8 stiffness;  // [Nm/rad or N/m]
     f64x8 damping;    // [Nm s/rad or N s/m]
-    f64x8 effort;     // largest effort, infinite where there is none [Nm or N]
+    f64x8 effort;     // largest effort, infinite without a limit [Nm or N]
 } ServoLanes;
 
 // Gravity in the frames of the bases of eight arms [m/s^2].
@@ -58,15 +58,15 @@ typedef struct {
     f64x8 angular[3];   // velocity
     f64x8 angular_acceleration[3];
     f64x8 acceleration[3];  // of the origin, less gravity
-    f64x8 force[3];         // that the parent exerts on all that the joint carries, at its origin
+    f64x8 force[3];         // exerted by the parent on all bodies that the joint carries, at its origin
     f64x8 torque[3];
-    // Of all that the joint carries, as in DynamicBody.
+    // Of all bodies that the joint carries, as in DynamicBody.
     f64x8 mass;
     f64x8 moment[3];
     f64x8 inertia[6];
     f64x8 position;
     f64x8 velocity;
-    f64x8 wanted;  // acceleration that the servo is to make
+    f64x8 wanted;  // desired acceleration
     f64x8 right_side;
 } JointLanes;
 

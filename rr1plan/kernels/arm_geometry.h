@@ -1,6 +1,6 @@
-// What moves: joints, the convex bodies they carry, and what encloses those. Made once for an arm and what it holds.
+// Geometry of an arm and the objects it holds: joints, the convex bodies they carry, and shapes that enclose these.
 //
-// Rows are read from C arrays of int64 or double as they are; SI units, lengths in m, angles in rad.
+// Rows are read directly from C arrays of int64 or double; SI units, lengths in m, angles in rad.
 #ifndef RR1_ARM_GEOMETRY_H
 #define RR1_ARM_GEOMETRY_H
 
@@ -13,14 +13,14 @@ typedef struct {
     int64_t column;     // of q
 } Joint;
 
-// Where a joint's frame is in its parent's at zero; its own axis is z.
+// Pose of a joint's frame in that of its parent when the joint is at zero; the axis of the joint is z.
 typedef struct {
     double rotation[9];  // row by row
     double origin[3];    // [m]
     double gain;         // of the column of q; a mimic joint's multiplier
 } JointPlacement;
 
-// A convex body. Its first sphere is the ball around all of it, the others fill it and together contain it.
+// A convex body. Its first sphere is the ball around the whole body; the others fill it and together contain it.
 typedef struct {
     int64_t joint;
     int64_t first_sphere;
@@ -31,20 +31,20 @@ typedef struct {
 // Bodies that one joint carries.
 typedef struct {
     int64_t joint;
-    int64_t ball;  // sphere around all of it; of a single body its own
+    int64_t ball;  // sphere around the whole group; for a single body, that of the body
     int64_t first_body;
     int64_t last_body;
     int64_t first_link;  // of `chain`
     int64_t last_link;
 } Group;
 
-// The box around all of a group, in the joint's axes, from the center of its ball [m].
+// The box around a whole group in the axes of its joint, relative to the center of its ball [m].
 typedef struct {
     double low[3];
     double high[3];
 } GroupBox;
 
-// LANES groups that follow each other. The joints that carry any of them lie in a range.
+// LANES consecutive groups. The joints that carry any of them lie in a range.
 typedef struct {
     int64_t first_joint;
     int64_t last_joint;  // one past
@@ -54,16 +54,16 @@ typedef struct {
 typedef struct {
     double center[3];  // in the joint's frame [m]
     double radius;
-    double inner_radius;  // of a ball of that center inside the body; far below zero: none
+    double inner_radius;  // of a concentric ball inside the body; far below zero: none
     double apart;         // distance of the center from that of the body's ball [m]
 } LinkSphere;
 
 enum { CORE_POINTS, CORE_CYLINDER };
 
-// The core of a body: the hull of points, or a cylinder; the body is all within a radius of its core.
+// The core of a body: the hull of points, or a cylinder; the body is the set of all points within a radius of its core.
 typedef struct {
     int64_t frame;        // joint that carries it, 0: the world
-    int64_t first_point;  // of a cylinder: center, axis, (half length, radius, 0)
+    int64_t first_point;  // for a cylinder: center, axis, (half length, radius, 0)
     int64_t last_point;
     int64_t kind;
     int64_t first_block;  // of `blocks`
@@ -74,7 +74,7 @@ typedef struct {
 typedef struct {
     double middle[3];  // a point of the core, in its frame [m]
     double radius;     // around the core
-    double reach;      // how far the core reaches from the point
+    double reach;      // largest distance of the core from the point
     double axes[9];    // rotation from the axes of `lowest`, row by row
 } CoreShape;
 
@@ -100,10 +100,10 @@ typedef struct {
     const GroupBox *group_boxes;
     const LinkSphere *spheres;
     const int64_t *chain;  // joints above each group, root first
-    const int64_t *depths;  // of each joint: how many driven joints are above it
+    const int64_t *depths;  // of each joint: number of driven joints above it
     const GroupBlock *group_blocks;
-    // How far any point of a group can be from a joint's axis, prismatic joints at zero [m]; -1 where the joint does not
-    // carry the group. Rows of LANES groups, a row for each joint of each of `group_blocks`.
+    // Largest distance of any point of a group from the axis of a joint, prismatic joints at zero [m]; -1 if the joint
+    // does not carry the group. Rows of LANES groups, a row for each joint of each of `group_blocks`.
     const double *reach;
     int64_t group_stride;  // number of groups rounded up to a multiple of LANES
     // Cores of the bodies, then those of obstacles without a closed form.
@@ -111,7 +111,7 @@ typedef struct {
     const CoreShape *core_shapes;
     const Point *points;
     const PointBlock *blocks;
-    // Which points can be the lowest along the directions of a cell: see support_table.h.
+    // Points that can be the lowest along the directions of a cell: see support_table.h.
     const uint64_t *lowest;
 } ArmGeometry;
 

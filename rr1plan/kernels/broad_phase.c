@@ -1,6 +1,6 @@
-// What may meet on an edge, from coarse to fine: groups of bodies, bodies, clearance maps, spheres.
+// Pairs that may collide on an edge, from coarse to fine: groups of bodies, bodies, clearance maps, spheres.
 //
-// What is left open is a list of candidates: a body and an obstacle or another body, and in which lanes.
+// The result is a list of candidates: a body and an obstacle or another body, and the lanes in which they are open.
 #include "scene_tables.h"
 
 // Candidates from this one on share a bit.
@@ -8,7 +8,7 @@
 
 // Place the center of the ball around a group, and the box around it on the whole edge, for the first batch.
 //
-// The greatest speed of all of the group's points is bound enough here; how fast the ball is may never be asked.
+// The greatest speed of any point of the group suffices as a bound here; the speed of the ball may never be needed.
 INLINE void place_box(int64_t group, double h, const SceneTables *scene, Scratch *scratch) {
     int64_t ball = scene->arm->groups[group].ball;
     place_centers(scene->arm->groups[group].joint, ball, ball + 1, scene, scratch);
@@ -36,7 +36,7 @@ INLINE Box box_of(int64_t group, const SceneTables *scene, const Scratch *scratc
     return (Box){{ends[0], ends[n], ends[2 * n]}, {ends[3 * n], ends[4 * n], ends[5 * n]}};
 }
 
-// Bits of those of a block whose boxes, in rows of `n` numbers, are not proven apart from a box.
+// Bits of the entries of a block whose boxes, in rows of `n` numbers, are not proven apart from a box.
 INLINE uint64_t boxes_near(Box box, const NearBlock *block, const double *boxes, int64_t n) {
     const double *low = boxes + block->first, *high = low + 3 * n;
     i64x8 apart = (load_lanes(low) >= box.high[0]) | (load_lanes(low + n) >= box.high[1]) |
@@ -52,7 +52,7 @@ static void report_contact(int64_t pair, uint64_t lanes, Scratch *scratch) {
     scratch->result.fraction = scratch->middles[first_bit(lanes)];
 }
 
-// Test a candidate whose balls are placed and near; its lanes become fewer. 1 if it is a contact.
+// Test a candidate whose balls are placed and near, and clear its lanes that are proven free. Returns 1 for a contact.
 NOINLINE int test_candidate(Candidate *candidate, int64_t batch, f64x8 h,
                                                     const SceneTables *scene, Scratch *scratch) {
     SphereTest found;
@@ -73,7 +73,7 @@ NOINLINE int test_candidate(Candidate *candidate, int64_t batch, f64x8 h,
     return 1;
 }
 
-// Add a candidate if spheres do not clear it; their number, or -1 for a contact.
+// Add a candidate unless spheres prove it free. Returns the number of candidates, or -1 for a contact.
 INLINE int64_t add_candidate(int64_t count, const NearBody *near, f64x8 h, const SceneTables *scene,
                              Scratch *scratch) {
     Candidate *candidate = &scratch->candidates[count];
@@ -86,7 +86,7 @@ INLINE int64_t add_candidate(int64_t count, const NearBody *near, f64x8 h, const
     return candidate->lanes ? count + 1 : count;
 }
 
-// List the obstacles that the ball around a group may come too near, and in which lanes; how many.
+// List the obstacles that the ball around a group may come too near, with the lanes. Returns their number.
 INLINE int64_t list_obstacles(int64_t g, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     SphereRef ball = ball_of_group(g, scene->arm);
     int alone = scene->arm->groups[g].last_body - scene->arm->groups[g].first_body == 1;
@@ -99,7 +99,7 @@ INLINE int64_t list_obstacles(int64_t g, f64x8 h, const SceneTables *scene, Scra
         for (; near; near &= near - 1) {
             int64_t o = block->first + first_bit(near);
             uint64_t lanes = lanes_near_obstacle(ball, o, scene->max_padding, ALL_LANES, h, scene, scratch);
-            // A single body's spheres are next.
+            // A single body needs no box: its spheres are tested next.
             if (lanes && !alone) lanes = lanes_near_box(g, o, scene->max_padding, lanes, h, scene, scratch);
             scratch->near_obstacles[count] = (Near){o, lanes};
             count += lanes != 0;
@@ -108,7 +108,7 @@ INLINE int64_t list_obstacles(int64_t g, f64x8 h, const SceneTables *scene, Scra
     return count;
 }
 
-// List which bodies of a group may come too near which of the obstacles that its ball may; how many.
+// List the bodies of a group and the listed obstacles that they may come too near. Returns the number of pairs.
 INLINE int64_t list_body_obstacles(int64_t g, int64_t listed, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const Group *group = &scene->arm->groups[g];
     int alone = group->last_body - group->first_body == 1;
@@ -121,7 +121,7 @@ INLINE int64_t list_body_obstacles(int64_t g, int64_t listed, f64x8 h, const Sce
             int64_t o = scratch->near_obstacles[n].index, pair = pairs[o];
             uint64_t lanes = scratch->near_obstacles[n].lanes;
             if (pair < 0) continue;
-            // A single body's ball is the group's.
+            // The ball around a single body is that of its group.
             if (!alone) lanes = lanes_near_obstacle(ball, o, scene->pairs->padding[pair], lanes, h, scene, scratch);
             scratch->near_bodies[count] = (NearBody){b, o, pair, -1, lanes};
             count += lanes != 0;
@@ -130,13 +130,13 @@ INLINE int64_t list_body_obstacles(int64_t g, int64_t listed, f64x8 h, const Sce
     return count;
 }
 
-// List the obstacles that spheres do not clear on the whole edge, the bodies farthest from the base first.
+// List bodies and obstacles that spheres do not prove apart on the whole edge, bodies farthest from the base first.
 //
-// The number of candidates, or -1 for a contact.
+// Returns the number of candidates, or -1 for a contact.
 NOINLINE int64_t meet_obstacles(f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     int64_t count = 0;
-    // All boxes first: none waits for another, and no branch comes in between.
+    // All boxes first: they are independent of each other, without branches in between.
     for (int64_t g = 0; g < arm->group_count; g++) {
         place_box(g, h[0], scene, scratch);
     }
@@ -151,7 +151,8 @@ NOINLINE int64_t meet_obstacles(f64x8 h, const SceneTables *scene, Scratch *scra
     return count;
 }
 
-// In which of the lanes given each body of a group may come too near the ball around another group; in which any may.
+// Write the given lanes in which each body of a group may come too near the ball around another group to `group_lanes`.
+// Returns those in which any body may.
 INLINE uint64_t list_bodies(int64_t group, int64_t other, int64_t shared, uint64_t lanes, f64x8 h,
                         const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
@@ -167,7 +168,7 @@ INLINE uint64_t list_bodies(int64_t group, int64_t other, int64_t shared, uint64
     return some;
 }
 
-// List the body pairs of two groups that neither maps nor balls prove apart on the whole edge; how many.
+// List the body pairs of two groups that neither maps nor balls prove apart on the whole edge. Returns their number.
 INLINE int64_t list_body_pairs(const GroupPair *groups, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     const Group *group = &arm->groups[groups->group], *other = &arm->groups[groups->other];
@@ -179,7 +180,8 @@ INLINE int64_t list_body_pairs(const GroupPair *groups, f64x8 h, const SceneTabl
                                  ALL_LANES, scene->max_padding, h, scene, scratch);
         if (near == 0) return 0;
     }
-    // Where there are more pairs than bodies, the boxes around both groups, and each body against the other group first.
+    // If there are more pairs than bodies, test the boxes around both groups and each body against the other group
+    // first.
     int64_t bodies = group->last_body - group->first_body + other->last_body - other->first_body;
     int by_body = pairs > bodies;
     if (by_body) {
@@ -204,7 +206,7 @@ INLINE int64_t list_body_pairs(const GroupPair *groups, f64x8 h, const SceneTabl
     return count;
 }
 
-// List the pairs of groups whose boxes meet; how many.
+// List the pairs of groups whose boxes overlap. Returns their number.
 INLINE int64_t list_group_pairs(const SceneTables *scene, Scratch *scratch) {
     const PairTables *pairs = scene->pairs;
     int64_t count = 0;
@@ -222,7 +224,9 @@ INLINE int64_t list_group_pairs(const SceneTables *scene, Scratch *scratch) {
     return count;
 }
 
-// Add the body pairs that neither maps nor spheres prove apart on the whole edge; -1 for a contact.
+// Add the body pairs that neither maps nor spheres prove apart on the whole edge.
+//
+// Returns the number of candidates, or -1 for a contact.
 NOINLINE int64_t meet_bodies(int64_t count, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     int64_t groups = list_group_pairs(scene, scratch);
     for (int64_t g = 0; g < groups; g++) {
@@ -235,7 +239,7 @@ NOINLINE int64_t meet_bodies(int64_t count, f64x8 h, const SceneTables *scene, S
     return count;
 }
 
-// In which of the lanes given the balls of a candidate may be too near.
+// The given lanes in which the balls of a candidate may be too near.
 INLINE uint64_t lanes_near(const Candidate *candidate, uint64_t lanes, int64_t batch, f64x8 h,
                            const SceneTables *scene, Scratch *scratch) {
     const Body *body = &scene->arm->bodies[candidate->body];
@@ -249,7 +253,7 @@ INLINE uint64_t lanes_near(const Candidate *candidate, uint64_t lanes, int64_t b
                              padding, h, scene, scratch);
 }
 
-// Test candidates again in the lanes of a later batch in which they are open; 1 if there is a contact.
+// Test candidates again in the lanes of a later batch in which they are open. Returns 1 for a contact.
 NOINLINE int meet_again(int64_t count, int64_t head, int64_t taken, int64_t batch, f64x8 h, const SceneTables *scene,
                       Scratch *scratch) {
     for (int64_t k = 0; k < count; k++) {

@@ -1,11 +1,11 @@
-// A straight edge or a parabola certified free of contact: by spheres and directions in lanes, and by the exact kernel
-// where those leave something open.
+// Certificate of a straight edge or a parabola: by spheres and separating directions in SIMD lanes, and by the exact
+// kernel for what these leave open.
 //
-// The edge is cut into intervals until each is proven, eight looked at together. What is proven is dropped, the rest is
-// halved; what neither spheres nor directions can decide is listed for the exact kernel.
+// The edge is divided into intervals until each is proven, eight at a time. Proven intervals are dropped, the others
+// halved; those that neither spheres nor directions can decide are listed for the exact kernel.
 //
-// The answer is the exact kernel's: what spheres prove free has a gap beyond its tolerance everywhere, and what they
-// prove to touch is nearer than the padding.
+// The results are those of the exact kernel: pairs that spheres prove free have a gap beyond its tolerance everywhere,
+// and pairs that they prove to touch are nearer than the padding.
 #include "scene_tables.h"
 
 // Intervals are halved down to this half width.
@@ -13,7 +13,7 @@
 
 enum { SWEEP_PROVEN, SWEEP_CONTACT, SWEEP_OPEN, SWEEP_FULL };
 
-// Remember the open lanes of a candidate: to be halved, or for the exact kernel; 0 if there is no room.
+// Store the open lanes of a candidate, to be halved or for the exact kernel. Returns 0 if there is no room.
 INLINE int keep_open(const Candidate *candidate, Separation8 found, int64_t bit, int64_t batch, Scratch *scratch) {
     for (uint64_t left = found.open; left; left &= left - 1) {
         int64_t i = first_bit(left);
@@ -28,7 +28,7 @@ INLINE int keep_open(const Candidate *candidate, Separation8 found, int64_t bit,
     return 1;
 }
 
-// What spheres left of the candidates, by directions; after the first batch those that are still open move up.
+// Test the candidates that spheres leave open by directions; the first batch removes the others from the list.
 static int meet_by_directions(int64_t *count, int64_t batch, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     Candidate *candidates = scratch->candidates;
     int64_t kept = 0;
@@ -48,7 +48,7 @@ static int meet_by_directions(int64_t *count, int64_t batch, f64x8 h, const Scen
     return SWEEP_OPEN;
 }
 
-// Add both halves of each interval of a batch on which something is open; the new number of intervals.
+// Add both halves of each interval of a batch on which a candidate is open. Returns the new number of intervals.
 INLINE int64_t halve_intervals(int64_t tail, int64_t taken, Scratch *scratch) {
     for (int64_t i = 0; i < taken; i++) {
         if (scratch->lane_candidates[i] == 0) continue;
@@ -60,10 +60,10 @@ INLINE int64_t halve_intervals(int64_t tail, int64_t taken, Scratch *scratch) {
     return tail;
 }
 
-// The edge in `curve` against all obstacles and between its own bodies, by spheres and directions.
+// Test the edge in `curve` by spheres and directions: bodies against all obstacles and against each other.
 //
-// SWEEP_PROVEN; SWEEP_CONTACT, reported; or SWEEP_OPEN: `open_count` intervals and pairs are left to the exact kernel
-// (-1: the whole edge).
+// Returns SWEEP_PROVEN; SWEEP_CONTACT, reported; or SWEEP_OPEN: `open_count` intervals and pairs are left to the exact
+// kernel (-1: the whole edge).
 static int sweep(const SceneTables *scene, Scratch *scratch) {
     scratch->open_count = 0;
     scratch->batches = 0;
@@ -94,11 +94,11 @@ static int sweep(const SceneTables *scene, Scratch *scratch) {
         int answer = meet_by_directions(&count, batch, h, scene, scratch);
         if (answer == SWEEP_CONTACT) return answer;
         if (answer == SWEEP_FULL || tail + 2 * LANES > scratch->interval_size) {
-            // All that is open at present may not fit: the edge is left to the exact kernel.
+            // The open intervals may not fit: the whole edge is left to the exact kernel.
             scratch->open_count = -1;
             return SWEEP_OPEN;
         }
-        // The first batch is no part of the list.
+        // The first batch is not in the list.
         if (batch > 1) head += taken;
         tail = halve_intervals(tail, taken, scratch);
         if (head == tail) break;
@@ -112,7 +112,7 @@ static int sweep(const SceneTables *scene, Scratch *scratch) {
     return scratch->open_count == 0 ? SWEEP_PROVEN : SWEEP_OPEN;
 }
 
-// The answer for the edge in `curve`, which has `terms` coefficients.
+// Certify the edge in `curve`, which has `terms` coefficients. Returns the status.
 static int64_t decide(int64_t terms, const SceneTables *scene, Scratch *scratch) {
     Counters *done = &scratch->done;
     done->edges++;
@@ -129,7 +129,7 @@ static int64_t decide(int64_t terms, const SceneTables *scene, Scratch *scratch)
     return scratch->result.status;
 }
 
-// Certify the straight line from q0 to q1, shape (nq,); the status, and all of the answer in `result`.
+// Certify the straight line from q0 to q1, shape (nq,). Returns the status; the whole result is in `result`.
 EXPORT int64_t rr1_certify_edge(const SceneTables *scene, Scratch *scratch, const double *q0, const double *q1) {
     int64_t nq = scene->column_count;
     for (int64_t c = 0; c < nq; c++) {
@@ -153,7 +153,7 @@ EXPORT int64_t rr1_certify_parabola(const SceneTables *scene, Scratch *scratch, 
     return decide(3, scene, scratch);
 }
 
-// Certify a curve of any number of terms by the exact kernel alone; up to `coefficient_rows` of its scratch.
+// Certify a curve by the exact kernel alone; at most as many terms as `coefficient_rows` of its scratch.
 EXPORT int64_t rr1_certify_curve(const SceneTables *scene, Scratch *scratch, const double *coefficients,
                                  int64_t terms, double duration) {
     Curve curve = {coefficients, terms, duration};
@@ -162,7 +162,7 @@ EXPORT int64_t rr1_certify_curve(const SceneTables *scene, Scratch *scratch, con
     return scratch->result.status;
 }
 
-// Certify straight edges, each from a row of `begins` to that of `ends`, shape (count, nq); their statuses.
+// Certify straight edges, each from a row of `begins` to that of `ends`, shape (count, nq), and write their statuses.
 EXPORT void rr1_certify_edges(const SceneTables *scene, Scratch *scratch, const double *begins, const double *ends,
                               int64_t count, int64_t *statuses) {
     int64_t nq = scene->column_count;

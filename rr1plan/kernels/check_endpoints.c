@@ -23,11 +23,11 @@ static void sort_in(double *rows, int64_t last, const double *start, int64_t nq)
     }
 }
 
-// The number of valid goals, 0 if the start is invalid; `visible` becomes the first of the nearest STRAIGHT_LINES goals
-// that is joined to the start by a free straight line, -1 if there is none.
+// Check the start and the goals. Returns the number of valid goals, 0 if the start is invalid.
 //
-// Bounds are infinite for joints that wrap. The first rows of `near` become the valid goals, nearest to the start
-// first; of copies a whole turn apart the nearest one. Shapes (nq,) and (goal_count, nq).
+// `visible` becomes the first of the nearest STRAIGHT_LINES goals with a free straight line from the start, -1 if there
+// is none. Bounds are infinite for joints that wrap. The first rows of `near` become the valid goals, nearest to the
+// start first; of copies a whole turn apart, the nearest one. Shapes (nq,) and (goal_count, nq).
 EXPORT int64_t rr1_check_endpoints(const double *start, const double *goals, int64_t goal_count, const double *lower,
                                    const double *upper, double *near, int64_t *visible, const SceneTables *scene,
                                    Scratch *scratch) {

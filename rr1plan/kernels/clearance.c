@@ -1,7 +1,7 @@
-// How much of their gaps pairs of bodies have beyond their padding in one configuration, and which have nothing left.
+// Gaps of pairs of bodies beyond their padding in one configuration, and pairs in contact.
 #include "scene_tables.h"
 
-// The least gap of any pair beyond its padding: proven, `most` at most, -inf where bodies overlap deeply [m].
+// Proven lower bound of the least gap of any pair beyond its padding, at most `most`; -inf for a deep overlap [m].
 EXPORT double rr1_least_clearance(const ExactTables *exact, ExactScratch *scratch, const double *q, double most) {
     place_joints(q, exact, scratch);
     for (int64_t b = 0; b < exact->body_count; b++)
@@ -17,9 +17,9 @@ EXPORT double rr1_least_clearance(const ExactTables *exact, ExactScratch *scratc
     return most;
 }
 
-// Write the pairs of bodies that are nearer than their padding, ascending; their number.
+// Write the pairs of bodies that are nearer than their padding, ascending. Returns their number.
 //
-// A gap that is no more than ROUNDING beyond its padding counts as one in contact. `found` has room for all pairs.
+// A pair whose gap exceeds its padding by less than ROUNDING counts as in contact. `found` has room for all pairs.
 EXPORT int64_t rr1_find_contacts(const ExactTables *exact, ExactScratch *scratch, const double *q, int64_t *found) {
     int64_t count = 0;
     place_joints(q, exact, scratch);

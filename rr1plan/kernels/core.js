@@ -111,7 +111,7 @@ class Core {
     return new made(address);
   }
 
-  /** Copy a memory image (`binding/memory_image.py`); the things that have a name in it. */
+  /** Copy a memory image (`binding/memory_image.py`). Returns its named structs and arrays. */
   place(image) {
     const bytes = ArrayBuffer.isView(image)
       ? new Uint8Array(image.buffer, image.byteOffset, image.byteLength)

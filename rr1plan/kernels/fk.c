@@ -1,8 +1,8 @@
-// Forward kinematics in one configuration: where joints and bodies are, and how far bodies can get from there.
+// Forward kinematics in one configuration: poses of joints and bodies, and bounds of the displacement of bodies.
 #include "scene_tables.h"
 #include "sine.h"
 
-// World poses of the driven ones of the joints from `first` to `last`; those above them are placed.
+// World poses of the driven joints among those from `first` to `last`; the joints above them are placed.
 static void place_joint_range(int64_t first, int64_t last, const double *q, const ExactTables *exact,
                               ExactScratch *scratch) {
     for (int64_t j = first; j < last; j++) {
@@ -46,7 +46,7 @@ static void place_joints(const double *q, const ExactTables *exact, ExactScratch
     place_joint_range(1, exact->joint_count, q, exact, scratch);
 }
 
-// World pose of a body and of the center of its ball, where its joint is.
+// World pose of a body and position of the center of its ball, from the pose of its joint.
 static void place_body(int64_t body, const ExactTables *exact, ExactScratch *scratch) {
     const ExactShape *shape = &exact->shapes[body];
     const Pose *joint = &scratch->joint_poses[exact->bodies[body].joint];
@@ -64,9 +64,9 @@ static void place_body(int64_t body, const ExactTables *exact, ExactScratch *scr
 
 INLINE int moves(const ExactBody *body) { return body->last_link > body->first_link; }
 
-// How far any point of a body can get from where it is, by joint of its chain and all below it, into `travel`.
+// Bound the displacement of any point of a body by each joint of its chain and all below it, into `travel`.
 //
-// reach: how far each column of q gets from its value, shape (nq,).
+// reach: largest change of each column of q, shape (nq,).
 static void bound_travel(int64_t body, const double *reach, const ExactTables *exact, ExactScratch *scratch) {
     int64_t first = exact->bodies[body].first_link, last = exact->bodies[body].last_link;
     double radius = exact->shapes[body].ball_radius;

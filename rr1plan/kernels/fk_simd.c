@@ -1,7 +1,7 @@
-// Forward kinematics in eight configurations of an edge: frames, their velocities, and where that takes spheres.
+// Forward kinematics in eight configurations of an edge: poses and velocities of frames and spheres.
 //
-// An edge is q(t) = q0 + d t + c t^2, 0 <= t <= 1, with c = 0 where it is straight. Rates d + 2 c t are greatest at one
-// of its ends; the second derivative is 2 c.
+// An edge is q(t) = q0 + d t + c t^2, 0 <= t <= 1, with c = 0 if it is straight. Rates d + 2 c t are greatest at one of
+// its ends; the second derivative is 2 c.
 //
 // Let y be a point in the frame that a joint carries. That joint turns by an angle a(t), or slides by s(t) along a unit
 // vector u, so in its parent's frame the point is x = R(a) y or x = y + s u. With r the distance from the axis,
@@ -9,9 +9,9 @@
 //     |x'| <= |a'| r + |y'|,    |x''| <= a'^2 r + 2 |a'| |y'| + |a''| r + |y''|    or
 //     |x'| <= |s'| + |y'|,      |x''| <= |s''| + |y''|,
 //
-// because R's derivatives act on y as w x y, and as w x (w x y) + w' x y, and w is along the axis. From the last joint
-// to the first, with the greatest rates and the greatest r, this bounds speed and acceleration of every point of a
-// group in the frame of any joint above it.
+// because R's derivatives act on y as w x y, and as w x (w x y) + w' x y, and w is along the axis. Applied from the
+// last joint to the first, with the greatest rates and the greatest r, this bounds speed and acceleration of every
+// point of a group in the frame of any joint above it.
 #include "scene_tables.h"
 #include "sine.h"
 
@@ -22,7 +22,7 @@ static int angles_are_small(const SceneTables *scene, const Scratch *scratch) {
     for (int64_t c = 0; c < nq; c++) {
         double begin = curve[c], bend = abs_number(curve[2 * nq + c]);
         double end = begin + curve[nq + c] + curve[2 * nq + c];
-        // Comparisons that NaN fails as well.
+        // These comparisons are also false for NaN.
         if (!(abs_number(begin) + bend < MAX_LANE_ANGLE && abs_number(end) + bend < MAX_LANE_ANGLE)) return 0;
     }
     return 1;
@@ -41,13 +41,13 @@ static void bound_joints(const SceneTables *scene, Scratch *scratch) {
         motion->rate = rate;
         motion->bend = bend;
         motion->max_rate = max_number(abs_number(rate), abs_number(rate + 2.0 * bend)) * SLACK;
-        // From the straight line between its ends a parabola gets away by a quarter of |c|.
+        // A parabola deviates from the straight line between its ends by at most |c| / 4.
         motion->max_value =
             max_number(abs_number(begin), abs_number(begin + rate + bend)) + 0.25 * abs_number(bend);
     }
 }
 
-// Greatest speeds and accelerations over the edge, for eight groups side by side.
+// Greatest speeds and accelerations over the edge, for eight groups at once.
 NOINLINE void bound_motion(const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     int64_t stride = arm->group_stride;
@@ -56,7 +56,7 @@ NOINLINE void bound_motion(const SceneTables *scene, Scratch *scratch) {
     for (int64_t block = 0; block < stride; block += LANES) {
         const GroupBlock *groups = &arm->group_blocks[block / LANES];
         f64x8 speed = zero, acceleration = zero, beyond = zero;
-        // Where all joints move both of two groups, neither moves.
+        // If all joints that move a group also move the other, the group has no relative motion.
         for (int64_t row = 0; row < scratch->bound_rows; row++) {
             store_lanes(scratch->speeds + row * stride + block, zero);
             store_lanes(scratch->accelerations + row * stride + block, zero);
@@ -79,7 +79,7 @@ NOINLINE void bound_motion(const SceneTables *scene, Scratch *scratch) {
             }
             speed = select_mask(carried, next_speed, speed);
             acceleration = select_mask(carried, next_acceleration, acceleration);
-            // Joints of several arms have rows in common, and groups of their own.
+            // Joints of several arms share rows, but carry different groups.
             double *speeds = scratch->speeds + arm->depths[j] * stride + block;
             double *accelerations = scratch->accelerations + arm->depths[j] * stride + block;
             store_lanes(speeds, select_mask(carried, speed, load_lanes(speeds)));
@@ -99,7 +99,7 @@ NOINLINE void place_frames(f64x8 t, const SceneTables *scene, Scratch *scratch) 
         int prismatic = arm->joints[j].prismatic == 1;
         f64x8 rate = t * (2.0 * motion->bend) + motion->rate;
         f64x8 value = t * (t * motion->bend + motion->rate) + motion->begin;
-        // A joint that slides does not turn, and the other way round.
+        // A prismatic joint does not turn, and a revolute joint does not slide.
         SineLanes turn = {splat(0.0), splat(1.0)};
         if (!prismatic) turn = sine_cosine_lanes(value);
         const f64x8 *w = parent->angular, *v = parent->linear;
@@ -134,7 +134,7 @@ INLINE Vec8 center_of(const SphereLanes *sphere) {
     return (Vec8){sphere->center[0], sphere->center[1], sphere->center[2]};
 }
 
-// Places of the centers of spheres that a joint carries.
+// Place the centers of spheres that a joint carries.
 INLINE void place_centers(int64_t joint, int64_t first, int64_t last, const SceneTables *scene, Scratch *scratch) {
     const FrameLanes *frame = &scratch->frames[joint];
     const f64x8 *R = frame->rotation;
@@ -179,7 +179,7 @@ INLINE Vec8 velocity_of(SphereRef sphere, const SceneTables *scene, const Scratc
     return velocity_at(scene->arm->groups[sphere.group].joint, sphere.index, scratch);
 }
 
-// A bound of how far a sphere gets from its place in either half of its interval [m].
+// A bound of the displacement of a sphere in either half of its interval [m].
 INLINE f64x8 travel_of(SphereRef sphere, f64x8 h, const SceneTables *scene, const Scratch *scratch) {
     Vec8 v = velocity_of(sphere, scene, scratch);
     f64x8 travel = sqrt_lanes(vec8_dot(v, v)) * h * SLACK + h * h * (0.5 * scratch->accelerations[sphere.group]);

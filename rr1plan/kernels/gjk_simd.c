@@ -1,16 +1,16 @@
-// Two convex bodies that spheres do not prove apart: a separating direction, for eight configurations at once.
+// Search for a separating direction of two convex bodies that spheres do not prove apart, eight configurations at once.
 //
-// Better directions than the one at hand are those to the point nearest to the origin of a growing simplex in the
-// difference of the bodies (Gilbert, Johnson and Keerthi, A fast procedure for computing the distance between complex
-// objects in three-dimensional space, 1988); a triangle of it is kept. What a direction proves: see support_simd.h.
+// Each step takes the direction to the point nearest to the origin of a growing simplex in the difference of the bodies
+// (Gilbert, Johnson and Keerthi, A fast procedure for computing the distance between complex objects in
+// three-dimensional space, 1988); a triangle of it is kept. See support_simd.h for what a direction proves.
 //
-// The points found lie in the bodies. Where they are nearer than the padding, so are the bodies.
+// The points found lie in the bodies. If they are nearer than the padding, so are the bodies.
 #include "simplex_simd.h"
 #include "support_simd.h"
 
 // Searches longer than this are rare.
 #define GJK_STEPS 24
-// A gap along a direction that is this part of the distance found is good enough.
+// A gap along a direction is good enough if it is this fraction of the distance found.
 #define GJK_GOOD 0.9
 
 // Bits of the lanes that stay open, of those in which even the middle of the interval is not proven, and of those with
@@ -21,7 +21,7 @@ typedef struct {
     uint64_t touching;
 } Separation8;
 
-// A triangle in the world, where the search for directions from it begins, and the best ones that it found.
+// A triangle in the world, the vectors with which the search for directions begins, and the best directions found.
 typedef struct {
     const double *corners;
     Vec8 begin;
@@ -29,21 +29,21 @@ typedef struct {
     Vec8 found;
 } MeshTriangle8;
 
-// What is to be separated: a body, and another body or an obstacle.
+// The pair to separate: a body, and another body or an obstacle.
 typedef struct {
     int64_t core;
     int64_t other_core;    // -1: an obstacle with a closed form
-    int64_t obstacle;      // that one
+    int64_t obstacle;      // its number
     int64_t base;          // frame that carries both, 0: the world
     int64_t pair;
-    int64_t sphere;        // of either, that are too near each other; the same: an obstacle
+    int64_t sphere;        // one of each body, too near each other; equal for an obstacle
     int64_t other_sphere;
     double padding;        // distance to keep [m]
-    double acceleration;   // the greatest of one against the other
-    MeshTriangle8 *triangle;  // of a mesh, in place of an obstacle's closed form; null: none
+    double acceleration;   // bound of the relative acceleration
+    MeshTriangle8 *triangle;  // of a mesh, instead of the closed form of an obstacle; null: none
 } GjkQuery;
 
-// Against a half-space there is but one direction.
+// For a half-space, the only direction is its normal.
 static Separation8 separate_half_space(const GjkQuery *query, uint64_t lanes, f64x8 h, const SceneTables *scene,
                                        const Scratch *scratch) {
     const ObstacleShape *shape = &scene->obstacles->shapes[query->obstacle];
@@ -62,20 +62,20 @@ static Separation8 separate_half_space(const GjkQuery *query, uint64_t lanes, f6
     return (Separation8){less_than(gap, splat(needed)) & lanes, stuck, 0};
 }
 
-// Where a search begins, and whether that is between points of the cores.
+// The vector with which a search begins, and whether it connects points of the cores.
 typedef struct {
     Vec8 point;
     int within;
 } GjkBegin;
 
-// From the other to the sphere that is too near, or the last direction on this edge.
+// The vector from the other object to the sphere that is too near, or the last direction on this edge.
 INLINE GjkBegin begin_search(const GjkQuery *query, const SceneTables *scene, Scratch *scratch) {
     if (query->triangle) return (GjkBegin){query->triangle->begin, query->triangle->within};
     DirectionSeed *seed = &scratch->seeds[query->pair];
     if (seed->edge == scratch->edge) return (GjkBegin){vec8_splat(seed->direction), 0};
     seed->edge = scratch->edge;
     Vec8 point = center_of(&scratch->spheres[query->sphere]), other;
-    // A ball inside has its center there.
+    // A ball inside the body has this center.
     int within = scene->arm->spheres[query->sphere].inner_radius > 0.0;
     if (query->other_core < 0) {
         other = nearest_in(scene->obstacles, query->obstacle, point);
@@ -89,7 +89,7 @@ INLINE GjkBegin begin_search(const GjkQuery *query, const SceneTables *scene, Sc
     return (GjkBegin){vec8_sub(point, other), within};
 }
 
-// The greatest n.p over the other's core, n a direction of the world: the point in the world and in its own frame.
+// The greatest n.p over the other core, n a direction in world axes; the point p in the world and in the core's frame.
 typedef struct {
     f64x8 along;
     Vec8 point;
@@ -121,9 +121,9 @@ INLINE OtherSupport highest_of_other(const GjkQuery *query, Vec8 n, uint64_t lan
     return (OtherSupport){along_origin(frame, n) - low.along, to_world(frame, low.point), low.point};
 }
 
-// The least gap of two cores along directions while they move at their present velocities [m].
+// The least gap of two cores along directions while they move at their current velocities [m].
 //
-// It is found sooner where `low` is far down in the one and `high` far up in the other, in their frames.
+// `low`, `high`: points of the cores in their frames; the search is faster the lower and the higher they are.
 static f64x8 gap_within(const GjkQuery *query, Vec8 n, Vec8 low, Vec8 high, uint64_t lanes, f64x8 h,
                         const SceneTables *scene, const Scratch *scratch) {
     f64x8 gap = lowest_within(query->core, n, low, query->base, lanes, h, scene, scratch);
@@ -131,7 +131,7 @@ static f64x8 gap_within(const GjkQuery *query, Vec8 n, Vec8 low, Vec8 high, uint
     return gap + lowest_within(query->other_core, vec8_negative(n), high, query->base, lanes, h, scene, scratch);
 }
 
-// The next search on this edge begins with the direction found in the first lane that is left.
+// Store the direction found in the first open lane: the next search on this edge begins with it.
 static void end_search(int64_t pair, uint64_t left, Vec8 n, Scratch *scratch) {
     int64_t lane = first_bit(left);
     double *direction = scratch->seeds[pair].direction;
@@ -140,7 +140,7 @@ static void end_search(int64_t pair, uint64_t left, Vec8 n, Scratch *scratch) {
     direction[2] = n.z[lane];
 }
 
-// A body against another, or against an obstacle, in the lanes given; h: half widths of the intervals.
+// Separate a body from another or from an obstacle, in the given lanes; h: half widths of the intervals.
 NOINLINE Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
                                                       const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
@@ -154,7 +154,7 @@ NOINLINE Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
     GjkBegin begin = begin_search(query, scene, scratch);
     Vec8 nearest = begin.point;
     f64x8 square = vec8_dot(nearest, nearest);
-    // A point at the origin has no direction: any finite vector does, since the lane is found to touch.
+    // A point at the origin has no direction: any finite vector will do, since the lane is found to touch.
     Vec8 n = vec8_scale(nearest, 1.0 / max_lanes(sqrt_lanes(square), splat(1e-12)));
     f64x8 best = splat(-1e300);
     Vec8 best_n = n, a = nearest, b = nearest, c = nearest, low_point = n, high_point = n;
@@ -170,7 +170,7 @@ NOINLINE Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
         best = select_mask(better, gap, best);
         if (query->triangle) query->triangle->found = best_n;
         if ((less_than(best, splat(needed)) & lanes) == 0) {
-            // All middles are proven; perhaps what any point can move along the direction leaves enough.
+            // All middles are proven; a bound of the motion of any point along the direction may prove the intervals.
             f64x8 travel = h * fastest_along(query->core, best_n, query->base, scene, scratch);
             if (query->other_core >= 0)
                 travel = travel + h * fastest_along(query->other_core, best_n, query->base, scene, scratch);
@@ -210,7 +210,7 @@ NOINLINE Separation8 gjk_simd(const GjkQuery *query, uint64_t lanes, f64x8 h,
 
 static Separation8 separate_mesh(const Candidate *candidate, f64x8 h, const SceneTables *scene, Scratch *scratch);
 
-// A candidate in the lanes in which it is open.
+// Separate a candidate in its open lanes.
 static Separation8 separate(const Candidate *candidate, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     int64_t group = arm->bodies[candidate->body].group;

@@ -1,26 +1,26 @@
-// Maps of how far two bodies are apart, over the one or two columns of q that move one against the other.
+// Maps of the distance of two bodies, over the one or two columns of q that move them relative to each other.
 //
-// Links that follow each other closely are always near, so spheres never separate them, but few joints move one against
-// the other. A cell of the map holds a lower bound of the distance anywhere in it: the distance at its middle less what
-// the bodies can approach. Cells that are not decided are cut into quarters, down to the finest.
+// Links close to each other in the chain are always near, so spheres never separate them, but few joints move them
+// relative to each other. A cell of the map holds a lower bound of the distance anywhere in it: the distance at its
+// middle minus a bound of the relative motion. Undecided cells are divided into quarters, down to the finest.
 #include "scene_tables.h"
 
-// A proof needs this much more than the travel, for rounding [m].
+// Added to the travel for rounding errors [m].
 #define MAP_TRAVEL_ROUNDING 1e-9
 #define MAP_RELATIVE_ROUNDING (1.0 + 1e-9)
 // Cells are stored in single precision [m].
 #define MAP_CELL_ROUNDING 1e-7
 // Parts of a cell along each side, a power of two.
 enum { MAP_PARTS = 4 };
-// A bound is sharp enough that is this fraction of the distance in the middle, or as much as paddings are [m]; distances
-// below the last are contacts [m].
+// A bound is sharp enough if it is MAP_SHARP times the distance in the middle, or MAP_PADDING, the usual size of
+// paddings [m]; distances up to MAP_CONTACT are contacts [m].
 #define MAP_SHARP 0.6
 #define MAP_PADDING 0.0025
 #define MAP_CONTACT 1e-5
 
 typedef struct {
     double around;  // lower bound within some reach of a configuration [m]
-    double middle;  // lower bound there [m]
+    double middle;  // lower bound in the configuration [m]
 } MapBounds;
 
 // Bounds of the distance of the first pair within `reach` of q, both up to `most`.
@@ -42,7 +42,7 @@ static MapBounds bound_distance(const double q[2], const double reach[2], double
     return (MapBounds){gap.lower - moved, gap.lower};
 }
 
-// A square of parts of cells that is to be decided, and what is known of the distance in it.
+// An undecided square of parts of cells, and a lower bound of the distance in it [m].
 typedef struct {
     int64_t x, y, size;
     double bound;
@@ -50,10 +50,10 @@ typedef struct {
 
 INLINE float lesser_float(float a, double b) { return (double)a < b ? a : (float)b; }
 
-// Bound the distance of the first pair from below, cell by cell, `most` at most [m].
+// Compute lower bounds of the distance of the first pair, cell by cell, at most `most` [m].
 //
-// `distances` has shape (rows, width), rows a power of two, width equal to it or 1: the columns of q that the map is over,
-// one or two, have the ranges low, high, low, high [rad or m].
+// `distances` has shape (rows, width), rows a power of two, width equal to it or 1. `ranges`: low, high, low, high of
+// the one or two columns of q of the map [rad or m].
 EXPORT void rr1_map_distances(const double *ranges, double most, int64_t rows, int64_t width, const ExactTables *exact,
                               ExactScratch *scratch, float *distances) {
     int64_t across = width > 1 ? MAP_PARTS : 1;
@@ -71,7 +71,7 @@ EXPORT void rr1_map_distances(const double *ranges, double most, int64_t rows, i
         int64_t cells = size > MAP_PARTS ? size / MAP_PARTS : 1;
         float *cell = &distances[i * width + k];
         if (size < MAP_PARTS && (*cell <= MAP_CONTACT || *cell <= square.bound - MAP_CELL_ROUNDING)) {
-            // Nothing is to be gained in this cell.
+            // Smaller squares cannot improve this cell.
             *cell = lesser_float(*cell, square.bound - MAP_CELL_ROUNDING);
             continue;
         }
@@ -82,7 +82,7 @@ EXPORT void rr1_map_distances(const double *ranges, double most, int64_t rows, i
         q[0] = ranges[0] + ((double)x + 0.5 * (double)size) * part;
         reach[0] = 0.5 * (double)size * part * MAP_RELATIVE_ROUNDING + 1e-12;
         MapBounds bounds = bound_distance(q, reach, most, exact, scratch);
-        // What was proven of the whole holds for its parts.
+        // A bound of a square holds for its parts.
         double bound = max_number(square.bound, bounds.around);
         int sharp = bounds.middle <= MAP_CONTACT || bound >= min_number(MAP_SHARP * bounds.middle, MAP_PADDING);
         if (bound >= most || size == 1 || (size <= MAP_PARTS && sharp)) {
@@ -99,9 +99,9 @@ EXPORT void rr1_map_distances(const double *ranges, double most, int64_t rows, i
     }
 }
 
-// How many cells before each corner of a map have less than the least distance [m]: a summed-area table.
+// Count the cells before each corner of a map with less than the least distance [m]: a summed-area table.
 //
-// `distances` has shape (rows, width), `counts` (rows + 1, width + 1): small numbers, so that many maps fit the cache.
+// `distances` has shape (rows, width), `counts` (rows + 1, width + 1): small integers, so that many maps fit the cache.
 EXPORT void rr1_count_near_cells(const float *distances, int64_t rows, int64_t width, double least, int16_t *counts) {
     for (int64_t y = 0; y <= width; y++) counts[y] = 0;
     for (int64_t x = 0; x < rows; x++) {

@@ -1,14 +1,14 @@
-// A body against a mesh, in eight configurations: spheres against boxes of the tree, then directions for the triangles
-// that are left.
+// A body against a mesh, in eight configurations: spheres against boxes of the tree, then separating directions for the
+// remaining triangles.
 //
-// A body that touches the surface nowhere on the edge is inside at all times or never, so one point at one time decides.
+// A body that never touches the surface on the edge is always inside or always outside: one point at one time decides.
 #include "mesh_tables.h"
 #include "scene_tables.h"
 
 // Spheres of a body are bits of a word.
 #define MOST_MESH_SPHERES 64
 
-// The points of an edge from a to a + e that are nearest to points.
+// The points of an edge from a to a + e nearest to points p.
 INLINE Vec8 nearest_on_edge(Vec8 p, const double a[3], const double e[3]) {
     double square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2];
     f64x8 along = (p.x - a[0]) * e[0] + (p.y - a[1]) * e[1] + (p.z - a[2]) * e[2];
@@ -16,7 +16,7 @@ INLINE Vec8 nearest_on_edge(Vec8 p, const double a[3], const double e[3]) {
     return (Vec8){a[0] + part * e[0], a[1] + part * e[1], a[2] + part * e[2]};
 }
 
-// The points of a triangle nearest to points, or of one that is nearly a line, of its edges.
+// The points of a triangle nearest to points p; if it is nearly a line, those of its edges.
 INLINE Vec8 nearest_in_face(const double *t, Vec8 p, int *is_thin) {
     double e[3], f[3], g[3];
     for (int i = 0; i < 3; i++) {
@@ -48,7 +48,7 @@ INLINE Vec8 nearest_in_face(const double *t, Vec8 p, int *is_thin) {
     return vec8_select(within, inner, best);
 }
 
-// Square of the distance of points to a child of a node [m^2].
+// Square of the distance from points to a child of a node [m^2].
 INLINE f64x8 square_to_child(const MeshNode *node, int64_t i, const f64x8 p[3]) {
     f64x8 square = splat(0.0), zero = square;
     for (int k = 0; k < 3; k++) {
@@ -58,16 +58,16 @@ INLINE f64x8 square_to_child(const MeshNode *node, int64_t i, const f64x8 p[3]) 
     return square;
 }
 
-// Planes that separate a body from triangles are kept: most others are beyond the last few.
+// Planes that separate a body from triangles are kept: most other triangles are beyond the last few.
 enum { MESH_PLANES = 3 };
 
-// What is no higher than `level` along a direction of the mesh's frame is proven apart from the body, in each lane.
+// In each lane, all points no higher than `level` along a direction in the mesh's frame are proven apart from the body.
 typedef struct {
     Vec8 normal;
     f64x8 level;
 } MeshPlane;
 
-// What is known of a body and a mesh while the tree is visited.
+// State of the search of a mesh's tree for a body.
 typedef struct {
     GjkQuery query;
     Separation8 found;
@@ -81,8 +81,7 @@ typedef struct {
     uint64_t spheres;  // that may be near it
 } MeshVisit;
 
-// Keep the plane below a body in its intervals that has a direction of the world for its normal, for all lanes that may
-// ask for it.
+// Keep the plane with normal n, in world axes, below a body in its intervals, for all lanes that may need it.
 static void add_mesh_plane(MeshSearch *search, Vec8 n, uint64_t lanes, f64x8 h, const ObstacleShape *shape,
                            const SceneTables *scene, const Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
@@ -96,7 +95,7 @@ static void add_mesh_plane(MeshSearch *search, Vec8 n, uint64_t lanes, f64x8 h, 
     search->planes[search->plane_count++ % MESH_PLANES] = (MeshPlane){to_obstacle(shape, n), height - needed - origin};
 }
 
-// The lanes, of those given, in which no plane proves a triangle apart from the body.
+// The given lanes in which no plane proves a triangle apart from the body.
 INLINE uint64_t lanes_below_planes(const MeshSearch *search, const MeshTriangle *triangle, uint64_t lanes) {
     int64_t count = search->plane_count < MESH_PLANES ? search->plane_count : MESH_PLANES;
     for (int64_t i = 0; i < count && lanes; i++) {
@@ -109,7 +108,7 @@ INLINE uint64_t lanes_below_planes(const MeshSearch *search, const MeshTriangle 
     return lanes;
 }
 
-// The same of a child of a node.
+// Likewise for a child of a node.
 INLINE uint64_t lanes_below_child(const MeshSearch *search, const MeshNode *node, int64_t child, uint64_t lanes) {
     int64_t count = search->plane_count < MESH_PLANES ? search->plane_count : MESH_PLANES;
     for (int64_t i = 0; i < count && lanes; i++) {
@@ -125,7 +124,7 @@ INLINE uint64_t lanes_below_child(const MeshSearch *search, const MeshNode *node
     return lanes;
 }
 
-// A body against a triangle, in the lanes in which some sphere may be near it; adds what is found.
+// Separate a body from a triangle in the lanes in which some sphere may be near it; adds the result to `found`.
 static void meet_triangle(MeshSearch *search, const Candidate *candidate, const MeshTriangle *triangle, uint64_t lanes,
                           uint64_t spheres, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const Body *of = &scene->arm->bodies[candidate->body];
@@ -146,7 +145,7 @@ static void meet_triangle(MeshSearch *search, const Candidate *candidate, const 
         Vec8 d = vec8_sub(p, nearest_in_face(triangle->corners, p, &is_thin));
         f64x8 square = vec8_dot(d, d);
         near |= is_thin ? lanes : less_than(square, sphere->limit * sphere->limit) & lanes;
-        // Begin from the sphere that is nearest beyond its radius.
+        // Begin from the sphere with the smallest squared distance less squared radius.
         f64x8 gap = square - splat(scene->arm->spheres[first + i].radius * scene->arm->spheres[first + i].radius);
         i64x8 nearer = gap < least;
         apart = vec8_select(nearer, d, apart);
@@ -172,7 +171,7 @@ static void meet_triangle(MeshSearch *search, const Candidate *candidate, const 
     if (near & ~one.open) add_mesh_plane(search, placed.found, candidate->lanes, h, shape, scene, scratch);
 }
 
-// 1 if a mesh holds a point of a body at the middle of the first interval.
+// 1 if a mesh contains a point of a body at the middle of the first interval.
 static int holds_body(const Candidate *candidate, int64_t mesh, const SceneTables *scene, const Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     const ObstacleShape *shape = &scene->obstacles->shapes[candidate->other];
@@ -183,7 +182,7 @@ static int holds_body(const Candidate *candidate, int64_t mesh, const SceneTable
     return mesh_holds(point, mesh, scene->exact->meshes);
 }
 
-// Where the spheres of a body are in the mesh's frame, and how near they may come; lanes and bits of those near its box.
+// Place the spheres of a body in the mesh's frame, and set their limits. Returns lanes and bits of those near its box.
 static MeshVisit place_mesh_spheres(const Candidate *candidate, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const Body *of = &scene->arm->bodies[candidate->body];
     const ObstacleShape *shape = &scene->obstacles->shapes[candidate->other];
@@ -206,7 +205,7 @@ static MeshVisit place_mesh_spheres(const Candidate *candidate, f64x8 h, const S
     return visit;
 }
 
-// A body against a mesh, in the lanes in which the candidate is open.
+// Separate a body from a mesh in the open lanes of the candidate.
 static Separation8 separate_mesh(const Candidate *candidate, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     const MeshTables *meshes = scene->exact->meshes;
@@ -214,7 +213,7 @@ static Separation8 separate_mesh(const Candidate *candidate, f64x8 h, const Scen
     int64_t mesh = scene->exact->bodies[scene->exact->pairs[candidate->pair].other].first_corner;
     if (of->last_sphere - of->first_sphere - 1 > MOST_MESH_SPHERES)
         return (Separation8){candidate->lanes, candidate->lanes, 0};
-    // What is apart from the box around the mesh at some time is outside.
+    // A body that is apart from the box around the mesh at some time is outside.
     if (scratch->batches == 1 && candidate->lanes == ALL_LANES && holds_body(candidate, mesh, scene, scratch))
         return (Separation8){candidate->lanes, candidate->lanes, 1};
     MeshSearch search;
@@ -237,7 +236,7 @@ static Separation8 separate_mesh(const Candidate *candidate, f64x8 h, const Scen
         const MeshNode *node = &meshes->nodes[visit.node];
         int64_t first = meshes->children[visit.node];
         for (int64_t i = 0; i < LANES && node->low[i] < MESH_NOWHERE; i++) {
-            // Where it is open already, no other triangle can prove anything.
+            // In lanes that are open already, no other triangle can prove anything.
             uint64_t lanes = visit.lanes & ~search.found.open;
             if (lanes == 0) break;
             lanes = lanes_below_child(&search, node, i, lanes);

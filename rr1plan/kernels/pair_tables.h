@@ -1,4 +1,4 @@
-// Who must not meet whom, and how far apart: bodies and obstacles, bodies and bodies.
+// Pairs that must not collide, bodies and obstacles or two bodies, and the distances to keep.
 #ifndef RR1_PAIR_TABLES_H
 #define RR1_PAIR_TABLES_H
 
@@ -10,11 +10,11 @@ typedef struct {
     int64_t other;
 } NumberPair;
 
-// Two bodies that move against each other.
+// Two bodies that move relative to each other.
 typedef struct {
     int64_t body;
     int64_t other;
-    int64_t shared;   // how many joints of their chains move both
+    int64_t shared;   // number of joints of their chains that move both
     int64_t pair;     // of `padding`
     int64_t map;      // first entry of its clearance map in `maps`, -1: none
     int64_t width;    // columns of cells of the map
@@ -30,14 +30,14 @@ typedef struct {
     int64_t pair;
 } ListedBodyPair;
 
-// Two groups some bodies of which must not meet.
+// Two groups with bodies that must not collide.
 typedef struct {
     int64_t group;
     int64_t other;
     int64_t shared;
     int64_t first;  // of `body_pairs`
     int64_t last;
-    int64_t map;  // of all its pairs together, shaped like that of the first; -1: none
+    int64_t map;  // for all its pairs together, shaped like that of the first; -1: none
 } GroupPair;
 
 // The entries of `GroupPair` before its clearance map.
@@ -49,17 +49,17 @@ typedef struct {
     int64_t last;
 } ListedGroupPair;
 
-// LANES obstacles or groups in a row, and which of them a group must not meet.
+// LANES consecutive obstacles or groups, and those of them with which a group must not collide.
 typedef struct {
     int64_t first;
     int64_t lanes;  // a bit for each
-    int64_t pair;   // of groups: the first of `group_pairs`, which has the others behind it
+    int64_t pair;   // for groups: the first of `group_pairs`, followed by the others
 } NearBlock;
 
 // Cells of a clearance map along each side.
 enum { MAP_CELLS = 128 };
 
-// Low end of either column of q [rad or m], and cells per rad or m.
+// Low end of each column of q [rad or m], and cells per rad or m.
 typedef struct {
     double low;
     double per_unit;
@@ -70,10 +70,10 @@ typedef struct {
 typedef struct {
     int64_t pair_count;
     int64_t body_pair_count;
-    const double *padding;       // distance to keep of each pair [m]
+    const double *padding;       // distance that each pair has to keep [m]
     const int64_t *obstacle_pair;  // pair of a body and an obstacle, -1: none; shape (bodies, obstacles)
     // Blocks of obstacles and of groups, group after group: those of group g are entries `first_obstacle_block[g]` to
-    // `first_obstacle_block[g + 1] - 1`, and the same of groups.
+    // `first_obstacle_block[g + 1] - 1`; likewise for groups.
     const NearBlock *obstacle_blocks;
     const int64_t *first_obstacle_block;
     const NearBlock *group_blocks;

@@ -1,11 +1,11 @@
-// Eight points against one obstacle with a closed form: how far, how fast towards it, its nearest point, its support.
+// Eight points against one obstacle with a closed form: distance, speed of approach, nearest point, support.
 #ifndef RR1_PRIMITIVES_SIMD_H
 #define RR1_PRIMITIVES_SIMD_H
 
 #include "obstacle_tables.h"
 #include "scene_tables.h"
 
-// Coordinates of a direction of the world in the obstacle's axes.
+// A direction in world axes, expressed in the obstacle's axes.
 INLINE Vec8 to_obstacle(const ObstacleShape *shape, Vec8 v) {
     const double *R = shape->rotation;
     return (Vec8){
@@ -15,7 +15,7 @@ INLINE Vec8 to_obstacle(const ObstacleShape *shape, Vec8 v) {
     };
 }
 
-// Directions of the world of those in the obstacle's axes.
+// A direction in the obstacle's axes, expressed in world axes.
 INLINE Vec8 turned_from_obstacle(const ObstacleShape *shape, Vec8 v) {
     const double *R = shape->rotation;
     return (Vec8){
@@ -35,7 +35,7 @@ INLINE Vec8 from_center(const ObstacleShape *shape, Vec8 p) {
 
 INLINE f64x8 clamp(f64x8 value, f64x8 low, f64x8 high) { return max_lanes(min_lanes(value, high), low); }
 
-// Square of the distance from points to an obstacle's core, or a bound from below [m^2].
+// Square of the distance from points to an obstacle's core, or a lower bound [m^2].
 INLINE f64x8 square_to(const ObstacleTables *obstacles, int64_t o, Vec8 point) {
     const ObstacleShape *shape = &obstacles->shapes[o];
     f64x8 zero = splat(0.0);
@@ -51,7 +51,7 @@ INLINE f64x8 square_to(const ObstacleTables *obstacles, int64_t o, Vec8 point) {
     return a * a + b * b + c * c;
 }
 
-// From the nearest points of an obstacle's core to points, in the obstacle's axes.
+// Vectors from the nearest points of an obstacle's core to points, in the obstacle's axes.
 INLINE Vec8 away_from(const ObstacleTables *obstacles, int64_t o, Vec8 point) {
     const ObstacleShape *shape = &obstacles->shapes[o];
     Vec8 p = to_obstacle(shape, from_center(shape, point));
@@ -66,7 +66,7 @@ INLINE Vec8 away_from(const ObstacleTables *obstacles, int64_t o, Vec8 point) {
     return (Vec8){a, b, c};
 }
 
-// Distance to an obstacle's core times the speed along the direction from its nearest point, without sign [m^2].
+// Distance to an obstacle's core times the absolute speed along the direction from its nearest point [m^2].
 INLINE f64x8 approach_to(const ObstacleTables *obstacles, int64_t o, Vec8 point, Vec8 velocity) {
     Vec8 v = to_obstacle(&obstacles->shapes[o], velocity);
     return abs_lanes(vec8_dot(away_from(obstacles, o, point), v)) * SLACK;
@@ -89,7 +89,7 @@ INLINE Vec8 nearest_in(const ObstacleTables *obstacles, int64_t o, Vec8 point) {
     return from_obstacle(shape, p);
 }
 
-// A bound along directions, and the point of a core where it is met.
+// A bound along directions, and the point of a core that attains it.
 typedef struct {
     f64x8 along;
     Vec8 point;

@@ -7,7 +7,7 @@ INLINE void probe_sphere(SphereRef sphere, f64x8 h, const SceneTables *scene, co
     *probe = (SphereProbe){{center[0], center[1], center[2]}, travel_of(sphere, h, scene, scratch), {v.x, v.y, v.z}};
 }
 
-// Place all spheres at the middles of eight intervals of a parabola, shape (3, nq), with how far they get in each.
+// Place all spheres at the middles of eight intervals of a parabola, shape (3, nq), and bound their displacement there.
 //
 // They count as placed for batch 1; `probes` has shape (sphere_count,).
 EXPORT void rr1_place_spheres(const SceneTables *scene, Scratch *scratch, const double *curve, const double middles[8],
@@ -32,7 +32,7 @@ EXPORT void rr1_place_spheres(const SceneTables *scene, Scratch *scratch, const 
     }
 }
 
-// The bounds of how the last edge moves joints, shape (joint_count,), and groups, shape (group_count, bound_rows).
+// Bounds of the motion of joints, shape (joint_count,), and groups, shape (group_count, bound_rows), on the last edge.
 EXPORT void rr1_copy_bounds(const SceneTables *scene, const Scratch *scratch, JointMotion *joints, double *speeds,
                             double *accelerations) {
     for (int64_t j = 0; j < scene->arm->joint_count; j++) joints[j] = scratch->joint_motions[j];
@@ -44,7 +44,7 @@ EXPORT void rr1_copy_bounds(const SceneTables *scene, const Scratch *scratch, Jo
         }
 }
 
-// A candidate by directions, where spheres were placed last: lanes that are open, stuck, touching.
+// Test a candidate by directions, at the last positions of spheres: lanes that are open, stuck, touching.
 EXPORT void rr1_separate(const SceneTables *scene, Scratch *scratch, const Candidate *candidate, double half,
                          uint64_t lanes[3]) {
     scratch->edge++;  // no direction is known yet
@@ -54,7 +54,7 @@ EXPORT void rr1_separate(const SceneTables *scene, Scratch *scratch, const Candi
     lanes[2] = found.touching;
 }
 
-// A candidate by spheres, where they were placed last: lanes that are open, touching.
+// Test a candidate by spheres, at their last positions: lanes that are open, touching.
 EXPORT void rr1_test_spheres(const SceneTables *scene, Scratch *scratch, const Candidate *candidate, double half,
                              uint64_t lanes[2]) {
     f64x8 h = splat(half);
@@ -68,7 +68,7 @@ EXPORT void rr1_test_spheres(const SceneTables *scene, Scratch *scratch, const C
     lanes[1] = found.touching;
 }
 
-// The lowest value of a core along eight directions of its frame, shape (3, 8), and its point, shape (4, 8).
+// The lowest value of a core along eight directions in its frame, shape (3, 8), and its point; `out`: shape (4, 8).
 EXPORT void rr1_lowest_corner(const SceneTables *scene, int64_t core, int64_t lanes, const double *directions,
                               double *out) {
     Vec8 n = {load_lanes(directions), load_lanes(directions + LANES), load_lanes(directions + 2 * LANES)};
@@ -77,7 +77,7 @@ EXPORT void rr1_lowest_corner(const SceneTables *scene, int64_t core, int64_t la
     for (int k = 0; k < 4; k++) store_lanes(out + k * LANES, values[k]);
 }
 
-// How far bodies can get from where they are at q; shape (body_count, travel_stride), see `ExactScratch.travel`.
+// Bounds of the displacement of bodies from q; shape (body_count, travel_stride), see `ExactScratch.travel`.
 EXPORT void rr1_bound_travel(const ExactTables *exact, ExactScratch *scratch, const double *q, const double *reach,
                              double *travel) {
     int64_t stride = scratch->travel_stride;
@@ -91,7 +91,7 @@ EXPORT void rr1_bound_travel(const ExactTables *exact, ExactScratch *scratch, co
     }
 }
 
-// Where a curve is at the middle of an interval, and how far each column gets from there, shape (nq,) each.
+// Position of a curve at the middle of an interval, and the largest change of each column from it, shape (nq,) each.
 //
 // `work` has the shape of the coefficients, (terms, nq).
 EXPORT void rr1_place_interval(const double *coefficients, int64_t terms, int64_t nq, double duration, double middle,
@@ -101,7 +101,7 @@ EXPORT void rr1_place_interval(const double *coefficients, int64_t terms, int64_
     place_interval(&curve, middle, half, nq, &scratch);
 }
 
-// Bounds of the distance of two bodies where they are placed [m], lower and upper; see `fine_gap`.
+// Bounds of the distance of two placed bodies [m], lower and upper; see `fine_gap`.
 EXPORT void rr1_gap_bounds(const ExactTables *exact, const ExactScratch *scratch, int64_t a, int64_t b, double least,
                            double enough, ExactPoint *direction, double bounds[2]) {
     GapBounds gap = fine_gap(a, b, least, enough, direction, exact, scratch);

@@ -4,7 +4,7 @@
 // Values and their first two derivatives at some times, shape (3, count, columns).
 //
 // `coefficients`: of each piece, lowest power first, shape (pieces, terms, columns). `piece`, `local`: for each time
-// its piece and the time since that began, shape (count,). Horner's scheme, in the order of operations of
+// its piece and the time since the start of the piece, shape (count,). Horner's scheme, in the order of operations of
 // `Trajectory.__call__`.
 EXPORT void rr1_sample_pieces(const double *coefficients, int64_t terms, int64_t columns, const int64_t *piece,
                               const double *local, int64_t count, double *out) {

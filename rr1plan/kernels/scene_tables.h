@@ -1,4 +1,4 @@
-// All that a certified edge reads, and all that it writes. Tables are shared and constant; a scratch is one thread's.
+// All that a certificate of an edge reads and writes. Tables are shared and constant; each thread has its own scratch.
 #ifndef RR1_SCENE_TABLES_H
 #define RR1_SCENE_TABLES_H
 
@@ -14,15 +14,15 @@ typedef struct {
     const ObstacleTables *obstacles;
     const PairTables *pairs;
     const ExactTables *exact;
-    const FixedSolids *fixed;  // of obstacles; null where none can be moved
+    const FixedSolids *fixed;  // of obstacles; null if none can be moved
     int64_t column_count;  // of q
-    double margin;         // what must be left of a gap beyond everything else for a proof [m]
-    double bare_margin;    // the same where all obstacles are at the origin [m]
+    double margin;         // gap beyond all other terms that a proof requires [m]
+    double bare_margin;    // likewise, with all obstacles at the origin [m]
     double max_padding;    // [m]
-    double tolerance;      // motions that pass at less than this beyond the padding are refused [m]
+    double tolerance;      // motions whose gap exceeds the padding by less than this are rejected [m]
 } SceneTables;
 
-// World pose and velocity of a joint's frame, in eight configurations; velocities are derivatives by t, 0..1.
+// World pose and velocity of a joint's frame in eight configurations; velocities are derivatives by t, 0 <= t <= 1.
 typedef struct {
     f64x8 rotation[9];  // row by row
     f64x8 origin[3];
@@ -34,20 +34,20 @@ typedef struct {
     f64x8 center[3];
 } SphereLanes;
 
-// How a sphere moves in its interval, for tests.
+// Motion of a sphere in its interval, for tests.
 typedef struct {
     f64x8 center[3];
-    f64x8 travel;       // bound of how far it gets from there [m]
+    f64x8 travel;       // bound of its displacement [m]
     f64x8 velocity[3];  // of the center
 } SphereProbe;
 
 // A sphere in the frame of a mesh.
 typedef struct {
     f64x8 center[3];
-    f64x8 limit;  // as near it may be, at least [m]
+    f64x8 limit;  // distance that suffices for a proof [m]
 } MeshSphere;
 
-// How an edge moves a joint: its value is (bend t + rate) t + begin.
+// Motion of a joint on an edge: its value is (bend t + rate) t + begin.
 typedef struct {
     double begin;
     double rate;
@@ -56,13 +56,13 @@ typedef struct {
     double max_value;
 } JointMotion;
 
-// What is near, and in which lanes.
+// A near object, and the lanes in which it is near.
 typedef struct {
     int64_t index;
     uint64_t lanes;
 } Near;
 
-// A body that is near an obstacle or another body, and in which lanes.
+// A body that is near an obstacle or another body, and the lanes in which it is.
 typedef struct {
     int64_t body;
     int64_t other;
@@ -78,30 +78,30 @@ typedef struct {
     int64_t body_pair;  // -1: `other` is an obstacle
     int64_t pair;
     uint64_t lanes;  // in which it is open
-    int64_t sphere;  // of either, that were too near; the same: of an obstacle
+    int64_t sphere;  // one of each body, too near each other; equal for an obstacle
     int64_t other_sphere;
 } Candidate;
 
 typedef struct {
     double middle;
     double half;
-    uint64_t candidates;  // bits of those it is open for
+    uint64_t candidates;  // bits of those that are open on it
 } Interval;
 
-// Direction where the search for a pair ended last, on the edge of that number.
+// Direction with which the last search for a pair ended, and the number of its edge.
 typedef struct {
     double direction[3];
     int64_t edge;
 } DirectionSeed;
 
-// What the kernel answers. `fraction` and `pair` tell where it is not proven free.
+// Result of a certificate. `fraction` and `pair`: where the edge is not proven free.
 typedef struct {
     int64_t status;
     int64_t pair;
     double fraction;
 } EdgeResult;
 
-// What has been done so far.
+// Work done so far.
 typedef struct {
     int64_t edges;
     int64_t exact_edges;
@@ -112,18 +112,18 @@ typedef struct {
 typedef struct {
     FrameLanes *frames;
     SphereLanes *spheres;
-    int64_t *placed_batch;  // batch a body was placed for last, below zero: only the ball around it
-    // Boxes around the balls of groups on the whole edge, with all that any pair has to keep [m]: rows low x, y, z, high x,
-    // y, z of `group_stride` numbers each.
+    int64_t *placed_batch;  // last batch for which a body was placed, below zero: only the ball around it
+    // Boxes around the balls of groups on the whole edge, enlarged by the largest distance that any pair has to keep
+    // [m]: rows low x, y, z, high x, y, z of `group_stride` numbers each.
     double *group_boxes;
     Near *near_obstacles;
     int64_t *near_groups;  // of `group_pairs`
     NearBody *near_bodies;
     Near *near_spheres;
     MeshSphere *mesh_spheres;  // of one body
-    uint64_t *group_lanes;  // in which a body may be near the group at hand
-    // Bounds over the edge of the points of groups, by how many of the joints above do not count (those that move both,
-    // where it is about two groups), shape (longest chain + 1, `group_stride` of the arm).
+    uint64_t *group_lanes;  // lanes in which a body may be near the current group
+    // Bounds over the edge for the points of groups. Row k ignores the first k joints of the chain (for two groups:
+    // those that move both); shape (longest chain + 1, `group_stride` of the arm).
     double *speeds;
     double *accelerations;
     int64_t bound_rows;
@@ -131,11 +131,11 @@ typedef struct {
     Candidate *candidates;
     Interval *intervals;
     OpenInterval *open;
-    int64_t interval_size;  // of both
+    int64_t interval_size;  // capacity of each of the two
     DirectionSeed *seeds;
     double *curve;       // q(t) = curve[0] + curve[1] t + curve[2] t^2, 0 <= t <= 1, shape (3, columns of q)
     ExactScratch *exact;
-    int64_t edge;        // number of the edge at hand
+    int64_t edge;        // number of the current edge
     int64_t open_count;  // of `open`; -1: the whole edge is left to the exact kernel
     int64_t batches;     // of eight intervals
     double middles[8];

@@ -1,9 +1,8 @@
-// Eight numbers side by side: one lane for each of eight configurations of an edge.
+// Vectors of eight numbers: one lane for each of eight configurations of an edge.
 //
 // Plain operators of GCC's and Clang's vector extensions, no intrinsics, so that one source compiles for SSE, AVX2,
-// AVX-512, NEON and WebAssembly. Every operation here is one that IEEE 754 rounds in one way only (+ - * / sqrt, and
-// comparisons and selections, which do not round), and sources are compiled with -ffp-contract=off: all targets give
-// the same bytes.
+// AVX-512, NEON and WebAssembly. IEEE 754 defines the rounding of all operations here (+ - * / sqrt; comparisons and
+// selections do not round), and sources are compiled with -ffp-contract=off, so that all targets give the same bytes.
 #ifndef RR1_SIMD_H
 #define RR1_SIMD_H
 
@@ -15,13 +14,13 @@ enum { LANES = 8 };
 
 typedef double f64x8 __attribute__((vector_size(64)));
 typedef int64_t i64x8 __attribute__((vector_size(64)));
-// The same at any address of a double.
+// Likewise, at any address of a double.
 typedef double f64x8_unaligned __attribute__((vector_size(64), aligned(8), may_alias));
 
 #define INFINITY __builtin_inf()
 
 #define INLINE static inline __attribute__((always_inline))
-// Once in the code and visible in profiles.
+// Compiled once and visible in profiles.
 #define NOINLINE static __attribute__((noinline))
 
 INLINE f64x8 splat(double value) { return (f64x8){value, value, value, value, value, value, value, value}; }
@@ -38,7 +37,7 @@ INLINE f64x8 select_mask(i64x8 mask, f64x8 one, f64x8 other) {
 // `one` where a < b, else `other`; a NaN is not less than anything.
 INLINE f64x8 select_less(f64x8 a, f64x8 b, f64x8 one, f64x8 other) { return select_mask(a < b, one, other); }
 
-// Like the machine's instructions: of a NaN and a number, the second operand.
+// Like machine instructions: the second operand if one of them is NaN.
 INLINE f64x8 min_lanes(f64x8 a, f64x8 b) { return select_mask(a < b, a, b); }
 
 INLINE f64x8 max_lanes(f64x8 a, f64x8 b) { return select_mask(a > b, a, b); }
@@ -79,7 +78,7 @@ INLINE uint64_t bits_of(i64x8 mask) {
 // Bits of the lanes where a is not proven to be at least b; a NaN proves nothing, so it counts as less.
 INLINE uint64_t less_than(f64x8 a, f64x8 b) { return bits_of(~(a >= b)); }
 
-// The least of all lanes of each of six, as the first six lanes.
+// The minima of six vectors, each over all lanes, in the first six lanes.
 INLINE f64x8 min_of_each(const f64x8 a[6]) {
     f64x8 pairs[3], quads[2];
     for (int i = 0; i < 3; i++) {

@@ -1,15 +1,15 @@
-// Where a simplex of points is nearest to the origin, for eight simplices.
+// The points of simplices nearest to the origin, eight simplices at once.
 #ifndef RR1_SIMPLEX_SIMD_H
 #define RR1_SIMPLEX_SIMD_H
 
 #include "simd.h"
 
-// Weights of both edges at a point w that lead to where their triangle is nearest to the origin, and the square there.
+// The point w + s a + t b nearest to the origin, of a triangle with edges a and b at its corner w; its squared norm.
 typedef struct {
     f64x8 s, t, square;
 } TriangleNearest;
 
-// Of all products of w and the edges a and b. Where the nearest point is on the edge across from w: another point.
+// From all dot products of w and the edges a and b. If the nearest point is on the edge opposite w: another point.
 INLINE TriangleNearest nearest_in_triangle(f64x8 ww, f64x8 wa, f64x8 wb, f64x8 aa, f64x8 ab, f64x8 bb) {
     f64x8 zero = splat(0.0), one = splat(1.0), tiny = splat(1e-300);
     f64x8 det = aa * bb - ab * ab;
@@ -37,7 +37,7 @@ INLINE Vec8 weighted_sum(Vec8 w, f64x8 s, Vec8 e, f64x8 t, Vec8 f) {
     return (Vec8){w.x + s * e.x + t * f.x, w.y + s * e.y + t * f.y, w.z + s * e.z + t * f.z};
 }
 
-// Of the triangles of a new corner with two of three others: the point nearest to the origin, and those two.
+// For the triangles of a new corner with two of three others: the point nearest to the origin, and those two.
 typedef struct {
     Vec8 nearest;
     Vec8 one, two;
@@ -67,16 +67,16 @@ INLINE Triangle8 nearest_triangle(Vec8 w, Vec8 a, Vec8 b, Vec8 c) {
 // The product a . (b x c).
 INLINE f64x8 volume_of(Vec8 a, Vec8 b, Vec8 c) { return vec8_dot(a, vec8_cross(b, c)); }
 
-// Lanes in which the origin is well inside the tetrahedron of four points, of which the farthest has that square.
+// Lanes in which the origin is well inside the tetrahedron of four points; largest: their largest squared norm.
 //
-// A volume of points with coordinates up to m is off by a few 1e-16 m^3. Where the points and the origin are all but in
-// one plane (bodies of a planar arm, or a corner found twice), volumes are nothing else: those are no proof.
+// A volume of points with coordinates up to m has an error of a few 1e-16 m^3. If the points and the origin are nearly
+// in one plane (bodies of a planar arm, or a corner found twice), volumes are mere rounding errors and prove nothing.
 INLINE i64x8 origin_inside(Vec8 w, Vec8 a, Vec8 b, Vec8 c, f64x8 largest) {
     f64x8 one = volume_of(a, b, c), two = -volume_of(w, b, c);
     f64x8 three = volume_of(w, a, c), four = -volume_of(w, a, b);
     f64x8 low = min_lanes(min_lanes(one, two), min_lanes(three, four));
     f64x8 high = max_lanes(max_lanes(one, two), max_lanes(three, four));
-    // All of one sign, and none of them of the size of rounding; m^3 is at most the greater of m^2 and m^4.
+    // All have one sign, and none is as small as rounding errors; m^3 is at most the greater of m^2 and m^4.
     f64x8 rounding = 1e-14 * (largest * max_lanes(largest, splat(1.0)));
     return max_lanes(low, -high) - 1e-9 * max_lanes(high, -low) >= rounding;
 }

@@ -1,13 +1,13 @@
 // Spheres against obstacles and each other, in eight configurations of an edge.
 //
-// Bodies that move are covered by spheres. Around a configuration, a sphere's center with velocity v along the edge
-// and an acceleration of at most a stays, for the time h before and after, within |n.v| h + a h^2 / 2 of where it is,
-// measured along any direction n. With n the direction from an obstacle's nearest point (or from the other sphere),
-// that bounds how far the gap can close, because the obstacle is convex. A ball inside a body that touches proves a
-// contact.
+// Moving bodies are covered by spheres. Let the center of a sphere have velocity v along the edge and an acceleration
+// of at most a. For the time h before and after a configuration, it stays within |n.v| h + a h^2 / 2 of its position,
+// measured along any direction n. With n the direction from the nearest point of an obstacle (or from the other
+// sphere), this bounds the decrease of the gap, because the obstacle is convex. A contact of a ball inside a body
+// proves a contact of the body.
 #include "support_simd.h"
 
-// Of a candidate: lanes that stay open, lanes with a proven contact, and a sphere of either that were too near.
+// Result for a candidate: open lanes, lanes with a proven contact, and a sphere of each body, which are too near.
 typedef struct {
     uint64_t open;
     uint64_t touching;
@@ -34,13 +34,13 @@ INLINE void ready_spheres(int64_t body, int64_t batch, const SceneTables *scene,
     }
 }
 
-// Nearer than this, distances along a direction between points are not precise enough, squared [m^2].
+// Least squared distance of two points [m^2] for which gaps along the direction between them are precise enough.
 #define LEAST_SQUARE 1e-6
 
-// The lanes in which something may come too near.
+// The lanes in which two objects may come too near.
 //
-// With d the distance of two points and l the gap of two things along the line through both, that is l < m, or times d and
-// squared, so that neither a quotient nor a root is left: l d is negative, or its square is less than d^2 m^2.
+// With d the distance of two points and l the gap of two objects along the line through both, the test is l < m. To
+// avoid quotients and roots, it is multiplied by d and squared: l d is negative, or its square is less than d^2 m^2.
 //
 // left: l d; square: d^2; needed: m, not negative.
 INLINE uint64_t lanes_too_near(f64x8 left, f64x8 square, f64x8 needed) {
@@ -66,10 +66,10 @@ INLINE BoxExtent extent_along(int64_t group, Vec8 n, const SceneTables *scene, c
 
 // ---- against obstacles ---------------------------------------------------------------------------------------------
 
-// The lanes, of those given, in which a sphere of a group may come too near an obstacle.
+// The given lanes in which a sphere of a group may come too near an obstacle.
 //
-// With d the distance of the center from the obstacle's core, r the least that it has to be and s the speed along it,
-// that is d - s h < r + a h^2 / 2.
+// With d the distance of the center from the obstacle's core, r the least distance allowed and s the speed along it,
+// this is d - s h < r + a h^2 / 2.
 INLINE uint64_t lanes_near_obstacle(SphereRef sphere, int64_t o, double padding, uint64_t lanes, f64x8 h,
                                     const SceneTables *scene, const Scratch *scratch) {
     const SphereLanes *placed = &scratch->spheres[sphere.index];
@@ -79,7 +79,7 @@ INLINE uint64_t lanes_near_obstacle(SphereRef sphere, int64_t o, double padding,
     f64x8 square = square_to(scene->obstacles, o, center);
     f64x8 limit = h * scratch->speeds[sphere.group] + needed;
     lanes &= less_than(square, limit * limit);
-    // Where it is too near at once, no speed has to be known.
+    // Lanes that are too near without any motion need no speeds.
     uint64_t others = lanes & ~less_than(square, splat(needed * needed));
     if (others == 0) return lanes;
     Vec8 velocity = velocity_of(sphere, scene, scratch);
@@ -88,7 +88,7 @@ INLINE uint64_t lanes_near_obstacle(SphereRef sphere, int64_t o, double padding,
     return (lanes & ~others) | (others & lanes_too_near(square - approach * h, square, needed + h * h * (0.5 * acceleration)));
 }
 
-// The lanes, of those given, in which the box around a group may come too near an obstacle.
+// The given lanes in which the box around a group may come too near an obstacle.
 INLINE uint64_t lanes_near_box(int64_t group, int64_t o, double padding, uint64_t lanes, f64x8 h,
                                const SceneTables *scene, const Scratch *scratch) {
     const ObstacleShape *shape = &scene->obstacles->shapes[o];
@@ -99,7 +99,7 @@ INLINE uint64_t lanes_near_box(int64_t group, int64_t o, double padding, uint64_
     return lanes & lanes_too_near(left, square, needed);
 }
 
-// A body, the ball around which is placed and may be too near, against an obstacle.
+// Test a body against an obstacle; the ball around the body is placed and may be too near.
 INLINE SphereTest test_obstacle(int64_t body, int64_t o, int64_t pair, uint64_t lanes, int64_t batch, f64x8 h,
                                 const SceneTables *scene, Scratch *scratch) {
     const Body *of = &scene->arm->bodies[body];
@@ -145,9 +145,9 @@ INLINE f64x8 square_between(int64_t one, int64_t two, const Scratch *scratch) {
     return vec8_dot(d, d);
 }
 
-// The lanes, of those given, in which spheres of two groups may come too near each other.
+// The given lanes in which spheres of two groups may come too near each other.
 //
-// shared: how many joints of their chains move both; velocity: of either, null where no other test needs it.
+// shared: number of joints of their chains that move both; velocity_one, velocity_two: null to compute them if needed.
 INLINE uint64_t lanes_near_moving(SphereRef one, SphereRef two, const Vec8 *velocity_one, const Vec8 *velocity_two,
                                   int64_t shared, uint64_t lanes, double padding, f64x8 h, const SceneTables *scene,
                                   const Scratch *scratch) {
@@ -174,7 +174,7 @@ INLINE uint64_t lanes_near_sphere(SphereRef one, SphereRef two, int64_t shared, 
     return lanes_near_moving(one, two, 0, 0, shared, lanes, padding, h, scene, scratch);
 }
 
-// The lanes, of those given, in which the boxes around two groups may come too near each other.
+// The given lanes in which the boxes around two groups may come too near each other.
 INLINE uint64_t lanes_near_boxes(int64_t one, int64_t two, int64_t shared, uint64_t lanes, double padding, f64x8 h,
                                  const SceneTables *scene, const Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
@@ -186,7 +186,7 @@ INLINE uint64_t lanes_near_boxes(int64_t one, int64_t two, int64_t shared, uint6
     return lanes & lanes_too_near(left, square, h * (speeds[one] + speeds[two]) + (padding + scene->margin));
 }
 
-// A body against another, the balls around both being placed.
+// Test a body against another; the balls around both are placed.
 INLINE SphereTest test_body(const BodyPair *bodies, uint64_t lanes, int64_t batch, f64x8 h, const SceneTables *scene,
                             Scratch *scratch) {
     const Body *a = &scene->arm->bodies[bodies->body], *b = &scene->arm->bodies[bodies->other];
@@ -198,7 +198,7 @@ INLINE SphereTest test_body(const BodyPair *bodies, uint64_t lanes, int64_t batc
     ready_spheres(bodies->body, batch, scene, scratch);
     ready_spheres(bodies->other, batch, scene, scratch);
     Vec8 velocity_a = velocity_of(ball_a, scene, scratch), velocity_b = velocity_of(ball_b, scene, scratch);
-    // Only the spheres of either that are near the other's ball.
+    // Only the spheres of each body that are near the ball around the other.
     for (int64_t k = ball_b.index + 1; k < b->last_sphere; k++) {
         uint64_t near = lanes_near_moving(ball_a, sphere_in(b, k), &velocity_a, 0, shared, lanes, padding, h, scene,
                                           scratch);

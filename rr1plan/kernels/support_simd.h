@@ -1,15 +1,15 @@
-// How far cores reach along directions, where they are and while they move, in eight configurations.
+// Extent of cores along directions, in eight configurations and during the intervals around them.
 //
-// Along a direction n the gap of two bodies is the least of n.a over points a of one, less the greatest of n.b over
-// the other's: a bound from below of their distance. In the time h before and after, a point with velocity v and an
-// acceleration of at most c gets no nearer along n than by |n.v| h + c h^2 / 2, so points prove a whole interval too.
+// The gap of two bodies along a direction n is the least n.a over points a of one minus the greatest n.b over points b
+// of the other, a lower bound of their distance. In the time h before and after, a point with velocity v and an
+// acceleration of at most c approaches along n by at most |n.v| h + c h^2 / 2, so points prove a whole interval too.
 #ifndef RR1_SUPPORT_SIMD_H
 #define RR1_SUPPORT_SIMD_H
 
 #include "primitives_simd.h"
 #include "support_table.h"
 
-// Directions of the world in a frame.
+// Directions in world axes, expressed in a frame.
 INLINE Vec8 to_frame(const FrameLanes *frame, Vec8 n) {
     const f64x8 *R = frame->rotation;
     return (Vec8){
@@ -19,7 +19,7 @@ INLINE Vec8 to_frame(const FrameLanes *frame, Vec8 n) {
     };
 }
 
-// Points of a frame in the world.
+// Points in a frame, expressed in the world.
 INLINE Vec8 to_world(const FrameLanes *frame, Vec8 p) {
     const f64x8 *R = frame->rotation;
     return (Vec8){
@@ -29,12 +29,12 @@ INLINE Vec8 to_world(const FrameLanes *frame, Vec8 p) {
     };
 }
 
-// Where a frame's origin is along directions of the world.
+// Coordinate of a frame's origin along directions in world axes.
 INLINE f64x8 along_origin(const FrameLanes *frame, Vec8 n) {
     return n.x * frame->origin[0] + n.y * frame->origin[1] + n.z * frame->origin[2];
 }
 
-// Directions whose part across the axis of a cylinder is smaller than this have a point inside the rim as the lowest.
+// For directions with a smaller component across the axis of a cylinder, the lowest point found is inside the rim.
 #define LEAST_ACROSS 1e-6
 
 INLINE Support8 lowest_of_cylinder(const Point *points, Vec8 n) {
@@ -43,7 +43,7 @@ INLINE Support8 lowest_of_cylinder(const Point *points, Vec8 n) {
     f64x8 along = n.x * axis->x + n.y * axis->y + n.z * axis->z;
     Vec8 across = {n.x - along * axis->x, n.y - along * axis->y, n.z - along * axis->z};
     f64x8 length = sqrt_lanes(vec8_dot(across, across));
-    // n.p from its parts: where n is along the axis, the rounding of `across` times the radius over its length is not small.
+    // n.p is the sum of its parts: if n is along the axis, the rounding of `across` times radius / length is not small.
     f64x8 part = -radius / max_lanes(length, splat(LEAST_ACROSS));
     f64x8 end = select_less(along, splat(0.0), splat(half_length), splat(-half_length));
     Vec8 p = {
@@ -55,7 +55,7 @@ INLINE Support8 lowest_of_cylinder(const Point *points, Vec8 n) {
     return (Support8){middle + end * along - radius * length, p};
 }
 
-// Take points into account in the search for the lowest one.
+// Continue the search for the lowest point with further points.
 INLINE Support8 lowest_among(const Point *from, const Point *to, Vec8 n, Support8 best) {
     for (const Point *p = from; p < to; p++) {
         f64x8 value = n.x * p->x + n.y * p->y + n.z * p->z;
@@ -68,7 +68,7 @@ INLINE Support8 lowest_among(const Point *from, const Point *to, Vec8 n, Support
     return best;
 }
 
-// The least n.p over a core, n a direction of its frame, and the point p; in lanes not given, of some point.
+// The least n.p over a core, n a direction in its frame, and the point p; in lanes not given, n.p of some point.
 INLINE Support8 lowest_of(const ArmGeometry *arm, int64_t core, Vec8 n, uint64_t lanes) {
     const CoreRange *range = &arm->cores[core];
     const Point *points = arm->points + range->first_point, *end = arm->points + range->last_point;
@@ -82,7 +82,7 @@ INLINE Support8 lowest_of(const ArmGeometry *arm, int64_t core, Vec8 n, uint64_t
     return best;
 }
 
-// The speed of a core's point p along directions of the world is constant + turning.p, seen from another frame.
+// The speed of a core's point p along directions in world axes, relative to another frame, is constant + turning.p.
 typedef struct {
     f64x8 constant;
     Vec8 turning;
@@ -106,7 +106,7 @@ INLINE f64x8 fastest_of(const CoreShape *shape, Speed8 speed) {
     return (center + sqrt_lanes(vec8_dot(speed.turning, speed.turning)) * shape->reach) * SLACK;
 }
 
-// A bound of the speed, without sign, of any point of a core along directions, seen from frame `base`.
+// A bound of the absolute speed of any point of a core along directions, relative to frame `base`.
 INLINE f64x8 fastest_along(int64_t core, Vec8 n, int64_t base, const SceneTables *scene, const Scratch *scratch) {
     const FrameLanes *frame = &scratch->frames[scene->arm->cores[core].frame];
     return fastest_of(&scene->arm->core_shapes[core], speeds_along(frame, &scratch->frames[base], n));
@@ -119,9 +119,9 @@ INLINE f64x8 swept_height(const double p[3], Vec8 n, Speed8 speed, f64x8 h) {
     return value - h * abs_lanes(along);
 }
 
-// The least n.p - h |n.v| over a core, n a direction of the world, v seen from frame `base`, in the lanes given.
+// The least n.p - h |n.v| over a core, n a direction in world axes, v relative to frame `base`, in the given lanes.
 //
-// It is found sooner the lower the point `low` of the core is that it begins with.
+// `low`: point of the core with which the search begins; the lower it is, the faster the search.
 NOINLINE f64x8 lowest_within(int64_t core, Vec8 n, Vec8 low, int64_t base, uint64_t lanes,
                                                      f64x8 h, const SceneTables *scene, const Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
