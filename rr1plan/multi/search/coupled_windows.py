@@ -239,7 +239,7 @@ class CoupledWindows:
         return window
 
     def _plan(self, window: _Window, iterations: int) -> Array | None:
-        """Waypoints of the arms of a window between their configurations at its ends, shape (n, nq)."""
+        """Waypoints of a window's arms between their configurations at its ends, shape (n, nq); None if not found."""
         agent = self._agent_of(window.arms)
         ends = self._composite(agent.arms, np.array([window.begin, window.end]))
         scene = agent.question({}, self._margin).scene

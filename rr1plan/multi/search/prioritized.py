@@ -480,7 +480,11 @@ class PrioritizedPlanner:
         return True
 
     def _detour(self, agent: Agent) -> AgentPath | None:
-        """One more path: around others at goals, at starts or at either (scheduled: goal), or at random."""
+        """One more path, around other agents at their goals or starts, or at random; None if none is found.
+
+        The first one avoids all goals, the next one all starts, and the third one goals of scheduled and starts of
+        other agents.
+        """
         number = self._detours[agent]
         self._detours[agent] += 1
         others = self._in_the_way(agent)
