@@ -1,10 +1,10 @@
-"""Coupled windows: arms that conflict are planned as one on a window of time around the conflict.
+"""Coupled windows: arms that conflict are planned as one in a time window around the conflict.
 
-All arms follow their paths on a nominal clock, and the first contact between two of them is resolved by a path in the
-joint space of both, from where they are at the beginning of the window to where they are at its end. If there is none,
-or too hard a one, the window grows, in the end over all of the motion; arms that such a path meets become part of the
-next window around that conflict, so that at last all arms are planned as one (Solis, Motes, Qin, Morales, Amato,
-Adaptive robot coordination: a subproblem-based approach for hybrid multi-robot motion planning, 2023).
+All arms follow their paths on a nominal clock. The first contact between two of them is resolved by a path in the joint
+space of both, between their configurations at the beginning and end of the window. If no path is found, the window
+grows, eventually to the whole motion. Arms that collide with such a path become part of the next window around that
+conflict, so that eventually all arms are planned as one (Solis, Motes, Qin, Morales, Amato, Adaptive robot
+coordination: a subproblem-based approach for hybrid multi-robot motion planning, 2023).
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from rr1plan.planning import Budget
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene.problem import Problem
 
-_FIRST = 0.1  # half of the first window, as a share of the slowest arm's motion
-_GROWTH = 2.0  # of a window without a path
-_ITERATIONS, _MOST_COUNTED = 500, 4  # of the planner on the first window, for each arm up to some
+_FIRST = 0.1  # half width of the first window, as a fraction of the makespan
+_GROWTH = 2.0  # growth factor of a window without a path
+_ITERATIONS, _MOST_COUNTED = 500, 4  # initial planner iterations per arm, and largest number of arms counted
 _SHORTCUTS = 48
-# Windows in all, for each arm, before it is given up.
+# Largest total number of windows per arm.
 _MOST_WINDOWS = 6
-_HALVINGS = 5  # of an edge until the conflict on it is looked at
-# The slowest arm alone takes 1 on the nominal clock: instants nearer than this are one, and a step takes at least that.
+_HALVINGS = 5  # bisections of an edge before the contact on it is located
+# Tolerance for equal instants, and shortest step; the slowest arm alone takes 1 on the nominal clock.
 _SAME, _SHORTEST = 1e-9, 1e-6
 
 
 class Track(NamedTuple):
-    """A polyline on the nominal clock; after its last waypoint it stays there.
+    """A polyline on the nominal clock; constant after its last waypoint.
 
     Args:
-        times: When it is at each waypoint, from 0, ascending, shape (n,).
+        times: Time of each waypoint, ascending from 0, shape (n,).
         points: Waypoints, shape (n, nq).
     """
 
@@ -55,7 +55,7 @@ class Track(NamedTuple):
 
 
 class _Window(NamedTuple):
-    """Arms that were planned as one from one instant to another."""
+    """Arms that are planned as one between two instants."""
 
     arms: frozenset[str]
     begin: float
@@ -63,17 +63,17 @@ class _Window(NamedTuple):
 
 
 def nominal_track(waypoints: Array, limits: Limits, unit: float = 1.0) -> Track:
-    """A path at the velocity limits of its joints, from waypoint to waypoint.
+    """Time a path at the velocity limits of its joints, with linear motion between waypoints.
 
     Args:
-        waypoints: Shape (n, nq).
-        limits: Of its joints.
-        unit: Of its times [s].
+        waypoints: Waypoints, shape (n, nq).
+        limits: Limits of its joints.
+        unit: Unit of its times [s].
     """
     fastest = np.where(np.isfinite(limits.velocity), limits.velocity, 1.0)
     steps = np.abs(np.diff(waypoints, axis=0))
     moves = steps.any(axis=1)
-    # No step is so short that its ends are one instant.
+    # A lower bound on the durations keeps the ends of each step distinct.
     durations = np.maximum((steps[moves] / fastest).max(axis=1) / unit, _SHORTEST)
     return Track(np.concatenate([[0.0], np.cumsum(durations)]), waypoints[np.concatenate([[True], moves])])
 
@@ -83,14 +83,14 @@ class CoupledWindows:
 
     Args:
         paths: Waypoints of each arm's path alone, shape (n, nq).
-        agent_of: The agent of some arms.
-        margin: Distance to keep between all of them and from what stands still, beyond the padding [m].
-        rng: Where random numbers come from.
-        watch: Says when to give up.
+        agent_of: Function that returns the agent of some arms.
+        margin: Clearance between the arms and from stationary objects, in addition to the padding [m].
+        rng: Source of random numbers.
+        watch: Stopwatch with the deadline.
 
     Attributes:
-        tracks: Of each arm.
-        windows: How many were planned.
+        tracks: Track of each arm.
+        windows: Number of windows that were planned.
     """
 
     def __init__(
@@ -114,14 +114,14 @@ class CoupledWindows:
 
     @property
     def end(self) -> float:
-        """When the last arm is at its goal on the nominal clock."""
+        """When the last arm reaches its goal, on the nominal clock."""
         return max(float(track.times[-1]) for track in self.tracks.values())
 
     def solve(self, effort: int) -> bool:
-        """Resolve one conflict after the other; whether none is left.
+        """Resolve one conflict after the other; returns whether none is left.
 
         Args:
-            effort: How often the planner may double its iterations on a window that cannot grow any more.
+            effort: How often to double the planner's iterations for a window that covers the whole motion.
         """
         scene = self._agent.question({}, self._margin).scene
         with checker_from_pool(scene, self.arms, self._margin) as checker:
@@ -136,12 +136,12 @@ class CoupledWindows:
                 window = self._couple(time, arms, effort)
                 if window is None:
                     return False
-                # Nothing has changed before it.
+                # Nothing before the window has changed.
                 after = window.begin
             return False
 
     def coupled_sets(self) -> list[tuple[str, ...]]:
-        """Arms that were planned as one in some window, directly or through others; of one arm where it was not."""
+        """Sets of arms that shared a window, directly or through other arms; single arms that were in none."""
         sets = [frozenset((arm,)) for arm in self.arms]
         for window in self._solved:
             joined = window.arms.union(*(s for s in sets if s & window.arms))
@@ -149,7 +149,7 @@ class CoupledWindows:
         return [tuple(arm for arm in self.arms if arm in s) for s in sets]
 
     def path(self, arms: Iterable[str]) -> Path:
-        """The path of some arms in their joint space, as they move on the nominal clock."""
+        """The path of some arms in their joint space, synchronized by the nominal clock."""
         names = tuple(arms)
         points = self._composite(names, self._knots(names))
         return Path(self._problem.scene.joint_names(names), points)
@@ -157,10 +157,10 @@ class CoupledWindows:
     # ---- conflicts -------------------------------------------------------------------------
 
     def _knots(self, arms: Iterable[str], begin: float = 0.0) -> Array:
-        """Instants at which an arm is at a waypoint, from one on."""
+        """Instants from `begin` on at which some arm is at a waypoint."""
         times = np.unique(np.concatenate([[begin], *(self.tracks[arm].times for arm in arms)]))
         times = times[times >= begin]
-        # Of instants that are nearly the same the last, so that the end stays.
+        # Keep the last of nearly equal instants, which preserves the end.
         kept: Array = times[np.append(np.diff(times) > _SAME, True)]
         return kept
 
@@ -168,14 +168,14 @@ class CoupledWindows:
         return np.asarray(np.hstack([self.tracks[arm].at(times) for arm in arms]))
 
     def _first_conflict(self, checker: CollisionChecker, after: float) -> tuple[float, frozenset[str]] | None:
-        """When and between which arms the first contact is; None if there is none."""
+        """Time and arms of the first contact; None if there is none."""
         times = self._knots(self.arms, after)
         points = self._composite(self.arms, times)
         if len(points) == 1:
             points, times = points.repeat(2, axis=0), times.repeat(2)
         for (one, two), (begin, end) in zip(pairwise(points), pairwise(times.tolist()), strict=True):
             if not self._watch.goes_on():
-                # Not known, so there is no answer.
+                # The remaining steps are unchecked: report a conflict.
                 return begin, self._moving(begin, end)
             if checker.edge_is_free(one, two):
                 continue
@@ -187,7 +187,7 @@ class CoupledWindows:
             ends = one + low * (two - one), one + high * (two - one)
             contact = checker.first_contact(*ends, precision=0.25)
             if contact is None:
-                # The fast and the exact certificate differ by a hair: all that moves there is planned anew.
+                # The fast and the exact certificate differ slightly: replan all arms that move here.
                 return begin + low * (end - begin), self._moving(begin, end)
             owners = (checker.scene.owner(element) for element in contact.pair)
             arms = frozenset(arm for arm in owners if arm in self.tracks)
@@ -203,12 +203,12 @@ class CoupledWindows:
     # ---- windows ---------------------------------------------------------------------------
 
     def _couple(self, time: float, arms: frozenset[str], effort: int) -> _Window | None:
-        """Plan some arms as one around an instant; None if no path is found."""
+        """Plan some arms as one in a window around an instant; None if no path is found."""
         horizon, half, iterations = self.end, _FIRST * self.end, _ITERATIONS
         last: _Window | None = None
         while self._watch.goes_on():
             window = self._absorb(_Window(arms, max(0.0, time - half), min(horizon, time + half)))
-            # What it absorbs may be longer than what it has grown by.
+            # The window may absorb more than its growth.
             if window == last and not (window.begin <= 0.0 and window.end >= horizon):
                 half *= _GROWTH
                 continue
@@ -226,7 +226,7 @@ class CoupledWindows:
         return None
 
     def _absorb(self, window: _Window) -> _Window:
-        """A window together with those before it that overlap with it and share an arm."""
+        """A window merged with earlier ones that overlap with it and share an arm."""
         grown = True
         while grown:
             grown = False
@@ -239,7 +239,7 @@ class CoupledWindows:
         return window
 
     def _plan(self, window: _Window, iterations: int) -> Array | None:
-        """A path of the arms of a window from where they are at its beginning to where they are at its end."""
+        """Waypoints of a window's arms between their configurations at its ends, shape (n, nq); None if not found."""
         agent = self._agent_of(window.arms)
         ends = self._composite(agent.arms, np.array([window.begin, window.end]))
         scene = agent.question({}, self._margin).scene
@@ -248,7 +248,7 @@ class CoupledWindows:
             scene, {arm: begin[arm] for arm in agent.arms}, {arm: end[arm] for arm in agent.arms}, arms=agent.arms
         ).with_margin(self._margin)
         with checker_from_pool(scene, agent.arms, self._margin) as checker:
-            # Where others come to rest in the way, only the goal is sure to be free.
+            # Tracks may be in contact at the end of a window, such as where one passes an arm that has arrived.
             if not (checker.edge_is_free(ends[0], ends[0]) and checker.edge_is_free(ends[1], ends[1])):
                 return None
             budget = Budget(max(self._watch.left, 1e-3), iterations)
@@ -266,12 +266,12 @@ class CoupledWindows:
         return np.asarray(short.waypoints)
 
     def _splice(self, window: _Window, points: Array) -> _Window:
-        """Replace what the arms of a window do in it; what comes after it is shifted in time."""
+        """Replace the tracks of the arms of a window in it, and shift their later parts in time."""
         agent = self._agent_of(window.arms)
         track = nominal_track(points, agent.limits, self._unit)
         duration = float(track.times[-1])
         shift = duration - (window.end - window.begin)
-        # Of joints that wrap, the planner may end some turns farther.
+        # Joints that wrap may end with an offset of whole turns.
         turns = points[-1] - self._composite(agent.arms, np.array([window.end]))[0]
         parts = self._problem.scene.split(track.points[0], agent.arms)
         first = 0

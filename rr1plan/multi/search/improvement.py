@@ -1,9 +1,9 @@
 """Anytime improvement of schedules: neighborhoods, shortcuts of one arm, and shortcuts of a few arms as one.
 
-Moves are tried in turn (as by Huang et al., Benchmarking shortcutting techniques for multi-robot-arm motion planning,
-2025). A move changes a few schedules and is kept if the makespan gets shorter, or stays and the sum of arrivals gets
-smaller; otherwise it is undone. All schedules are certified by coordination diagrams at every time, so the search may
-stop after any move.
+Several kinds of moves are tried alternately (as by Huang et al., Benchmarking shortcutting techniques for
+multi-robot-arm motion planning, 2025). A move changes a few schedules and is kept if it reduces the makespan, or the
+sum of arrivals without increasing the makespan; otherwise it is undone. Coordination diagrams certify all schedules at
+every time, so the search may stop after any move.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from rr1plan.path import Path
 from rr1plan.planners.shortcut import shorten
 from rr1plan.retiming.path_blends import clean
 
-# Agents that are scheduled again together, and arms that may become one agent, at most.
+# Largest number of agents rescheduled together, and of arms merged into one agent.
 _NEIGHBORHOOD, _MOST_TOGETHER = 5, 4
-# Paths of an agent that are kept: the fastest, and those found last.
+# Number of paths kept per agent: the fastest, and those found last.
 _PATHS = 6
-# Random shortcuts of a path that comes from schedules.
+# Random shortcuts of a path that is composed from schedules.
 _SHORTCUTS = 120
-# New paths slower than the plan by more than this ratio are not refined, because random changes save less.
+# New paths slower than the plan by more than this ratio are not refined, because refinement saves less.
 _WORTH_REFINING = 1.3
-# How often the agent that arrives last is the one to work on, and how often a neighborhood gets a new path.
+# Probabilities of choosing the agent that arrives last, and of adding a new path to a neighborhood.
 _LAST_FIRST, _NEW_PATH = 0.7, 0.5
-# Moves between two times at which diagrams are forgotten.
+# Moves between two removals of unused diagrams.
 _FORGET_EVERY = 32
-# Improvements of the sum of arrivals that are smaller than this are rounding [ratio].
+# Smaller improvements are considered rounding errors [ratio].
 _LEAST_GAIN = 1e-6
 
 
@@ -55,19 +55,19 @@ class PlanImprover:
     """Improves the schedules of a plan.
 
     Args:
-        schedules: A schedule of each agent, certified against each other.
-        near: Of each arm those that it can meet.
-        margins: Distance that each arm keeps from what stands still, beyond the padding [m].
+        schedules: Schedules of all agents, certified against each other.
+        near: For each arm, the arms that can collide with it.
+        margins: Clearance of each arm from stationary objects, in addition to the padding [m].
         alone: Duration of the fastest known motion of each arm alone [s].
-        rng: Where random numbers come from.
-        watch: Says when to stop.
-        diagrams: Coordination diagrams that are known.
+        rng: Source of random numbers.
+        watch: Stopwatch with the deadline.
+        diagrams: Known coordination diagrams.
 
     Attributes:
-        schedules: Of each agent; better after each accepted move.
-        alone: Better too, as faster paths of single arms are found.
-        iterations: Moves tried.
-        history: Seconds of `watch` and makespan [s] whenever the makespan got shorter.
+        schedules: The present schedule of each agent; improved by each accepted move.
+        alone: Like the argument; updated when faster paths of single arms are found.
+        iterations: Number of moves tried.
+        history: Time of `watch` and makespan [s] at each reduction of the makespan.
     """
 
     def __init__(
@@ -96,15 +96,15 @@ class PlanImprover:
 
     @property
     def quality(self) -> PlanQuality:
-        """The figures of the schedules as they are."""
+        """Quality measures of the present schedules."""
         return plan_quality(self.schedules.values(), self.alone)
 
     def run(self, seconds: float = math.inf, iterations: int | None = None) -> None:
-        """Try moves until the time or the number of moves is used up, or nothing can be gained.
+        """Try moves until the time or number of moves is used up, or no improvement is possible.
 
         Args:
             seconds: Wall time [s].
-            iterations: Moves, at most; None: no limit.
+            iterations: Largest number of moves; None: no limit.
         """
         self._until = self._watch.seconds + seconds
         crowded = any(len(agent.arms) > _MOST_TOGETHER for agent in self.schedules)
@@ -129,7 +129,7 @@ class PlanImprover:
                 self.history.append((self._watch.seconds, self._cost()[0]))
 
     def _forget_paths(self) -> None:
-        """Forget the diagrams of paths that are no longer known, which are most."""
+        """Delete the diagrams of paths that are no longer kept, which are the majority."""
         known = [path for paths in self._paths.values() for path in paths]
         self._cache.keep_only([*known, *(schedule.path for schedule in self.schedules.values())])
 
@@ -137,13 +137,13 @@ class PlanImprover:
         return self._watch.goes_on() and self._watch.seconds < self._until
 
     def _cost(self) -> tuple[float, float]:
-        """Makespan [s], and the sum of all arrivals [s]."""
+        """Makespan [s], and sum of the arrivals of all arms [s]."""
         arrivals = [schedule.arrival for schedule in self.schedules.values()]
         per_arm = math.fsum(s.arrival * len(agent.arms) for agent, s in self.schedules.items())
         return max(arrivals, default=0.0), per_arm
 
     def _is_best(self) -> bool:
-        """Whether each arm moves by itself on a straight line, without waiting."""
+        """Whether each arm is an agent that moves on a straight line without waiting."""
         return all(
             len(agent.arms) == 1 and s.arrival == s.path.fastest and len(clean(s.path.path.waypoints)) <= 2
             for agent, s in self.schedules.items()
@@ -157,12 +157,12 @@ class PlanImprover:
     # ---- agents and paths --------------------------------------------------------------------
 
     def _agent(self, arms: Iterable[str], problem_of: Agent) -> Agent:
-        """The agent of some arms; made once, so that what it keeps is made once."""
+        """The agent of some arms, created once because it caches derived data."""
         made = Agent(problem_of.problem, arms, problem_of.timing)
         return self._agents.setdefault(made.arms, made)
 
     def _margin(self, agent: Agent) -> float:
-        """The distance an agent keeps from what stands still, and its arms from each other, beyond the padding [m]."""
+        """Clearance of an agent from stationary objects and between its arms, in addition to the padding [m]."""
         if agent.arms not in self._margins:
             margin = min(self._arm_margins[arm] for arm in agent.arms)
             if len(agent.arms) > 1:
@@ -178,7 +178,7 @@ class PlanImprover:
         return np.array([goals[name] for name in agent.joint_names])
 
     def _remember(self, path: AgentPath) -> None:
-        """Keep a path among the latest of its agent, and the fastest."""
+        """Add a path to those kept for its agent: the latest ones and the fastest."""
         paths = self._paths.setdefault(path.agent, [])
         paths.append(path)
         if len(paths) > _PATHS:
@@ -209,32 +209,32 @@ class PlanImprover:
 
     @contextmanager
     def _refiner(self, agent: Agent) -> Iterator[PathRefiner]:
-        """Changes paths of an agent."""
+        """A refiner of paths of an agent."""
         margin = self._margin(agent)
         question = agent.question({}, margin)
         with checker_from_pool(question.scene, question.arms, margin) as checker:
             yield PathRefiner(checker, self._rng)
 
-    # ---- who is near -------------------------------------------------------------------------
+    # ---- neighborhoods -----------------------------------------------------------------------
 
     def _neighbors(self, agent: Agent) -> list[Agent]:
         near = frozenset().union(*(self._near[arm] for arm in agent.arms))
         return [other for other in self.schedules if other is not agent and not near.isdisjoint(other.arms)]
 
     def _in_the_way(self, agent: Agent) -> list[Agent]:
-        """Neighbors whose paths meet its path."""
+        """Neighbors whose scheduled paths conflict with that of an agent."""
         path = self.schedules[agent].path
         return [o for o in self._neighbors(agent) if self._cache.diagram(path, self.schedules[o].path) is not None]
 
     def _chosen_agent(self) -> Agent:
-        """The agent that arrives last, or any other."""
+        """The agent that arrives last, or a random one."""
         agents = list(self.schedules)
         if self._rng.random() < _LAST_FIRST:
             return max(agents, key=lambda agent: self.schedules[agent].arrival)
         return agents[int(self._rng.integers(len(agents)))]
 
     def _neighborhood(self, first: Agent, count: int) -> list[Agent]:
-        """An agent and some of those in its way, and in the way of those."""
+        """An agent, some agents in its way, and some in the way of these."""
         chosen = [first]
         open_ = self._in_the_way(first)
         while open_ and len(chosen) < count:
@@ -257,7 +257,7 @@ class PlanImprover:
         return earliest_schedule(path, blocked_times(path, found))
 
     def _schedule(self, agent: Agent, paths: Iterable[AgentPath]) -> bool:
-        """Schedule an agent by the path on which it arrives first; whether there is one."""
+        """Schedule an agent on the path with the earliest arrival; returns whether one can be timed."""
         best: Schedule | None = None
         for path in sorted(paths, key=lambda path: path.fastest):
             if best is not None and best.arrival <= path.fastest:
@@ -271,16 +271,16 @@ class PlanImprover:
         return True
 
     def _schedule_in_turn(self, agents: Iterable[Agent], makespan: float) -> bool:
-        """Schedule agents one after the other among all others; whether none arrives behind the makespan."""
+        """Schedule agents one after the other; returns whether all arrive within the makespan."""
         for agent in agents:
             if not self._schedule(agent, self._paths[agent]) or self.schedules[agent].arrival > makespan:
                 return False
         return True
 
-    # ---- moves: each says whether there is a schedule for all ------------------------------------
+    # ---- moves: each returns whether all agents have a schedule -----------------------------------
 
     def _replan_neighborhood(self) -> bool:
-        """Schedule an agent and some near it again, it first, the others in random order."""
+        """Reschedule an agent, then some agents of its neighborhood in random order."""
         first, makespan = self._chosen_agent(), self._cost()[0]
         again = self._neighborhood(first, 1 + int(self._rng.integers(_NEIGHBORHOOD)))
         others = [again[1:][i] for i in self._rng.permutation(len(again) - 1).tolist()]
@@ -291,7 +291,7 @@ class PlanImprover:
         return self._schedule_in_turn([first, *others], makespan)
 
     def _find_path(self, agent: Agent) -> None:
-        """One more path of an agent of few arms: around goals or starts of those in its way, or by chance."""
+        """One more path of an agent of few arms: around goals or starts of those in its way, or at random."""
         if len(agent.arms) > _MOST_TOGETHER:
             return
         standing: dict[str, Array | None] = {}
@@ -320,7 +320,7 @@ class PlanImprover:
         return self._schedule_in_turn(self._in_the_way(agent), makespan)
 
     def _move_as_one(self) -> bool:
-        """Replace the motions of a few agents in each other's way by one path of all their arms, and shorten it."""
+        """Replace the motions of a few agents in each other's way by one path of all their arms, with shortcuts."""
         first = self._chosen_agent()
         chosen = self._neighborhood(first, 2 + int(self._rng.integers(2)))
         while sum(len(agent.arms) for agent in chosen) > _MOST_TOGETHER:
@@ -338,7 +338,7 @@ class PlanImprover:
         return self._schedule(together, self._paths[together])
 
     def _move_in_turn(self) -> bool:
-        """Plan an agent of many arms anew: one arm at a time by way of other retreats, then at the same time."""
+        """Replan an agent of many arms: one arm at a time via new retreats, then with overlapping motions."""
         large = [agent for agent in self.schedules if len(agent.arms) > _MOST_TOGETHER]
         if not large:
             return self._change_path()
@@ -365,7 +365,7 @@ class PlanImprover:
             return refiner.refine(path, CHANGES * len(path.agent.arms), self._goes_on)
 
     def _move_apart(self) -> bool:
-        """Schedule the arms of an agent one by one on their parts of its path, which may be shorter then."""
+        """Schedule the arms of an agent separately on their parts of its path, as they are or with shortcuts."""
         together = [agent for agent in self.schedules if len(agent.arms) > 1]
         if not together:
             return self._change_path()

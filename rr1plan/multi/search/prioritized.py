@@ -1,14 +1,14 @@
 """Prioritized planning on path pools, with detours, local eviction and coupled windows.
 
 Agents are scheduled one after the other, each among the schedules of those before it (Erdmann and Lozano-Pérez 1987).
-An agent for which no path of its pool can be timed gets detours; if none helps, it evicts the agents that are in its
-way, which are scheduled again (as in large neighborhood search: Li et al., MAPF-LNS2, 2022). All other schedules stay.
-Agents that keep evicting each other become one (a meta-agent: Sharon et al., Meta-agent conflict-based search, 2012),
+An agent for which no path of its pool can be timed gets detours; if none helps, it evicts the agents in its way, which
+are rescheduled (as in large neighborhood search: Li et al., MAPF-LNS2, 2022). All other schedules are kept. Agents that
+repeatedly evict each other are merged into one (a meta-agent: Sharon et al., Meta-agent conflict-based search, 2012),
 which is planned in the joint space of all its arms.
 
-The joint space of up to four arms is tried first, because its search takes milliseconds. Groups of up to sixteen are
-then coupled on windows of time (`coupled_windows.py`), or move one arm at a time (`sequential_moves.py`), and larger
-ones where eviction does not come to an end; the effort of both grows with every round.
+For up to four arms, their joint space is searched first, which takes milliseconds. Groups of up to sixteen are then
+coupled in time windows (`coupled_windows.py`), or move one arm at a time (`sequential_moves.py`); larger groups do so
+if eviction does not terminate. The effort of both grows over the rounds.
 """
 
 from __future__ import annotations
@@ -42,31 +42,31 @@ from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
 from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.path import Path
 
-# Paths of a pool before another agent is evicted, and at most.
+# Detours that are tried before another agent is evicted, and largest number of paths in a pool.
 _DETOURS, _MOST_PATHS = 3, 12
-# Two agents of which one has evicted the other so often become one.
+# Number of evictions between two agents after which they are merged.
 _QUARRELS = 2
 PLANNED_AS_ONE = 4
-"""Agents of a group whose joint space is tried first."""
-_STANDING = 0.7  # share of the others around which an arm's path leads before a later round of windows
-_ROUNDS_OF_SAME_EFFORT = 4  # of windows
-_ROUNDS_FIRST = 8  # of windows there, each with twice the effort
+"""Largest number of agents of a group whose joint space is searched first."""
+_STANDING = 0.7  # fraction of the other arms that an arm's initial path avoids in later rounds of windows
+_ROUNDS_OF_SAME_EFFORT = 4  # rounds of windows and sequential moves until their effort is doubled
+_ROUNDS_FIRST = 8  # rounds of windows and sequential moves before coordination diagrams are computed
 
 STAGES = ("timing", "detours", "eviction", "composite", "windows", "sequential")
-"""Stages of a search, by what they cost."""
-_ATTEMPTS = 3  # at a path in that joint space
-# Separate paths of a few arms are timed where the joint path is slower than their slowest by more than this [ratio]:
-# their coordination diagrams cost more than several joint paths.
+"""Stages of a search, in order of cost."""
+_ATTEMPTS = 3  # attempts at a path in the joint space of a few arms
+# Separate paths of a few arms are timed only if their joint path is slower than the slowest of them by more than this
+# [ratio], because their coordination diagrams cost more than several joint paths.
 _WORTH_TIMING = 0.3
 COUPLED_FIRST = 16
-"""Agents of a group for which windows are tried before coordination diagrams are computed."""
-# Arms of an agent that quarrels make, at most: the joint space of more is too large without windows.
+"""Largest number of agents of a group for which windows are tried before coordination diagrams are computed."""
+# Largest number of arms of a merged agent; larger joint spaces need windows.
 _MOST_TOGETHER = 4
-# Evictions for each agent between two rounds of windows, which take twice the effort each time.
+# Evictions per agent between two rounds of windows and sequential moves.
 _EVICTIONS = 3
-# A makespan nearer to its lower bound than this is not made shorter, nor by less than that [ratio].
+# Improvement stops at a makespan this close to its lower bound; smallest reduction that counts [ratios].
 _GOOD_ENOUGH, _LEAST_GAIN = 0.15, 0.005
-_NEIGHBORHOOD = 3  # agents that are scheduled again with the last, at most
+_NEIGHBORHOOD = 3  # largest number of agents that are rescheduled together with the last one
 
 
 @dataclass
@@ -83,12 +83,12 @@ class Statistics:
     seconds: dict[str, float] = field(default_factory=dict)
 
     def add_time(self, stage: str, began: float) -> None:
-        """Count the wall time of a stage since it began."""
+        """Add the wall time since `began` to a stage."""
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
 
 
 class _Plan(NamedTuple):
-    """Agents, their pools and schedules, to come back to."""
+    """A snapshot of agents, pools and schedules, to restore later."""
 
     agents: list[Agent]
     pools: dict[Agent, PathPool]
@@ -100,18 +100,18 @@ class PrioritizedPlanner:
     """Schedules for the agents of one interaction group.
 
     Args:
-        pools: Of each agent, with its first path; agents know the problem.
-        near: Arms that can meet each arm.
-        diagrams: Coordination diagrams, which groups share.
-        rng: Where random numbers come from.
-        watch: Says when to give up.
+        pools: The path pool of each agent, with its first path.
+        near: For each arm, the arms that can collide with it.
+        diagrams: Coordination diagrams, shared by groups.
+        rng: Source of random numbers.
+        watch: Stopwatch with the deadline.
 
     Attributes:
-        threads: How many compute diagrams.
-        schedules: Of the agents that have one.
-        stage: What it took to schedule all, one of `STAGES`; empty while they are not.
-        reason: Why there is none for all of them; empty while that is not known.
-        statistics: What was done.
+        threads: Number of threads that compute diagrams.
+        schedules: Schedules of the agents that have one.
+        stage: The stage that scheduled all agents, one of `STAGES`; empty before.
+        reason: Why not all agents have a schedule; empty if unknown.
+        statistics: Counters of the search.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class PrioritizedPlanner:
         self.statistics = Statistics(paths=len(self.pools))
         self.stage = ""
         self.reason = ""
-        # Pools of single arms, which bound the makespan and are where windows begin.
+        # Pools of single arms, which bound the makespan and provide the initial paths of windows.
         self._alone = {agent.arms[0]: pool for agent, pool in self.pools.items() if len(agent.arms) == 1}
         self._made = {frozenset(agent.arms): agent for agent in self.agents}
         self._margins: dict[Agent, float] = {}
@@ -141,15 +141,15 @@ class PrioritizedPlanner:
 
     @property
     def arms(self) -> tuple[str, ...]:
-        """Its arms, in the order of the problem."""
+        """The arms of all agents, in the order of the problem."""
         own = {arm for agent in self.agents for arm in agent.arms}
         return tuple(arm for arm in self.agents[0].problem.arms if arm in own)
 
     def join(self, other: PrioritizedPlanner) -> None:
-        """Take over the agents of another group, with their schedules as far as they do not meet those here.
+        """Take over the agents of another group, and those of their schedules whose paths do not conflict with ours.
 
         Args:
-            other: The planner of that group, not used any more.
+            other: The planner of that group, not used afterwards.
         """
         for agent in other.agents:
             path = other.schedules[agent].path if agent in other.schedules else None
@@ -166,7 +166,7 @@ class PrioritizedPlanner:
     # ---- the search ------------------------------------------------------------------------
 
     def run(self) -> bool:
-        """Schedule all agents; whether that was possible in time."""
+        """Schedule all agents; returns whether this succeeded in time."""
         effort = 0
         if not self.schedules and 1 < len(self.agents) <= COUPLED_FIRST:
             if self._plan_together():
@@ -195,7 +195,7 @@ class PrioritizedPlanner:
         return False
 
     def _plan_together(self) -> bool:
-        """Look for motions in windows, of one arm at a time, and of a few arms as one; whether there are any."""
+        """Search with windows, sequential moves and a few arms as one; returns whether all agents are scheduled."""
         few = len(self.agents) <= PLANNED_AS_ONE
         if few and self._plan_few():
             return True
@@ -210,7 +210,7 @@ class PrioritizedPlanner:
         return sorted(self.agents, key=lambda agent: -self.pools[agent].paths[0].fastest)
 
     def _time_first_paths(self) -> list[Agent]:
-        """Time the paths of agents without a schedule, and return those for which that is not possible."""
+        """Time the paths of agents without a schedule; returns the agents for which this failed."""
         limit = self._time_limit() if self._watch.goes_on() else 0.0
         return [
             agent
@@ -219,7 +219,7 @@ class PrioritizedPlanner:
         ]
 
     def _repair(self, waiting: list[Agent], most: int) -> bool:
-        """Schedule agents with detours, and evictions up to a number of all; whether that was possible."""
+        """Schedule agents with detours and evictions, up to a total of `most`; returns whether this succeeded."""
         while waiting:
             if not self._watch.goes_on() or self.statistics.evictions >= most:
                 return False
@@ -242,7 +242,7 @@ class PrioritizedPlanner:
     # ---- joint spaces ----------------------------------------------------------------------
 
     def _plan_few(self) -> bool:
-        """Plan a few agents as one, or time their paths where that arrives earlier; whether either was possible."""
+        """Plan a few agents as one, or time their own paths if that is faster; returns whether either succeeded."""
         limit, alone = self._time_limit(), self._plan()
         arms = self.arms
         pool = self._pool_of(arms)
@@ -260,12 +260,12 @@ class PrioritizedPlanner:
         return self._adopt([pool], "composite")
 
     def _plan_as_one(self, effort: int) -> bool:
-        """Look for a path in the joint space of all arms; whether there is one."""
+        """Search for a path in the joint space of all arms; returns whether one was found."""
         pool = self._pool_of(self.arms)
         return self._add_path(pool, effort) is not None and self._adopt([pool], "composite")
 
     def _move_in_turn(self, effort: int) -> bool:
-        """Move one arm at a time by way of retreats, as one agent; whether that was possible."""
+        """Plan all arms as one agent that moves one arm at a time via retreats; returns whether this succeeded."""
         if not self._watch.goes_on():
             return False
         began = time.perf_counter()
@@ -282,7 +282,7 @@ class PrioritizedPlanner:
         return self._adopt([pool], "sequential")
 
     def _couple(self, effort: int) -> bool:
-        """Couple arms on windows of time around their conflicts; whether all agents have a schedule then."""
+        """Couple arms in time windows around their conflicts; returns whether all agents have a schedule."""
         began = time.perf_counter()
         margin = self._pool_of(self.arms).margin
         starts = {arm: self._first_guess(arm, effort).path.waypoints for arm in self._alone}
@@ -292,7 +292,7 @@ class PrioritizedPlanner:
         self.statistics.add_time("windows", began)
         if not solved:
             return False
-        # Sets that never shared a window are timed among each other, or all move as in the windows.
+        # Sets of arms that shared no window are timed separately, or all arms move as one agent as in the windows.
         arms, sets = self.arms, windows.coupled_sets()
         found = self._adopt_windows(windows, sets)
         if len(sets) == 1 or (found and self.makespan <= self._slow_from()):
@@ -305,7 +305,7 @@ class PrioritizedPlanner:
         return found or as_one
 
     def _first_guess(self, arm: str, effort: int) -> AgentPath:
-        """The path of an arm before windows: its own, or in later rounds one around others where they stand."""
+        """Initial path of an arm for windows: its first, or in later rounds one around starts or goals of others."""
         pool = self._alone[arm]
         if effort == 0:
             return pool.paths[0]
@@ -313,7 +313,7 @@ class PrioritizedPlanner:
         for other in sorted(self._near[arm] & self._alone.keys()):
             theirs = self._alone[other]
             q = theirs.paths[0].goal if effort % 2 else theirs.agent.start
-            # Each time among some others, so that each time the paths are different ones.
+            # A random subset of the others varies the paths between rounds.
             if self._rng.random() < _STANDING and self._leaves_ends_free(pool, theirs.agent, q):
                 standing[other] = q
         path, _ = pool.add(standing) if standing else (None, "")
@@ -332,11 +332,11 @@ class PrioritizedPlanner:
             except RetimingError:
                 return False
             pools.append(pool)
-        # Without a window the first paths go together as they are.
+        # Without windows, the first paths are free of conflicts as they are.
         return self._adopt(pools, "windows" if windows.windows else "timing")
 
     def _adopt(self, pools: Sequence[PathPool], stage: str) -> bool:
-        """Replace all agents by those of some pools, if all of them can be timed; whether that was possible."""
+        """Replace all agents by those of some pools if all of them can be timed; returns whether they can."""
         if not all(pool.paths for pool in pools):
             return False
         before = self._plan()
@@ -357,19 +357,19 @@ class PrioritizedPlanner:
         self.schedules, self.stage = dict(plan.schedules), plan.stage
 
     def _agent_of(self, arms: Iterable[str]) -> Agent:
-        """The agent of some arms, whose scene keeps what is made from it."""
+        """The agent of some arms, created once, because its scene caches derived data."""
         chosen = frozenset(arms)
         if chosen not in self._made:
             self._made[chosen] = Agent(self.agents[0].problem, chosen, self.agents[0].timing)
         return self._made[chosen]
 
     def _pool_of(self, arms: Iterable[str]) -> PathPool:
-        """An empty pool for some arms as one agent, with the largest margin that they have."""
+        """An empty pool for some arms as one agent, with the largest margin that their starts and goals allow."""
         agent = self._agent_of(arms)
         pools = [self._alone[arm] for arm in agent.arms]
         margin = min(pool.margin for pool in pools)
         if len(pools) > 1:
-            # They keep it from each other, too.
+            # The arms keep the margin from each other, too.
             if agent not in self._margins:
                 goal = np.concatenate([pool.paths[0].goal for pool in pools])
                 self._margins[agent] = affordable_margin(agent, goal, margin)
@@ -377,7 +377,7 @@ class PrioritizedPlanner:
         return PathPool(agent, margin, self._rng, self._watch)
 
     def _add_path(self, pool: PathPool, effort: int = 0) -> AgentPath | None:
-        """One more path from the start to the goal, regardless of others."""
+        """One more path from the start to the goal, regardless of other agents; None if none is found."""
         began = time.perf_counter()
         path, _ = pool.add({}, effort=effort)
         self.statistics.add_time("paths", began)
@@ -385,7 +385,7 @@ class PrioritizedPlanner:
         return path
 
     def improve(self, rounds: int) -> None:
-        """Make the makespan shorter: the last agent and some of those near it are scheduled again, it first.
+        """Reduce the makespan: reschedule the last agent first, then some of those in its way.
 
         Args:
             rounds: How often to try.
@@ -404,7 +404,7 @@ class PrioritizedPlanner:
             for agent in again:
                 del self.schedules[agent]
             target = (1.0 - _LEAST_GAIN) * limit
-            # The diagrams of another path of several arms would cost more than all the rest.
+            # No detours for several arms: the diagrams of another path would cost more than everything else.
             tries = {agent: _DETOURS if len(agent.arms) == 1 else 0 for agent in again}
             if not all(
                 self._schedule(agent, target, detours=count) and self.schedules[agent].arrival <= target
@@ -413,7 +413,7 @@ class PrioritizedPlanner:
                 self.schedules = before
 
     def _hasten(self) -> None:
-        """Make the paths of meta-agents faster: first arms that move in turn come to move at the same time."""
+        """Speed up the paths of meta-agents: first overlap the motions of arms that move one after the other."""
         limit, began = self.slowest_alone() * (1.0 + _GOOD_ENOUGH), time.perf_counter()
         for agent in [agent for agent in self.agents if len(agent.arms) > 1]:
             pool = self.pools[agent]
@@ -439,7 +439,7 @@ class PrioritizedPlanner:
 
     def fastest_alone(self) -> dict[str, float]:
         """Duration of the fastest known motion of each arm alone [s]."""
-        # What an arm does together with others it can do alone, too.
+        # The motion of an arm together with others is also feasible alone.
         arrivals = {arm: schedule.arrival for agent, schedule in self.schedules.items() for arm in agent.arms}
         return {
             arm: min(arrivals.get(arm, math.inf), *(path.fastest for path in pool.paths))
@@ -447,16 +447,16 @@ class PrioritizedPlanner:
         }
 
     def _slow_from(self) -> float:
-        """Arrivals after this are worth another method [s]."""
+        """Arrival above which another method is tried [s]."""
         alone = (min(path.fastest for path in pool.paths) for pool in self._alone.values())
         return max(alone, default=0.0) * (1.0 + _WORTH_TIMING)
 
     def _time_limit(self) -> float:
-        """Arrivals before this need no better path: others arrive later anyway, or it is good enough."""
+        """Arrival up to which no better path is needed [s]: others arrive later anyway, or it is good enough."""
         return max(self.makespan, self.slowest_alone() * (1.0 + _GOOD_ENOUGH))
 
     def _schedule(self, agent: Agent, limit: float, *, detours: int | None = None) -> bool:
-        """Time the paths of an agent, and detours while none arrives before the limit; whether there is a schedule."""
+        """Time the paths of an agent, and detours until one arrives within the limit; returns whether one was timed."""
         detours = _DETOURS if detours is None else detours
         best: Schedule | None = None
         for path in list(self.pools[agent].paths):
@@ -480,7 +480,11 @@ class PrioritizedPlanner:
         return True
 
     def _detour(self, agent: Agent) -> AgentPath | None:
-        """One more path: around the goals of others, their starts, the ones or the others, or by chance."""
+        """One more path, around other agents at their goals or starts, or at random; None if none is found.
+
+        The first one avoids all goals, the next one all starts, and the third one goals of scheduled and starts of
+        other agents.
+        """
         number = self._detours[agent]
         self._detours[agent] += 1
         others = self._in_the_way(agent)
@@ -495,7 +499,7 @@ class PrioritizedPlanner:
             if self._leaves_ends_free(self.pools[agent], other, q):
                 configurations.update(self._split(other, q))
         by_chance = number >= 3 or not configurations
-        # Each path in a joint space differs from the others as it is.
+        # Paths in joint spaces of several arms differ without a random detour.
         path, _ = self.pools[agent].add(configurations, detour=by_chance and len(agent.arms) == 1)
         self.statistics.add_time("paths", began)
         self.statistics.paths += 1
@@ -503,7 +507,7 @@ class PrioritizedPlanner:
         return path
 
     def _in_the_way(self, agent: Agent) -> list[Agent]:
-        """Neighbors whose path, as far as it is known, meets one of the agent's."""
+        """Neighbors whose scheduled or first path conflicts with one of the agent's paths."""
         paths, found = self.pools[agent].paths, []
         for other in self._neighbors(agent):
             theirs = self.schedules[other].path if other in self.schedules else self.pools[other].paths[0]
@@ -512,7 +516,7 @@ class PrioritizedPlanner:
         return found
 
     def _leaves_ends_free(self, pool: PathPool, other: Agent, q: Array) -> bool:
-        """Whether the agent of a pool can be at its start and its goal while another one stands somewhere."""
+        """Whether start and goal of the agent of a pool are free while another agent is at configuration `q`."""
         agent, placed = pool.agent, placed_configuration(other.bodies, q)
         return all(
             are_apart(agent, placed_configuration(agent.bodies, end), other, placed, pool.margin)
@@ -532,7 +536,10 @@ class PrioritizedPlanner:
     # ---- eviction ----------------------------------------------------------------------------
 
     def _evict(self, agent: Agent) -> list[Agent] | None:
-        """Schedule an agent without those in its way, as few and as rarely evicted as can be; None if nothing helps."""
+        """Schedule an agent by evicting others, at the lowest cost; returns these, or None if nothing helps.
+
+        The cost is the number of evicted agents and of their previous evictions.
+        """
         others = self._others(agent)
         best: tuple[float, Schedule, list[Agent]] | None = None
         for path in self.pools[agent].paths:
@@ -557,12 +564,12 @@ class PrioritizedPlanner:
         return victims
 
     def _candidates(self, path: AgentPath, others: list[Agent]) -> list[list[Agent]]:
-        """Sets of agents whose eviction may make room for a path: single ones, then all in the way."""
+        """Sets of agents whose eviction may make room for a path: each agent in the way, then all of them."""
         in_the_way = [o for o in others if self._diagram(path, self.schedules[o].path) is not None]
         return [*([o] for o in in_the_way), in_the_way]
 
     def _merge_quarrels(self, agent: Agent, evicted: list[Agent]) -> list[Agent]:
-        """The agents to schedule next: the evicted ones, or a meta-agent of two that evict each other too often."""
+        """The agents to schedule next: the evicted ones; two that evict each other too often are merged."""
         for victim in evicted:
             together = {*agent.arms, *victim.arms}
             if self._quarrels[frozenset((agent, victim))] < _QUARRELS or len(together) > _MOST_TOGETHER:
@@ -575,7 +582,7 @@ class PrioritizedPlanner:
         return evicted
 
     def _merge(self, agents: list[Agent]) -> Agent | None:
-        """One agent of several, with a path in the joint space of all their arms; None if none is found."""
+        """Merge agents into one with a path in the joint space of all their arms; None if none is found."""
         pool = self._pool_of(arm for agent in agents for arm in agent.arms)
         if self._add_path(pool) is None:
             return None
@@ -599,7 +606,7 @@ class PrioritizedPlanner:
         return [other for other in self._neighbors(agent) if other in self.schedules]
 
     def _timed(self, path: AgentPath, others: Iterable[Agent]) -> Schedule | None:
-        """The earliest schedule of a path among those of others; None if there is none, or no time to look for it."""
+        """The earliest schedule of a path among those of others; None if there is none or time runs out."""
         found = []
         for other in others:
             # A diagram may take long.
@@ -616,7 +623,7 @@ class PrioritizedPlanner:
         return schedule
 
     def _diagram(self, one: AgentPath, two: AgentPath) -> Blocked | None:
-        """The extended diagram of two paths; None where all of it is free."""
+        """The extended diagram of two paths; None if all of it is free."""
         began, before = time.perf_counter(), len(self._diagrams)
         blocked = self._diagrams.diagram(one, two)
         if len(self._diagrams) > before:
@@ -625,7 +632,7 @@ class PrioritizedPlanner:
         return blocked
 
     def _prepare_diagrams(self) -> None:
-        """Compute the diagrams of all first paths, side by side."""
+        """Compute the diagrams of all first paths in parallel."""
         began = time.perf_counter()
         paths = {arm: pool.paths[0] for pool in self.pools.values() for arm in pool.agent.arms}
         pairs = [(paths[a], paths[b]) for a, b in combinations(paths, 2) if b in self._near[a]]

@@ -1,8 +1,8 @@
-"""Retreats: a configuration of each arm of a crowded group from which it is in nobody's way.
+"""Retreats: for each arm of a crowded group, a configuration in which it does not obstruct the others.
 
-An arm that goes to its goal by way of its retreat leaves room for all others meanwhile. Retreats are drawn around the
-arm's way to its goal, and the one by which the arm arrives first is taken of those that keep clear of where others
-begin and end.
+An arm that waits at its retreat on the way to its goal leaves room for all others. Candidates are sampled around the
+straight line from the arm's start to its goal. Among those with the fewest conflicts with starts, goals and retreats of
+other arms, the one with the shortest travel time is chosen.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from rr1plan.multi.paths.time_shortcuts import joint_times
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import are_apart
 
-# Random configurations that are drawn for a retreat, how many of them are compared with where other arms begin and end,
-# and how far it should be from there [m].
+# Random configurations that are sampled for a retreat, how many of them are tested against the starts and goals of
+# other arms, and the clearance from these [m].
 _DRAWN, _COMPARED, _ROOM = 64, 24, 0.03
 
 
 class RetreatSearch:
-    """Finds retreats of some arms.
+    """Searches for retreats of some arms.
 
     Args:
-        agent: All arms as one.
-        goal: Where they end, shape (nq,).
+        agent: All arms as one agent.
+        goal: Their goal configuration, shape (nq,).
         single: The agent of each arm.
-        near: Of each arm those that it can meet.
-        margin: Distance to keep from what stands still, beyond the padding [m].
-        rng: Where random numbers come from.
-        watch: Says when to give up.
+        near: For each arm, the arms that can collide with it.
+        margin: Clearance from stationary objects, in addition to the padding [m].
+        rng: Source of random numbers.
+        watch: Stopwatch with the deadline.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class RetreatSearch:
         self._space = Space.around(agent.question({}, margin), goal[None])
 
     def find(self) -> Array | None:
-        """A configuration for each arm, in the way of few starts and goals, shape (nq,); None if it is too late."""
+        """Retreats with few conflicts with starts, goals and each other, shape (nq,); None if time runs out."""
         placed = self._placed_ends
         retreats = self._agent.start.copy()
         chosen: dict[int, CStruct] = {}
@@ -83,7 +83,7 @@ class RetreatSearch:
         ]
 
     def _candidates(self, arm: int) -> list[Array]:
-        """Free configurations of an arm, those first by way of which it arrives first: its home, and random ones."""
+        """Free configurations of an arm, its home and random ones, by travel time from start to goal via each."""
         agent, columns = self._single[arm], self._columns[arm]
         drawn = self._drawn(arm)
         durations = sum(
@@ -99,7 +99,7 @@ class RetreatSearch:
         return found
 
     def _drawn(self, arm: int) -> Array:
-        """Configurations of an arm within its limits: its home, and random ones, from near its way to anywhere."""
+        """Configurations of an arm within its limits: home, and random ones in growing boxes around the line."""
         agent, columns = self._single[arm], self._columns[arm]
         home = agent.problem.scene.arms[agent.arms[0]].robot.home
         wraps = self._space.wraps[columns]
@@ -114,7 +114,7 @@ class RetreatSearch:
     def _conflicts(
         self, arm: int, own: CStruct, ends: Sequence[Sequence[CStruct]], chosen: Mapping[int, CStruct], most: int
     ) -> int:
-        """With how many starts, goals and chosen retreats of others an arm is in conflict; counted to `most`."""
+        """Number of starts, goals and chosen retreats of others that conflict with an arm; stops at `most`."""
         number = 0
         for other in self._near[arm]:
             for placed in (*ends[other], chosen[other]) if other in chosen else ends[other]:

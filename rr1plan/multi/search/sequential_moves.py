@@ -1,12 +1,12 @@
-"""Sequential moves: one arm at a time moves to its goal, some of them by way of retreats.
+"""Sequential moves: arms move to their goals one at a time, some of them via retreats.
 
-Each move is a query of one arm among others that stand still, so a crowded group takes milliseconds where the joint
-space of all its arms takes seconds. Each arm moves to its goal as soon as it can; where none can, one withdraws to its
-retreat. Several random orders are tried, from the starts to the goals and from the goals back. Where arms get stuck,
-all withdraw, from the starts and from the goals, as parts of an assembly are taken apart (Wilson and Latombe, Geometric
-reasoning about mechanical assembly, 1994): the second order, reversed, leads to the goals. Arms that hold each other
-withdraw as one. At last each move begins as early as it can while those before it go on. The results are paths in the
-joint space of all arms, of which `time_shortcuts.py` makes one faster.
+Each move is a query for one arm among stationary others, so a crowded group takes milliseconds where a search in the
+joint space of all its arms takes seconds. Each arm moves to its goal as soon as it can; if none can, one withdraws to
+its retreat. Several random orders are tried, forward from the starts and backward from the goals. If arms get stuck,
+all withdraw, from the starts and from the goals, like parts in assembly planning by disassembly (Wilson and Latombe,
+Geometric reasoning about mechanical assembly, 1994): the moves from the goals, reversed, lead to the goals. Arms that
+block each other withdraw as one. Finally, each move is started as early as possible during the moves before it. The
+results are paths in the joint space of all arms; `time_shortcuts.py` makes one of them faster.
 """
 
 from __future__ import annotations
@@ -33,33 +33,33 @@ from rr1plan.planners.shortcut import shorten
 from rr1plan.planners.tree_search import Trees
 from rr1plan.retiming.path_blends import clean
 
-# Samples of the search for one move: at first, how many times as many where no arm can move, and at most.
+# Samples of the search for one move: initial number, growth factor if no arm can move, and maximum.
 _SAMPLES, _MORE, _MOST_SAMPLES = 250, 4, 1000
-# Arms that withdraw as one, and sets of them that are tried, at most.
+# Largest number of arms that withdraw as one, and of sets of each size that are tried.
 _MOST_TOGETHER, _MOST_SETS = 3, 12
-# Of the trees, as shares of the diagonal of the moving joints' space: longest edge, and radius of sampling around
-# vertices with a blocked edge.
+# Longest edge of the trees and radius of sampling around vertices with a blocked edge, as fractions of the diagonal of
+# the moving joints' space.
 _STEP, _DOMAIN = 0.06, 0.3
-# Attempts at paths on which some arms withdraw, and the largest share of the arms that do so first.
+# Attempts at paths on which some arms withdraw, and the largest expected fraction of arms that withdraw first.
 _ATTEMPTS, _LARGEST_SHARE = 10, 0.5
-# Attempts at paths on which all arms withdraw: where there are no others, and else one for so many arms.
+# Attempts at paths on which all arms withdraw: if no other paths were found, and otherwise one per this many arms.
 _ATTEMPTS_ALONE, _ARMS_PER_ATTEMPT = 3, 4
-_WITHDRAWALS = 2  # from the starts, and from the goals, of which the fastest is taken
-# Shortcuts of a move, and moments that are tried for its beginning.
+_WITHDRAWALS = 2  # tried from the starts and from the goals; the fastest of each is used
+# Shortcuts of one move, shortcuts of a withdrawal of all arms, and bisection steps for the departure of a move.
 _MOVE_SHORTCUTS, _SHORTCUTS, _HALVINGS = 8, 24, 4
-_SLICE = 20  # samples between two looks at the clock
+_SLICE = 20  # samples between two checks of the time
 
 
 class SequentialMoves:
     """Plans a group of arms by moves of one arm at a time.
 
     Args:
-        agent: All arms as one.
-        goal: Where they end, shape (nq,).
-        retreats: Finds where the arms withdraw to.
-        margin: Distance to keep between all of them and from what stands still, beyond the padding [m].
-        rng: Where random numbers come from.
-        watch: Says when to give up.
+        agent: All arms as one agent.
+        goal: Their goal configuration, shape (nq,).
+        retreats: Search for the retreats of the arms.
+        margin: Clearance between the arms and from stationary objects, in addition to the padding [m].
+        rng: Source of random numbers.
+        watch: Stopwatch with the deadline.
     """
 
     def __init__(
@@ -80,10 +80,10 @@ class SequentialMoves:
     def paths(self, effort: int = 0) -> Iterator[Array]:
         """Waypoints of paths from the starts to the goals, each of shape (n, nq).
 
-        On the first ones some arms withdraw, on the last ones all of them.
+        On the first paths some arms withdraw, on the last ones all arms.
 
         Args:
-            effort: How often to double the samples after which a move is given up where all arms withdraw.
+            effort: How often to double the maximum number of samples of a move when all arms withdraw.
         """
         retreats, alone = self._retreats.find(), True
         for number in range(_ATTEMPTS):
@@ -104,24 +104,24 @@ class SequentialMoves:
         """Waypoints on which each arm moves to its goal as soon as it can, shape (n, nq); None if arms get stuck.
 
         Args:
-            retreats: Where arms withdraw to, shape (nq,).
-            back: Whether to look for the moves from the goals to the starts.
+            retreats: Configurations to which arms withdraw, shape (nq,).
+            back: Whether to search backward, for moves from the goals to the starts.
         """
         start, goal = self._agent.start, self._goal
         begin, end = (goal, start) if back else (start, goal)
         with self._checker() as checker:
             moves = self._moves_to(checker, begin, end, retreats)
             if moves is not None and back:
-                # Joints that wrap may have come to the start with some turns more or less.
+                # Joints that wrap may reach the start with an offset of whole turns.
                 turns = start - moves[-1][-1]
                 moves = [move[::-1] + turns for move in reversed(moves)]
             return None if moves is None else self._overlapped(checker, start, moves)
 
     def _moves_to(self, checker: CollisionChecker, q: Array, goal: Array, retreats: Array) -> list[Array] | None:
-        """Moves that lead all arms from a configuration to another one, each of shape (n, nq); None if some get stuck.
+        """Moves that take all arms from one configuration to another, each of shape (n, nq); None if some get stuck.
 
-        A few random arms withdraw first, so that those that wait for each other are fewer. Then each arm moves to its
-        goal as soon as it can, and where none can, one more withdraws.
+        A few random arms withdraw first, so that fewer arms wait for each other. Then each arm moves to its goal as
+        soon as it can; if none can, one more withdraws.
         """
         moves: list[Array] = []
         left = self._rng.permutation(len(self._columns)).tolist()
@@ -133,7 +133,7 @@ class SequentialMoves:
                 q = withdrawal[-1]
         inside = [arm for arm in left if not first[arm]]
         while left:
-            # Straight where that is free.
+            # First straight lines, if they are free.
             for arms, target, samples in ((left, goal, 0), (left, goal, _SAMPLES), (inside, retreats, _SAMPLES)):
                 arm, points = self._first_move(checker, q, arms, target, samples)
                 if points is not None:
@@ -149,7 +149,7 @@ class SequentialMoves:
     def _first_move(
         self, checker: CollisionChecker, q: Array, arms: Sequence[int], target: Array, samples: int
     ) -> tuple[int, Array | None]:
-        """The first of some arms that can move to a target, and its waypoints, shape (n, nq); None if none can."""
+        """The first arm that can move to its target, and its waypoints, shape (n, nq); -1 and None if none can."""
         for arm in arms:
             points = self._move(checker, q, (arm,), target, samples)
             if points is not None:
@@ -159,18 +159,18 @@ class SequentialMoves:
     # ---- all arms withdraw -------------------------------------------------------------------
 
     def _by_all_retreats(self, retreats: Array, effort: int) -> Array | None:
-        """Waypoints on which all arms withdraw before one moves to its goal, shape (n, nq); None if none was found."""
+        """Waypoints on which all arms withdraw before any moves to its goal, shape (n, nq); None if none are found."""
         with self._checker() as checker:
             begin = self._fastest_withdrawal(checker, self._agent.start, retreats, effort)
             end = None if begin is None else self._fastest_withdrawal(checker, self._goal, retreats, effort)
         if begin is None or end is None:
             return None
-        # Joints that wrap may have withdrawn to the same place with some turns more or less.
+        # Joints that wrap may reach the same retreat with an offset of whole turns.
         turns = begin[-1] - end[-1]
         return np.concatenate([begin, end[-2::-1] + turns])
 
     def _fastest_withdrawal(self, checker: CollisionChecker, q: Array, retreats: Array, effort: int) -> Array | None:
-        """The fastest of a few paths that lead all arms to their retreats, shape (n, nq); None if none was found."""
+        """The fastest of a few paths of all arms to their retreats, shape (n, nq); None if none is found."""
         fastest, best = np.inf, None
         for _ in range(_WITHDRAWALS):
             moves = self._withdraw(checker, q, retreats, effort)
@@ -184,7 +184,7 @@ class SequentialMoves:
         return best
 
     def _overlapped(self, checker: CollisionChecker, q: Array, moves: Sequence[Array]) -> Array:
-        """Waypoints of moves of which each begins as early as it can among those before it, shape (n, nq)."""
+        """Waypoints of all moves, each started as early as possible during the moves before it, shape (n, nq)."""
         times, points = np.zeros(1), q[None]
         for move in moves:
             changes = move.min(axis=0) < move.max(axis=0)
@@ -215,7 +215,7 @@ class SequentialMoves:
         return checker_from_pool(self._question.scene, self._agent.arms, self._margin)
 
     def _withdraw(self, checker: CollisionChecker, q: Array, retreats: Array, effort: int) -> list[Array] | None:
-        """Moves that lead all arms from a configuration to their retreats, each of shape (n, nq); None if some stay."""
+        """Moves of all arms from a configuration to their retreats, each of shape (n, nq); None if some get stuck."""
         moves: list[Array] = []
         left, samples = list(range(len(self._columns))), _SAMPLES
         while left:
@@ -236,7 +236,7 @@ class SequentialMoves:
         return moves
 
     def _sets(self, left: Sequence[int], *, together: bool) -> Iterator[tuple[int, ...]]:
-        """Arms that may withdraw next: each one, and then a few as one."""
+        """Candidates for the next withdrawal: each single arm, then sets of a few arms."""
         yield from ((arm,) for arm in left)
         for size in range(2, _MOST_TOGETHER + 1) if together else ():
             sets = list(combinations(left, size))
@@ -246,7 +246,7 @@ class SequentialMoves:
     def _move(
         self, checker: CollisionChecker, q: Array, arms: Iterable[int], target: Array, samples: int
     ) -> Array | None:
-        """Waypoints that lead some arms to a target while all others stand still, shape (n, nq)."""
+        """Waypoints of some arms to a target while all others are stationary, shape (n, nq); None if none are found."""
         goal, lower, extent = q.copy(), q.copy(), np.zeros_like(q)
         for arm in arms:
             columns = self._columns[arm]
@@ -274,15 +274,15 @@ class SequentialMoves:
 def _with_move(
     times: Array, points: Array, departure: float, own: Array, move: Array, moving: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Times and waypoints of some moves and one more, from when it begins.
+    """Add a move to others; returns times and waypoints from its departure on.
 
     Args:
-        times: Of the waypoints, shape (n,).
-        points: All arms, shape (n, nq).
-        departure: When the move begins.
-        own: Times of its waypoints from then on, shape (m,).
+        times: Times of the waypoints of the other moves, shape (n,).
+        points: Their waypoints, all arms, shape (n, nq).
+        departure: When the move starts.
+        own: Times of its waypoints relative to the departure, shape (m,).
         move: Its waypoints, all arms, shape (m, nq).
-        moving: Columns of the arms that move by it, shape (nq,).
+        moving: Mask of the columns of the arms that it moves, shape (nq,).
     """
     knots = np.unique(np.concatenate([times[times > departure], departure + own]))
     made = _at(knots, times, points)
@@ -291,11 +291,11 @@ def _with_move(
 
 
 def _at(instants: Array, times: Array, points: Array) -> Array:
-    """Where a polyline is at some instants, shape (k, nq); after its last waypoint it stays there.
+    """Points of a polyline at some instants, shape (k, nq); constant after its last waypoint.
 
     Args:
-        instants: Not before the first of the times, shape (k,).
-        times: Of the waypoints, shape (n,).
+        instants: Instants, none before the first of the times, shape (k,).
+        times: Times of the waypoints, shape (n,).
         points: Waypoints, shape (n, nq).
     """
     row = np.minimum(np.searchsorted(times, instants, side="right") - 1, max(0, len(times) - 2))

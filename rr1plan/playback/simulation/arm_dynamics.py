@@ -1,8 +1,8 @@
-"""Dynamics of arms without contact, in compiled kernels: MuJoCo's, except for rounding.
+"""Dynamics of arms without contact in compiled kernels, equal to MuJoCo's except for rounding.
 
-Arms without contact do not affect each other. Eight of them are stepped side by side, and up to 32 steps are one call.
-Bodies, servos and gravity are those of the scene's MuJoCo model, in which bodies that fixed joints connect are merged.
-Results depend neither on which arms are stepped together nor on threads, calls and processors.
+Arms without contact do not affect each other. Eight arms are stepped in parallel (SIMD), and up to 32 steps per call.
+Bodies, servos and gravity are those of the scene's MuJoCo model, with bodies merged that are connected by fixed joints.
+Results do not depend on the grouping of arms, threads, calls or processors.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ _SLIDE = mujoco.mjtJoint.mjJNT_SLIDE
 
 
 class ArmDynamics:
-    """The arms of a model as the kernels step them.
+    """The arms of a model, stepped by the kernels.
 
     Args:
-        model: The model; all its joints are those of arms, and each has a servo.
+        model: The model; all its joints belong to arms, and each has a servo.
         columns: Index of each of its joints among those of the simulation.
         column_count: Number of joints of the simulation.
-        threads: Threads that share the arms.
+        threads: Number of threads that share the arms.
 
     Attributes:
-        count: How many arms there are.
+        count: Number of arms.
     """
 
     def __init__(self, model: mujoco.MjModel, columns: NDArray[np.int64], column_count: int, threads: int) -> None:
@@ -71,14 +71,14 @@ class ArmDynamics:
         self._step = load_library().rr1_step_arms
 
     def take_steps(self, worker: int, desired: Array, states: Array) -> None:
-        """Take some steps with a thread's share of the arms.
+        """Compute some steps of a thread's share of the arms.
 
         Args:
             worker: Index of the thread.
             desired: Set-points of all joints of the simulation for each step: positions, velocities, accelerations and
                 efforts to add, shape (k, 4, n).
-            states: Their positions, velocities and efforts before the first step, and those after each, which are
-                written for these arms, shape (k + 1, 3, n).
+            states: Positions, velocities and efforts of all joints before the first step (input) and after each step
+                (output, for these arms), shape (k + 1, 3, n).
         """
         threads = len(self._memory)
         first, last = (self._groups * i // threads for i in (worker, worker + 1))
@@ -86,13 +86,13 @@ class ArmDynamics:
 
 
 def _bodies(model: mujoco.MjModel, joint: int) -> range:
-    """The bodies of the arm whose first joint this is, its base first."""
+    """The bodies of the arm with a given first joint, starting with its base."""
     of_arm = np.flatnonzero(model.body_rootid == model.body_rootid[model.jnt_bodyid[joint]])
     return range(int(of_arm[0]), int(of_arm[-1]) + 1)
 
 
 def _description(model: mujoco.MjModel, joint: int) -> bytes:
-    """All that `_tree` reads of the arm whose first joint this is."""
+    """All data that `_tree` reads for the arm with a given first joint."""
     bodies = _bodies(model, joint)
     of_arm, moved = slice(bodies.start, bodies.stop), slice(bodies.start + 1, bodies.stop)
     joints = slice(joint, joint + int(model.body_jntnum[of_arm].sum()))
@@ -103,10 +103,10 @@ def _description(model: mujoco.MjModel, joint: int) -> bytes:
 
 
 def _tree(model: mujoco.MjModel, joint: int) -> tuple[NDArray[np.int64], Array]:
-    """Joints and bodies of the arm whose first joint this is, as rows of DynamicJoint and DynamicBody."""
+    """Joints and bodies of the arm with a given first joint, as rows of DynamicJoint and DynamicBody."""
     joints: list[tuple[int, int]] = []
     rows: list[Array] = []
-    # Of each body the joint that carries it, and its pose in the frame of that joint.
+    # For each body, the joint that carries it and its pose in the frame of this joint.
     frames: dict[int, tuple[int, Array]] = {}
     for body in _bodies(model, joint):
         carrier, T = frames.get(int(model.body_parentid[body]), (-1, np.eye(4)))
@@ -128,7 +128,7 @@ def _tree(model: mujoco.MjModel, joint: int) -> tuple[NDArray[np.int64], Array]:
 
 
 def _mass_properties(model: mujoco.MjModel, body: int, T: Array) -> Array:
-    """Mass, first moments and inertia about the origin of a frame in which a body has a pose, shape (10,)."""
+    """Mass, first moments and inertia of a body with pose T in a frame, about the frame's origin, shape (10,)."""
     mass = float(model.body_mass[body])
     principal = T @ _pose(model.body_ipos[body], model.body_iquat[body])
     R, c = principal[:3, :3], principal[:3, 3]
@@ -150,13 +150,13 @@ def _servos(model: mujoco.MjModel, actuators: NDArray[np.int64]) -> Array:
 
 
 def _gravity(model: mujoco.MjModel, joint: int) -> Array:
-    """Gravity in the frame of the base of the arm whose first joint this is, shape (3,)."""
+    """Gravity in the base frame of the arm with a given first joint, shape (3,)."""
     base = model.body_rootid[model.jnt_bodyid[joint]]
     return np.asarray(rotation_from_quaternion(model.body_quat[base]).T @ model.opt.gravity)
 
 
 def _aligned(kind: str, values: Array) -> NDArray[Any]:
-    """Numbers as structs of vectors."""
+    """An array of structs of vectors, filled with values."""
     structs = zeroed(kind, len(values))
     structs.reshape(-1).view(np.float64)[:] = values.ravel()
     return structs

@@ -1,10 +1,10 @@
 """MuJoCo's collision bits (contype and conaffinity) for models of many arms.
 
-MuJoCo checks two geoms if the contype of one and the conaffinity of the other share a bit. It also knows excluded pairs
-of bodies, but goes through all of them for each two bodies that are near each other, which takes most of a step of
-hundreds of arms. Arms that can meet have different colors: a bit of contype, with the bits of all other colors in
-conaffinity. The pairs of links of one arm that are checked are covered by products of two sets of links, with a bit for
-each product, which all arms share.
+MuJoCo checks two geoms if the contype of one and the conaffinity of the other share a bit. It also supports excluded
+pairs of bodies, but searches all of them for each pair of bodies near each other, which takes most of a step for
+hundreds of arms. Arms that can meet have different colors: a color is a bit in contype, with the bits of all other
+colors in conaffinity. The checked pairs of links within one arm are covered by products of two sets of links. Each
+product has a bit, and all arms share these bits.
 """
 
 from __future__ import annotations
@@ -15,20 +15,21 @@ from itertools import combinations
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.scene import Scene
 
-# Of obstacles and loose bodies; of planes, which are checked for loose bodies and pair by pair for arms.
+# Bits of obstacles and loose bodies, and of planes, which collide with loose bodies by bit and with arms by explicit
+# pairs; index of the first bit for products, number of these bits, and number of colors.
 OTHERS, PLANES = 1, 2
 _FIRST, _OWN, _COLORS = 2, 8, 21
 
 
 def collision_bits(scene: Scene) -> dict[str, tuple[int, int]]:
-    """Contype and conaffinity of the links of arms and of held objects, by their names.
+    """Contype and conaffinity of links and held objects, by name.
 
     Args:
         scene: The scene.
 
     Returns:
-        For the arms for which there are enough bits. Others have `OTHERS` for both, and pairs of their links that are
-        not checked have to be excluded.
+        The bits of all arms for which they suffice. Elements of other arms have `OTHERS` for both, and their unchecked
+            pairs have to be excluded.
     """
     colors = _colored(arms_in_reach(scene, scene.arms, 0.0))
     owned: dict[str, list[str]] = {name: [] for name in scene.arms}
@@ -53,7 +54,7 @@ def collision_bits(scene: Scene) -> dict[str, tuple[int, int]]:
 
 
 def products_of(pairs: Iterable[tuple[str, str]]) -> list[tuple[set[str], set[str]]]:
-    """Products of two sets that cover some pairs and no others."""
+    """Products of two sets that cover exactly the given pairs."""
     partners: dict[str, set[str]] = {}
     for a, b in pairs:
         partners.setdefault(a, set()).add(b)
@@ -72,7 +73,7 @@ def products_of(pairs: Iterable[tuple[str, str]]) -> list[tuple[set[str], set[st
 
 
 def _colored(near: Mapping[str, Iterable[str]]) -> dict[str, int]:
-    """Colors of arms, those that can meet have different ones; not of those for which none is left."""
+    """Colors of arms, different for arms that can meet; arms for which no color is left are omitted."""
     colors: dict[str, int] = {}
     for arm, others in near.items():
         taken = {colors.get(other) for other in others}

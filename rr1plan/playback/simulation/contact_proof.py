@@ -1,10 +1,10 @@
-"""Proofs that simulated arms touch nothing, so that MuJoCo need not search for contacts.
+"""Proofs that simulated arms are free of contact, so that MuJoCo need not search for contacts.
 
-From the state of the arms a parabola is drawn in joint space, along their velocities and accelerations, and certified
-by the collision checker with a margin. A joint that is off that curve by an angle moves no point farther than the angle
-times its lever, the largest distance that anything it carries can ever have from its axis. A state is therefore free of
-contact if in each arm the levers times the deviations from a point of the curve add up to less than half of the margin,
-whatever brought the arms there.
+The state of the arms is extrapolated along a parabola in joint space, given by their velocities and accelerations, and
+the collision checker certifies this curve with a margin. If a joint deviates from the curve by an angle, no point moves
+farther than this angle times the lever of the joint, the largest possible distance from its axis of anything that it
+carries. A state is therefore free of contact if in each arm the levers times the deviations from a point of the curve
+sum to less than half of the margin, regardless of how the arms got there.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.playback.simulation.mujoco_model import MujocoScene
 from rr1plan.scene.unlocked_joints import unlocked_scene
 
-# Clearance that is proven on a curve [m], and how far off it any point of an arm may be, which leaves more than the
-# rounding of MuJoCo's vertices to single precision.
+# Clearance that is certified on a curve [m], and largest displacement of any point of an arm from it, which leaves more
+# than the rounding of MuJoCo's vertices to single precision.
 _MARGIN, _OFF = 0.002, 0.00095
-# States of one curve, and states until the next attempt where there was no proof.
+# Number of states on one curve, and number of states to skip after a failed attempt.
 _STEPS, _PAUSE = 32, 16
-# Joints that slide may be beyond their limits by this much [m].
+# Prismatic joints may exceed their limits by this much [m].
 _BEYOND = 0.01
-# Levers and positions that occur in no arm [m].
+# Bound on levers and positions, larger than in any arm [m or rad].
 _FARTHEST = 1e3
 
 
@@ -37,14 +37,14 @@ class ContactProof:
         world: The scene and its MuJoCo model, without loose bodies.
 
     Attributes:
-        proven: How many states were.
+        proven: Number of states proven so far.
 
     Raises:
         InputError: a scene that cannot be checked.
     """
 
     def __init__(self, world: MujocoScene) -> None:
-        # Grippers move in simulations, so that none of their joints is locked here.
+        # Grippers move in simulations, so none of their joints is locked here.
         locked = {name: tuple(arm.robot.locked_joints) for name, arm in world.scene.arms.items()}
         self._checker = CollisionChecker(unlocked_scene(world.scene, locked), margin=_MARGIN)
         self._checker.warm_up()
@@ -58,17 +58,17 @@ class ContactProof:
         arms = [name.split("/", 1)[0] for name in joints.names]
         self._first_joints = np.array([i for i, arm in enumerate(arms) if i == 0 or arm != arms[i - 1]], dtype=np.int64)
         self._times = float(world.model.opt.timestep) * np.arange(_STEPS)[:, None]
-        # Memory for the curve, of which there are `_count` points, and for deviations from it, which is kept.
+        # Reused memory for the curve, of which `_count` points are valid, and for deviations from it.
         self._points, self._off = np.zeros((2, _STEPS, len(joints.names)))
         self._count = self._next = self._pause = 0
         self.proven = 0
 
     def covers(self, positions: Array, velocities: Array, accelerations: Array) -> bool:
-        """Whether a state is proven; to be called for one state after the other.
+        """Whether a state is proven to be free of contact; call it for consecutive states.
 
         Args:
             positions: Positions of all joints [rad or m], shape (n,).
-            velocities: Their velocities, shape (n,); like accelerations only a guess of where the arms will be.
+            velocities: Their velocities, shape (n,); like the accelerations, only used to predict the next states.
             accelerations: Their accelerations, shape (n,).
         """
         found = self._is_near(positions)
@@ -82,14 +82,14 @@ class ContactProof:
 
     @property
     def left(self) -> int:
-        """How many states the certified curve may still prove."""
+        """Number of remaining states on the certified curve."""
         return self._count - self._next
 
     def count_near(self, positions: Array) -> int:
-        """How many of the next states the certified curve proves, from the first of them on.
+        """Number of leading states that the certified curve proves to be free of contact.
 
         Args:
-            positions: Positions of all joints in these states, not more than `left`, shape (k, n).
+            positions: Positions of all joints in the next states, at most `left`, shape (k, n).
         """
         off = self._off[: len(positions)]
         np.subtract(positions, self._points[self._next : self._next + len(positions)], out=off)
@@ -102,12 +102,12 @@ class ContactProof:
         return len(near) if near.all() else int(near.argmin())
 
     def pass_over(self, count: int) -> None:
-        """Go on after some states that `count_near` has proven."""
+        """Skip states that `count_near` has proven."""
         self._next += count
         self.proven += count
 
     def _is_near(self, positions: Array) -> bool:
-        """Whether positions are as near to the next point of the certified curve as the margin allows."""
+        """Whether positions are within the allowed deviation from the next point of the certified curve."""
         if not self.left:
             return False
         found = self.count_near(positions[None]) == 1
@@ -115,14 +115,14 @@ class ContactProof:
         return found
 
     def _certify(self, curve: Array) -> bool:
-        """Certify a curve, coefficients (3, n), and go on from its beginning."""
+        """Certify a curve, coefficients (3, n), and return to its first point; whether it is free."""
         self._count = self._next = 0
         planned = curve[:, self._planned]
         if not np.abs(planned).max(initial=0.0) <= _FARTHEST:
-            return False  # also where a number is not finite
+            return False  # also for nan
         if not self._checker.polynomial_is_free(planned, float(self._times[-1, 0])):
             return False
-        # Mimicking joints follow on the whole curve if its coefficients do.
+        # Mimic joints are affine in their leaders, so mapping the coefficients maps the whole curve.
         place, rates = self._joints.follow(curve[0]), self._joints.follow(curve[1:], rates=True)
         points, self._count = self._points, _STEPS
         np.multiply(rates[1], self._times, out=points)
@@ -133,13 +133,14 @@ class ContactProof:
 
 
 def _levers(model: mujoco.MjModel, travel: Array) -> Array:
-    """How far a change of each joint moves any point that it carries at most [m/rad, or m/m], shape (n,).
+    """Largest displacement of any carried point per change of each joint [m/rad or m/m], shape (n,).
 
     Args:
-        model: The model; its first joints are those.
-        travel: Largest distance of each from zero if it slides, 0 if it turns [m], shape (n,).
+        model: The model, which begins with these joints.
+        travel: Largest absolute position of each prismatic joint, 0 for revolute joints [m], shape (n,).
     """
-    # How far from the origin of a body anything can be that is on it or on what it carries; parents come first.
+    # Largest distance from the origin of each body to any point of it and of the bodies that it carries; parents come
+    # first.
     extent = np.zeros(model.nbody)
     radius = np.where(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE, _FARTHEST, model.geom_rbound)
     np.maximum.at(extent, model.geom_bodyid, np.linalg.norm(model.geom_pos, axis=1) + radius)

@@ -1,9 +1,9 @@
-"""A MuJoCo model made from our own Scene, so that the simulator cannot disagree about the robot.
+"""A MuJoCo model built from a `Scene`, so that simulator and planners use the same robot.
 
-Idea: every link is a body (frames included, nothing is fused), every collision shape a geom whose
-name tells its element, every movable joint has a servo, and the pairs that may touch are excluded
-one by one while MuJoCo's own parent-child filter is off: what MuJoCo reports as contact is exactly
-what `Scene.checked_pairs` forbids. Loose bodies are free and touch everything, whatever the scene allows.
+Every link is a body (including frames; none are fused), every collision shape is a geom named after its element, and
+every movable joint has a servo. Pairs that may touch are excluded individually and MuJoCo's own parent-child filter is
+off, so MuJoCo reports contacts exactly for `Scene.checked_pairs`. Loose bodies are free and collide with everything,
+regardless of the pairs that the scene allows.
 """
 
 from __future__ import annotations
@@ -32,36 +32,37 @@ from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, 
 from rr1plan.shapes.convex_hulls import is_own_hull
 from rr1plan.transforms import quaternion_from_rotation
 
-# A moving body needs some mass in MuJoCo; a frame that has none gets this much [kg, kg m²].
+# MuJoCo requires that moving bodies have mass; frames without mass get this mass and inertia [kg, kg m²].
 _NO_MASS = 1e-9
 # MuJoCo refuses principal moments below 1e-14 [kg m²].
 _LEAST_MOMENT = 1e-12
-# The least inertia that a servo is made for, and that of a motor whose joint carries nothing [kg m² or kg].
+# Smallest inertia for the gains of a servo, also the motor inertia of massless joints; a joint that carries less than
+# the second value counts as massless [kg m² or kg].
 _LEAST_CARRIED = 1e-4
 _NOTHING_CARRIED = 1e-7
 # Input signature of the `pid` actuator: position, velocity and feed-forward [MuJoCo's mjtCtrlInput].
 _POSITION_VELOCITY_FEEDFORWARD = 7
 # Torsional and rolling friction of loose bodies [m], MuJoCo's defaults.
 _OTHER_FRICTION = (0.005, 0.0001)
-# Time constant of contacts of loose bodies [s], and the least one in steps; MuJoCo needs two.
+# Time constant of contacts of loose bodies [s], and its minimum in steps; MuJoCo needs two.
 _CONTACT_TIME, _CONTACT_STEPS = 0.008, 3.0
-# Half the thickness of a plate in place of a triangle [m].
+# Half the thickness of the plate that replaces a triangle [m].
 _HALF_PLATE = 1e-5
-# Memory of MuJoCo's stack and contacts [bytes]: at least; for each degree of freedom, of which packed arms with a
-# hundred contacts each take 4e4; and for each pair of degrees of freedom.
+# Memory of MuJoCo's stack and contacts [bytes]: minimum; per degree of freedom (packed arms with a hundred contacts
+# each need 4e4); and per pair of degrees of freedom.
 _LEAST_MEMORY, _CONTACT_MEMORY, _PAIR_MEMORY = 2e7, 1e5, 4.0
-# Number of arms above which they are added in groups, as MuJoCo lists all of a model anew for everything that is added
-# to it, and have collision bits.
+# Number of arms above which arms are added in groups, because MuJoCo rebuilds the lists of a whole model for each
+# addition, and get collision bits.
 _MANY = 16
-# Triangles of one mesh; these take about ten seconds to build.
+# Largest number of triangles of one mesh, which takes about ten seconds to build.
 _MOST_PLATES = 20_000
-# Boxes of one point cloud; these take about twenty seconds to build.
+# Largest number of boxes of one point cloud, which takes about twenty seconds to build.
 _MOST_BOXES = 100_000
 
 
 @dataclass(frozen=True, eq=False)
 class MujocoScene:
-    """A compiled model and the way from our names to its numbers.
+    """A compiled model, with the scene's names of its joints, bodies and geoms.
 
     Args:
         scene: The scene.
@@ -70,10 +71,10 @@ class MujocoScene:
         joint_names: "arm/joint" of every movable joint, in the order of actuators and of the first entries of qpos and
             qvel.
         body_names: The loose bodies, in the order of the following entries of qpos (7 each) and qvel (6 each).
-        geom_elements: The scene element each geom belongs to, by geom id.
-        effort_limits: Largest effort of each of those joints [Nm or N], inf where there is none. Servos keep it, except
+        geom_elements: The scene element that each geom belongs to, by geom id.
+        effort_limits: Largest effort of each of these joints [Nm or N], inf if there is none. Servos respect it, except
             in arms whose masses are estimated.
-        massless_joints: Those of `joint_names` that carry no mass; each has a motor of some inertia instead.
+        massless_joints: The joints of `joint_names` that carry no mass; each has motor inertia (armature) instead.
     """
 
     scene: Scene
@@ -91,7 +92,7 @@ class MujocoScene:
             return str(self.spec.to_xml())
 
     def forbidden(self, geoms: NDArray[np.int32]) -> NDArray[np.bool_]:
-        """Which contacts the scene forbids.
+        """Which contacts the scene does not allow.
 
         Args:
             geoms: The two geoms of each contact, shape (n, 2).
@@ -137,13 +138,13 @@ def build_mujoco(
         timestep: Step of the integrator [s].
         stiffness: Natural frequency of the joint servos [rad/s]; gains follow from the inertia each
             joint carries in the scene's configuration (kp = stiffness² M_jj), critically damped.
-        solver: What computes contact forces of loose bodies, see `Simulation`.
+        solver: Solver for contact forces of loose bodies, see `Simulation`.
 
     Returns:
         The model with one `pid` actuator (position, velocity, feed-forward) for each movable joint.
 
     Raises:
-        BackendError: MuJoCo does not take the scene.
+        BackendError: MuJoCo rejects the scene.
         InputError: a point cloud of too many cells.
     """
     builder = _Builder(scene, timestep, solver)
@@ -170,7 +171,7 @@ def build_mujoco(
 
 
 def stack_memory(degrees_of_freedom: int) -> int:
-    """Memory for MuJoCo's stack and contacts [bytes]; what it reserves by itself is ten times as much for many arms."""
+    """Memory for MuJoCo's stack and contacts [bytes]; for many arms, a tenth of MuJoCo's default."""
     return int(_LEAST_MEMORY + _PAIR_MEMORY * degrees_of_freedom**2 + _CONTACT_MEMORY * degrees_of_freedom)
 
 
@@ -184,7 +185,7 @@ def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 @contextmanager
 def _groups_without_prefix() -> Iterator[None]:
-    """Ignore a warning of MuJoCo: groups whose default classes have names of their own can be saved."""
+    """Ignore a MuJoCo warning that does not apply to groups with unique names of default classes."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Attaching a spec with an empty prefix")
         yield
@@ -219,12 +220,12 @@ class _Builder:
         self.joints: list[_PlacedJoint] = []
         self.servos: list[mujoco.MjsActuator] = []
         self.elements: dict[str, str] = {}
-        # What each arm holds, and the elements that joints move.
+        # Held objects by arm, and the elements that joints move.
         self._held: dict[str, dict[str, Attachment]] = {}
         for name, held in scene.attachments.items():
             self._held.setdefault(held.arm, {})[name] = held
         self._moving: set[str] = set()
-        # Element, friction and solref of each of their shapes.
+        # Element, friction and solref of each geom of these elements.
         self._surfaces: dict[str, tuple[str, list[float], list[float]]] = {}
         self._planes: list[mujoco.MjsGeom] = []
         self._meshes: dict[int, list[str]] = {}
@@ -239,7 +240,7 @@ class _Builder:
         self._pair_with_planes()
 
     def _add_arms(self) -> None:
-        """Add the arms with what they hold."""
+        """Add the arms with their held objects."""
         arms = list(self.scene.arms)
         if len(arms) <= _MANY:
             for arm in arms:
@@ -254,7 +255,7 @@ class _Builder:
             self._attach(group)
 
     def _attach(self, group: mujoco.MjSpec) -> None:
-        """Add a group of arms, without the warning of MuJoCo that `_groups_without_prefix` ignores, too."""
+        """Add a group of arms, without the MuJoCo warning that `_groups_without_prefix` ignores."""
         handler = mujoco.get_mju_user_warning()
         mujoco.set_mju_user_warning(lambda _: None)
         try:
@@ -278,9 +279,9 @@ class _Builder:
             self._add_object(bodies[thing.link], name, thing)
 
     def _pair_with_planes(self) -> None:
-        """Check shapes that arms move against planes as explicit pairs.
+        """Check shapes moved by arms against planes as explicit pairs.
 
-        MuJoCo's broad phase pairs a plane with every body, which takes a quarter of the time for contacts of many arms.
+        MuJoCo's broad phase pairs a plane with every body, a quarter of the time for contacts of many arms.
         """
         for plane in self._planes:
             plane.contype = plane.conaffinity = PLANES
@@ -297,7 +298,7 @@ class _Builder:
         else:
             body.explicitinertial = True
             body.mass = _NO_MASS
-            body.ipos = [0.0, 0.0, 0.0]  # MuJoCo would take the body's position in its parent
+            body.ipos = [0.0, 0.0, 0.0]  # the default would be the position in the parent body
             body.inertia = [_NO_MASS] * 3
         self._add_geoms(body, f"{arm}/{link.name}", link.collisions)
         return body
@@ -311,7 +312,7 @@ class _Builder:
         if inertial is None:
             raise InputError(f"{name!r} has a mass, but its shapes have no volume")
         _set_inertial(body, inertial)
-        # Against all without a mass its own friction counts, whatever is larger.
+        # Its priority makes its friction apply to contacts with objects without mass, even if theirs is larger.
         friction = [thing.friction, *_OTHER_FRICTION]
         self._add_geoms(body, name, thing.geometries, friction=friction, **self._surface)
         return body
@@ -319,7 +320,7 @@ class _Builder:
     def _set_solver(self, solver: Solver) -> None:
         option = self.spec.option
         if solver == "newton":
-            # Bodies held by friction creep a hundred times slower than with MuJoCo's pyramidal cones.
+            # Bodies held by friction creep a hundred times slower than with MuJoCo's default, pyramidal cones.
             option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
         else:
             option.solver = mujoco.mjtSolver.mjSOL_CG
@@ -333,12 +334,12 @@ class _Builder:
         slides = joint.kind == "prismatic"
         kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
         name = f"{arm}/{joint.name}"
-        # Limits are the referee's to hold; in the simulator they would only push back softly.
+        # Limits are checked by the referee; in MuJoCo they would be soft constraints.
         body.add_joint(name=name, type=kind, axis=joint.axis, limited=mujoco.mjtLimited.mjLIMITED_FALSE)
         self.joints.append(_PlacedJoint(name, arm, joint))
 
     def _add_servos(self) -> None:
-        """Add a servo for each joint, whose gains follow from the inertia that it carries."""
+        """Add a servo for each joint; gains follow later, from the inertia that it carries."""
         for placed in self.joints:
             name, effort = placed.name, placed.joint.effort
             servo = self.spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
@@ -403,7 +404,7 @@ class _Builder:
 
 
 def _plates(mesh: Mesh) -> Iterator[Array]:
-    """Corners of a thin plate for each triangle, as MuJoCo takes the hull of any mesh."""
+    """Corners of a thin plate for each triangle, because MuJoCo replaces each mesh by its convex hull."""
     if len(mesh.faces) > _MOST_PLATES:
         raise InputError(
             f"a mesh of {len(mesh.faces)} triangles is not convex, MuJoCo is given at most {_MOST_PLATES} of them; "
@@ -414,7 +415,7 @@ def _plates(mesh: Mesh) -> Iterator[Array]:
         normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
         length = float(np.linalg.norm(normal))
         thin = length <= _HALF_PLATE * float(np.ptp(corners, axis=0).max())
-        # A needle has no normal to rely on: a little of everything around its corners.
+        # The normal of a degenerate triangle is unreliable: use small octahedra around its corners.
         sides = around if thin else _HALF_PLATE * np.array([normal, -normal]) / length
         yield (corners[:, None] + sides).reshape(-1, 3)
 
@@ -430,11 +431,11 @@ def _few_boxes(cloud: PointCloud) -> tuple[Array, Array]:
 
 
 def _excluded_pairs(scene: Scene, coded: Container[str]) -> Iterator[tuple[str, str]]:
-    """Pairs of bodies that may touch: an arm's own, and what the scene allows between arms and fixed things.
+    """Pairs of bodies that may touch: links of one arm, and pairs of arms and fixed objects that the scene allows.
 
     Args:
         scene: The scene.
-        coded: Elements of arms whose own pairs are left out by their collision bits.
+        coded: Elements of arms whose collision bits already exclude pairs within the arm.
     """
     loose = loose_bodies(scene)
     owned: dict[str | None, list[str]] = {}
@@ -455,7 +456,7 @@ def _excluded_pairs(scene: Scene, coded: Container[str]) -> Iterator[tuple[str, 
 
 
 def _body_name(element: str) -> str:
-    """An element's body; MuJoCo keeps the name "world" for itself."""
+    """Name of an element's body; MuJoCo reserves the name "world"."""
     return f"{element}#" if element.rstrip("#") == "world" else element
 
 
@@ -495,13 +496,13 @@ def _frame_along(normal: Array) -> Array:
 
 
 def _joint_inertia(model: mujoco.MjModel) -> Array:
-    """Inertia that each joint carries in the keyframe, the diagonal of the mass matrix, shape (nv,)."""
+    """Inertia that each joint carries in the keyframe, i.e. the diagonal of the mass matrix, shape (nv,)."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_makeM(model, data)
-    # The last entry of each row of the lower triangle is on the diagonal.
+    # The last entry of each row of the sparse lower triangle is the diagonal element.
     return np.asarray(data.M[model.M_rowadr + model.M_rownnz - 1])
 
 

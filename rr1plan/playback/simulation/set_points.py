@@ -1,4 +1,4 @@
-"""Set-points of all joints of a simulation, as active controllers command them, checked."""
+"""Checked set-points of all joints of a simulation, from the active controllers."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ _Point = TypeVar("_Point", SetPoint, SetPoint | None)
 
 
 class Rows:
-    """Arrays for some steps in memory that is kept, as to get new memory takes longer than to fill it.
+    """Arrays for several steps in reused memory, because allocating it takes longer than filling it.
 
     Args:
-        shape: Of the array of one step.
+        shape: Shape of the array of one step.
     """
 
     def __init__(self, *shape: int) -> None:
         self._rows = np.empty((1, *shape))
 
     def take(self, count: int) -> Array:
-        """Arrays for some steps, shape (count, *shape); those of the last call are written over."""
+        """Arrays for some steps, shape (count, *shape); overwrites those of the previous call."""
         if len(self._rows) < count:
             self._rows = np.empty((count, *self._rows.shape[1:]))
         return self._rows[:count]
@@ -42,7 +42,7 @@ class SetPoints:
 
     Attributes:
         active: Active controllers, with the indices of their joints.
-        desired: Positions, velocities, accelerations and efforts to add of all joints in the last step, shape (4, n).
+        desired: Positions, velocities, accelerations and added efforts of all joints in the last step, shape (4, n).
     """
 
     def __init__(self, joints: JointMap) -> None:
@@ -52,7 +52,7 @@ class SetPoints:
         self.hold(np.zeros(len(joints.names)))
 
     def hold(self, positions: Array) -> None:
-        """Begin anew at rest at some positions of all joints, shape (n,)."""
+        """Reset to positions of all joints at rest, shape (n,)."""
         self.desired = np.zeros((4, len(positions)))
         self.desired[0] = positions
         # Whether joints that others mimic have been commanded.
@@ -64,7 +64,7 @@ class SetPoints:
         self._leading = self._leading or self._joints.leads(indices)
 
     def remove(self, controller: Controller) -> None:
-        """Hold the positions that a controller has commanded last."""
+        """Remove a controller; its joints hold their last commanded positions."""
         indices = self.active.pop(controller)
         for rates in self.desired[1:]:
             rates[indices] = 0.0
@@ -88,13 +88,13 @@ class SetPoints:
         return self.desired[None].copy()
 
     def preview(self, times: Array) -> Array | None:
-        """Set-points of the next steps, shape (k, 4, n), which the next call writes over.
+        """Set-points of the next steps, shape (k, 4, n), overwritten by the next call.
 
         Args:
-            times: When they begin [s]; there may be set-points for fewer of them.
+            times: Start times of the steps [s].
 
         Returns:
-            None if a controller needs the state for them.
+            Set-points of the first k steps; None if a controller needs the state for them.
 
         Raises:
             ControllerError: a controller raised something or returned no set-points.
@@ -116,10 +116,10 @@ class SetPoints:
         return desired[:most]
 
     def pass_over(self, times: Array, desired: Array, positions: Array) -> None:
-        """Note that previewed set-points were commanded.
+        """Record that previewed set-points were commanded.
 
         Args:
-            times: When their steps began [s], shape (k,).
+            times: Start times of their steps [s], shape (k,).
             desired: The set-points, shape (k, 4, n).
             positions: Positions of all joints at these times, shape (k, n).
         """
@@ -154,7 +154,7 @@ def _call(controller: Controller, method: Callable[[_Argument], _Point], argumen
 
 
 def _checked(controller: Controller, point: SetPoint, shape: tuple[int, ...], time: float) -> list[Array | float]:
-    """The arrays of set-points, checked; 0 where there are none."""
+    """The arrays of set-points, checked; 0 for missing ones."""
     name = type(controller).__name__
     rows: list[Array | float] = []
     for field, values in zip(SetPoint._fields, point, strict=True):

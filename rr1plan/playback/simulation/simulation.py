@@ -7,10 +7,11 @@
     sim.run(duration=motion.trajectory.duration + 1.0)
     print(execution, sim.contacts)
 
-In each step the controllers see the state at its beginning; their set-points go to servos with a feed-forward torque
+In each step the controllers read the state at its beginning; servos follow their set-points, with a feed-forward torque
 from inverse dynamics at that state (computed torque control). Arms that can never meet are in separate MuJoCo models.
-While the arms of a model touch nothing, kernels compute the same as MuJoCo, on threads, and for several steps in one
-call where controllers know their set-points ahead and there are no callbacks. The numbers depend on neither.
+While the arms of a model are not in contact, kernels with MuJoCo's dynamics compute the steps, on several threads, and
+several steps in one call if controllers preview their set-points and there are no callbacks. Results depend neither on
+threads nor on calls.
 """
 
 from __future__ import annotations
@@ -55,14 +56,14 @@ from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rota
 
 _MOST_STIFFNESS = 1e6  # [rad/s]
 _LONGEST_STEP = 1.0  # [s]
-# Steps of one call; more take hours, and a replay of them more memory than there is.
+# Largest number of steps in one call; more would take hours, and their replay more memory than there is.
 _MOST_STEPS = 5_000_000
-# Steps of single arms without contact that threads share; fewer are taken faster than handed to a thread.
+# Smallest number of steps of single arms without contact for which threads are faster than one.
 _SHARED = 1000
-# Real time is waited for when the simulation is ahead of it by more than this [s].
+# The simulation sleeps if it is ahead of real time by more than this [s].
 _AHEAD = 0.002
 
-# The simulation in which each active controller is.
+# The simulation of each active controller.
 _commanded_by: weakref.WeakKeyDictionary[Controller, weakref.ref[Simulation]] = weakref.WeakKeyDictionary()
 
 StepCallback = Callable[["Simulation"], bool | None]
@@ -72,7 +73,7 @@ def step_count(seconds: float, dt: float) -> int:
     """Number of steps of a replay, at least one.
 
     Args:
-        seconds: How long it lasts at least [s].
+        seconds: Minimum duration [s].
         dt: Time of a step [s].
 
     Raises:
@@ -84,33 +85,32 @@ def step_count(seconds: float, dt: float) -> int:
 
 
 class Simulation:
-    """A scene in MuJoCo, to be stepped; nothing moves that no controller commands.
+    """A simulation of a scene in MuJoCo; joints hold their positions unless a controller commands them.
 
-    Joint damping and friction of the description are left out: they belong to a drive, whose controller compensates
-    them. Obstacles with a mass are loose bodies. The scene is not changed. Where four or more arms are proven to touch
-    nothing (`contact_proof`), MuJoCo does not search for contacts, which changes no result.
+    Joint damping and friction of the description are omitted: they belong to a drive, whose controller compensates
+    them. Obstacles with a mass are loose bodies. The scene is not changed. In models of four or more arms, MuJoCo does
+    not search for contacts while these are proven impossible (`contact_proof`), which does not change any result.
 
     Args:
         scene: The scene; arms start in their configurations.
         dt: Time of a step [s].
         stiffness: Natural frequency of the joint servos [rad/s].
-        threads: Threads for arms that can never meet or touch nothing, and for heaps of loose bodies.
-        solver: What computes the forces of contacts where there are loose bodies: "newton" to convergence, which holds
-            grasped bodies; or conjugate gradients ("cg") in at most twenty iterations, with fewer points of contact,
-            which take a fraction of the time for heaps of hundreds of bodies; these sink deeper into each other when
-            they crash.
-        variation: How the arms differ from their description, which their servos rely on (default: not at all).
+        threads: Number of threads for separate models, arms without contact and heaps of loose bodies.
+        solver: Solver for contact forces if there are loose bodies: "newton" converges and holds grasped bodies;
+            conjugate gradients ("cg") with at most twenty iterations and fewer contact points take a fraction of the
+            time for heaps of hundreds of bodies, which penetrate deeper on impact.
+        variation: Differences of the arms from their description, on which their servos are based (default: none).
 
     Attributes:
-        scene: The scene; its loose bodies where they began, see `current_scene`.
+        scene: The scene, with loose bodies at their initial poses; see `current_scene`.
         dt: Time of a step [s].
         joint_names: "arm/joint" of every movable joint, the order of `positions`, `velocities` and `efforts`.
         tiles: The MuJoCo models with their data.
 
     Raises:
         InputError: a step or stiffness that is not above zero, a point cloud of too many cells, or more arms or bodies
-            than the machine has memory for.
-        BackendError: MuJoCo does not take the scene.
+            than fit into the machine's memory.
+        BackendError: MuJoCo rejects the scene.
     """
 
     def __init__(
@@ -179,9 +179,9 @@ class Simulation:
 
     @property
     def effort_limits(self) -> Array:
-        """Largest effort of every servo [Nm or N], shape (n,); inf where there is none.
+        """Largest effort of every servo [Nm or N], shape (n,); inf if there is none.
 
-        Servos keep it, except in arms whose masses are estimated.
+        Servos respect it, except in arms whose masses are estimated.
         """
         return self._map.effort.copy()
 
@@ -192,25 +192,25 @@ class Simulation:
 
     @property
     def contacts(self) -> tuple[ReplayContact, ...]:
-        """Contacts that the scene forbids, since the beginning, in order of time."""
+        """Contacts since the beginning that the scene does not allow, in order of time."""
         return self._contacts.intervals()
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What MuJoCo has warned of."""
+        """MuJoCo's warnings, each once."""
         return tuple(dict.fromkeys(self._warnings))
 
     @property
     def real_time_factor(self) -> float:
-        """Simulated seconds for each second that steps have taken."""
+        """Simulated time divided by the wall time of the steps."""
         return self.time / self._wall if self._wall > 0.0 else 0.0
 
     @property
     def model(self) -> mujoco.MjModel:
         """MuJoCo's model, which may be changed between steps.
 
-        Steps of many arms take longer from then on: MuJoCo searches for contacts in all of them, as the proofs that
-        there are none hold for the scene as it was.
+        From then on steps of many arms take longer: MuJoCo searches for contacts in every step, because proofs that
+        there are none only hold for the unchanged model.
 
         Raises:
             InputError: arms that cannot meet have separate models; see `tiles`.
@@ -221,7 +221,7 @@ class Simulation:
     def data(self) -> mujoco.MjData:
         """MuJoCo's data; change it between steps only.
 
-        From then on MuJoCo takes all steps of this model on one thread, as forces and states may have been changed.
+        From then on MuJoCo computes all steps of this model on one thread, because forces and states may be changed.
 
         Raises:
             InputError: arms that cannot meet have separate models; see `tiles`.
@@ -254,12 +254,12 @@ class Simulation:
 
     @property
     def max_penetration(self) -> float:
-        """Deepest penetration of any contact since the beginning [m], allowed ones of loose bodies included."""
+        """Deepest penetration since the beginning [m], including allowed contacts of loose bodies."""
         return self._deepest
 
     @property
     def current_scene(self) -> Scene:
-        """The scene as it is now, for planning: arms in their configurations, loose bodies at their poses."""
+        """The scene with the present configurations of arms and poses of loose bodies, for planning."""
         moved = {name: replace(self.scene.obstacles[name], pose=self.body_pose(name)) for name in self.body_names}
         q = self.scene.split(self.configuration())
         arms = {name: Arm(arm.robot, arm.base, q[name]) for name, arm in self.scene.arms.items()}
@@ -294,7 +294,7 @@ class Simulation:
         return np.concatenate([velocity[:3], self.body_pose(name)[:3, :3] @ velocity[3:]])
 
     def place_body(self, name: str, pose: ArrayLike, velocity: ArrayLike | None = None) -> None:
-        """Put a loose body somewhere, between two steps; the clock goes on.
+        """Set the pose of a loose body between two steps; the clock continues.
 
         Args:
             name: The body.
@@ -303,7 +303,7 @@ class Simulation:
 
         Raises:
             UnknownNameError: no such loose body.
-            InputError: no pose, or a velocity that is not finite.
+            InputError: not a pose, or a velocity that is not finite.
         """
         tile, T = self._body(name), as_pose(pose, "pose")
         rates = np.zeros(6) if velocity is None else finite_array("velocity", velocity, (6,))
@@ -313,20 +313,19 @@ class Simulation:
         tile.refresh()
 
     def update_scene(self, scene: Scene) -> None:
-        """Go on in another scene of the same arms: things added, moved or removed, grasped or released.
+        """Continue in another scene of the same arms, with objects added, moved, removed, grasped or released.
 
             sim.update_scene(sim.scene.with_obstacle("ball", rp.Sphere(0.05), [0.3, 0.0, 1.0], mass=0.2))
 
-        Arms keep their state and their controllers, the clock goes on. Loose bodies that are at the same pose in both
-        scenes keep their state, too; everything else is where the new scene has it. `reset` comes back to the
-        scene of the beginning.
+        Arms keep their state and controllers, and the clock continues. Loose bodies with the same pose in both scenes
+        also keep their state; everything else gets its pose from the new scene. `reset` returns to the initial scene.
 
         Args:
             scene: The other scene.
 
         Raises:
-            InputError: other arms, or arms elsewhere.
-            BackendError: MuJoCo does not take the scene.
+            InputError: different arms, or arms at other poses.
+            BackendError: MuJoCo rejects the scene.
         """
         of_kind("scene", scene, Scene)
         before = self.scene.arms
@@ -359,7 +358,7 @@ class Simulation:
 
         Args:
             controller: The controller.
-            replace: Deactivate those that command some of its joints.
+            replace: Deactivate the controllers that command some of its joints.
 
         Raises:
             InputError: another controller commands one of its joints, a joint mimics another one, or the controller is
@@ -412,13 +411,13 @@ class Simulation:
         controller.deactivate()
 
     def on_step(self, callback: StepCallback) -> Callable[[], None]:
-        """Call something after each step.
+        """Register a callback that is called after each step.
 
         Args:
-            callback: Gets the simulation; False pauses it.
+            callback: Called with the simulation; if it returns False, the simulation is paused.
 
         Returns:
-            What ends the calls.
+            A function that removes the callback.
         """
         if callback is None:
             raise InputError("callback is None, expected a function of the simulation")
@@ -429,7 +428,7 @@ class Simulation:
     # ---- running ---------------------------------------------------------------------------------
 
     def step(self, count: int = 1) -> None:
-        """Take some steps, as fast as possible; ends early if a callback pauses the simulation.
+        """Take steps as fast as possible, fewer if a callback pauses the simulation.
 
         Raises:
             InputError: a count below one.
@@ -439,15 +438,15 @@ class Simulation:
         self._run(whole_number("count", count, 1, _MOST_STEPS), math.inf)
 
     def run(self, *, until: float | None = None, duration: float | None = None, speed: float = math.inf) -> bool:
-        """Run to a time or for a time; another thread or a callback may `pause` it.
+        """Run until a time or for a duration; another thread or a callback may `pause` it.
 
         Args:
             until: Simulated time at which to stop [s].
-            duration: How long to run instead [s, simulated].
-            speed: Simulated seconds for a second at the most: 1 is real time (default: as fast as possible).
+            duration: Simulated time to run for instead [s].
+            speed: Upper bound on the real-time factor: 1 is real time (default: as fast as possible).
 
         Returns:
-            Whether it got there; False if it was paused.
+            Whether the end was reached; False if the simulation was paused.
 
         Raises:
             InputError: neither or both of `until` and `duration`, a time that has passed, a speed not above zero.
@@ -469,26 +468,26 @@ class Simulation:
         return self._run(math.ceil((end - self.time) / self.dt - 1e-9), float(speed))
 
     def pause(self) -> None:
-        """End the present `run` or `step` after the step at hand; from a callback or another thread.
+        """End the running `run` or `step` after the current step; for callbacks and other threads.
 
-        Steps that are taken together end together.
+        Steps that are computed in one call are all completed.
         """
         self._pause.set()
 
     def reset(self) -> None:
-        """Go back to the beginning and its scene exactly; active controllers are activated again."""
+        """Return exactly to the initial state and scene; active controllers are activated again."""
         self.scene, self.tiles = self._origin
         for tile, state in zip(self.tiles, self._initial, strict=True):
             tile.restore(state)
         self._set_off()
 
     def place(self, joint_names: Sequence[str], positions: ArrayLike, velocities: ArrayLike | None = None) -> None:
-        """Put joints somewhere without physics and begin anew there, at time zero; `reset` comes back to it.
+        """Set positions of joints without physics and restart from there at time zero; `reset` returns to this state.
 
         Args:
-            joint_names: The joints, "arm/joint"; the others stay where they are.
-            positions: Where [rad or m], shape (n,).
-            velocities: How fast [rad/s or m/s], shape (n,) (default: at rest).
+            joint_names: The joints, "arm/joint"; the others keep their positions and are at rest.
+            positions: Positions [rad or m], shape (n,).
+            velocities: Velocities [rad/s or m/s], shape (n,) (default: at rest).
 
         Raises:
             InputError: wrong shapes or not finite.
@@ -518,7 +517,7 @@ class Simulation:
         return tiles
 
     def _body(self, name: str) -> Tile:
-        """The model with a loose body."""
+        """The tile that contains a loose body."""
         known_name("loose body", name, self.body_names)
         return next(tile for tile in self.tiles if name in tile.bodies)
 
@@ -552,7 +551,7 @@ class Simulation:
             try:
                 done = 0
                 while done < count:
-                    # Callbacks see each step, and real time is waited for after each.
+                    # Callbacks and waiting for real time follow each single step.
                     alone = bool(self._callbacks) or speed < math.inf
                     done += self._take_steps(1 if alone else count - done)
                     if any(tile.is_unstable() for tile in self.tiles):
@@ -575,7 +574,7 @@ class Simulation:
         return not self._pause.is_set()
 
     def _take_steps(self, most: int) -> int:
-        """Take a step, or several where controllers know their set-points ahead; returns how many."""
+        """Take one step, or several if controllers preview their set-points; returns how many."""
         most = min(most, *(tile.most_steps for tile in self.tiles))
         times = np.asarray(self.dt * np.arange(self.steps, self.steps + most), dtype=np.float64)
         previewed = self._set_points.preview(times) if most > 1 else None
@@ -607,7 +606,7 @@ class Simulation:
         return taken
 
     def _distribute(self, work: Callable[[int], None], shared: bool) -> None:
-        """Do the work of every thread, on threads if it is shared."""
+        """Run the work of every worker, on threads if `shared`."""
         if self._pool is None or not shared:
             for worker in range(self._threads):
                 work(worker)

@@ -1,9 +1,9 @@
-"""MuJoCo models that are stepped: some arms of a simulation with the obstacles.
+"""Stepping of MuJoCo models, each with some arms of a simulation and the obstacles.
 
-Steps that begin without contact are computed by the kernels of `arm_dynamics` where there are no loose bodies and arms
-are as described; MuJoCo takes the others. If set-points are known ahead, several steps are taken in one call, and those
-behind a state with contact are discarded. Where a state is proven to have none MuJoCo need not search for contacts.
-Results depend on contacts, not on proofs.
+Without loose bodies and variations, steps from states without contact are computed by the kernels of `arm_dynamics`;
+MuJoCo computes all others. If set-points are known in advance, several steps are computed in one call, and those after
+a state with contact are discarded. MuJoCo does not search for contacts in states that are proven to have none. Results
+depend on contacts, not on proofs.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from rr1plan.playback.simulation.set_points import as_slice
 _UNSTABLE = np.array(
     [getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}") for kind in ("QPOS", "QVEL", "QACC", "CTRL")], int
 )
-# Below this number of loose bodies several threads are slower; below this number of arms the search for contacts takes
-# less time than the tables of a proof that there are none.
+# Number of loose bodies below which several threads are slower, and number of arms below which the search for contacts
+# takes less time than the tables for a proof that there are none.
 _A_HEAP, _MANY_ARMS = 50, 4
-# Positions up to which the kernels compute steps [rad or m], and steps of one call without a proof.
+# Largest positions for which the kernels compute steps [rad or m], and number of steps per call without a proof.
 _FARTHEST, _AT_ONCE = 1e3, 32
-# What is left out where no contact is possible; arms have no springs and dampers, for which MuJoCo looks in each step.
+# Stages to omit where contact is impossible; arms have no springs or dampers, which MuJoCo would check in each step.
 _DISABLED = mujoco.mjtDisableBit
 _NO_CONTACTS = int(_DISABLED.mjDSBL_CONTACT | _DISABLED.mjDSBL_SPRING | _DISABLED.mjDSBL_DAMPER)
 
@@ -43,13 +43,13 @@ class SteppedModel:
     Args:
         world: The compiled model.
         columns: Index of each of its joints among those of the simulation.
-        variation: How the arms differ from their description, unknown to the feed-forward torque.
+        variation: Differences of the arms from their description, ignored by the feed-forward torque.
 
     Attributes:
-        model: MuJoCo's model, of the arms as they are.
+        model: MuJoCo's model, with the variation.
         data: MuJoCo's data.
         joints: Number of its joints.
-        columns: Where they are among those of the simulation.
+        columns: The indices of its joints, as a slice if they are consecutive.
         state: Views of their positions, velocities and efforts, shape (joints,) each.
     """
 
@@ -61,7 +61,7 @@ class SteppedModel:
     ) -> None:
         self.columns = as_slice(columns)
         self.joints = count = len(columns)
-        # The arms as they are, and as described, which the servos know.
+        # The arms with their variation, and as described, for the feed-forward torque.
         self.model: mujoco.MjModel = world.model
         self._described_model: mujoco.MjModel = world.model
         if variation is not None:
@@ -70,7 +70,7 @@ class SteppedModel:
         self._described: mujoco.MjData = self.data
         if variation is not None:
             self._described = mujoco.MjData(world.model)
-        # Views of MuJoCo's arrays, which stay where they are: to make one takes as long as a small sum.
+        # Views of MuJoCo's arrays, whose addresses do not change; creating one takes as long as a small sum.
         data = self.data
         self.state = data.qpos[:count], data.qvel[:count], data.actuator_force
         self._control = data.ctrl.reshape(count, 3)
@@ -80,12 +80,12 @@ class SteppedModel:
         self._searching = True
 
     def place(self, state: Array) -> None:
-        """Put its joints where all joints of the simulation are to be: positions and velocities, shape (2 or 3, n)."""
+        """Set its joints from positions and velocities of all joints of the simulation, shape (2 or 3, n)."""
         self.state[0][:] = state[0, self.columns]
         self.state[1][:] = state[1, self.columns]
 
     def refresh(self) -> None:
-        """Compute all that follows from the state: poses, contacts, bias torques."""
+        """Compute the quantities that depend on the state: poses, contacts, bias torques."""
         mujoco.mj_step1(self.model, self.data)
 
     def advance(self, desired: Array) -> None:
@@ -106,13 +106,13 @@ class SteppedModel:
         mujoco.mj_step2(self.model, self.data)
 
     def count_free(self, positions: Array) -> int:
-        """How many of some states have no contact, from the first of them on; it is put in them.
+        """Number of leading states without contact; changes the state of the model.
 
         Args:
             positions: Positions of its joints in these states, shape (k, joints).
         """
         for count, values in enumerate(positions):
-            if not np.abs(values).max(initial=0.0) <= _FARTHEST:  # also where a number is not finite
+            if not np.abs(values).max(initial=0.0) <= _FARTHEST:  # also true for nan
                 return count
             self.state[0][:] = values
             mujoco.mj_kinematics(self.model, self.data)
@@ -122,7 +122,7 @@ class SteppedModel:
         return len(positions)
 
     def _describe(self) -> None:
-        """Compute inertia and bias torques of the arms as described, at the present state."""
+        """Compute inertia and bias torques of the described arms at the present state."""
         data, model = self._described, self._described_model
         data.qpos[:], data.qvel[:] = self.data.qpos, self.data.qvel
         for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_makeM, mujoco.mj_comVel):
@@ -146,23 +146,23 @@ class SteppedModel:
 
 
 class Tile:
-    """Some arms of a simulation with the obstacles.
+    """A part of a simulation: some arms and the obstacles.
 
     Args:
         world: The compiled model.
         columns: Index of each of its joints among those of the simulation.
         column_count: Number of joints of the simulation.
-        variation: How the arms differ from their description, unknown to the feed-forward torque.
-        threads: Threads of the simulation.
-        worker: Which thread takes MuJoCo's steps.
+        variation: Differences of the arms from their description, ignored by the feed-forward torque.
+        threads: Number of threads of the simulation.
+        worker: Index of the thread that computes MuJoCo's steps.
 
     Attributes:
         world: The compiled model.
-        worker: Which thread takes MuJoCo's steps.
-        bodies: Index of each of its loose bodies among them.
-        proof: What decides whether contacts need to be searched for; None: they are searched for in every state.
+        worker: Index of the thread that computes MuJoCo's steps.
+        bodies: Index of each loose body in this model.
+        proof: Decides whether to search for contacts; None: MuJoCo searches in every state.
         proven: Whether the present state is proven to be free of contact.
-        arms: What takes steps from states without contact; None: MuJoCo.
+        arms: Computes steps from states without contact; None: MuJoCo does.
     """
 
     def __init__(
@@ -193,12 +193,12 @@ class Tile:
         self.proven = False
         # Whether the present state has no contact.
         self._free = False
-        # State before the last step, its set-points, and the state after it, if MuJoCo has not taken it.
+        # State before the last step, its set-points and the state after it; None if MuJoCo computed this step.
         self._missed: tuple[Array, Array, Array] | None = None
 
     @property
     def data(self) -> mujoco.MjData:
-        """MuJoCo's data; from now on MuJoCo takes all steps, as forces and states may be changed in it."""
+        """MuJoCo's data; from now on MuJoCo computes all steps, because forces and states may be changed in it."""
         self.arms = None
         if self._missed is not None:
             self._catch_up()
@@ -207,7 +207,7 @@ class Tile:
 
     @property
     def model(self) -> mujoco.MjModel:
-        """MuJoCo's model; from now on contacts are searched for in every state, as it may be changed."""
+        """MuJoCo's model; from now on MuJoCo searches for contacts in every state, because it may be changed."""
         _ = self.data
         if self.proof is not None:
             self.proof, self.proven = None, False
@@ -218,12 +218,12 @@ class Tile:
 
     @property
     def free_arms(self) -> int:
-        """For how many arms `advance` does without MuJoCo: all or none."""
+        """Number of arms that `advance` steps without MuJoCo: all or none."""
         return self.arms.count if self.arms is not None and self._free else 0
 
     @property
     def most_steps(self) -> int:
-        """How many steps `advance` may take from the present state."""
+        """Largest number of steps that `advance` may take from the present state."""
         if not self.free_arms:
             return 1
         if self.proof is None:
@@ -231,14 +231,14 @@ class Tile:
         return 1 + self.proof.left if self.proven else 1
 
     def advance(self, worker: int, desired: Array, states: Array) -> None:
-        """Do a thread's share of some steps; when all have, `settle`.
+        """Do a thread's share of some steps; after all threads, call `settle`.
 
         Args:
             worker: Index of the thread.
             desired: Set-points of all joints of the simulation for each step: positions, velocities, accelerations and
                 efforts to add, shape (k, 4, n) with k up to `most_steps`.
-            states: Their positions, velocities and efforts before the first step, and those after each, which are
-                written, shape (k + 1, 3, n).
+            states: Positions, velocities and efforts of these joints before the first step (input) and after each step
+                (output), shape (k + 1, 3, n).
         """
         if self.arms is not None and self._free:
             self.arms.take_steps(worker, desired, states)
@@ -247,10 +247,10 @@ class Tile:
             self._mujoco.observe(states[1])
 
     def count_valid(self, states: Array) -> int:
-        """How many of the steps were right: from the first on, those that began in a state without contact.
+        """Number of leading steps that are valid: those that began in a state without contact.
 
         Args:
-            states: As `advance` has written them.
+            states: The states from `advance`.
         """
         if len(states) == 2:
             return 1
@@ -258,7 +258,7 @@ class Tile:
         return 1 + (self._mujoco.count_free(between) if self.proof is None else self.proof.count_near(between))
 
     def settle(self, desired: Array, states: Array) -> None:
-        """Compute what follows from the state after the last step; arguments as of `advance`, valid steps only."""
+        """Update derived quantities after the last step; arguments as for `advance`, valid steps only."""
         mine, columns, state = self._mujoco, self._mujoco.columns, states[-1]
         if self.proof is not None:
             self.proof.pass_over(len(desired) - 1)
@@ -266,7 +266,7 @@ class Tile:
         self._missed = None
         if self.free_arms:
             time, dt = mine.data.time, mine.model.opt.timestep
-            for _ in range(len(desired)):  # the sum that as many single steps make
+            for _ in range(len(desired)):  # rounds like single steps
                 time += dt
             mine.data.time = time
             self._missed = states[-2].copy(), desired[-1].copy(), state.copy()
@@ -276,11 +276,11 @@ class Tile:
         self._compute()
 
     def _prove(self, positions: Array, velocities: Array, accelerations: Array) -> None:
-        """Decide whether a state of its joints is proven to be free of contact."""
+        """Update `proven` for a state of its joints."""
         self.proven = self.proof is not None and self.proof.covers(positions, velocities, accelerations)
 
     def _catch_up(self) -> None:
-        """Repeat the last step, which the kernels have taken, in MuJoCo's data."""
+        """Repeat the last step, computed by the kernels, in MuJoCo's data."""
         assert self._missed is not None
         (before, desired, after), self._missed = self._missed, None
         mine, time = self._mujoco, self._mujoco.data.time
@@ -292,13 +292,13 @@ class Tile:
         mine.data.time = time
 
     def _compute(self) -> None:
-        """Compute what follows from the state in MuJoCo's data, with the contacts if these are possible."""
+        """Compute derived quantities in MuJoCo's data, including contacts if these are possible."""
         mine = self._mujoco
         mine.switch_contacts(not self.proven)
         mine.refresh()
         self._free = not mine.data.ncon and bool(np.abs(mine.state[0]).max(initial=0.0) <= _FARTHEST)
         if self._missed is not None and not self._free:
-            # The solver of contact forces begins with the accelerations of the last step.
+            # The contact solver is warm-started with the accelerations of the last step.
             self._catch_up()
             mine.switch_contacts(True)
             mine.refresh()
@@ -314,30 +314,30 @@ class Tile:
     # ---- states ----------------------------------------------------------------------------------
 
     def place(self, state: Array) -> None:
-        """Put its joints at positions and velocities of all joints, shape (2, n), without `refresh`."""
+        """Set its joints from positions and velocities of all joints, shape (2, n), without `refresh`."""
         self._mujoco.place(state)
 
     def refresh(self) -> None:
-        """Compute what follows from the state that it was put in."""
+        """Compute derived quantities after a change of the state."""
         positions, velocities, _ = self._mujoco.state
         self._missed = None
         self._prove(positions, velocities, np.zeros(len(positions)))
         self._compute()
 
     def begin(self, state: Array) -> None:
-        """Begin anew with these positions and velocities of all joints of the simulation, shape (2, n)."""
+        """Restart with positions and velocities of all joints of the simulation, shape (2, n)."""
         self._reset()
         self.place(state)
         self.refresh()
 
     def save(self) -> Array:
-        """The state from which a run can be repeated exactly; right after `begin` only."""
+        """The state for an exact repetition of a run; only valid directly after `begin`."""
         state = np.zeros(self._state_size)
         mujoco.mj_getState(self._mujoco.model, self._mujoco.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
         return state
 
     def restore(self, state: Array) -> None:
-        """Go back to a saved state."""
+        """Return to a saved state."""
         self._reset()
         mujoco.mj_setState(self._mujoco.model, self._mujoco.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
         self.refresh()
@@ -346,12 +346,12 @@ class Tile:
         mujoco.mj_resetData(self._mujoco.model, self._mujoco.data)
 
     def body_state(self, name: str) -> tuple[Array, Array]:
-        """Position and quaternion (7,) of a loose body, and its linear and its own angular velocity (6,), as views."""
+        """Position and quaternion (7,) and velocities (6,) of a loose body, views; angular velocity in body axes."""
         data, joints, i = self._mujoco.data, self._mujoco.joints, self.bodies[name]
         return data.qpos[joints + 7 * i :][:7], data.qvel[joints + 6 * i :][:6]
 
     def log_contacts(self, log: ContactLog, time: float) -> float:
-        """Add the contacts of the present state to a log; returns the deepest penetration [m], -inf without any."""
+        """Add the contacts of the present state to a log; returns the deepest penetration [m], -inf if none."""
         data = self._mujoco.data
         depth = -float(data.contact.dist.min()) if not self.proven and data.ncon else -math.inf
         if depth >= 0.0:

@@ -1,7 +1,7 @@
 """Tiles: parts of a scene whose arms can never meet those of other parts, each simulated by a separate model.
 
-Threads step them side by side, and where the arms of one tile are near each other, MuJoCo does not look for contacts
-in the others. Each tile costs some calls from Python in every step, so that there are few of them.
+Threads step them in parallel, and if the arms of one tile are close to each other, MuJoCo does not search for contacts
+in the others. Each tile costs some calls from Python in every step, so only a few are made.
 """
 
 from __future__ import annotations
@@ -17,20 +17,21 @@ from rr1plan.playback.simulation.mujoco_model import loose_bodies, stack_memory
 from rr1plan.scene import Scene
 from rr1plan.scene.subscene import subscene
 
-# Memory of the collision checker for each arm beside eight others [bytes].
+# Memory of the collision checker per arm with eight other arms near it [bytes].
 _BYTES_PER_ARM = 3.0e6
 # Smallest number of arms in a tile, and largest number of tiles.
 _ARMS_IN_A_TILE, _MOST_TILES = 60, 4
 
 
 def tile_scenes(scene: Scene) -> list[Scene]:
-    """Parts of a scene, each with some of its arms, what these hold, and all obstacles.
+    """Parts of a scene, each with some of its arms, their held objects and all obstacles.
 
     Args:
         scene: The scene.
 
     Returns:
-        The scene itself, as always with loose bodies, which may come anywhere; or parts in the order of its arms.
+        Parts in the order of the arms, or the scene itself; always the scene if it has loose bodies, which can get
+            anywhere.
     """
     if loose_bodies(scene):
         return [scene]
@@ -47,13 +48,13 @@ def tile_scenes(scene: Scene) -> list[Scene]:
 
 
 def check_memory(tiles: Sequence[Scene]) -> None:
-    """Refuse a simulation that takes more memory than the machine has.
+    """Require that a simulation fits into the machine's memory.
 
     Args:
         tiles: The scene of each model.
 
     Raises:
-        InputError: too many arms or loose bodies; gives both sizes.
+        InputError: too many arms or loose bodies; the message gives required and available memory.
     """
     have = _physical_memory()
     need = float(sum(stack_memory(_degrees_of_freedom(tile)) for tile in tiles))
@@ -73,7 +74,7 @@ def _degrees_of_freedom(scene: Scene) -> int:
 
 
 def _physical_memory() -> int | None:
-    """Memory of the machine [bytes]; None where the system does not say."""
+    """Memory of the machine [bytes]; None if the system does not report it."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):

@@ -16,11 +16,11 @@ from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.trajectory import Trajectory, locate
 
-# Number of updates whose set-points are evaluated at once; those of many arms stay in the cache.
+# Number of updates whose set-points are evaluated at once; small enough for the cache with many arms.
 _BLOCK = 32
-# Numbers of a trajectory that are checked at once.
+# Number of values of a trajectory that are checked at once.
 _CHECKED = 200_000
-# Of sums of time steps [s].
+# Tolerance for rounding of sums of time steps [s].
 _ROUNDING = 1e-9
 
 
@@ -41,7 +41,7 @@ class ExecutionStatus(enum.Enum):
         return self not in (ExecutionStatus.WAITING, ExecutionStatus.ACTIVE)
 
 
-# Those of `control_msgs/FollowJointTrajectory`, where there is one.
+# Error codes of `control_msgs/FollowJointTrajectory`, where one exists.
 _CODES = {
     ExecutionStatus.SUCCEEDED: 0,
     ExecutionStatus.PATH_TOLERANCE_VIOLATED: -4,
@@ -55,10 +55,10 @@ class Execution:
 
     Args:
         trajectory: The trajectory.
-        start: When its beginning is due [s, simulated].
-        status: How it stands.
+        start: Planned start time, then the actual one [s, simulated].
+        status: The present status.
         message: Why it ended without success.
-        ended: When it ended [s, simulated]; nan before.
+        ended: End time [s, simulated]; nan before the end.
         max_error: Largest tracking error of each joint so far [rad or m], shape (n,), columns of the trajectory.
     """
 
@@ -71,11 +71,11 @@ class Execution:
 
     @property
     def code(self) -> int | None:
-        """The error code of `control_msgs/FollowJointTrajectory`; None while it runs, or where that has none."""
+        """The error code of `control_msgs/FollowJointTrajectory`; None while it runs, or if there is no such code."""
         return _CODES.get(self.status)
 
     def __bool__(self) -> bool:
-        """It succeeded."""
+        """Whether it succeeded."""
         return self.status is ExecutionStatus.SUCCEEDED
 
     def __repr__(self) -> str:
@@ -85,24 +85,23 @@ class Execution:
 class JointTrajectoryController(Controller):
     """Follows trajectories, as `joint_trajectory_controller` does.
 
-    What `Trajectory.from_samples` makes of points is interpolated linearly, cubically or quintically, by what they
-    carry. Between trajectories the controller holds its last set-point. A trajectory that leaves a tolerance is
-    aborted, and the controller holds the position at which that happened.
+    `Trajectory.from_samples` interpolates points linearly, cubically or quintically, depending on their derivatives.
+    Between trajectories the controller holds its last set-point. A trajectory that violates a tolerance is aborted; the
+    controller then holds the measured position (path tolerance) or the goal (goal tolerance).
 
     Args:
         joint_names: The joints to claim, "arm/joint".
-        start_tolerance: How far the set-points may be from the beginning of a trajectory [rad or m].
-        path_tolerance: Largest tracking error on the way [rad or m]; inf: any.
+        start_tolerance: Largest difference between the set-points and the start of a trajectory [rad or m].
+        path_tolerance: Largest tracking error along the path [rad or m]; inf: any.
         goal_tolerance: Largest tracking error at the goal [rad or m]; inf: any.
-        goal_time: How long the joints may take to reach the goal tolerance after the end [s].
+        goal_time: Time after the end of a trajectory within which the joints have to be within the goal tolerance [s].
     """
 
     _active: Execution | None
     _queued: Execution | None
-    # What is active, columns in the order of this controller's joints.
+    # The active trajectory, with columns in the order of this controller's joints.
     _path: Trajectory
-    # Positions, velocities and accelerations of the updates from number `_first` since its beginning on, shape
-    # (3, _BLOCK, n).
+    # Positions, velocities and accelerations of its updates from number `_first` on, shape (3, _BLOCK, n).
     _block: Array
     _first: int
 
@@ -126,7 +125,7 @@ class JointTrajectoryController(Controller):
         self._active = self._queued = None
 
     def activate(self, joints: JointInfo, state: JointState) -> None:
-        """Hold the present positions, and cancel the trajectory in execution."""
+        """Hold the present positions, and cancel the current trajectory."""
         super().activate(joints, state)
         self._forget(state.time, "the controller was activated again")
         self._now = state.time
@@ -134,7 +133,7 @@ class JointTrajectoryController(Controller):
         self._last = self._hold
 
     def deactivate(self) -> None:
-        """Give up the joints; the trajectory in execution is canceled."""
+        """Release the joints, and cancel the current trajectory."""
         super().deactivate()
         self._forget(self._now, "the controller was deactivated")
 
@@ -146,18 +145,18 @@ class JointTrajectoryController(Controller):
         self._active = self._queued = None
 
     def send(self, trajectory: Trajectory, *, at: float | None = None) -> Execution:
-        """Execute a trajectory; one in execution is preempted when the new one begins.
+        """Execute a trajectory; the current one is preempted when the new one begins.
 
         Args:
-            trajectory: The motion, of the joints of this controller in any order. Its first time counts as the start.
-            at: When to begin [s, simulated] (default: at the next update).
+            trajectory: A trajectory of the joints of this controller, in any order; its start time maps to the start.
+            at: Start time [s, simulated] (default: the next update).
 
         Returns:
-            How it goes, updated while the simulation runs.
+            The execution, updated while the simulation runs.
 
         Raises:
-            InputError: other joints, beyond limits, a time that has passed, a controller that is not active, or a
-                beginning farther from the set-points than `start_tolerance`.
+            InputError: different joints, positions beyond limits, a time that has passed, a controller that is not
+                active, or a start farther from the set-points than `start_tolerance`.
         """
         of_kind("trajectory", trajectory, Trajectory)
         self.check_active()
@@ -182,14 +181,14 @@ class JointTrajectoryController(Controller):
         return execution
 
     def cancel(self) -> None:
-        """Stop the trajectory in execution, and hold the position of the next update."""
+        """Cancel all trajectories, and hold the position at the next update."""
         for execution in (self._active, self._queued):
             if execution is not None:
                 _end(execution, ExecutionStatus.CANCELED, self._now, "by its caller")
         self._queued = None
 
     def update(self, state: JointState) -> SetPoint:
-        """The point of the trajectory for this time, or the position to hold."""
+        """The point of the trajectory at this time, or the position to hold."""
         self._now = state.time
         if self._queued is not None and state.time >= self._queued.start - 0.5 * self.joints.dt:
             self._begin(self._queued)
@@ -216,7 +215,7 @@ class JointTrajectoryController(Controller):
     def preview(self, times: Array) -> SetPoint | None:
         """Set-points up to the end of a trajectory without a path tolerance, or the position to hold.
 
-        Later calls write over the arrays.
+        Later calls overwrite the arrays.
         """
         execution = self._active
         if self._queued is not None:
@@ -230,7 +229,7 @@ class JointTrajectoryController(Controller):
         return SetPoint(*self._points(float(since[0]), count))
 
     def passed(self, times: Array, positions: Array) -> None:
-        """Note the tracking errors at points of the trajectory."""
+        """Record the tracking errors at points of the trajectory."""
         self._now = float(times[-1])
         execution = self._active
         if execution is None:
@@ -250,7 +249,7 @@ class JointTrajectoryController(Controller):
             _end(self._active, ExecutionStatus.PREEMPTED, self._now, "a newer trajectory began")
         self._queued = None
         self._active = execution
-        # Its time begins with the update, so that its first set-point is its beginning.
+        # The start is moved to this update, so that the first set-point is the start of the trajectory.
         execution.start = self._now
         execution.status = ExecutionStatus.ACTIVE
         trajectory = execution.trajectory
@@ -269,7 +268,7 @@ class JointTrajectoryController(Controller):
             )
 
     def _check_goal(self, execution: Execution, goal: Array, error: Array, since: float) -> None:
-        """End an execution whose joints are at the goal, or should be by now."""
+        """End an execution whose joints are at the goal, or whose goal time is over."""
         over = since - execution.trajectory.duration
         if (error <= self.goal_tolerance).all():
             _end(execution, ExecutionStatus.SUCCEEDED, self._now, "")
@@ -289,7 +288,8 @@ class JointTrajectoryController(Controller):
     def _points(self, since: float, most: int) -> Array:
         """Positions, velocities and accelerations of some updates from a time on, shape (3, up to `most`, n).
 
-        Many are evaluated at once. Updates are numbered, so that values do not depend on which ones these are.
+        A block of updates is evaluated at once. Times derive from update numbers, so that values do not depend on the
+        blocks.
         """
         number = round(since / self.joints.dt)
         k, most = number - self._first, min(most, _BLOCK)
@@ -311,7 +311,7 @@ def _columns(trajectory: Trajectory, names: Sequence[str]) -> NDArray[np.int64]:
 
 
 def _sample(path: Trajectory, since: Array, out: Array) -> None:
-    """Write positions, velocities and accelerations at times since the start [s], as `path` has them: (3, k, n)."""
+    """Write positions, velocities and accelerations of `path` at times since its start [s] to `out`, (3, k, n)."""
     times = path.start_time + since
     piece, local = locate(path.breaks, times)
     terms, columns = path.coefficients.shape[1:]
