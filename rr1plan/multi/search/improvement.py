@@ -143,7 +143,7 @@ class PlanImprover:
         return max(arrivals, default=0.0), per_arm
 
     def _is_best(self) -> bool:
-        """Whether each arm is an agent that moves on a straight line without waiting."""
+        """Whether each arm moves separately, on a straight line and without waiting."""
         return all(
             len(agent.arms) == 1 and s.arrival == s.path.fastest and len(clean(s.path.path.waypoints)) <= 2
             for agent, s in self.schedules.items()
