@@ -225,6 +225,15 @@ class EdgeKernel:
         self._library.rr1_certify_edges(*self.context, begins, ends, len(begins), statuses)
         return statuses
 
+    def certify_path(self, points: Array) -> int:
+        """The number of edges of a path that are free, before the first one that is not.
+
+        Args:
+            points: Configurations [rad or m], shape (n, nq), n >= 2.
+        """
+        free: int = self._library.rr1_certify_path(*self.context, np.ascontiguousarray(points), len(points))
+        return free
+
     def memory_image(self, **roots: Root) -> bytes:
         """The scene's tables and the scratch memory for `core.wasm`, named `scene` and `scratch`, and further roots."""
         self._take_lists()

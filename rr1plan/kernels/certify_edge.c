@@ -112,9 +112,10 @@ static int sweep(const SceneTables *scene, Scratch *scratch) {
     return scratch->open_count == 0 ? SWEEP_PROVEN : SWEEP_OPEN;
 }
 
-// Certify the edge in `curve`, which has `terms` coefficients. Returns the status.
-static int64_t decide(int64_t terms, const SceneTables *scene, Scratch *scratch) {
+// Certify the edge in `curve`, which has `terms` coefficients; `begins_free`: see `Scratch`. Returns the status.
+static int64_t decide(int64_t terms, int64_t begins_free, const SceneTables *scene, Scratch *scratch) {
     Counters *done = &scratch->done;
+    scratch->begins_free = begins_free;
     done->edges++;
     int answer = sweep(scene, scratch);
     done->configurations += LANES * scratch->batches;
@@ -129,15 +130,36 @@ static int64_t decide(int64_t terms, const SceneTables *scene, Scratch *scratch)
     return scratch->result.status;
 }
 
-// Certify the straight line from q0 to q1, shape (nq,). Returns the status; the whole result is in `result`.
-EXPORT int64_t rr1_certify_edge(const SceneTables *scene, Scratch *scratch, const double *q0, const double *q1) {
+static void set_edge(const double *q0, const double *q1, const SceneTables *scene, Scratch *scratch) {
     int64_t nq = scene->column_count;
     for (int64_t c = 0; c < nq; c++) {
         scratch->curve[c] = q0[c];
         scratch->curve[nq + c] = q1[c] - q0[c];
         scratch->curve[2 * nq + c] = 0.0;
     }
-    return decide(2, scene, scratch);
+}
+
+// Certify the straight line from q0 to q1, shape (nq,). Returns the status; the whole result is in `result`.
+EXPORT int64_t rr1_certify_edge(const SceneTables *scene, Scratch *scratch, const double *q0, const double *q1) {
+    set_edge(q0, q1, scene, scratch);
+    return decide(2, 0, scene, scratch);
+}
+
+// Whether the straight line from q0 to q1 is free, at least one of which is known to be free.
+//
+// If only one of several arms moves, the pairs of all others need no test.
+static int edge_from_free_is_free(const SceneTables *scene, Scratch *scratch, const double *q0, const double *q1) {
+    set_edge(q0, q1, scene, scratch);
+    return decide(2, 1, scene, scratch) == EDGE_FREE;
+}
+
+// Certify the edges of a path, shape (count, nq), count >= 2, until one is not free. Returns the number of free ones.
+EXPORT int64_t rr1_certify_path(const SceneTables *scene, Scratch *scratch, const double *points, int64_t count) {
+    int64_t nq = scene->column_count, free = 0;
+    if (rr1_certify_edge(scene, scratch, points, points + nq) != EDGE_FREE) return 0;
+    for (free = 1; free < count - 1; free++)
+        if (!edge_from_free_is_free(scene, scratch, points + free * nq, points + (free + 1) * nq)) break;
+    return free;
 }
 
 // Certify the curve sum_k coefficients[k] t^k, 0 <= t <= duration, of 1, 2 or 3 terms, shape (terms, nq).
@@ -150,7 +172,7 @@ EXPORT int64_t rr1_certify_parabola(const SceneTables *scene, Scratch *scratch, 
             scratch->curve[k * nq + c] = k < terms ? coefficients[k * nq + c] * factor : 0.0;
         factor *= duration;
     }
-    return decide(3, scene, scratch);
+    return decide(3, 0, scene, scratch);
 }
 
 // Certify a curve by the exact kernel alone; at most as many terms as `coefficient_rows` of its scratch.

@@ -50,3 +50,36 @@ EXPORT int64_t rr1_time_hops(const PathCurve *curve, const RateLimits *limits, i
     }
     return 0;
 }
+
+// Approximate duration of a motion along a rounded polyline, shape (count, nq), with stops at corners without a blend;
+// below 0 if the arena is used up. Each line and each blend is divided into `intervals`. `sizes` and `tolerance`: see
+// rr1_round_corners.
+EXPORT double rr1_rounded_duration(const double *points, const double *sizes, int64_t count, int64_t nq,
+                                    const RateLimits *limits, int64_t intervals, double tolerance, Arena *arena) {
+    arena->used = 0;
+    double *lengths = arena_take(arena, 2 * count), *coefficients = arena_take(arena, 6 * count * nq);
+    double *times = arena_take(arena, 2 * count * intervals + 1);
+    int64_t *before = (int64_t *)arena_take(arena, count);
+    Grid grid;
+    if (!lengths || !coefficients || !times || !before || !take_grid(arena, 2 * count * intervals, &grid)) return -1.0;
+    int64_t pieces = rr1_round_corners(points, sizes, count, nq, tolerance, lengths, coefficients, before);
+    PathCurve curve = {lengths, coefficients, pieces, nq};
+    for (int64_t k = 0; k < pieces * intervals; k++) {
+        int64_t piece = k / intervals;
+        double delta = lengths[piece] / (double)intervals;
+        grid.piece[k] = piece;
+        grid.offset[k] = (double)(k - piece * intervals) * delta;
+        grid.delta[k] = delta;
+    }
+    int64_t mark = arena->used, first = 0;
+    double total = 0.0;
+    for (int64_t i = 1; i < count; i++) {
+        if (sizes[i] > 0.0) continue;
+        int64_t last = before[i] * intervals;
+        arena->used = mark;
+        if (!time_span(&curve, &grid, first, last, limits, arena, times)) return -1.0;
+        total += times[last - first];
+        first = last;
+    }
+    return total;
+}

@@ -47,8 +47,8 @@
 #include "path_grid.c"
 #include "parameterize.c"
 #include "timed_pieces.c"
-#include "hops.c"
 #include "blends.c"
+#include "hops.c"
 // Simulations, which pages do not have.
 #include "arm_dynamics.h"
 #ifndef __wasm__

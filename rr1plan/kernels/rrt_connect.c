@@ -33,8 +33,8 @@ enum { MAX_SKIPPED = 4 };
 static int tree_edge_is_free(Trees *trees, int side, const double *from, const double *to, const SceneTables *scene,
                              Scratch *scratch) {
     trees->edges++;
-    if (side == GOAL_SIDE) return rr1_certify_edge(scene, scratch, to, from) == EDGE_FREE;
-    return rr1_certify_edge(scene, scratch, from, to) == EDGE_FREE;
+    if (side == GOAL_SIDE) return edge_from_free_is_free(scene, scratch, to, from);
+    return edge_from_free_is_free(scene, scratch, from, to);
 }
 
 // Whether a sample is too far from a nearest vertex that has a blocked edge.

@@ -52,7 +52,7 @@ static void drop_repeats(ShortcutPath *path) {
 static int waypoint_edge_is_free(ShortcutPath *path, const double *a, const double *b, const SceneTables *scene,
                                  Scratch *scratch) {
     path->edges++;
-    return rr1_certify_edge(scene, scratch, a, b) == EDGE_FREE;
+    return edge_from_free_is_free(scene, scratch, a, b);
 }
 
 // Connect waypoint `place` to one as far ahead as is free; tries the last one, then half as far, and so on.

@@ -45,7 +45,8 @@ def shorten(
 ) -> Path:
     """Shorten a path between the same start and end; the result is never longer.
 
-    Every edge of the result is certified or a part of an edge of `path`: a free path stays free.
+    A free path stays free: every edge of the result is certified, given that its ends on `path` are free, or a part of an
+    edge of `path`.
 
     Args:
         path: Any number of waypoints; repeated ones are dropped.

@@ -177,6 +177,28 @@ def hop_times(
     return times
 
 
+def rounded_duration(points: Array, sizes: Array, limits: Limits, intervals: int) -> float:
+    """Duration of the fastest motion from rest to rest along a rounded polyline, on a coarse grid [s].
+
+    Args:
+        points: Cleaned waypoints, shape (n, nq).
+        sizes: Blend sizes, see `blend_sizes`; the motion stops where they are zero, shape (n,).
+        limits: Velocity and acceleration limits, finite for joints that move.
+        intervals: Intervals of each straight line and each blend, >= 2.
+    """
+    if len(points) < 2:
+        return 0.0
+    points, sizes, rates, size = np.ascontiguousarray(points), np.ascontiguousarray(sizes), _limits_struct(limits), _ARENA
+    while True:
+        arena = CStruct("Arena", memory=np.empty(size), size=size)
+        duration: float = load_library().rr1_rounded_duration(
+            points, sizes, *points.shape, rates, intervals, DUPLICATE, arena
+        )
+        if duration >= 0.0:
+            return duration
+        size *= 4
+
+
 def fastest_speeds(curve: Curve, grid: Grid, limits: Limits, first: float = 0.0) -> Array:
     """The fastest squared path speeds at the gridpoints of a curve with rest at its end, shape (n + 1,).
 

@@ -10,18 +10,17 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.paths.agent_path import LARGEST_BLEND, AgentPath, even_grid
+from rr1plan.multi.paths.agent_path import LARGEST_BLEND, AgentPath
 from rr1plan.multi.paths.paced_polyline import PacedPolyline
 from rr1plan.multi.paths.path_changes import changed_waypoints
 from rr1plan.path import Path
-from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, round_corners
-from rr1plan.retiming.path_speed import hop_times
+from rr1plan.retiming.path_blends import CurveChecker, blend_sizes, clean
+from rr1plan.retiming.path_speed import rounded_duration
 
 # Intervals of each line and each rounded corner in an estimate of a duration: 1 to 3 % longer than on a path's
 # own grid, which takes ten times as long.
@@ -106,16 +105,7 @@ def estimated_duration(points: Array, agent: Agent, checker: CurveChecker | None
     """
     rounded = agent.timing.method == "blend"
     sizes = blend_sizes(points, LARGEST_BLEND, checker) if rounded else np.zeros(len(points))
-    lengths, coefficients, before = round_corners(points, sizes)
-    if len(lengths) == 0:
-        return 0.0
-    grid = even_grid(lengths, np.full(len(lengths), _INTERVALS))
-    last = len(grid.delta)
-    halts = np.zeros(last + 1, np.int64)
-    halts[_INTERVALS * before[np.flatnonzero(sizes[1:-1] == 0.0) + 1]] = 1
-    ends: tuple[NDArray[np.int64], NDArray[np.int64]] = np.array([0]), np.array([last])
-    times = hop_times(Curve(lengths, coefficients, (0, len(points) - 1)), grid, agent.limits, halts, *ends)
-    return float(times[0, -1])
+    return rounded_duration(points, sizes, agent.limits, _INTERVALS)
 
 
 class _RememberingChecker:
