@@ -9,7 +9,7 @@
 #include "scene_tables.h"
 
 // Intervals are halved down to this half width.
-#define NARROWEST (1.0 / 1024.0)
+#define NARROWEST (1.0 / 1048576.0)
 
 enum { SWEEP_PROVEN, SWEEP_CONTACT, SWEEP_OPEN, SWEEP_FULL };
 

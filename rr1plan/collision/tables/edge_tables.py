@@ -20,7 +20,7 @@ from rr1plan.object_cache import kept_in
 
 _INTS = NDArray[np.int64]
 # Capacity for the intervals of one edge and for open ones; an edge with more goes to the exact kernel.
-_INTERVALS = 512
+_INTERVALS = 4096
 # The world's joint frame in eight lanes: the diagonal of a rotation, row by row.
 _WORLD_FRAME = np.repeat(np.concatenate([np.eye(3).ravel(), np.zeros(9)]), 8).view(np.uint8)
 
