@@ -1,4 +1,4 @@
-"""Bodies of an agent at the intervals of a path, or in one configuration, as `coordination.h` describes them."""
+"""Bodies of an agent at the intervals of a path, or in some configurations, as `coordination.h` describes them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.multi.agents import AgentBodies
+
+_ANYWHERE = 1e3  # deviation of joints by which bodies may be anywhere [rad or m]
 
 
 def placed_path(
@@ -44,8 +46,18 @@ def placed_path(
 
 
 def placed_configuration(bodies: AgentBodies, q: Array) -> CStruct:
-    """The bodies in one configuration (nq,), as a path that consists of a start only."""
-    nodes = np.zeros((4, len(q)))
-    nodes[2] = q
-    empty = np.array([1, 1, 0, 1])
-    return placed_path(bodies, nodes, np.zeros_like(nodes), empty, np.zeros(3, np.int64))
+    """The bodies in one configuration (nq,), as a path of a single interval of zero length."""
+    return placed_configurations(bodies, q[None])
+
+
+def placed_configurations(bodies: AgentBodies, configurations: Array) -> CStruct:
+    """The bodies in some configurations (n, nq), as a path of n intervals of zero length."""
+    count, columns = configurations.shape
+    leaves = 1 << (count - 1).bit_length()
+    q, reach = np.zeros((2 * leaves + 2, columns)), np.zeros((2 * leaves + 2, columns))
+    q[leaves : leaves + count] = configurations
+    # Nodes above the leaves prove nothing.
+    q[:leaves], reach[:leaves] = configurations[0], _ANYWHERE
+    empty = np.ones(2 * leaves + 2, np.int64)
+    empty[1 : leaves + count] = 0
+    return placed_path(bodies, q, reach, empty, np.minimum(np.arange(leaves + 2), count - 1))

@@ -7,7 +7,7 @@ other arms, the one with the shortest travel time is chosen.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -17,10 +17,10 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.model.joint_space import Space
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.paths.placed_path import placed_configurations
 from rr1plan.multi.paths.time_shortcuts import joint_times
 from rr1plan.multi.stopwatch import Stopwatch
-from rr1plan.multi.timing.coordination import are_apart
+from rr1plan.multi.timing.coordination import conflicts
 
 # Random configurations that are sampled for a retreat, how many of them are tested against the starts and goals of
 # other arms, and the clearance from these [m].
@@ -58,45 +58,48 @@ class RetreatSearch:
 
     def find(self) -> Array | None:
         """Retreats with few conflicts with starts, goals and each other, shape (nq,); None if time runs out."""
-        placed = self._placed_ends
         retreats = self._agent.start.copy()
-        chosen: dict[int, CStruct] = {}
+        placed = list(self._placed_ends)
         for arm in self._rng.permutation(len(placed)).tolist():
-            fewest = 2 * len(placed) + 1
-            for q in self._candidates(arm):
-                own = placed_configuration(self._single[arm].bodies, q)
-                number = self._conflicts(arm, own, placed, chosen, fewest)
-                if number < fewest:
-                    fewest, chosen[arm], retreats[self._columns[arm]] = number, own, q
-                if fewest == 0 or not self._watch.goes_on():
-                    break
             if not self._watch.goes_on():
                 return None
+            agent, candidates = self._single[arm], self._candidates(arm)
+            if len(candidates) == 0:
+                continue
+            own = placed_configurations(agent.bodies, candidates)
+            number = np.zeros(len(candidates), np.int64)
+            for other in self._near[arm]:
+                number += np.count_nonzero(conflicts(agent, own, self._single[other], placed[other], _ROOM), axis=1)
+            chosen = candidates[int(np.argmin(number))]
+            retreats[self._columns[arm]] = chosen
+            taken = np.stack([agent.start, self._goal[self._columns[arm]], chosen])
+            placed[arm] = placed_configurations(agent.bodies, taken)
         return retreats
 
     @cached_property
-    def _placed_ends(self) -> list[tuple[CStruct, CStruct]]:
+    def _placed_ends(self) -> list[CStruct]:
         """The bodies of each arm at its start and at its goal."""
         return [
-            (placed_configuration(one.bodies, one.start), placed_configuration(one.bodies, self._goal[columns]))
+            placed_configurations(one.bodies, np.stack([one.start, self._goal[columns]]))
             for one, columns in zip(self._single, self._columns, strict=True)
         ]
 
-    def _candidates(self, arm: int) -> list[Array]:
-        """Free configurations of an arm, its home and random ones, by travel time from start to goal via each."""
+    def _candidates(self, arm: int) -> Array:
+        """Free configurations of an arm, its home and random ones, by travel time from start to goal via each (k, n)."""
         agent, columns = self._single[arm], self._columns[arm]
         drawn = self._drawn(arm)
         durations = sum(
             joint_times(drawn - end, agent.limits).max(axis=1) for end in (agent.start, self._goal[columns])
         )
-        question, found = agent.question({}, self._margin), []
+        question = agent.question({}, self._margin)
+        found: list[int] = []
         with checker_from_pool(question.scene, question.arms, self._margin) as checker:
             for number in np.argsort(durations, kind="stable").tolist():
                 if checker.is_free(drawn[number]):
-                    found.append(drawn[number])
+                    found.append(number)
                 if len(found) == _COMPARED:
                     break
-        return found
+        return np.asarray(drawn[found])
 
     def _drawn(self, arm: int) -> Array:
         """Configurations of an arm within its limits: home, and random ones in growing boxes around the line."""
@@ -110,15 +113,3 @@ class RetreatSearch:
         share = np.arange(1, _DRAWN + 1)[:, None] / _DRAWN
         drawn = np.clip(middle + share * (self._rng.uniform(low, high, (_DRAWN, len(low))) - middle), low, high)
         return np.concatenate([home[None], drawn]) if (low <= home).all() and (home <= high).all() else drawn
-
-    def _conflicts(
-        self, arm: int, own: CStruct, ends: Sequence[Sequence[CStruct]], chosen: Mapping[int, CStruct], most: int
-    ) -> int:
-        """Number of starts, goals and chosen retreats of others that conflict with an arm; stops at `most`."""
-        number = 0
-        for other in self._near[arm]:
-            for placed in (*ends[other], chosen[other]) if other in chosen else ends[other]:
-                number += not are_apart(self._single[arm], own, self._single[other], placed, _ROOM)
-                if number >= most:
-                    return number
-        return number

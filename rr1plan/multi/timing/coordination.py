@@ -59,23 +59,28 @@ def coordination_diagram(
 
 
 def are_apart(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: float = 0.0) -> bool:
-    """Whether two agents are proven collision-free in one configuration of each, including bodies that no joint moves.
+    """Whether two agents are proven collision-free in all given configurations, including bodies that no joint moves.
 
     Args:
         one: An agent.
-        placed: Its bodies in that configuration, see `placed_configuration`.
+        placed: Its bodies in some configurations, see `placed_configurations`.
         two: Another agent, of the same problem.
         other: Its bodies.
         margin: Distance to keep beyond the scene's padding [m].
     """
-    return _are_apart(one, two, placed, other, cross_pairs(one, two, margin, fixed=True))
+    return not conflicts(one, placed, two, other, margin).any()
 
 
-def _are_apart(one: Agent, two: Agent, placed: CStruct, other: CStruct, pairs: CStruct) -> bool:
-    blocked = np.zeros((1, 1), np.uint8)
+def conflicts(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: float) -> Blocked:
+    """Configurations of two agents that are not proven collision-free together, shape (n, m); see `are_apart`."""
+    return _conflicts(one, two, placed, other, cross_pairs(one, two, margin, fixed=True))
+
+
+def _conflicts(one: Agent, two: Agent, placed: CStruct, other: CStruct, pairs: CStruct) -> Blocked:
+    blocked = np.zeros((placed.value.cell_count, other.value.cell_count), np.uint8)
     directions = np.empty((len(one.bodies.elements) * len(two.bodies.elements), 3))
     load_library().rr1_coordinate_paths(placed, other, pairs, directions, _NEVER, 0, blocked)
-    return not blocked.any()
+    return blocked
 
 
 def ends_are_apart(one: AgentPath, two: AgentPath, margin: float) -> bool:
@@ -87,8 +92,8 @@ def ends_are_apart(one: AgentPath, two: AgentPath, margin: float) -> bool:
         margin: Distance to keep beyond the scene's padding [m].
     """
     a, b, pairs = one.agent, two.agent, cross_pairs(one.agent, two.agent, margin)
-    return all(
-        _are_apart(a, b, placed_configuration(a.bodies, q), placed_configuration(b.bodies, other), pairs)
+    return not any(
+        _conflicts(a, b, placed_configuration(a.bodies, q), placed_configuration(b.bodies, other), pairs).any()
         for q, other in ((one.start, two.start), (one.goal, two.goal))
     )
 
