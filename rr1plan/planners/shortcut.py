@@ -45,8 +45,8 @@ def shorten(
 ) -> Path:
     """Shorten a path between the same start and end; the result is never longer.
 
-    A free path stays free: every edge of the result is certified, given that its ends on `path` are free, or a part of an
-    edge of `path`.
+    A free path stays free: every edge of the result is a part of an edge of `path`, or certified given that its ends on
+    `path` are free.
 
     Args:
         path: Any number of waypoints; repeated ones are dropped.

@@ -188,7 +188,8 @@ def rounded_duration(points: Array, sizes: Array, limits: Limits, intervals: int
     """
     if len(points) < 2:
         return 0.0
-    points, sizes, rates, size = np.ascontiguousarray(points), np.ascontiguousarray(sizes), _limits_struct(limits), _ARENA
+    points, sizes = np.ascontiguousarray(points), np.ascontiguousarray(sizes)
+    rates, size = _limits_struct(limits), _ARENA
     while True:
         arena = CStruct("Arena", memory=np.empty(size), size=size)
         duration: float = load_library().rr1_rounded_duration(

@@ -85,7 +85,7 @@ class RetreatSearch:
         ]
 
     def _candidates(self, arm: int) -> Array:
-        """Free configurations of an arm, its home and random ones, by travel time from start to goal via each (k, n)."""
+        """Free configurations of an arm (k, n), its home and random ones, by travel time from start to goal via each."""
         agent, columns = self._single[arm], self._columns[arm]
         drawn = self._drawn(arm)
         durations = sum(

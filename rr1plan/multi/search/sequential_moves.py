@@ -40,10 +40,11 @@ _MOST_TOGETHER, _MOST_SETS = 3, 12
 # Longest edge of the trees and radius of sampling around vertices with a blocked edge, as fractions of the diagonal of
 # the moving joints' space.
 _STEP, _DOMAIN = 0.06, 0.3
-# Attempts at paths on which some arms withdraw, and the largest expected fraction of arms that withdraw first.
-_ATTEMPTS, _LARGEST_SHARE = 10, 0.5
-# Attempts at paths on which all arms withdraw: if no other paths were found, and otherwise one per this many arms.
-_ATTEMPTS_ALONE, _ARMS_PER_ATTEMPT = 3, 4
+# Attempts at paths on which some arms withdraw, each with other retreats, backward and forward, and the largest
+# expected fraction of arms that withdraw first.
+_ATTEMPTS, _LARGEST_SHARE = 8, 0.5
+# Attempts at paths on which all arms withdraw, if no others were found.
+_ATTEMPTS_OF_ALL = 3
 _WITHDRAWALS = 2  # tried from the starts and from the goals; the fastest of each is used
 # Shortcuts of one move, shortcuts of a withdrawal of all arms, and bisection steps for the departure of a move.
 _MOVE_SHORTCUTS, _SHORTCUTS, _HALVINGS = 8, 24, 4
@@ -80,21 +81,26 @@ class SequentialMoves:
     def paths(self, effort: int = 0) -> Iterator[Array]:
         """Waypoints of paths from the starts to the goals, each of shape (n, nq).
 
-        On the first paths some arms withdraw, on the last ones all arms.
+        On these paths some arms withdraw; if there are none, all arms do.
 
         Args:
             effort: How often to double the maximum number of samples of a move when all arms withdraw.
         """
-        retreats, alone = self._retreats.find(), True
-        for number in range(_ATTEMPTS):
-            points = None if retreats is None else self._by_some_retreats(retreats, back=number % 2 == 0)
-            if points is not None:
-                alone = False
-                yield points
-        for number in range(_ATTEMPTS_ALONE if alone else len(self._columns) // _ARMS_PER_ATTEMPT):
-            if number > 0 and self._watch.goes_on():
-                retreats = self._retreats.find()
-            points = None if retreats is None else self._by_all_retreats(retreats, effort)
+        found = False
+        for _ in range(_ATTEMPTS):
+            retreats = self._retreats.find()
+            if retreats is None:
+                return
+            for back in (True, False):
+                points = self._by_some_retreats(retreats, back=back)
+                if points is not None:
+                    found = True
+                    yield points
+        for _ in range(0 if found else _ATTEMPTS_OF_ALL):
+            retreats = self._retreats.find()
+            if retreats is None:
+                return
+            points = self._by_all_retreats(retreats, effort)
             if points is not None:
                 yield points
 
