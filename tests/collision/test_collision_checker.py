@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pickle
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -386,6 +387,37 @@ def test_a_path_is_free_when_all_its_edges_are(planar):
     assert motion.path_is_free([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0]])
     assert not motion.path_is_free([[0.0, 0.0], [0.5, 0.0], [np.pi / 2, 0.0]])
     assert not motion.path_is_free([[np.pi / 2, 0.0]])
+
+
+def test_edges_of_a_path_on_which_some_arms_stand_still(rr1):
+    """The pairs of arms that stand still are checked on the first edge only, which must not change any answer."""
+    scene = (
+        Scene().with_arm("l", rr1).with_arm("r", rr1, [0.42, 0.0, 0.0]).with_obstacle("b", Sphere(0.1), [0.2, 0.3, 0.3])
+    )
+    motion, rng = CollisionChecker(scene), np.random.default_rng(5)
+    low, high = np.tile(rr1.limits.lower, 2), np.tile(rr1.limits.upper, 2)
+    free, first_alone = 0, 0
+    for _ in range(150):
+        points = [rng.uniform(low, high)]
+        for _ in range(4):
+            nearby, arm = points[-1].copy(), 6 * int(rng.integers(2))
+            moved = slice(arm + int(rng.integers(6)), arm + 6)
+            nearby[moved] = np.clip(nearby + 0.4 * rng.standard_normal(12), low, high)[moved]
+            points.append(nearby)
+        edges = [motion.edge_is_free_slowly(a, b) for a, b in pairwise(points)]
+        assert motion.path_is_free(points) == all(edges)
+        free += all(edges)
+        first_alone += not edges[0] and all(edges[1:])
+    assert 10 < free < 140
+    assert first_alone > 0
+
+
+def test_a_path_that_begins_in_contact_is_not_free(planar):
+    scene = Scene().with_arm("l", planar).with_arm("m", planar, [0.3, 0, 0]).with_arm("r", planar, [5.0, 0, 0])
+    motion = CollisionChecker(scene)
+    q, moved = [0.0] * 6, [0.0, 0.0, 0.0, 0.0, 0.3, 0.3]
+    assert not motion.path_is_free([q, moved])
+    assert not motion.path_is_free([q, moved, q])
 
 
 def test_it_counts_its_work(planar):

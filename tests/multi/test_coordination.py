@@ -13,9 +13,9 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
-from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.paths.placed_path import placed_configuration, placed_configurations
 from rr1plan.multi.stopwatch import Stopwatch
-from rr1plan.multi.timing.coordination import are_apart, coordination_diagram
+from rr1plan.multi.timing.coordination import are_apart, conflicts, coordination_diagram
 from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.path import Path
 
@@ -147,6 +147,27 @@ def test_configurations_are_apart_where_no_contact_is(rr1: rp.Robot) -> None:
         assert apart == ({"arm01", "arm02"} not in owners)
         seen.add(apart)
     assert seen == {True, False}
+
+
+@pytest.mark.parametrize("counts", [(1, 1), (3, 2), (4, 5)])
+def test_conflicts_of_several_configurations_are_those_of_each_two(rr1: rp.Robot, counts: tuple[int, int]) -> None:
+    problem, rng = _problem(rr1), np.random.default_rng(4)
+    one, two = (Agent(problem, [arm]) for arm in problem.arms)
+    seen = set()
+    for _ in range(40):
+        mine, theirs = (rng.uniform(rr1.limits.lower, rr1.limits.upper, (count, 6)) for count in counts)
+        both = placed_configurations(one.bodies, mine), placed_configurations(two.bodies, theirs)
+        found = conflicts(one, both[0], two, both[1], 0.01)
+        each = [
+            [
+                not are_apart(one, placed_configuration(one.bodies, a), two, placed_configuration(two.bodies, b), 0.01)
+                for b in theirs
+            ]
+            for a in mine
+        ]
+        np.testing.assert_array_equal(found, each)
+        seen.update(found.ravel().tolist())
+    assert seen == {0, 1}
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.05, 1.0])

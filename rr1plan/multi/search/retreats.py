@@ -85,7 +85,7 @@ class RetreatSearch:
         ]
 
     def _candidates(self, arm: int) -> Array:
-        """Free configurations of an arm (k, n), its home and random ones, by travel time from start to goal via each."""
+        """Free configurations of an arm, home and random ones, by travel time from start to goal via each; (k, n)."""
         agent, columns = self._single[arm], self._columns[arm]
         drawn = self._drawn(arm)
         durations = sum(
