@@ -8,7 +8,8 @@
 // and pairs that they prove to touch are nearer than the padding.
 #include "scene_tables.h"
 
-// Intervals are halved down to this half width.
+// Intervals are halved down to this half width. Bodies that pass each other within micrometers need that; the exact
+// kernel, whose bounds ignore the direction of motion, needs intervals a hundred times narrower still.
 #define NARROWEST (1.0 / 1048576.0)
 
 enum { SWEEP_PROVEN, SWEEP_CONTACT, SWEEP_OPEN, SWEEP_FULL };
@@ -112,10 +113,10 @@ static int sweep(const SceneTables *scene, Scratch *scratch) {
     return scratch->open_count == 0 ? SWEEP_PROVEN : SWEEP_OPEN;
 }
 
-// Certify the edge in `curve`, which has `terms` coefficients; `begins_free`: see `Scratch`. Returns the status.
-static int64_t decide(int64_t terms, int64_t begins_free, const SceneTables *scene, Scratch *scratch) {
+// Certify the edge in `curve`, which has `terms` coefficients; `has_free_end`: see `Scratch`. Returns the status.
+static int64_t decide(int64_t terms, int64_t has_free_end, const SceneTables *scene, Scratch *scratch) {
     Counters *done = &scratch->done;
-    scratch->begins_free = begins_free;
+    scratch->has_free_end = has_free_end;
     done->edges++;
     int answer = sweep(scene, scratch);
     done->configurations += LANES * scratch->batches;

@@ -136,7 +136,7 @@ typedef struct {
     double *curve;       // q(t) = curve[0] + curve[1] t + curve[2] t^2, 0 <= t <= 1, shape (3, columns of q)
     ExactScratch *exact;
     int64_t edge;        // number of the current edge
-    int64_t begins_free;  // 1 if an end of the edge is known to be free: pairs without relative motion are free, too
+    int64_t has_free_end;  // 1 if an end of the edge is known to be free: so are pairs without relative motion
     int64_t open_count;  // of `open`; -1: the whole edge is left to the exact kernel
     int64_t batches;     // of eight intervals
     double middles[8];
