@@ -149,7 +149,7 @@ class CollisionChecker(CoalChecker):
         self._kernel.move_object(self.object_numbers[name], T)
         self._moved[name] = T
         self._geometry = None
-        self._forget_places()
+        self._obstacles_moved()
 
     @exclusive
     def change_to(self, geometry: CollisionGeometry, scene: Scene) -> bool:
@@ -171,12 +171,12 @@ class CollisionChecker(CoalChecker):
         self.fixed.replace(geometry.obstacles, self._kernel.context)
         self._scene, self._geometry = scene, geometry
         self._moved.clear()
-        self._forget_places()
+        self._obstacles_moved()
         return True
 
-    def _forget_places(self) -> None:
+    def _obstacles_moved(self) -> None:
         """Update the data for the current poses that the edge kernel does not read."""
-        super()._forget_places()
+        super()._obstacles_moved()
         tables = self.tables
         self.fixed.place_bodies(tables.body_values, tables.poses, tables.centers)
         self._without.clear()

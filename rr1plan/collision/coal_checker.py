@@ -99,9 +99,9 @@ class CoalChecker:
         geometry = self._geometry = collision_geometry(self.scene, self.arms, self.distance)
         return geometry
 
-    def _forget_places(self) -> None:
-        """Drop cached values that depend on obstacle poses, except the kernels' tables."""
-        for name in ("omitted_clearance", "_whole", "_moving", "_standing", "_static", "static_is_free"):
+    def _obstacles_moved(self) -> None:
+        """Drop cached values that depend on the poses of obstacles, except the kernels' tables."""
+        for name in ("omitted_clearance", "_whole", "_moving", "_stationary_contacts", "_static", "static_is_free"):
             self.__dict__.pop(name, None)
 
     def _keep_margin(self, margin: float) -> None:
@@ -147,14 +147,14 @@ class CoalChecker:
     def static_is_free(self) -> bool:
         """Whether no elements with a fixed relative pose collide, including those of stationary arms."""
         own = self._static_clearance(ROUNDING) >= ROUNDING or not self._static.touching
-        return own and not self._standing
+        return own and not self._stationary_contacts
 
     @property
     @exclusive
     def static_contacts(self) -> tuple[tuple[str, str], ...]:
         """The pairs of elements in contact that do not move relative to each other."""
         own = dict.fromkeys(self.pairs[owner] for owner, *_ in self._static.touching)
-        return (*own, *((contact.a, contact.b) for contact in self._standing))
+        return (*own, *((contact.a, contact.b) for contact in self._stationary_contacts))
 
     def limit_violations(self, q: ArrayLike) -> tuple[tuple[str, float], ...]:
         """Joints outside their position limits, with the excess of each [rad or m].
@@ -207,7 +207,7 @@ class CoalChecker:
                 deepest[owner] = (depth, point)
         ordered = sorted(deepest.items(), key=lambda item: (-item[1][0], item[0]))
         own = [Contact(*self.pairs[k], depth, read_only(point)) for k, (depth, point) in ordered]
-        return tuple(sorted([*own, *self._standing], key=lambda contact: -contact.depth))
+        return tuple(sorted([*own, *self._stationary_contacts], key=lambda contact: -contact.depth))
 
     @exclusive
     def distances(self, q: ArrayLike) -> Array:
@@ -377,7 +377,7 @@ class CoalChecker:
         return self._moving
 
     @ExclusiveCache
-    def _standing(self) -> tuple[Contact, ...]:
+    def _stationary_contacts(self) -> tuple[Contact, ...]:
         return stationary_contacts(self.scene, self.arms) if len(self.arms) < len(self._scene.arms) else ()
 
     def _static_clearance(self, most: float) -> float:

@@ -264,7 +264,7 @@ class ContactCells:
                 own = placed.rows(rows)
                 sides = (self._body(a, own, len(rows), half, padding), self._body(b, own, len(rows), half, 0.0))
                 reach = a.interior.radius + b.interior.radius + padding
-                blocked[rows], still[rows, k] = _look_at(*sides, reach)
+                blocked[rows], still[rows, k] = _test_cells(*sides, reach)
         return blocked, still
 
     def _body(self, side: _Side, placed: Placed, count: int, half: Array, margin: float) -> _Body:
@@ -274,7 +274,7 @@ class ContactCells:
         return _Body(side, self.plane, placed, half, margin, rotation, position)
 
 
-def _look_at(a: _Body, b: _Body, reach: float) -> tuple[Mask, Mask]:
+def _test_cells(a: _Body, b: _Body, reach: float) -> tuple[Mask, Mask]:
     """Decide for each cell whether two solids provably stay in contact throughout, and whether they may touch at all.
 
     Args:

@@ -54,7 +54,7 @@ typedef struct {
 typedef struct {
     double center[3];  // in the joint's frame [m]
     double radius;
-    double inner_radius;  // of a concentric ball inside the body; far below zero: none
+    double inner_radius;  // of a concentric ball inside the body, whose center is in its core; far below zero: none
     double apart;         // distance of the center from that of the body's ball [m]
 } LinkSphere;
 

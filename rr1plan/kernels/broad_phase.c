@@ -134,7 +134,7 @@ INLINE int64_t list_body_obstacles(int64_t g, int64_t listed, f64x8 h, const Sce
 // List bodies and obstacles that spheres do not prove apart on the whole edge, bodies farthest from the base first.
 //
 // Returns the number of candidates, or -1 for a contact.
-NOINLINE int64_t meet_obstacles(f64x8 h, const SceneTables *scene, Scratch *scratch) {
+NOINLINE int64_t add_obstacle_candidates(f64x8 h, const SceneTables *scene, Scratch *scratch) {
     const ArmGeometry *arm = scene->arm;
     int64_t count = 0;
     // All boxes first: they are independent of each other, without branches in between.
@@ -230,7 +230,7 @@ INLINE int64_t list_group_pairs(const SceneTables *scene, Scratch *scratch) {
 // Add the body pairs that neither maps nor spheres prove apart on the whole edge.
 //
 // Returns the number of candidates, or -1 for a contact.
-NOINLINE int64_t meet_bodies(int64_t count, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+NOINLINE int64_t add_body_candidates(int64_t count, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     int64_t groups = list_group_pairs(scene, scratch);
     for (int64_t g = 0; g < groups; g++) {
         int64_t listed = list_body_pairs(&scene->pairs->group_pairs[scratch->near_groups[g]], h, scene, scratch);
@@ -257,8 +257,8 @@ INLINE uint64_t lanes_near(const Candidate *candidate, uint64_t lanes, int64_t b
 }
 
 // Test candidates again in the lanes of a later batch in which they are open. Returns 1 for a contact.
-NOINLINE int meet_again(int64_t count, int64_t head, int64_t taken, int64_t batch, f64x8 h, const SceneTables *scene,
-                      Scratch *scratch) {
+NOINLINE int retest_candidates(int64_t count, int64_t head, int64_t taken, int64_t batch, f64x8 h,
+                               const SceneTables *scene, Scratch *scratch) {
     for (int64_t k = 0; k < count; k++) {
         Candidate *candidate = &scratch->candidates[k];
         uint64_t lanes = 0;

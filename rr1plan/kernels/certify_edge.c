@@ -15,7 +15,7 @@
 enum { SWEEP_PROVEN, SWEEP_CONTACT, SWEEP_OPEN, SWEEP_FULL };
 
 // Store the open lanes of a candidate, to be halved or for the exact kernel. Returns 0 if there is no room.
-INLINE int keep_open(const Candidate *candidate, Separation8 found, int64_t bit, int64_t batch, Scratch *scratch) {
+INLINE int store_open_lanes(const Candidate *candidate, Separation8 found, int64_t bit, int64_t batch, Scratch *scratch) {
     for (uint64_t left = found.open; left; left &= left - 1) {
         int64_t i = first_bit(left);
         double half = scratch->halves[i];
@@ -30,7 +30,7 @@ INLINE int keep_open(const Candidate *candidate, Separation8 found, int64_t bit,
 }
 
 // Test the candidates that spheres leave open by directions; the first batch removes the others from the list.
-static int meet_by_directions(int64_t *count, int64_t batch, f64x8 h, const SceneTables *scene, Scratch *scratch) {
+static int test_directions(int64_t *count, int64_t batch, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     Candidate *candidates = scratch->candidates;
     int64_t kept = 0;
     for (int64_t k = 0; k < *count; k++) {
@@ -42,7 +42,7 @@ static int meet_by_directions(int64_t *count, int64_t batch, f64x8 h, const Scen
         }
         if (found.open == 0) continue;
         int64_t bit = batch == 1 ? kept : k;
-        if (!keep_open(&candidates[k], found, bit < LAST_BIT ? bit : LAST_BIT, batch, scratch)) return SWEEP_FULL;
+        if (!store_open_lanes(&candidates[k], found, bit < LAST_BIT ? bit : LAST_BIT, batch, scratch)) return SWEEP_FULL;
         if (batch == 1) candidates[kept++] = candidates[k];
     }
     if (batch == 1) *count = kept;
@@ -85,14 +85,14 @@ static int sweep(const SceneTables *scene, Scratch *scratch) {
         place_frames(t, scene, scratch);
         int contact;
         if (batch == 1) {
-            count = meet_obstacles(h, scene, scratch);
-            if (count >= 0) count = meet_bodies(count, h, scene, scratch);
+            count = add_obstacle_candidates(h, scene, scratch);
+            if (count >= 0) count = add_body_candidates(count, h, scene, scratch);
             contact = count < 0;
         } else {
-            contact = meet_again(count, head, taken, batch, h, scene, scratch);
+            contact = retest_candidates(count, head, taken, batch, h, scene, scratch);
         }
         if (contact) return SWEEP_CONTACT;
-        int answer = meet_by_directions(&count, batch, h, scene, scratch);
+        int answer = test_directions(&count, batch, h, scene, scratch);
         if (answer == SWEEP_CONTACT) return answer;
         if (answer == SWEEP_FULL || tail + 2 * LANES > scratch->interval_size) {
             // The open intervals may not fit: the whole edge is left to the exact kernel.

@@ -50,12 +50,12 @@ def with_fitting_axes(links: Sequence[Link], gltf: Mapping[str, tuple[float, ...
     ]
     (shapes, masses), (turned_shapes, turned_masses) = _misfit(links), _misfit(turned)
     # If all shapes are glTF meshes, they fit each other either way.
-    tells_nothing = np.isclose(shapes, turned_shapes)
-    if turned_masses < _BETTER * masses if tells_nothing else turned_shapes < _BETTER * shapes:
+    fit_either_way = np.isclose(shapes, turned_shapes)
+    if turned_masses < _BETTER * masses if fit_either_way else turned_shapes < _BETTER * shapes:
         log.warning(
             "%s: its glTF meshes are written with z up, not y as the format has it, to judge by %s; they are taken so",
             source,
-            "the centers of mass" if tells_nothing else "the other shapes of its links",
+            "the centers of mass" if fit_either_way else "the other shapes of its links",
         )
         return turned
     return links

@@ -277,7 +277,7 @@ class _Change:
 
     def _new_path(self, arm: str, pool: PathPool, goals: list[Array], number: int, time: float) -> AgentPath | None:
         """Another path: the straight line if there is none yet, then around others, or a random detour."""
-        others = self._standing(pool.agent, goals, number, time) if pool.paths else {}
+        others = self._stationary_arms(pool.agent, goals, number, time) if pool.paths else {}
         path, reason = pool.add(others, detour=bool(pool.paths) and not others, patient=not pool.paths)
         if not pool.paths:
             self._reason = f"{arm}: {reason}"
@@ -349,19 +349,19 @@ class _Change:
         """The bodies of an arm in a configuration, cached."""
         return kept_in(self._placements, (agent.arms, q.tobytes()), lambda: placed_configuration(agent.bodies, q))
 
-    def _standing(self, agent: Agent, goals: list[Array], number: int, time: float) -> dict[str, Array | None]:
+    def _stationary_arms(self, agent: Agent, goals: list[Array], number: int, time: float) -> dict[str, Array | None]:
         """Configurations of others that a path should avoid, by `number`: none, their goals, current ones, or none."""
-        standing: dict[str, Array | None] = {}
+        stationary: dict[str, Array | None] = {}
         if number not in (1, 2):
-            return standing
+            return stationary
         for other in self._others(agent.arms[0]):
             theirs = self._parts[other][-1].path
             where = theirs.goal if number == 1 else self.plan.configuration(other, time)
             there = self._placed(theirs.agent, where)
             ends = (self._placed(agent, end) for end in (agent.start, *goals))
             if all(are_apart(agent, end, theirs.agent, there, MARGINS[0]) for end in ends):
-                standing[other] = where
-        return standing
+                stationary[other] = where
+        return stationary
 
     # ---- among the others --------------------------------------------------------------------
 

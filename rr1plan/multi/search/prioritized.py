@@ -48,7 +48,7 @@ _DETOURS, _MOST_PATHS = 3, 12
 _QUARRELS = 2
 PLANNED_AS_ONE = 4
 """Largest number of agents of a group whose joint space is searched first."""
-_STANDING = 0.7  # fraction of the other arms that an arm's initial path avoids in later rounds of windows
+_STATIONARY = 0.7  # fraction of the other arms that an arm's initial path avoids in later rounds of windows
 _ROUNDS_OF_SAME_EFFORT = 4  # rounds of windows and sequential moves until their effort is doubled
 _ROUNDS_FIRST = 8  # rounds of windows and sequential moves before coordination diagrams are computed
 
@@ -309,14 +309,14 @@ class PrioritizedPlanner:
         pool = self._alone[arm]
         if effort == 0:
             return pool.paths[0]
-        standing: dict[str, Array | None] = {}
+        stationary: dict[str, Array | None] = {}
         for other in sorted(self._near[arm] & self._alone.keys()):
             theirs = self._alone[other]
             q = theirs.paths[0].goal if effort % 2 else theirs.agent.start
             # A random subset of the others varies the paths between rounds.
-            if self._rng.random() < _STANDING and self._leaves_ends_free(pool, theirs.agent, q):
-                standing[other] = q
-        path, _ = pool.add(standing) if standing else (None, "")
+            if self._rng.random() < _STATIONARY and self._leaves_ends_free(pool, theirs.agent, q):
+                stationary[other] = q
+        path, _ = pool.add(stationary) if stationary else (None, "")
         return path or pool.paths[0]
 
     def _adopt_windows(self, windows: CoupledWindows, sets: Sequence[tuple[str, ...]]) -> bool:
@@ -492,10 +492,10 @@ class PrioritizedPlanner:
         starts = {other: other.start for other in others}
         scheduled = {other: goals[other] if other in self.schedules else starts[other] for other in others}
         kinds = [goals, starts, scheduled, {}]
-        standing = kinds[number] if number < 3 else kinds[int(self._rng.integers(len(kinds)))]
+        stationary = kinds[number] if number < 3 else kinds[int(self._rng.integers(len(kinds)))]
         began = time.perf_counter()
         configurations: dict[str, Array | None] = {}
-        for other, q in standing.items():
+        for other, q in stationary.items():
             if self._leaves_ends_free(self.pools[agent], other, q):
                 configurations.update(self._split(other, q))
         by_chance = number >= 3 or not configurations

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
+from rr1plan.model.kinematic_chain import turned_to
 from rr1plan.playback.cloud_boxes import cloud_boxes
 from rr1plan.playback.simulation.collision_bits import OTHERS, PLANES, collision_bits
 from rr1plan.robot import Geometry, Inertial, Joint, Link
@@ -382,7 +383,7 @@ class _Builder:
                     "type": kinds.mjGEOM_PLANE,
                     "size": [1, 1, 1],
                     "offset": normal * shape.offset,
-                    "turn": _frame_along(normal),
+                    "turn": turned_to(normal)[:3, :3],
                 }
             case Mesh():
                 for name in self._mesh_names(shape):
@@ -485,14 +486,6 @@ def _offset(xyz: ArrayLike | None) -> Array:
     if xyz is not None:
         T[:3, 3] = xyz
     return T
-
-
-def _frame_along(normal: Array) -> Array:
-    """A rotation matrix whose z axis is `normal` (3,)."""
-    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    x = np.cross(helper, normal)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(normal, x), normal])
 
 
 def _joint_inertia(model: mujoco.MjModel) -> Array:
