@@ -294,6 +294,9 @@ class SequenceSearch:
         if (start == end).all():
             return PlannedSegment(segment), after
         checker = CollisionChecker(own, [name])
+        if not checker.is_free(start):
+            self._fail(k, PlanStatus.INVALID_START, f"the start is in collision: {describe_collision(checker, start)}")
+            return None
         if not checker.edge_is_free(start, end):
             contact = checker.first_contact(start, end)
             where = end if contact is None else contact.q + 1e-3 * (end - start)

@@ -201,11 +201,24 @@ def test_reasons(table: rp.Scene, segments: list, failed: int, said: str) -> Non
 
 def test_fingers_that_open_against_a_neighbor_are_refused(table: rp.Scene) -> None:
     T = table.link_poses()["arm/tool"]
-    beside = table.with_obstacle("wall", rp.Box((0.01, 0.05, 0.05)), T @ rp.transforms.pose([0.035, 0.0, 0.02]))
+    beside = table.with_obstacle("wall", rp.Box((0.01, 0.05, 0.05)), T @ rp.transforms.pose([0.041, 0.0, 0.02]))
     plan = plan_of(beside, rp.MoveGripper("open"))
     assert plan.reason.startswith("segment 1 (gripper to 'open') not found: collision: ")
     assert "'wall'" in plan.reason
     assert plan_of(beside, rp.MoveGripper("open", allow=[("arm", "wall")]))
+
+
+@pytest.mark.parametrize(
+    "segment", [rp.MoveGripper("open"), rp.FreeMotion("home"), rp.StraightLine(offset=[0, 0, 0.02])]
+)
+def test_a_start_in_collision_is_named(
+    table: rp.Scene, segment: rp.MoveGripper | rp.FreeMotion | rp.StraightLine
+) -> None:
+    T = table.link_poses()["arm/tool"]
+    plan = plan_of(table.with_obstacle("wall", rp.Box((0.3, 0.3, 0.02)), T[:3, 3]), segment)
+    assert plan.status is rp.PlanStatus.INVALID_START
+    assert "the start is in collision: " in plan.reason
+    assert "'wall'" in plan.reason
 
 
 def test_a_budget_ends_the_search(table: rp.Scene) -> None:
