@@ -36,6 +36,7 @@
 #include "rrt_connect.c"
 #include "check_endpoints.c"
 #include "shortcut.c"
+#include "replan_arm.c"
 #include "roadmap.c"
 #include "astar.c"
 #include "polyline.c"

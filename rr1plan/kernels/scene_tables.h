@@ -137,6 +137,9 @@ typedef struct {
     ExactScratch *exact;
     int64_t edge;        // number of the current edge
     int64_t has_free_end;  // 1 if an end of the edge is known to be free: so are pairs without relative motion
+    // Columns of the only arm whose pairs are open, all other pairs are known to be free; last column 0: any pair is.
+    int64_t first_open_column;
+    int64_t last_open_column;  // one past
     int64_t open_count;  // of `open`; -1: the whole edge is left to the exact kernel
     int64_t batches;     // of eight intervals
     double middles[8];

@@ -18,6 +18,7 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.arm_replanning import ArmReplanner
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.paced_polyline import PacedPolyline
 from rr1plan.multi.paths.path_changes import changed_waypoints
@@ -276,12 +277,16 @@ def test_refined_paths_are_those_that_certify_every_change_whole() -> None:
     agent = path.agent
     assert len(agent.arms) == 4
     with checker_from_pool(agent.question({}, 0.0).scene, agent.arms) as checker:
-        refined = PathRefiner(checker, np.random.default_rng(5)).refine(path, 150, lambda: True)
+        refined = PathRefiner(checker, np.random.default_rng(5)).refine(path, lambda: True, rounds=2)
         # Each change is certified first, and nothing is remembered.
         rng, best = np.random.default_rng(5), clean(path.path.waypoints)
-        arms = list(agent.columns.values())
-        for _ in range(150):
-            points = clean(PacedPolyline(best, agent.limits, arms).changed(rng))
+        arms, replanner = list(agent.columns.values()), ArmReplanner(agent, checker)
+        for k in range(2 * 4 * 21):
+            if k % (4 * 21) < 4 * 4:
+                changed = replanner.replanned(best, rng)
+            else:
+                changed = PacedPolyline(best, agent.limits, arms).changed(rng)
+            points = best if changed is None else clean(changed)
             if not all(checker.edge_is_free(a, b) for a, b in pairwise(points)):
                 continue
             if _slow_duration(points, agent, checker) < _slow_duration(best, agent, checker):

@@ -13,7 +13,7 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.paths.time_shortcuts import joint_times, shorten_in_time
+from rr1plan.multi.paths.hop_timing import joint_times
 from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.search.sequential_moves import SequentialMoves, _at
 from rr1plan.multi.stopwatch import Stopwatch
@@ -131,39 +131,6 @@ def test_a_goal_in_contact_is_not_reached(planar2r: rp.Robot) -> None:
 
 def test_a_deadline_ends_the_search(planar2r: rp.Robot) -> None:
     assert not list(_moves(_ring(planar2r, 5), 0, seconds=0.0).paths())
-
-
-def test_arms_that_moved_in_turn_move_at_the_same_time(planar2r: rp.Robot) -> None:
-    scene = rp.Scene()
-    for k in range(3):
-        scene = scene.with_arm(f"arm{k}", planar2r, (5.0 * k, 0.0, 0.0))
-    arms = ("arm0", "arm1", "arm2")
-    problem = rp.Problem(scene, {arm: [0.0, 0.0] for arm in arms}, {arm: [1.0, 0.5] for arm in arms})
-    points = np.repeat(problem.start[None], 4, axis=0)
-    for k in range(3):
-        points[k + 1 :, 2 * k : 2 * k + 2] = 1.0, 0.5
-    checker = CollisionChecker(scene, arms)
-    made = shorten_in_time(points, Agent(problem, arms), checker, np.random.default_rng(0), Stopwatch(60.0), 2000)
-    np.testing.assert_array_equal(made[[0, -1]], points[[0, -1]])
-    # A third of the way, up to what random instants leave at both ends.
-    assert np.abs(np.diff(made, axis=0)).max(axis=1).sum() < 0.4 * np.abs(np.diff(points, axis=0)).max(axis=1).sum()
-
-
-@pytest.mark.parametrize("seed", [0, 1])
-def test_shortcuts_in_time_are_certified_and_faster(planar2r: rp.Robot, seed: int) -> None:
-    problem = _ring(planar2r, 4)
-    moves = _moves(problem, seed)
-    retreats = moves._retreats.find()
-    assert retreats is not None
-    # The longest way.
-    points = moves._by_all_retreats(retreats, 0)
-    assert points is not None
-    checker = CollisionChecker(problem.scene, problem.arms)
-    agent, rng = Agent(problem, problem.arms), np.random.default_rng(seed)
-    made = shorten_in_time(points, agent, checker, rng, Stopwatch(60.0), 600)
-    _check_path(problem, made)
-    before, after = (np.abs(np.diff(p, axis=0)).max(axis=1).sum() for p in (points, made))
-    assert after < 0.8 * before
 
 
 def test_a_ring_that_windows_leave_open_is_solved_the_same_way_twice(rr1: rp.Robot, assert_safe: Check) -> None:

@@ -49,6 +49,20 @@ BLENDED = HopTiming()
 """Rounded corners, without torque limits: the default."""
 
 
+def joint_times(steps: Array, limits: Limits) -> Array:
+    """Duration of each joint's motion from rest to rest over some differences [s], shape (n, nq).
+
+    Args:
+        steps: Differences, shape (n, nq).
+        limits: Limits of the joints; a missing limit counts as 1.
+    """
+    velocity, acceleration = (np.where(np.isfinite(most), most, 1.0) for most in (limits.velocity, limits.acceleration))
+    far = np.abs(steps)
+    ramps = 2.0 * np.sqrt(far / acceleration)
+    cruises = far / velocity + velocity / acceleration
+    return np.asarray(np.where(far * acceleration > velocity**2, cruises, ramps))
+
+
 def jerk_limited_line(start: Array, direction: Array, length: float, limits: Limits) -> Pieces:
     """The fastest jerk-limited motion on a straight line, from rest to rest.
 

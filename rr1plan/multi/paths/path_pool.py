@@ -17,7 +17,6 @@ from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_refinement import PathRefiner
-from rr1plan.multi.paths.time_shortcuts import shorten_in_time
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
 from rr1plan.planners import RrtConnect, plan
@@ -27,10 +26,6 @@ from rr1plan.scene.problem import JointGoal, Problem
 
 _SHORTCUTS = 48
 _ITERATIONS = 2000  # of the planner, per arm of an agent
-# Rounds of shortcuts in time, and tries in each, per arm of an agent.
-_ROUNDS_IN_TIME, _SHORTCUTS_IN_TIME = 2, 25
-CHANGES = 50
-"""Number of random changes in the refinement of a path, per arm of an agent."""
 _NO_LIMIT = 2**62
 _SAMPLES = 20  # random configurations tried as intermediate point
 
@@ -122,41 +117,17 @@ class PathPool:
         self.paths.append(path)
         return path
 
-    def add_faster(self, path: AgentPath) -> AgentPath:
-        """Add a path made from another one by shortcuts in time; a path with few waypoints may not get faster.
-
-        Args:
-            path: A path of the agent.
-
-        Raises:
-            RetimingError: it cannot be timed under the limits.
-        """
-        question, points = self.agent.question({}, self.margin), path.path.waypoints
-        with checker_from_pool(question.scene, question.arms, self.margin) as checker:
-            # Alternating with shortcuts that save length, and thereby corners, which cost time.
-            for _ in range(_ROUNDS_IN_TIME if self._watch.goes_on() else 0):
-                attempts = _SHORTCUTS_IN_TIME * len(self.agent.arms)
-                points = shorten_in_time(points, self.agent, checker, self._rng, self._watch, attempts)
-                points = shorten(
-                    Path(self.agent.joint_names, points),
-                    question.scene,
-                    checker=checker,
-                    iterations=attempts // 2,
-                    seconds=self._watch.time_left,
-                    rng=self._rng,
-                ).waypoints
-        return self.add_shortened([Path(self.agent.joint_names, points)])
-
-    def add_refined(self, path: AgentPath) -> AgentPath:
-        """Add a path made from another one by random changes that save time, or the same path if none does.
+    def add_refined(self, path: AgentPath, enough: float) -> AgentPath:
+        """Add a path made from another one by changes that save time, or the same path if none does.
 
         Args:
             path: A path of the agent, of several arms.
+            enough: Duration that is not reduced further [s].
         """
         question = self.agent.question({}, self.margin)
         with checker_from_pool(question.scene, question.arms, self.margin) as checker:
             refiner = PathRefiner(checker, self._rng)
-            made = refiner.refine(path, CHANGES * len(self.agent.arms), self._watch.goes_on)
+            made = refiner.refine(path, self._watch.goes_on, enough)
         self.paths.append(made)
         return made
 

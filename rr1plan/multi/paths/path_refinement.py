@@ -1,5 +1,6 @@
-"""Certified random changes of an agent's path; those that save time are kept.
+"""Certified changes of an agent's path; those that save time are kept.
 
+Of several arms, one is given another motion among all others (`arm_replanning.py`), in turn with random changes.
 A change is timed before it is certified, with corners as round as their edges allow, because most changes save nothing.
 Most edges and corners of a changed path belong to the previous path, so each is certified once.
 """
@@ -16,12 +17,15 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import LARGEST_BLEND, AgentPath
+from rr1plan.multi.paths.arm_replanning import ArmReplanner
 from rr1plan.multi.paths.paced_polyline import PacedPolyline
 from rr1plan.multi.paths.path_changes import changed_waypoints
 from rr1plan.path import Path
 from rr1plan.retiming.path_blends import CurveChecker, blend_sizes, clean
 from rr1plan.retiming.path_speed import rounded_duration
 
+# Rounds of refinement; in each, for each arm, other motions of one arm and random changes that are tried.
+_ROUNDS, _REPLANS, _CHANGES = 4, 4, 17
 # Intervals of each line and each rounded corner in an estimate of a duration: 1 to 3 % longer than on a path's
 # own grid, which takes ten times as long.
 _INTERVALS = 2
@@ -65,21 +69,30 @@ class PathRefiner:
             return None
         return made if made.fastest < longest else None
 
-    def refine(self, path: AgentPath, changes: int, goes_on: Callable[[], bool]) -> AgentPath:
-        """The path of several arms after random changes, keeping those that save time.
+    def refine(
+        self, path: AgentPath, goes_on: Callable[[], bool], enough: float = 0.0, rounds: int = _ROUNDS
+    ) -> AgentPath:
+        """The path of several arms after changes, keeping those that save time.
 
         Args:
             path: A certified path.
-            changes: Largest number of changes to try.
             goes_on: Whether there is time for another change.
+            enough: Duration that is not reduced further [s].
+            rounds: How often to give single arms other motions, and then to try random changes.
         """
         agent = path.agent
         best = PacedPolyline(clean(path.path.waypoints), agent.limits, list(agent.columns.values()))
         duration = estimated_duration(best.points, agent, self._checker)
-        for _ in range(changes):
-            if len(best.points) <= 2 or not goes_on():
+        replanner = ArmReplanner(agent, self._checker.checker)
+        searches, changes = (count * len(agent.arms) for count in (_REPLANS, _CHANGES))
+        for k in range(rounds * (searches + changes)):
+            if duration <= enough or len(best.points) <= 2 or not goes_on():
                 break
-            points = clean(best.changed(self._rng))
+            search = k % (searches + changes) < searches
+            changed = replanner.replanned(best.points, self._rng) if search else best.changed(self._rng)
+            if changed is None:
+                continue
+            points = clean(changed)
             if estimated_duration(points, agent, None) >= duration or not self._edges_are_free(points):
                 continue
             certified = estimated_duration(points, agent, self._checker)
@@ -112,18 +125,18 @@ class _RememberingChecker:
     """A checker that certifies each edge and each rounded corner once."""
 
     def __init__(self, checker: CollisionChecker) -> None:
-        self._checker = checker
+        self.checker = checker
         self._edges: dict[tuple[bytes, bytes], bool] = {}
         self._curves: dict[tuple[bytes, float], bool] = {}
 
     def edge_is_free(self, begin: Array, end: Array) -> bool:
         key = begin.tobytes(), end.tobytes()
         if key not in self._edges:
-            self._edges[key] = self._checker.edge_is_free(begin, end)
+            self._edges[key] = self.checker.edge_is_free(begin, end)
         return self._edges[key]
 
     def polynomial_is_free(self, coefficients: Array, duration: float) -> bool:
         key = coefficients.tobytes(), duration
         if key not in self._curves:
-            self._curves[key] = self._checker.polynomial_is_free(coefficients, duration)
+            self._curves[key] = self.checker.polynomial_is_free(coefficients, duration)
         return self._curves[key]

@@ -21,7 +21,7 @@ from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.composite_waypoints import composite_waypoints, waypoints_of_arm
-from rr1plan.multi.paths.path_pool import CHANGES, PathPool
+from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.paths.path_refinement import PathRefiner
 from rr1plan.multi.plan_quality import PlanQuality, plan_quality
 from rr1plan.multi.preflight import affordable_margin
@@ -42,7 +42,7 @@ _PATHS = 6
 # Random shortcuts of a path that is composed from schedules.
 _SHORTCUTS = 120
 # New paths slower than the plan by more than this ratio are not refined, because refinement saves less.
-_WORTH_REFINING = 1.3
+_WORTH_REFINING = 1.5
 # Probabilities of choosing the agent that arrives last, and of adding a new path to a neighborhood.
 _LAST_FIRST, _NEW_PATH = 0.7, 0.5
 # Moves between two removals of unused diagrams.
@@ -352,7 +352,7 @@ class PlanImprover:
             return False
         pool = PathPool(whole, margin, self._rng, watch)
         try:
-            path = pool.add_faster(pool.add_shortened([Path(whole.joint_names, points)]))
+            path = pool.add_shortened([Path(whole.joint_names, points)])
         except RetimingError:
             return False
         if path.fastest > _WORTH_REFINING * self.schedules[whole].arrival:
@@ -360,9 +360,9 @@ class PlanImprover:
         return self._schedule(whole, [self._refined(path)])
 
     def _refined(self, path: AgentPath) -> AgentPath:
-        """A path of several arms after random changes that save time."""
+        """A path of several arms after changes that save time."""
         with self._refiner(path.agent) as refiner:
-            return refiner.refine(path, CHANGES * len(path.agent.arms), self._goes_on)
+            return refiner.refine(path, self._goes_on)
 
     def _move_apart(self) -> bool:
         """Schedule the arms of an agent separately on their parts of its path, as they are or with shortcuts."""

@@ -413,19 +413,16 @@ class PrioritizedPlanner:
                 self.schedules = before
 
     def _hasten(self) -> None:
-        """Speed up the paths of meta-agents: first overlap the motions of arms that move one after the other."""
+        """Make the paths of meta-agents faster."""
         limit, began = self.slowest_alone() * (1.0 + _GOOD_ENOUGH), time.perf_counter()
         for agent in [agent for agent in self.agents if len(agent.arms) > 1]:
-            pool = self.pools[agent]
-            for faster in (pool.add_faster, pool.add_refined):
-                before = self.schedules[agent]
-                if before.arrival <= limit or not self._watch.goes_on():
-                    break
-                with suppress(RetimingError):
-                    path = faster(before.path)
-                    found = self._timed(path, self._others(agent)) if path.fastest < before.arrival else None
-                    if found is not None and found.arrival < before.arrival:
-                        self.schedules[agent] = found
+            before = self.schedules[agent]
+            if before.arrival <= limit or not self._watch.goes_on():
+                continue
+            path = self.pools[agent].add_refined(before.path, limit)
+            found = self._timed(path, self._others(agent)) if path.fastest < before.arrival else None
+            if found is not None and found.arrival < before.arrival:
+                self.schedules[agent] = found
         self.statistics.add_time("paths", began)
 
     @property

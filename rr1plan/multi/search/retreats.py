@@ -17,8 +17,8 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.model.joint_space import Space
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.hop_timing import joint_times
 from rr1plan.multi.paths.placed_path import placed_configurations
-from rr1plan.multi.paths.time_shortcuts import joint_times
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import conflicts
 

@@ -6,7 +6,7 @@ its retreat. Several random orders are tried, forward from the starts and backwa
 all withdraw, from the starts and from the goals, like parts in assembly planning by disassembly (Wilson and Latombe,
 Geometric reasoning about mechanical assembly, 1994): the moves from the goals, reversed, lead to the goals. Arms that
 block each other withdraw as one. Finally, each move is started as early as possible during the moves before it. The
-results are paths in the joint space of all arms; `time_shortcuts.py` makes one of them faster.
+results are paths in the joint space of all arms; `path_refinement.py` makes one of them faster.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.kernels.random_state import random_state
 from rr1plan.model.joint_space import Space
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.hop_timing import joint_times
 from rr1plan.multi.paths.path_refinement import estimated_duration
-from rr1plan.multi.paths.time_shortcuts import joint_times
 from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.path import Path
