@@ -18,8 +18,8 @@ from rr1plan.multi.agents import Agent
 _SAMPLES, _SHORTCUTS = 60, 15
 # A new motion has to take less than this share of the present duration.
 _SAVING = 0.9
-# Least weight of an arm in the choice; the weight is the share of the duration that only this arm needs.
-_LEAST = 0.01
+# An arm is replanned only if the others need less than this share of the present duration.
+_OTHERS = 0.99
 
 
 class ArmReplanner:
@@ -51,8 +51,11 @@ class ArmReplanner:
         duration = float(slowest.max(axis=1).sum())
         # Durations of the edges for the other arms of each arm.
         others = np.column_stack([np.delete(slowest, k, axis=1).max(axis=1) for k in range(len(self._columns))])
-        weights = 1.0 - others.sum(axis=0) / duration + _LEAST
-        arm = int(rng.choice(len(weights), p=weights / weights.sum()))
+        gains = duration - others.sum(axis=0)
+        gains[gains < (1.0 - _OTHERS) * duration] = 0.0
+        if gains.sum() == 0.0:
+            return None
+        arm = int(rng.choice(len(gains), p=gains / gains.sum()))
         own = self._columns[arm]
         times = np.concatenate([[0.0], np.cumsum(others[:, arm])])
         alone = float((np.abs(points[-1, own] - points[0, own]) / self._velocity[own]).max())

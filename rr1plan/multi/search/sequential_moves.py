@@ -40,8 +40,8 @@ _MOST_TOGETHER, _MOST_SETS = 3, 12
 # Longest edge of the trees and radius of sampling around vertices with a blocked edge, as fractions of the diagonal of
 # the moving joints' space.
 _STEP, _DOMAIN = 0.06, 0.3
-# Attempts at paths on which some arms withdraw, each with other retreats, backward and forward, and the largest
-# expected fraction of arms that withdraw first.
+# Attempts at paths on which some arms withdraw, each with other retreats, backward and forward: as many as arms, but at
+# most this number; and the largest expected fraction of arms that withdraw first.
 _ATTEMPTS, _LARGEST_SHARE = 8, 0.5
 # Attempts at paths on which all arms withdraw, if no others were found.
 _ATTEMPTS_OF_ALL = 3
@@ -87,7 +87,7 @@ class SequentialMoves:
             effort: How often to double the maximum number of samples of a move when all arms withdraw.
         """
         found = False
-        for _ in range(_ATTEMPTS):
+        for _ in range(min(_ATTEMPTS, len(self._columns))):
             retreats = self._retreats.find()
             if retreats is None:
                 return
