@@ -20,6 +20,8 @@ from rr1plan.collision import CollisionChecker, TimedChecker
 from rr1plan.collision.edge_kernel import EdgeKernel, ExactKernel
 from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.kernels.planner_kernels import LIBRARY, load_library
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.arm_replanning import ArmReplanner
 from rr1plan.planners import Roadmap, RrtConnect
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
@@ -107,6 +109,17 @@ def plans():
         yield roadmap.plan(problem, budget=COUNTED, rng=0).path_or_raise().waypoints.tobytes()
 
 
+def other_motions():
+    """Motions of one of two arms among those of the other one."""
+    problem = rp.load_problems("rr1_pair")["both_reach_out"]
+    path = RrtConnect().plan(problem, budget=COUNTED, rng=3).path_or_raise()
+    checker = CollisionChecker(problem.scene, problem.arms)
+    replanner, rng = ArmReplanner(Agent(problem, problem.arms), checker), np.random.default_rng(4)
+    for _ in range(12):
+        made = replanner.replanned(path.waypoints, rng)
+        yield None if made is None else made.tobytes()
+
+
 def solutions():
     """Inverse kinematics of positions, poses and regions."""
     scene = rp.load_scene("rr1_table")
@@ -119,7 +132,7 @@ def solutions():
 
 
 def answers():
-    return [*edges(), *timed_edges(), *plans(), *solutions()]
+    return [*edges(), *timed_edges(), *plans(), *other_motions(), *solutions()]
 
 
 def main() -> int:

@@ -64,8 +64,9 @@ COUPLED_FIRST = 16
 _MOST_TOGETHER = 4
 # Evictions per agent between two rounds of windows and sequential moves.
 _EVICTIONS = 3
-# Improvement stops at a makespan this close to its lower bound; smallest reduction that counts [ratios].
-_GOOD_ENOUGH, _LEAST_GAIN = 0.15, 0.005
+# A makespan this close to its lower bound is not improved; improvement of a path stops even closer to it; smallest
+# reduction that counts [ratios].
+_GOOD_ENOUGH, _CLOSE, _LEAST_GAIN = 0.15, 0.05, 0.005
 _NEIGHBORHOOD = 3  # largest number of agents that are rescheduled together with the last one
 
 
@@ -414,12 +415,12 @@ class PrioritizedPlanner:
 
     def _hasten(self) -> None:
         """Make the paths of meta-agents faster."""
-        limit, began = self.slowest_alone() * (1.0 + _GOOD_ENOUGH), time.perf_counter()
+        alone, began = self.slowest_alone(), time.perf_counter()
         for agent in [agent for agent in self.agents if len(agent.arms) > 1]:
             before = self.schedules[agent]
-            if before.arrival <= limit or not self._watch.goes_on():
+            if before.arrival <= alone * (1.0 + _GOOD_ENOUGH) or not self._watch.goes_on():
                 continue
-            path = self.pools[agent].add_refined(before.path, limit)
+            path = self.pools[agent].add_refined(before.path, alone * (1.0 + _CLOSE))
             found = self._timed(path, self._others(agent)) if path.fastest < before.arrival else None
             if found is not None and found.arrival < before.arrival:
                 self.schedules[agent] = found
