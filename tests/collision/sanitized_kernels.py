@@ -21,7 +21,8 @@ from rr1plan.collision.edge_kernel import EdgeKernel, ExactKernel
 from rr1plan.collision.tables.edge_tables import build_edge_tables
 from rr1plan.kernels.planner_kernels import LIBRARY, load_library
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.paths.arm_replanning import ArmReplanner
+from rr1plan.multi.paths.arm_replanning import replanned
+from rr1plan.multi.paths.paced_polyline import PacedPolyline
 from rr1plan.planners import Roadmap, RrtConnect
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
@@ -114,9 +115,10 @@ def other_motions():
     problem = rp.load_problems("rr1_pair")["both_reach_out"]
     path = RrtConnect().plan(problem, budget=COUNTED, rng=3).path_or_raise()
     checker = CollisionChecker(problem.scene, problem.arms)
-    replanner, rng = ArmReplanner(Agent(problem, problem.arms), checker), np.random.default_rng(4)
+    agent, rng = Agent(problem, problem.arms), np.random.default_rng(4)
+    polyline = PacedPolyline(path.waypoints, agent.limits, list(agent.columns.values()))
     for _ in range(12):
-        made = replanner.replanned(path.waypoints, rng)
+        made = replanned(polyline, checker, rng)
         yield None if made is None else made.tobytes()
 
 

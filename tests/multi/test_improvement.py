@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from blocked_arms import planar_ring, sequential_moves
 
 import rr1plan as rp
 from rr1plan import dual_arm_shelf, plan_many_arms, random_grid, ring_swap
@@ -18,15 +19,13 @@ from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
-from rr1plan.multi.paths.arm_replanning import ArmReplanner
+from rr1plan.multi.paths.arm_replanning import replanned
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.paced_polyline import PacedPolyline
 from rr1plan.multi.paths.path_changes import changed_waypoints
 from rr1plan.multi.paths.path_refinement import PathRefiner, estimated_duration
 from rr1plan.multi.portfolio import merged_trajectory
 from rr1plan.multi.search.improvement import PlanImprover
-from rr1plan.multi.search.retreats import RetreatSearch
-from rr1plan.multi.search.sequential_moves import SequentialMoves
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
 from rr1plan.planning import Budget, PlanStatus
@@ -96,29 +95,16 @@ def test_a_motion_that_waits_gets_shorter() -> None:
     assert result.ratio < 1.05
 
 
-def _cycle(planar2r: rp.Robot, count: int) -> rp.Problem:
-    """Arms in a ring, all tilted one way; each goal, tilted the other way, crosses the next one's start."""
-    scene, start, goal = rp.Scene(), {}, {}
-    for k in range(count):
-        angle, name = 2.0 * np.pi * k / count, f"arm{k}"
-        scene = scene.with_arm(name, planar2r, (1.7 * np.cos(angle), 1.7 * np.sin(angle), 0.0))
-        start[name], goal[name] = [angle + np.pi + 0.35, 0.0], [angle + np.pi - 0.35, 0.0]
-    return rp.Problem(scene, start, goal)
-
-
 def _moves_in_turn(problem: rp.Problem, rng: int) -> PlanImprover:
     """An improver of the plan in which all arms move one at a time, as they are found."""
-    near = arms_in_reach(problem.scene, problem.arms, 0.0)
     agent, watch, generator = Agent(problem, problem.arms), Stopwatch(math.inf), np.random.default_rng(rng)
-    goals = [goal.q for arm in problem.arms for goal in problem.goal[arm] if isinstance(goal, rp.JointGoal)]
-    goal, single = np.concatenate(goals), {arm: Agent(problem, [arm]) for arm in problem.arms}
-    retreats = RetreatSearch(agent, goal, single, near, 0.0, generator, watch)
-    points = next(SequentialMoves(agent, goal, retreats, 0.0, generator, watch).paths(), None)
+    points = next(sequential_moves(problem, generator).paths(), None)
     assert points is not None
     with checker_from_pool(agent.question({}, 0.0).scene, agent.arms) as checker:
         path = AgentPath(agent, rp.Path(agent.joint_names, points), checker)
     schedule = earliest_schedule(path, blocked_times(path, []))
     assert schedule is not None
+    near = arms_in_reach(problem.scene, problem.arms, 0.0)
     return PlanImprover([schedule], near, dict.fromkeys(problem.arms, 0.0), {}, generator, watch)
 
 
@@ -248,7 +234,7 @@ def test_changed_polylines_keep_their_ends_and_the_limits(rr1: rp.Robot) -> None
 
 
 def test_random_changes_make_the_path_of_many_arms_faster(planar2r: rp.Robot) -> None:
-    problem = _cycle(planar2r, 5)
+    problem = planar_ring(planar2r, 5)
     improver = _moves_in_turn(problem, rng=2)
     (agent,) = improver.schedules
     before = improver.schedules[agent]
@@ -280,12 +266,11 @@ def test_refined_paths_are_those_that_certify_every_change_whole() -> None:
         refined = PathRefiner(checker, np.random.default_rng(5)).refine(path, lambda: True, rounds=2)
         # Each change is certified first, and nothing is remembered.
         rng, best = np.random.default_rng(5), clean(path.path.waypoints)
-        arms, replanner = list(agent.columns.values()), ArmReplanner(agent, checker)
-        for k in range(2 * 4 * 21):
-            if k % (4 * 21) < 4 * 4:
-                changed = replanner.replanned(best, rng)
-            else:
-                changed = PacedPolyline(best, agent.limits, arms).changed(rng)
+        arms = list(agent.columns.values())
+        # Two rounds; for each of four arms, four searches and then seventeen random changes.
+        for search in 2 * ([True] * 16 + [False] * 68):
+            polyline = PacedPolyline(best, agent.limits, arms)
+            changed = replanned(polyline, checker, rng) if search else polyline.changed(rng)
             points = best if changed is None else clean(changed)
             if not all(checker.edge_is_free(a, b) for a, b in pairwise(points)):
                 continue

@@ -1,4 +1,4 @@
-"""Groups whose arms move one at a time by way of retreats, and the shortcuts that let them move at the same time."""
+"""Groups whose arms move one at a time by way of retreats."""
 
 from __future__ import annotations
 
@@ -7,50 +7,22 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from blocked_arms import goal_configuration, planar_ring, sequential_moves
 
 import rr1plan as rp
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.hop_timing import joint_times
-from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.search.sequential_moves import SequentialMoves, _at
-from rr1plan.multi.stopwatch import Stopwatch
 
 Check = Callable[..., None]
-
-
-def _ring(planar2r: rp.Robot, count: int) -> rp.Problem:
-    """Arms in a ring, all tilted one way; each goal, tilted the other way, crosses the next one's start."""
-    scene = rp.Scene()
-    start, goal = {}, {}
-    for k in range(count):
-        angle = 2.0 * np.pi * k / count
-        name = f"arm{k}"
-        scene = scene.with_arm(name, planar2r, (1.7 * np.cos(angle), 1.7 * np.sin(angle), 0.0))
-        start[name], goal[name] = [angle + np.pi + 0.35, 0.0], [angle + np.pi - 0.35, 0.0]
-    return rp.Problem(scene, start, goal)
-
-
-def _goal(problem: rp.Problem) -> Array:
-    goals = [goal.q for arm in problem.arms for goal in problem.goal[arm] if isinstance(goal, rp.JointGoal)]
-    return np.concatenate(goals)
-
-
-def _moves(problem: rp.Problem, seed: int, seconds: float = 60.0) -> SequentialMoves:
-    near = arms_in_reach(problem.scene, problem.arms, 0.0)
-    single = {arm: Agent(problem, [arm]) for arm in problem.arms}
-    rng, watch = np.random.default_rng(seed), Stopwatch(seconds)
-    agent, goal = Agent(problem, problem.arms), _goal(problem)
-    retreats = RetreatSearch(agent, goal, single, near, 0.0, rng, watch)
-    return SequentialMoves(agent, goal, retreats, 0.0, rng, watch)
 
 
 def _check_path(problem: rp.Problem, points: Array) -> None:
     """From the start to the goal, up to whole turns, and free between by the certificate on Coal's distances."""
     np.testing.assert_array_equal(points[0], problem.start)
-    turns = (points[-1] - _goal(problem)) / (2.0 * np.pi)
+    turns = (points[-1] - goal_configuration(problem)) / (2.0 * np.pi)
     np.testing.assert_allclose(turns, turns.round(), atol=1e-12)
     checker = CollisionChecker(problem.scene, problem.arms)
     assert all(checker.edge_is_free_slowly(a, b) for a, b in pairwise(points))
@@ -59,8 +31,8 @@ def _check_path(problem: rp.Problem, points: Array) -> None:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize("count", [3, 5])
 def test_arms_that_block_each_other_in_a_cycle_go_by_way_of_retreats(planar2r: rp.Robot, count: int, seed: int) -> None:
-    problem = _ring(planar2r, count)
-    found = list(_moves(problem, seed).paths())
+    problem = planar_ring(planar2r, count)
+    found = list(sequential_moves(problem, seed).paths())
     assert found
     for points in found:
         _check_path(problem, points)
@@ -76,8 +48,8 @@ def test_an_arm_withdraws_only_where_none_can_move_to_its_goal(planar2r: rp.Robo
     for k in range(4):
         scene = scene.with_arm(f"arm{k}", planar2r, (5.0 * k, 0.0, 0.0))
     problem = rp.Problem(scene, {arm: [0.0, 0.0] for arm in scene.arms}, {arm: [1.0, 0.5] for arm in scene.arms})
-    begin, end = (_goal(problem), problem.start) if back else (problem.start, _goal(problem))
-    moves = _moves(problem, 0)
+    begin, end = (goal_configuration(problem), problem.start) if back else (problem.start, goal_configuration(problem))
+    moves = sequential_moves(problem, 0)
     checker = CollisionChecker(scene, problem.arms)
     for _ in range(10):
         made = moves._moves_to(checker, begin, end, begin + 0.1)
@@ -91,16 +63,16 @@ def test_an_arm_withdraws_only_where_none_can_move_to_its_goal(planar2r: rp.Robo
 def test_where_some_retreats_are_not_enough_all_arms_withdraw(
     planar2r: rp.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    problem = _ring(planar2r, 4)
+    problem = planar_ring(planar2r, 4)
     monkeypatch.setattr(SequentialMoves, "_by_some_retreats", lambda *_, **__: None)
-    found = list(_moves(problem, 0).paths())
+    found = list(sequential_moves(problem, 0).paths())
     assert len(found) == 3
     for points in found:
         _check_path(problem, points)
 
 
 def test_the_same_seed_gives_the_same_moves(planar2r: rp.Robot) -> None:
-    first, second = (list(_moves(_ring(planar2r, 4), 7).paths()) for _ in range(2))
+    first, second = (list(sequential_moves(planar_ring(planar2r, 4), 7).paths()) for _ in range(2))
     assert len(first) == len(second) > 1
     for one, two in zip(first, second, strict=True):
         np.testing.assert_array_equal(one, two)
@@ -119,18 +91,18 @@ def test_a_polyline_is_where_each_of_its_columns_is() -> None:
 
 
 def test_a_goal_in_contact_is_not_reached(planar2r: rp.Robot) -> None:
-    problem = _ring(planar2r, 3)
-    crossed = dict(zip(problem.arms, np.split(_goal(problem), 3), strict=True))
+    problem = planar_ring(planar2r, 3)
+    crossed = dict(zip(problem.arms, np.split(goal_configuration(problem), 3), strict=True))
     crossed["arm0"] = problem.scene.split(problem.start, problem.arms)["arm0"]
     scene = problem.scene.with_obstacle("ball", rp.Sphere(0.1), (0.7, 0.25, 0.0))
     starts = problem.scene.split(problem.start, problem.arms)
     blocked = rp.Problem(scene, starts, crossed)
-    assert not CollisionChecker(scene, blocked.arms).is_free(_goal(blocked))
-    assert not list(_moves(blocked, 0).paths())
+    assert not CollisionChecker(scene, blocked.arms).is_free(goal_configuration(blocked))
+    assert not list(sequential_moves(blocked, 0).paths())
 
 
 def test_a_deadline_ends_the_search(planar2r: rp.Robot) -> None:
-    assert not list(_moves(_ring(planar2r, 5), 0, seconds=0.0).paths())
+    assert not list(sequential_moves(planar_ring(planar2r, 5), 0, seconds=0.0).paths())
 
 
 def test_a_ring_that_windows_leave_open_is_solved_the_same_way_twice(rr1: rp.Robot, assert_safe: Check) -> None:

@@ -28,15 +28,20 @@ class PacedPolyline:
         points: Waypoints, no two consecutive ones equal, shape (n, nq).
         limits: Limits of the joints; a missing velocity limit counts as 1.
         columns: Joints of each arm.
+
+    Attributes:
+        velocity: Velocity limits, shape (nq,).
+        arm_times: Time that each arm needs for each edge at its velocity limits [s], shape (n - 1, arms).
     """
 
     def __init__(self, points: Array, limits: Limits, columns: Sequence[slice]) -> None:
-        self.points, self._limits, self._columns = points, limits, columns
-        velocity = np.where(np.isfinite(limits.velocity), limits.velocity, 1.0)
-        steps = np.abs(np.diff(points, axis=0)) / velocity
-        durations = steps.max(axis=1, initial=0.0)
+        self.points, self.limits, self.columns = points, limits, columns
+        self.velocity: Array = np.where(np.isfinite(limits.velocity), limits.velocity, 1.0)
+        steps = np.abs(np.diff(points, axis=0)) / self.velocity
+        self.arm_times = np.column_stack([steps[:, own].max(axis=1) for own in columns])
+        durations = self.arm_times.max(axis=1, initial=0.0)
         self._times = np.concatenate([[0.0], np.cumsum(durations)])
-        shares = np.column_stack([steps[:, own].max(axis=1) for own in columns]) / durations[:, None]
+        shares = self.arm_times / durations[:, None]
         # Weights of the arms at each inner waypoint, from the adjacent edge on which they are slower.
         weights = np.maximum(shares[:-1], shares[1:]) ** _POWER + _LEAST
         # Cumulative up to each arm except the last, so that a number below 1 always selects an arm.
@@ -44,13 +49,13 @@ class PacedPolyline:
 
     def replaced(self, points: Array) -> PacedPolyline:
         """The polyline with other waypoints."""
-        return PacedPolyline(points, self._limits, self._columns)
+        return PacedPolyline(points, self.limits, self.columns)
 
     def changed(self, rng: np.random.Generator) -> Array:
         """Waypoints with the same ends and one random change, within position limits; shape (n, nq), n >= 3."""
         row = 1 + int(rng.integers(len(self.points) - 2))
         kind = rng.random()
-        arm = self._columns[int(np.searchsorted(self._chances[row - 1], rng.random(), side="right"))]
+        arm = self.columns[int(np.searchsorted(self._chances[row - 1], rng.random(), side="right"))]
         if kind >= _ONE + _ALL:
             return self._led_away(rng, row, arm)
         return self._pulled(rng, row, arm if kind < _ONE else slice(None))
@@ -75,7 +80,7 @@ class PacedPolyline:
         times = self._times[first : last + 1]
         middle = begin + (self._times[row] - times[0]) / (times[-1] - times[0]) * (end - begin)
         size = _AWAY * rng.random() ** 2 * float(np.linalg.norm(end - begin))
-        low, high = self._limits.lower[columns], self._limits.upper[columns]
+        low, high = self.limits.lower[columns], self.limits.upper[columns]
         via = np.clip(middle + size * rng.standard_normal(middle.shape), low, high)
         knots = self._times[[first, row, last]]
         made = self.points.copy()

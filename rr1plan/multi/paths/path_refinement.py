@@ -17,7 +17,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import LARGEST_BLEND, AgentPath
-from rr1plan.multi.paths.arm_replanning import ArmReplanner
+from rr1plan.multi.paths.arm_replanning import replanned
 from rr1plan.multi.paths.paced_polyline import PacedPolyline
 from rr1plan.multi.paths.path_changes import changed_waypoints
 from rr1plan.path import Path
@@ -40,7 +40,7 @@ class PathRefiner:
     """
 
     def __init__(self, checker: CollisionChecker, rng: np.random.Generator) -> None:
-        self._checker, self._rng = _RememberingChecker(checker), rng
+        self._checker, self._remembered, self._rng = checker, _RememberingChecker(checker), rng
 
     def change(self, path: AgentPath, longest: float) -> AgentPath | None:
         """A path of one arm with one random change.
@@ -64,10 +64,10 @@ class PathRefiner:
                 return None
             if not self._edges_are_free(changed):
                 return None
-            made = AgentPath(agent, new, self._checker)
+            made = AgentPath(agent, new, self._remembered)
+            return made if made.fastest < longest else None
         except RetimingError:
             return None
-        return made if made.fastest < longest else None
 
     def refine(
         self, path: AgentPath, goes_on: Callable[[], bool], enough: float = 0.0, rounds: int = _ROUNDS
@@ -82,30 +82,29 @@ class PathRefiner:
         """
         agent = path.agent
         best = PacedPolyline(clean(path.path.waypoints), agent.limits, list(agent.columns.values()))
-        duration = estimated_duration(best.points, agent, self._checker)
-        replanner = ArmReplanner(agent, self._checker.checker)
+        duration = estimated_duration(best.points, agent, self._remembered)
         searches, changes = (count * len(agent.arms) for count in (_REPLANS, _CHANGES))
         for k in range(rounds * (searches + changes)):
             if duration <= enough or len(best.points) <= 2 or not goes_on():
                 break
             search = k % (searches + changes) < searches
-            changed = replanner.replanned(best.points, self._rng) if search else best.changed(self._rng)
+            changed = replanned(best, self._checker, self._rng) if search else best.changed(self._rng)
             if changed is None:
                 continue
             points = clean(changed)
             if estimated_duration(points, agent, None) >= duration or not self._edges_are_free(points):
                 continue
-            certified = estimated_duration(points, agent, self._checker)
+            certified = estimated_duration(points, agent, self._remembered)
             if certified < duration:
                 best, duration = best.replaced(points), certified
         try:
-            made = AgentPath(agent, Path(agent.joint_names, best.points), self._checker)
+            made = AgentPath(agent, Path(agent.joint_names, best.points), self._remembered)
+            return made if made.fastest < path.fastest else path
         except RetimingError:
             return path
-        return made if made.fastest < path.fastest else path
 
     def _edges_are_free(self, points: Array) -> bool:
-        return all(self._checker.edge_is_free(a, b) for a, b in pairwise(points))
+        return all(self._remembered.edge_is_free(a, b) for a, b in pairwise(points))
 
 
 def estimated_duration(points: Array, agent: Agent, checker: CurveChecker | None) -> float:
@@ -125,18 +124,18 @@ class _RememberingChecker:
     """A checker that certifies each edge and each rounded corner once."""
 
     def __init__(self, checker: CollisionChecker) -> None:
-        self.checker = checker
+        self._checker = checker
         self._edges: dict[tuple[bytes, bytes], bool] = {}
         self._curves: dict[tuple[bytes, float], bool] = {}
 
     def edge_is_free(self, begin: Array, end: Array) -> bool:
         key = begin.tobytes(), end.tobytes()
         if key not in self._edges:
-            self._edges[key] = self.checker.edge_is_free(begin, end)
+            self._edges[key] = self._checker.edge_is_free(begin, end)
         return self._edges[key]
 
     def polynomial_is_free(self, coefficients: Array, duration: float) -> bool:
         key = coefficients.tobytes(), duration
         if key not in self._curves:
-            self._curves[key] = self.checker.polynomial_is_free(coefficients, duration)
+            self._curves[key] = self._checker.polynomial_is_free(coefficients, duration)
         return self._curves[key]

@@ -420,10 +420,11 @@ class PrioritizedPlanner:
             before = self.schedules[agent]
             if before.arrival <= alone * (1.0 + _GOOD_ENOUGH) or not self._watch.goes_on():
                 continue
-            path = self.pools[agent].add_refined(before.path, alone * (1.0 + _CLOSE))
-            found = self._timed(path, self._others(agent)) if path.fastest < before.arrival else None
-            if found is not None and found.arrival < before.arrival:
-                self.schedules[agent] = found
+            with suppress(RetimingError):
+                path = self.pools[agent].add_refined(before.path, alone * (1.0 + _CLOSE))
+                found = self._timed(path, self._others(agent)) if path.fastest < before.arrival else None
+                if found is not None and found.arrival < before.arrival:
+                    self.schedules[agent] = found
         self.statistics.add_time("paths", began)
 
     @property
