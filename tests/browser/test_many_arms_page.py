@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from drawn_links import DRAWN_LINKS, link_boxes, wander
+from matplotlib.colors import to_rgb
 from PIL import Image
 
 import rr1plan as rp
 from rr1plan import save_html
+from rr1plan.playback.arm_colors import arm_color
 from rr1plan.playback.viewer.page_capture import wait_until
 from rr1plan.report import Margin, Report, Violation
 
@@ -173,6 +175,41 @@ def test_touching_links_are_red_at_their_time_and_the_time_line_says_so(calm: An
     calm.ask("document.querySelectorAll('#marks button')[1].click()")
     assert calm.ask("RR1.time") == 2.5
     assert calm.ask(red) == [f"{names[1]}/hand_link", f"{names[2]}/hand_link"]
+
+
+WHITE = """<robot name="white">
+  <link name="base"><visual><geometry><box size="0.1 0.1 0.1"/></geometry><material name="black"/></visual></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <link name="bar">
+    <visual><geometry><box size="0.3 0.1 0.1"/></geometry><material name="white"/></visual>
+    <collision><geometry><box size="0.3 0.1 0.1"/></geometry></collision>
+  </link>
+  <material name="white"><color rgba="1 1 1 1"/></material>
+  <material name="black"><color rgba="0.05 0.05 0.05 1"/></material>
+</robot>"""
+
+
+def test_robots_without_colored_parts_have_the_colors_of_arms_too(
+    tab: Any, planar2r: rp.Robot, tmp_path: FilePath
+) -> None:
+    (tmp_path / "white.urdf").write_text(WHITE)
+    white = rp.load_robot(tmp_path / "white.urdf")
+    scene = rp.Scene().with_arm("one", white).with_arm("two", white, (2.0, 0.0, 0.0))
+    tab.open(save_html(tmp_path / "page.html", scene.with_arm("three", planar2r, (4.0, 0.0, 0.0))))
+    colored = """element => RR1.world.robots.sets.flatMap(({ items, colors }) => items.flatMap((item, i) => (
+        item.element !== element ? [] : [Array.from(colors.slice(3 * i, 3 * i + 3))])))"""
+    shown = {name: tab.ask(colored, name) for name in ("one/bar", "two/bar", "one/base", "two/base")}
+    # Drawn as intensities of light, which sRGB encodes.
+    encoded = np.array([to_rgb(arm_color(k)) for k in range(2)])
+    expected = np.where(encoded > 0.04045, ((encoded + 0.055) / 1.055) ** 2.4, encoded / 12.92)
+    np.testing.assert_allclose([*shown["one/bar"], *shown["two/bar"]], expected, atol=1e-3)
+    assert shown["one/base"] == shown["two/base"]
+    # A robot with colored parts keeps its gray ones.
+    own = {tuple(np.round(color, 3)) for link in planar2r.link_names for color in tab.ask(colored, f"three/{link}")}
+    assert len(own) > 1
+    tab.ask("RR1.setByArm(false)")
+    assert tab.ask(colored, "one/bar") == tab.ask(colored, "two/bar")
 
 
 def test_contacts_of_a_simulation_are_marked_while_they_last(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:

@@ -19,6 +19,13 @@ function armColor(index) {
   return [color.r, color.g, color.b];
 }
 
+/** Saturation from which a part counts as colored, and lightness below which it counts as black. */
+const COLORED = 0.25, DARK = 0.2;
+
+function hslOf([r, g, b]) {
+  return new THREE.Color().setRGB(r, g, b).getHSL({});
+}
+
 class World {
   constructor(doc, kinematics) {
     this.doc = doc;
@@ -31,6 +38,7 @@ class World {
     // Arms are created only after the camera is set, which avoids creating unneeded full detail.
     this.detail = { levels: new Int8Array(kinematics.arms.length).fill(-1), version: 1 };
     this.reach = kinematics.arms.map((arm) => this.reachOf(arm));
+    this.colorless = kinematics.arms.map(({ robot }) => robot.visuals.every(({ color }) => !color || hslOf(color).s < COLORED));
     this.lens = { eye: new THREE.Vector3(), frustum: new THREE.Frustum(), ball: new THREE.Sphere(), view: new THREE.Matrix4() };
     const rest = kinematics.rest();
     kinematics.forwardAll(rest, this.poses);
@@ -421,9 +429,10 @@ class World {
     for (const bodies of [this.robots, this.held, this.obstacles, this.bodies]) bodies.setRich(on);
   }
 
-  /** Colors by arm (colored parts only: gray and black parts are kept), elements in contact red, one element highlighted. */
+  /** Colors by arm, elements in contact red, one element highlighted. A robot with colored parts keeps its gray and black ones,
+   * another one its black ones only. */
   paint(byArm, touched = [], lit = null) {
-    const hsl = {}, color = new THREE.Color(), red = new Set(touched);
+    const red = new Set(touched);
     // Among very many colors, red is visible only if the others are faint.
     const faint = red.size && this.kinematics.arms.length > MANY ? 0.72 : 0;
     const faded = (rgb) => rgb.map((v) => (1 - faint) * v + faint * FADED);
@@ -432,10 +441,10 @@ class World {
     const chosen = (item) => {
       if (red.has(item.element)) return TOUCHED;
       if (!byArm || item.arm < 0) return faded(item.color);
-      const { s, l } = color.setRGB(...item.color).getHSL(hsl);
-      if (s < 0.25) return faded(item.color);
-      const own = armColor(item.arm), shade = 0.6 + 0.8 * l;
-      return faded(own.map((v) => Math.min(1, v * shade)));
+      const { s, l } = hslOf(item.color);
+      if (this.colorless[item.arm] ? l < DARK : s < COLORED) return faded(item.color);
+      const shade = Math.min(1, 0.6 + 0.8 * l);
+      return faded(armColor(item.arm).map((v) => shade * v));
     };
     this.robots.paint(choose);
     for (const bodies of [this.held, this.obstacles, this.bodies]) bodies.paint((item) => brighter(item, red.has(item.element) ? TOUCHED : item.color));
