@@ -1,4 +1,4 @@
-// Pairs that may collide on an edge, from coarse to fine: groups of bodies, bodies, clearance maps, spheres.
+// Pairs that may collide on an edge, from coarse to fine: groups of bodies, bodies, clearance maps, spheres, directions.
 //
 // The result is a list of candidates: a body and an obstacle or another body, and the lanes in which they are open.
 #include "scene_tables.h"
@@ -53,8 +53,9 @@ static void report_contact(int64_t pair, uint64_t lanes, Scratch *scratch) {
 }
 
 // Test a candidate whose balls are placed and near, and clear its lanes that are proven free. Returns 1 for a contact.
-NOINLINE int test_candidate(Candidate *candidate, int64_t batch, f64x8 h,
-                                                    const SceneTables *scene, Scratch *scratch) {
+//
+// What spheres leave open is separated at once, not after all other candidates: if it collides, these need no test.
+NOINLINE int test_candidate(Candidate *candidate, int64_t batch, f64x8 h, const SceneTables *scene, Scratch *scratch) {
     SphereTest found;
     if (candidate->body_pair >= 0) {
         uint64_t lanes = lanes_not_mapped(candidate->body_pair, candidate->lanes, scene, scratch);
@@ -68,12 +69,19 @@ NOINLINE int test_candidate(Candidate *candidate, int64_t batch, f64x8 h,
     candidate->lanes = found.open;
     candidate->sphere = found.sphere;
     candidate->other_sphere = found.other_sphere;
-    if (found.touching == 0) return 0;
-    report_contact(candidate->pair, found.touching, scratch);
+    uint64_t touching = found.touching;
+    if (touching == 0 && found.open) {
+        Separation8 separated = separate(candidate, h, scene, scratch);
+        candidate->lanes = separated.open;
+        candidate->stuck = separated.stuck;
+        touching = separated.touching;
+    }
+    if (touching == 0) return 0;
+    report_contact(candidate->pair, touching, scratch);
     return 1;
 }
 
-// Add a candidate unless spheres prove it free. Returns the number of candidates, or -1 for a contact.
+// Add a candidate unless it is proven free. Returns the number of candidates, or -1 for a contact.
 INLINE int64_t add_candidate(int64_t count, const NearBody *near, f64x8 h, const SceneTables *scene,
                              Scratch *scratch) {
     Candidate *candidate = &scratch->candidates[count];
@@ -139,7 +147,7 @@ INLINE int64_t list_body_obstacles(int64_t g, int64_t listed, f64x8 h, const Sce
     return count;
 }
 
-// List bodies and obstacles that spheres do not prove apart on the whole edge, bodies farthest from the base first.
+// List bodies and obstacles that are not proven apart on the whole edge, bodies farthest from the base first.
 //
 // Returns the number of candidates, or -1 for a contact.
 NOINLINE int64_t add_obstacle_candidates(f64x8 h, const SceneTables *scene, Scratch *scratch) {
@@ -236,7 +244,7 @@ INLINE int64_t list_group_pairs(const SceneTables *scene, Scratch *scratch) {
     return count;
 }
 
-// Add the body pairs that neither maps nor spheres prove apart on the whole edge.
+// Add the body pairs that are not proven apart on the whole edge.
 //
 // Returns the number of candidates, or -1 for a contact.
 NOINLINE int64_t add_body_candidates(int64_t count, f64x8 h, const SceneTables *scene, Scratch *scratch) {

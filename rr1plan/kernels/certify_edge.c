@@ -12,14 +12,14 @@
 // kernel, whose bounds ignore the direction of motion, needs intervals a hundred times narrower still.
 #define NARROWEST (1.0 / 1048576.0)
 
-enum { SWEEP_PROVEN, SWEEP_CONTACT, SWEEP_OPEN, SWEEP_FULL };
+enum { SWEEP_PROVEN, SWEEP_CONTACT, SWEEP_OPEN };
 
 // Store the open lanes of a candidate, to be halved or for the exact kernel. Returns 0 if there is no room.
-INLINE int store_open_lanes(const Candidate *candidate, Separation8 found, int64_t bit, int64_t batch, Scratch *scratch) {
-    for (uint64_t left = found.open; left; left &= left - 1) {
+INLINE int store_open_lanes(const Candidate *candidate, int64_t bit, int64_t batch, Scratch *scratch) {
+    for (uint64_t left = candidate->lanes; left; left &= left - 1) {
         int64_t i = first_bit(left);
         double half = scratch->halves[i];
-        if (half > NARROWEST && (batch == 1 || !(found.stuck >> i & 1))) {
+        if (half > NARROWEST && (batch == 1 || !(candidate->stuck >> i & 1))) {
             scratch->lane_candidates[i] |= (uint64_t)1 << bit;
         } else {
             if (scratch->open_count == scratch->interval_size) return 0;
@@ -29,24 +29,11 @@ INLINE int store_open_lanes(const Candidate *candidate, Separation8 found, int64
     return 1;
 }
 
-// Test the candidates that spheres leave open by directions; the first batch removes the others from the list.
-static int test_directions(int64_t *count, int64_t batch, f64x8 h, const SceneTables *scene, Scratch *scratch) {
-    Candidate *candidates = scratch->candidates;
-    int64_t kept = 0;
-    for (int64_t k = 0; k < *count; k++) {
-        if (candidates[k].lanes == 0) continue;
-        Separation8 found = separate(&candidates[k], h, scene, scratch);
-        if (found.touching) {
-            report_contact(candidates[k].pair, found.touching, scratch);
-            return SWEEP_CONTACT;
-        }
-        if (found.open == 0) continue;
-        int64_t bit = batch == 1 ? kept : k;
-        if (!store_open_lanes(&candidates[k], found, bit < LAST_BIT ? bit : LAST_BIT, batch, scratch)) return SWEEP_FULL;
-        if (batch == 1) candidates[kept++] = candidates[k];
-    }
-    if (batch == 1) *count = kept;
-    return SWEEP_OPEN;
+// Store the open lanes of all candidates. Returns 0 if there is no room.
+INLINE int store_open_candidates(int64_t count, int64_t batch, Scratch *scratch) {
+    for (int64_t k = 0; k < count; k++)
+        if (!store_open_lanes(&scratch->candidates[k], k < LAST_BIT ? k : LAST_BIT, batch, scratch)) return 0;
+    return 1;
 }
 
 // Add both halves of each interval of a batch on which a candidate is open. Returns the new number of intervals.
@@ -92,9 +79,7 @@ static int sweep(const SceneTables *scene, Scratch *scratch) {
             contact = retest_candidates(count, head, taken, batch, h, scene, scratch);
         }
         if (contact) return SWEEP_CONTACT;
-        int answer = test_directions(&count, batch, h, scene, scratch);
-        if (answer == SWEEP_CONTACT) return answer;
-        if (answer == SWEEP_FULL || tail + 2 * LANES > scratch->interval_size) {
+        if (!store_open_candidates(count, batch, scratch) || tail + 2 * LANES > scratch->interval_size) {
             // The open intervals may not fit: the whole edge is left to the exact kernel.
             scratch->open_count = -1;
             return SWEEP_OPEN;

@@ -26,9 +26,9 @@
 #include "fk_simd.c"
 #include "sphere_tests.c"
 #include "clearance_map.c"
-#include "broad_phase.c"
 #include "gjk_simd.c"
 #include "mesh_simd.c"
+#include "broad_phase.c"
 #include "certify_edge.c"
 // Loops of planners, which ask for certified edges.
 #include "trees.c"

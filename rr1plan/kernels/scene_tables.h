@@ -80,6 +80,7 @@ typedef struct {
     uint64_t lanes;  // in which it is open
     int64_t sphere;  // one of each body, too near each other; equal for an obstacle
     int64_t other_sphere;
+    uint64_t stuck;  // open lanes in which even the middle of the interval is not proven
 } Candidate;
 
 typedef struct {

@@ -29,13 +29,13 @@ class Separation:
         self.spheres = zeroed("SphereProbe", len(tables.arm.spheres))
 
     def candidates(self):
-        """Each pair as the kernel has it: body, obstacle or other body, row of `body_pairs`, pair, lanes, spheres."""
+        """A pair as the kernel has it: body, obstacle or other, row of `body_pairs`, pair, lanes, spheres, none stuck."""
         bodies, pair_of = self.tables.arm.bodies, self.tables.pairs.pair_of
         for b, o in np.argwhere(pair_of >= 0).tolist():
             if self.tables.obstacles.part("core")[o] != LEFT_OUT:
-                yield [b, o, -1, int(pair_of[b, o]), ALL, int(bodies[b, 1]), int(bodies[b, 1])]
+                yield [b, o, -1, int(pair_of[b, o]), ALL, int(bodies[b, 1]), int(bodies[b, 1]), 0]
         for m, (a, b, _, pair, *_) in enumerate(self.tables.pairs.body_pairs.tolist()):
-            yield [a, b, m, pair, ALL, int(bodies[a, 1]), int(bodies[b, 1])]
+            yield [a, b, m, pair, ALL, int(bodies[a, 1]), int(bodies[b, 1]), 0]
 
     def place(self, q0, q1, half):
         """Compute all poses at the middle of an edge."""

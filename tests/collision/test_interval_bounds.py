@@ -232,12 +232,12 @@ def test_no_two_spheres_come_nearer_than_their_bound(seed):
 
 
 def claims(world):
-    """Each pair as the kernel has it: body, obstacle or other body, row of `body_pairs`, pair, lanes, spheres."""
+    """A pair as the kernel has it: body, obstacle or other, row of `body_pairs`, pair, lanes, spheres, none stuck."""
     tables = world.tables
     for b, o in np.argwhere(tables.pairs.pair_of >= 0).tolist():
-        yield [b, o, -1, int(tables.pairs.pair_of[b, o]), ALL, *[int(tables.arm.bodies[b, 1])] * 2]
+        yield [b, o, -1, int(tables.pairs.pair_of[b, o]), ALL, *[int(tables.arm.bodies[b, 1])] * 2, 0]
     for m, (a, b, _, pair, *_) in enumerate(tables.pairs.body_pairs.tolist()):
-        yield [a, b, m, pair, ALL, int(tables.arm.bodies[a, 1]), int(tables.arm.bodies[b, 1])]
+        yield [a, b, m, pair, ALL, int(tables.arm.bodies[a, 1]), int(tables.arm.bodies[b, 1]), 0]
 
 
 def by_directions(world, claim, padding):
