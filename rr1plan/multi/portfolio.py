@@ -11,9 +11,7 @@ planned in parallel threads; the random numbers of a group depend on its arms on
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
@@ -25,6 +23,7 @@ from rr1plan.checks import Seed, Value, as_generator, finite_number, known_name
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
 from rr1plan.errors import InputError
 from rr1plan.multi.execution.separated_schedules import SeparatedSchedules, separate
+from rr1plan.multi.in_parallel import in_parallel, processors
 from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_pool import PathPool
@@ -46,7 +45,6 @@ _SEARCH = "conflict_based_search"
 _METHODS = ("portfolio", _SEARCH)
 # Share of the budget reserved for work that cannot be interrupted, and the longest reserve [s].
 _RESERVE, _MOST_RESERVE = 0.05, 0.1
-_POLL = 0.05  # time between two checks of the clock while threads work [s]
 
 
 @dataclass(frozen=True)
@@ -338,7 +336,7 @@ class _GroupSearch:
                 groups.append(group)
                 continue
             pairs = [(own[a], own[b]) for a, b in combinations(own, 2) if b in self._near[a]]
-            self._diagrams.prepare(pairs, _processors(), self._watch)
+            self._diagrams.prepare(pairs, processors(), self._watch)
             groups += meeting_groups(own, self._near, self._diagrams, exactly=True, watch=self._watch)
         return groups
 
@@ -350,21 +348,10 @@ class _GroupSearch:
     def _solve_all(self, planners: list[PrioritizedPlanner]) -> list[GroupResult]:
         """Plan some groups; groups of several arms run on threads."""
         several = [planner for planner in planners if len(planner.agents) > 1]
-        threads = min(_processors(), len(several))
+        threads = min(processors(), len(several))
         for planner in planners:
-            planner.threads = _processors() // max(1, threads)
-        if threads < 2:
-            return [_solve(planner, self._watch) for planner in planners]
-        with ThreadPoolExecutor(threads) as executor:
-            futures = [executor.submit(_solve, planner, self._watch) for planner in planners]
-            try:
-                while wait(futures, _POLL).not_done:
-                    self._watch.goes_on()
-            except BaseException:
-                # Ctrl-C, or an error of the progress callback.
-                self._watch.cancel()
-                raise
-            return [future.result() for future in futures]
+            planner.threads = processors() // max(1, threads)
+        return in_parallel(lambda planner: _solve(planner, self._watch), planners, threads, self._watch)
 
     def _join_meeting(self, planners: list[PrioritizedPlanner]) -> list[PrioritizedPlanner]:
         """Merge groups whose present paths, such as detours, meet. Returns the groups to be planned again."""
@@ -382,11 +369,6 @@ class _GroupSearch:
                 owner.update(dict.fromkeys(other.arms, first))
             again.append(first)
         return list(dict.fromkeys(planner for planner in again if planner in self.planners))
-
-
-def _processors() -> int:
-    """Number of processors available to this process."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _solve(planner: PrioritizedPlanner, watch: Stopwatch) -> GroupResult:

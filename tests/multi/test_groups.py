@@ -106,7 +106,7 @@ def test_the_same_seed_gives_the_same_motion_whatever_the_threads(
 ) -> None:
     results = []
     for processors in (1, 2, 5):
-        monkeypatch.setattr(portfolio, "_processors", lambda n=processors: n)
+        monkeypatch.setattr(portfolio, "processors", lambda n=processors: n)
         results.append(plan_many_arms(grid, rng=3, budget=_BUDGET))
     assert sum(len(group.arms) > 1 for group in results[0].groups) > 1
     assert_safe(grid, results[0], 60)

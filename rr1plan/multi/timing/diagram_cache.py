@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.in_parallel import in_parallel
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.stopwatch import Stopwatch
@@ -101,6 +101,4 @@ class DiagramCache:
             return
         for path in dict.fromkeys(path for both in missing for path in both):
             _ = path.placed
-        with ThreadPoolExecutor(threads) as pool:
-            for _ in pool.map(lambda both: watch.goes_on() and self.diagram(*both), missing):
-                pass
+        in_parallel(lambda both: watch.goes_on() and self.diagram(*both), missing, threads, watch)
