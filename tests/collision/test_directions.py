@@ -29,7 +29,7 @@ class Separation:
         self.spheres = zeroed("SphereProbe", len(tables.arm.spheres))
 
     def candidates(self):
-        """A pair as the kernel has it: body, obstacle or other, row of `body_pairs`, pair, lanes, spheres, none stuck."""
+        """Each pair for the kernel: body, obstacle or other body, row of `body_pairs`, pair, lanes, spheres, 0."""
         bodies, pair_of = self.tables.arm.bodies, self.tables.pairs.pair_of
         for b, o in np.argwhere(pair_of >= 0).tolist():
             if self.tables.obstacles.part("core")[o] != LEFT_OUT:
