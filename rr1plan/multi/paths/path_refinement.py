@@ -7,6 +7,7 @@ Most edges and corners of a changed path belong to the previous path, so each is
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -24,8 +25,9 @@ from rr1plan.path import Path
 from rr1plan.retiming.path_blends import CurveChecker, blend_sizes, clean
 from rr1plan.retiming.path_speed import rounded_duration
 
-# Rounds of refinement; in each, for each arm, other motions of one arm and random changes that are tried.
-_ROUNDS, _REPLANS, _CHANGES = 4, 4, 17
+# Other motions of one arm, and random changes, that are tried for each arm in a round of refinement; a round that saves
+# less than this ratio is the last one.
+_REPLANS, _CHANGES, _LEAST_SAVING = 4, 17, 0.015
 # Intervals of each line and each rounded corner in an estimate of a duration: 1 to 3 % longer than on a path's
 # own grid, which takes ten times as long.
 _INTERVALS = 2
@@ -69,34 +71,35 @@ class PathRefiner:
         except RetimingError:
             return None
 
-    def refine(
-        self, path: AgentPath, goes_on: Callable[[], bool], enough: float = 0.0, rounds: int = _ROUNDS
-    ) -> AgentPath:
-        """The path of several arms after changes, keeping those that save time.
+    def refine(self, path: AgentPath, goes_on: Callable[[], bool], enough: float = 0.0) -> AgentPath:
+        """The path of several arms after rounds of changes that save time, until a round saves little.
+
+        In a round, single arms are given other motions first, and then random changes are tried.
 
         Args:
             path: A certified path.
             goes_on: Whether there is time for another change.
             enough: Duration that is not reduced further [s].
-            rounds: How often to give single arms other motions, and then to try random changes.
         """
         agent = path.agent
         best = PacedPolyline(clean(path.path.waypoints), agent.limits, list(agent.columns.values()))
         duration = estimated_duration(best.points, agent, self._remembered)
         searches, changes = (count * len(agent.arms) for count in (_REPLANS, _CHANGES))
-        for k in range(rounds * (searches + changes)):
-            if duration <= enough or len(best.points) <= 2 or not goes_on():
-                break
-            search = k % (searches + changes) < searches
-            changed = replanned(best, self._checker, self._rng) if search else best.changed(self._rng)
-            if changed is None:
-                continue
-            points = clean(changed)
-            if estimated_duration(points, agent, None) >= duration or not self._edges_are_free(points):
-                continue
-            certified = estimated_duration(points, agent, self._remembered)
-            if certified < duration:
-                best, duration = best.replaced(points), certified
+        before = math.inf
+        while duration < (1.0 - _LEAST_SAVING) * before:
+            before = duration
+            for k in range(searches + changes):
+                if duration <= enough or len(best.points) <= 2 or not goes_on():
+                    break
+                changed = replanned(best, self._checker, self._rng) if k < searches else best.changed(self._rng)
+                if changed is None:
+                    continue
+                points = clean(changed)
+                if estimated_duration(points, agent, None) >= duration or not self._edges_are_free(points):
+                    continue
+                certified = estimated_duration(points, agent, self._remembered)
+                if certified < duration:
+                    best, duration = best.replaced(points), certified
         try:
             made = AgentPath(agent, Path(agent.joint_names, best.points), self._remembered)
             return made if made.fastest < path.fastest else path
