@@ -55,9 +55,8 @@ _ROUNDS_FIRST = 8  # rounds of windows and sequential moves before coordination 
 STAGES = ("timing", "detours", "eviction", "composite", "windows", "sequential")
 """Stages of a search, in order of cost."""
 _ATTEMPTS = 3  # attempts at a path in the joint space of a few arms
-# Separate paths of a few arms are timed only if their joint path is slower than the slowest of them by more than this
-# [ratio], because their coordination diagrams cost more than several joint paths.
-_WORTH_TIMING = 0.3
+# Another method is tried if a plan takes longer than the slowest arm alone by more than this [ratio].
+_SLOW = 0.3
 COUPLED_FIRST = 16
 """Largest number of agents of a group for which windows are tried before coordination diagrams are computed."""
 # Largest number of arms of a merged agent; larger joint spaces need windows.
@@ -243,21 +242,11 @@ class PrioritizedPlanner:
     # ---- joint spaces ----------------------------------------------------------------------
 
     def _plan_few(self) -> bool:
-        """Plan a few agents as one, or time their own paths if that is faster; returns whether either succeeded."""
-        limit, alone = self._time_limit(), self._plan()
-        arms = self.arms
-        pool = self._pool_of(arms)
+        """Plan a few agents as one; returns whether a path was found."""
+        limit, pool = self._time_limit(), self._pool_of(self.arms)
         for _ in range(_ATTEMPTS):
             if self._add_path(pool) is None or min(path.fastest for path in pool.paths) <= limit:
                 break
-        arrival = min((path.fastest for path in pool.paths), default=math.inf)
-        if arrival <= self._slow_from() or not self._watch.goes_on():
-            return self._adopt([pool], "composite")
-        self._prepare_diagrams()
-        if not self._time_first_paths() and self.makespan <= arrival:
-            self.stage = "timing"
-            return True
-        self._return_to(alone)
         return self._adopt([pool], "composite")
 
     def _plan_as_one(self, effort: int) -> bool:
@@ -448,7 +437,7 @@ class PrioritizedPlanner:
     def _slow_from(self) -> float:
         """Arrival above which another method is tried [s]."""
         alone = (min(path.fastest for path in pool.paths) for pool in self._alone.values())
-        return max(alone, default=0.0) * (1.0 + _WORTH_TIMING)
+        return max(alone, default=0.0) * (1.0 + _SLOW)
 
     def _time_limit(self) -> float:
         """Arrival up to which no better path is needed [s]: others arrive later anyway, or it is good enough."""
