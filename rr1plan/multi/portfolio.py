@@ -4,10 +4,10 @@
 
 Each arm is first planned alone. Arms whose paths cannot collide keep their paths; the others form groups by their swept
 volumes, and groups are merged if a later path of one may collide with another. Each group goes through the same stages
-until one solves it, under one deadline: for up to four arms, their joint space; for up to sixteen, time windows in which
-conflicting arms are coupled, and moves of one arm at a time; timing on the fixed paths of each arm alone, detours and
-eviction. Groups are planned in parallel threads; the random numbers of a group depend on its arms only, so threads do
-not change the result.
+until one solves it, under one deadline: for up to four arms, their joint space; for up to sixteen, time windows in
+which conflicting arms are coupled, and moves of one arm at a time; then timing on the fixed paths of each arm alone,
+detours and eviction. Groups are planned in parallel threads; the random numbers of a group depend on its arms only, so
+threads do not change the result.
 """
 
 from __future__ import annotations
