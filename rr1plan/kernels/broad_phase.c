@@ -147,7 +147,7 @@ INLINE int64_t list_body_obstacles(int64_t g, int64_t listed, f64x8 h, const Sce
     return count;
 }
 
-// List bodies and obstacles that are not proven apart on the whole edge, bodies farthest from the base first.
+// List bodies and obstacles that are not proven collision-free on the whole edge, bodies farthest from the base first.
 //
 // Returns the number of candidates, or -1 for a contact.
 NOINLINE int64_t add_obstacle_candidates(f64x8 h, const SceneTables *scene, Scratch *scratch) {
@@ -244,7 +244,7 @@ INLINE int64_t list_group_pairs(const SceneTables *scene, Scratch *scratch) {
     return count;
 }
 
-// Add the body pairs that are not proven apart on the whole edge.
+// Add the body pairs that are not proven collision-free on the whole edge.
 //
 // Returns the number of candidates, or -1 for a contact.
 NOINLINE int64_t add_body_candidates(int64_t count, f64x8 h, const SceneTables *scene, Scratch *scratch) {

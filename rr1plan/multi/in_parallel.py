@@ -20,7 +20,8 @@ def in_parallel(
 ) -> list[_Result]:
     """Results of a function for some items, computed on threads, or on this one if one thread is enough.
 
-    Progress is reported meanwhile. An error, such as Ctrl-C, cancels the clock, so that the threads end soon.
+    Progress is reported meanwhile. Ctrl-C, or an error of the progress callback, cancels the clock, so that the threads
+    end soon.
 
     Args:
         work: The function; it has to end soon after the clock is cancelled.

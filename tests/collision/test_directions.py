@@ -29,7 +29,7 @@ class Separation:
         self.spheres = zeroed("SphereProbe", len(tables.arm.spheres))
 
     def candidates(self):
-        """Each pair for the kernel: body, obstacle or other body, row of `body_pairs`, pair, lanes, spheres, 0."""
+        """Each pair for the kernel: body, obstacle or other body, row of `body_pairs`, pair, lanes, spheres, stuck."""
         bodies, pair_of = self.tables.arm.bodies, self.tables.pairs.pair_of
         for b, o in np.argwhere(pair_of >= 0).tolist():
             if self.tables.obstacles.part("core")[o] != LEFT_OUT:

@@ -232,7 +232,7 @@ def test_no_two_spheres_come_nearer_than_their_bound(seed):
 
 
 def claims(world):
-    """Each pair for the kernel: body, obstacle or other body, row of `body_pairs`, pair, lanes, spheres, 0."""
+    """Each pair for the kernel: body, obstacle or other body, row of `body_pairs`, pair, lanes, spheres, stuck."""
     tables = world.tables
     for b, o in np.argwhere(tables.pairs.pair_of >= 0).tolist():
         yield [b, o, -1, int(tables.pairs.pair_of[b, o]), ALL, *[int(tables.arm.bodies[b, 1])] * 2, 0]
