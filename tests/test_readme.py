@@ -45,3 +45,5 @@ async def _open_and_close(url: str, token: str) -> None:
     connection = await websocket_connect(f"{url.replace('http', 'ws')}updates?version=0&token={token}")
     assert await connection.read_message() is not None
     connection.close()
+    while await connection.read_message() is not None:
+        pass

@@ -211,7 +211,7 @@ async def look(viewer: Viewer, times: int, away: float) -> None:
     for _ in range(times):
         connection = await websocket_connect(updates(viewer))
         await asyncio.sleep(0.05)
-        connection.close()
+        await close(connection)
         await asyncio.sleep(away)
 
 
