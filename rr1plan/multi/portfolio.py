@@ -206,22 +206,23 @@ def plan_many_arms(
     seeds = {arm: int(generator.integers(2**63)) for arm in problem.arms}
     diagrams = DiagramCache(largest, watch)
     if method == _SEARCH:
-        groups, schedules, alone = _search_small_teams(found, near, seeds, watch)
+        groups, schedules, alone, impossible = _search_small_teams(found, near, seeds, largest, watch)
     else:
         pools = {
             arm: PathPool(agent, found.margins[arm], np.random.default_rng(seeds[arm]), watch)
             for arm, agent in found.agents.items()
         }
-        search = _GroupSearch(problem.arms, pools, near, diagrams, seeds, watch)
+        search = _GroupSearch(problem.arms, pools, found.chosen, near, diagrams, seeds, watch)
         with watch:
             groups = search.run()
-        if search.impossible:
-            reason = groups[-1].reason
-            return ManyArmsResult(PlanStatus.INFEASIBLE, reason, groups=tuple(groups), seconds=watch.seconds)
+        impossible = search.impossible
         schedules = [schedule for planner in search.planners for schedule in planner.schedules.values()]
         # Without a solution no time is left for the bounds.
         solved = search.planners if all(group.found for group in groups) else []
         alone = {arm: bound for planner in solved for arm, bound in planner.fastest_alone().items()}
+    if impossible:
+        reason = groups[-1].reason
+        return ManyArmsResult(PlanStatus.INFEASIBLE, reason, groups=tuple(groups), seconds=watch.seconds)
     unsolved = [group for group in groups if not group.found]
     if unsolved and not watch.cancelled:
         reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
@@ -250,24 +251,28 @@ def plan_many_arms(
 
 
 def _search_small_teams(
-    found: Preflight, near: Mapping[str, frozenset[str]], seeds: Mapping[str, int], watch: Stopwatch
-) -> tuple[list[GroupResult], list[Schedule], dict[str, float]]:
-    """Conflict-based search of each group.
+    found: Preflight, near: Mapping[str, frozenset[str]], seeds: Mapping[str, int], margin: float, watch: Stopwatch
+) -> tuple[list[GroupResult], list[Schedule], dict[str, float], bool]:
+    """Conflict-based search of each group, up to the first that is impossible.
 
     Returns:
-        The results, all schedules, and for each arm the duration of its motion alone [s].
+        The results, all schedules, for each arm the duration of its motion alone [s], and whether an arm of the last
+        group provably has no path.
     """
     groups: list[GroupResult] = []
     schedules: list[Schedule] = []
     alone: dict[str, float] = {}
     for arms in interaction_groups(near):
         began, rng = watch.seconds, np.random.default_rng([seeds[arm] for arm in arms])
-        team = plan_small_team([found.agents[arm] for arm in arms], near, found.margins, rng, watch)
+        team = plan_small_team([found.agents[arm] for arm in arms], near, found.margins, margin, rng, watch)
+        stage = "" if team.reason else _SEARCH
         bound = team.suboptimality if team.schedules else None
-        groups.append(GroupResult(arms, _SEARCH, watch.seconds - began, team.reason, suboptimality=bound))
+        groups.append(GroupResult(arms, stage, watch.seconds - began, team.reason, suboptimality=bound))
+        if team.impossible is not None and team.impossible not in found.chosen:
+            return groups, schedules, alone, True
         schedules += team.schedules
         alone.update(team.alone)
-    return groups, schedules, alone
+    return groups, schedules, alone, False
 
 
 class _GroupSearch:
@@ -276,6 +281,7 @@ class _GroupSearch:
     Args:
         arms: The arms, in the order of the problem.
         pools: An empty pool for each.
+        chosen: Arms whose goal configuration is one of several that would do.
         near: For each arm, the arms that it can touch at all.
         diagrams: Coordination diagrams, shared by all groups.
         seeds: Seed of each arm.
@@ -290,13 +296,14 @@ class _GroupSearch:
         self,
         arms: Sequence[str],
         pools: Mapping[str, PathPool],
+        chosen: frozenset[str],
         near: Mapping[str, frozenset[str]],
         diagrams: DiagramCache,
         seeds: Mapping[str, int],
         watch: Stopwatch,
     ) -> None:
         self._arms, self._pools, self._near, self._diagrams = tuple(arms), pools, near, diagrams
-        self._seeds, self._watch = seeds, watch
+        self._chosen, self._seeds, self._watch = chosen, seeds, watch
         self.planners: list[PrioritizedPlanner] = []
         self.impossible = False
 
@@ -322,8 +329,12 @@ class _GroupSearch:
                 pool.add({}, patient=True) if self._watch.goes_on() else (None, "no time was left for its path")
             )
             if path is None:
-                without.append(GroupResult((arm,), "", self._watch.seconds - began, f"{arm}: {reason}"))
-                self.impossible = pool.impossible
+                # That one goal configuration cannot be reached proves nothing about the others.
+                self.impossible = pool.impossible and arm not in self._chosen
+                which = (
+                    "" if self.impossible or not pool.impossible else "to the chosen one of its goal configurations, "
+                )
+                without.append(GroupResult((arm,), "", self._watch.seconds - began, f"{arm}: {which}{reason}"))
                 break
         return without
 

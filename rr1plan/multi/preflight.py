@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.multi.agents import Agent
+from rr1plan.multi.goal_conflicts import GoalConflicts
 from rr1plan.multi.paths.hop_timing import BLENDED, HopTiming
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
@@ -30,8 +30,6 @@ MARGINS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1e-4, 1e-5)
 Even the smallest is ten times the clearance that the referee cannot distinguish from contact.
 """
 
-# Largest number of rounds that change goal configurations to separate goals of different arms.
-_REPAIRS = 200
 # Planner iterations after which one of several goal configurations of an arm counts as not reached.
 _ITERATIONS = 2000
 
@@ -45,12 +43,14 @@ class Preflight:
         margins: Distance that each arm can keep from stationary objects in addition to the padding [m].
         status: Why there is no solution; None if planning can start.
         reason: The reason as text.
+        chosen: Arms whose goal configuration is one of several that would do.
     """
 
     agents: Mapping[str, Agent]
     margins: Mapping[str, float]
     status: PlanStatus | None = None
     reason: str = ""
+    chosen: frozenset[str] = frozenset()
 
 
 def preflight(
@@ -103,10 +103,12 @@ def preflight(
         if not watch.goes_on():
             return _too_late(watch)
         margins[arm] = affordable_margin(agent, goal[arm], largest_margin)
-    if all(len(goals) == 1 and isinstance(goals[0], JointGoal) for goals in problem.goal.values()):
+    of_joints = {arm for arm, goals in problem.goal.items() if len(goals) == 1 and isinstance(goals[0], JointGoal)}
+    chosen = frozenset(problem.goal) - of_joints
+    if not chosen:
         return Preflight(agents, margins)
     plain = Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, arms=problem.arms)
-    return Preflight({arm: Agent(plain, [arm], timing) for arm in agents}, margins)
+    return Preflight({arm: Agent(plain, [arm], timing) for arm in agents}, margins, chosen=chosen)
 
 
 def warm_up_agents(problem: Problem) -> None:
@@ -166,10 +168,17 @@ def goal_configurations(
                     return {}, found.status, f"{arm}: {found.reason}"
                 goals = found.configurations
         choices[arm] = goals
-    chosen = _choose_reached_goals(agents, choices, near, is_reached)
+    conflicts = GoalConflicts(agents, choices, near)
+    chosen = _choose_reached_goals(conflicts, is_reached)
     touching = _first_contact(agents, chosen, near)
     if touching is None:
         return chosen, None, ""
+    # The repair of conflicts is incomplete, and configurations that were not reached are only hard to reach.
+    combined, complete = conflicts.combination(watch)
+    if combined is not None:
+        return combined, None, ""
+    if not complete:
+        return {}, PlanStatus.TIMEOUT, f"no goal configurations that leave room for each other were found: {touching}"
     tried = "" if all(len(found) == 1 for found in choices.values()) else " in all combinations tried"
     # This includes arms without a goal, which return to their start.
     staying = [
@@ -206,7 +215,8 @@ def _first_contact(
     """A description of a contact between two arms, with links and depth; None if there is none."""
     placed = {arm: placed_configuration(agent.bodies, configurations[arm]) for arm, agent in agents.items()}
     for one, agent in agents.items():
-        for two in near[one]:
+        # Sorted: sets have another order in each process, and the first contact is the one that is named.
+        for two in sorted(near[one]):
             if one > two or are_apart(agent, placed[one], agents[two], placed[two]):
                 continue
             scene = subscene(agent.problem.scene, {one: configurations[one], two: configurations[two]}, obstacles=False)
@@ -218,59 +228,25 @@ def _first_contact(
     return None
 
 
-def _choose_reached_goals(
-    agents: Mapping[str, Agent],
-    choices: Mapping[str, Array],
-    near: Mapping[str, frozenset[str]],
-    is_reached: Callable[[str, Array], bool],
-) -> dict[str, Array]:
-    """Like `_choose_goals`, but without configurations that an arm cannot reach alone.
+def _choose_reached_goals(conflicts: GoalConflicts, is_reached: Callable[[str, Array], bool]) -> dict[str, Array]:
+    """Goal configurations with few contacts, without those that an arm cannot reach alone.
 
     Links of an arm, or objects around it, often separate the solutions of inverse kinematics.
     """
-    left, reached = dict(choices), set()
+    choices = conflicts.choices
+    left = {arm: list(range(len(found))) for arm, found in choices.items()}
+    reached: set[tuple[str, int]] = set()
     while True:
-        chosen = _choose_goals(agents, left, near)
+        picked = conflicts.repaired(left)
         missed = []
-        for arm, q in chosen.items():
-            if len(left[arm]) == 1 or (arm, q.tobytes()) in reached:
+        for arm, k in picked.items():
+            if len(left[arm]) == 1 or (arm, k) in reached:
                 continue
-            if is_reached(arm, q):
-                reached.add((arm, q.tobytes()))
+            if is_reached(arm, choices[arm][k]):
+                reached.add((arm, k))
             else:
                 missed.append(arm)
         if not missed:
-            return chosen
+            return {arm: choices[arm][k] for arm, k in picked.items()}
         for arm in missed:
-            left[arm] = left[arm][(left[arm] != chosen[arm]).any(axis=1)]
-
-
-def _choose_goals(
-    agents: Mapping[str, Agent], choices: Mapping[str, Array], near: Mapping[str, frozenset[str]]
-) -> dict[str, Array]:
-    """A configuration for each arm, with as few contacts between neighbors as min-conflicts repair finds."""
-    picked = dict.fromkeys(agents, 0)
-    if all(len(found) == 1 for found in choices.values()):
-        return {arm: choices[arm][0] for arm in agents}
-    placed = {arm: [placed_configuration(agents[arm].bodies, q) for q in found] for arm, found in choices.items()}
-
-    @cache
-    def touch(one: tuple[str, int], two: tuple[str, int]) -> bool:
-        (a, i), (b, j) = one, two
-        return not are_apart(agents[a], placed[a][i], agents[b], placed[b][j])
-
-    def conflicts(arm: str, k: int) -> int:
-        return sum(touch(*sorted(((arm, k), (other, picked[other])))) for other in near[arm])
-
-    seen = set()
-    for _ in range(_REPAIRS):
-        bad = [arm for arm in agents if conflicts(arm, picked[arm])]
-        movable = [arm for arm in bad if len(choices[arm]) > 1]
-        # The repair is deterministic: a repeated state means a cycle.
-        state = tuple(picked.values())
-        if not movable or state in seen:
-            break
-        seen.add(state)
-        for arm in movable:
-            picked[arm] = int(np.argmin([conflicts(arm, k) for k in range(len(choices[arm]))]))
-    return {arm: choices[arm][picked[arm]] for arm in agents}
+            left[arm].remove(picked[arm])

@@ -24,7 +24,6 @@ class Stopwatch:
         progress: Called about ten times a second, in the thread that created the clock; False cancels. May be None.
 
     Attributes:
-        cancelled: Whether the progress callback returned False, or `cancel` was called.
         stop: A flag for long-running kernels, shape (1,): nonzero once the search is cancelled or, in a `with` block of
             the clock, its deadline has passed.
     """
@@ -34,7 +33,7 @@ class Stopwatch:
         self._budget, self._progress = budget, progress
         self._reported = -_REPORTS
         self._thread = threading.get_ident()
-        self.cancelled = False
+        self._cancel = threading.Event()
         self.stop: NDArray[np.int64] = np.zeros(1, np.int64)
         self._timer: threading.Timer | None = None
 
@@ -52,6 +51,11 @@ class Stopwatch:
             self._timer.join()
 
     @property
+    def cancelled(self) -> bool:
+        """Whether the progress callback returned False, or `cancel` was called, on this clock or a copy of it."""
+        return self._cancel.is_set()
+
+    @property
     def seconds(self) -> float:
         """Wall time so far [s]."""
         return time.perf_counter() - self._began
@@ -67,7 +71,7 @@ class Stopwatch:
         return max(self.left, 1e-3)
 
     def with_deadline(self, seconds: float) -> Stopwatch:
-        """A copy of the clock with an earlier deadline.
+        """A copy of the clock with an earlier deadline; cancelling one cancels the other.
 
         Args:
             seconds: Largest time left [s].
@@ -78,7 +82,7 @@ class Stopwatch:
 
     def cancel(self) -> None:
         """End the search in all threads."""
-        self.cancelled = True
+        self._cancel.set()
         self.stop[0] = 1
 
     def goes_on(self) -> bool:

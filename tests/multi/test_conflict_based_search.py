@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -287,6 +288,43 @@ def test_too_many_arms_and_unknown_methods_are_refused(rr1: rp.Robot) -> None:
         plan_many_arms(random_grid(rr1, 12, 0.7, 0), method="conflict_based_search", rng=0)
     with pytest.raises(UnknownNameError, match="method"):
         plan_many_arms(random_grid(rr1, 2, 0.8, 0), method="conflicts")
+
+
+def test_the_margin_is_kept_between_arms() -> None:
+    robot = rp.planar_arm("RR", (0.6, 0.5))
+    scene = rp.Scene().with_arm("left", robot, (-0.7, 0.0, 0.0)).with_arm("right", robot, (0.7, 0.0, 0.0))
+    begin, end = [1.2, 0.2], [-1.2, -0.2]
+    turned = [np.pi, 0.0]
+    start, goal = ({"left": q, "right": np.add(q, turned)} for q in (begin, end))
+    problem = rp.Problem(scene, start, goal)
+    result = plan_many_arms(problem, margin=0.1, method="conflict_based_search", rng=0, budget=_BUDGET)
+    assert result.found
+    assert rp.validate(result.trajectory, replace(scene, padding=0.1), clearance=False).certified
+
+
+def test_edges_that_cannot_be_timed_are_left_out(rr1: rp.Robot) -> None:
+    """A joint that the query does not move has no acceleration limit; samples of the roadmap move it."""
+    acceleration = rr1.limits.acceleration.copy()
+    acceleration[5] = np.inf
+    robot = replace(rr1, limits=replace(rr1.limits, acceleration=acceleration))
+    scene = rp.Scene().with_arm("left", robot, (-0.5, 0.0, 0.0)).with_arm("right", robot, (0.5, 0.0, 0.0))
+    goal = robot.home + np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0])
+    problem = rp.Problem(scene, None, {"left": goal, "right": goal})
+    result = plan_many_arms(problem, method="conflict_based_search", rng=0, budget=_BUDGET)
+    assert result.found
+    assert rp.validate(result.trajectory, scene, problem).certified
+
+
+@pytest.mark.parametrize("distance", [1e-16, 1e-12, 3e-10, 1e-9])
+def test_an_arm_whose_goal_is_as_good_as_its_start_rests(distance: float) -> None:
+    robot = rp.planar_arm("RR", (0.5, 0.4))
+    scene = rp.Scene().with_arm("left", robot, (-0.6, 0.0, 0.0)).with_arm("right", robot, (0.6, 0.0, 0.0))
+    start = {"left": [distance, 2.0], "right": [3.0, 1.0]}
+    problem = rp.Problem(scene, start, {"left": [0.0, 2.0], "right": [3.0, 2.0]})
+    result = plan_many_arms(problem, method="conflict_based_search", rng=0, budget=_BUDGET)
+    assert result.found
+    assert rp.validate(result.trajectory, scene, problem).certified
+    assert rp.execute_plan(rp.plan_graph(result), scene)
 
 
 def test_progress_may_cancel_the_search(rr1: rp.Robot) -> None:

@@ -195,6 +195,15 @@ def test_progress_may_cancel_an_improvement() -> None:
     assert result.trajectory is None
 
 
+def test_a_clock_with_an_earlier_deadline_cancels_the_clock_that_it_was_copied_from() -> None:
+    watch = Stopwatch(60.0)
+    earlier = watch.with_deadline(1.0)
+    assert earlier.left < 1.0
+    earlier.cancel()
+    assert watch.cancelled
+    assert not watch.goes_on()
+
+
 def test_nothing_is_tried_where_each_arm_goes_straight(rr1: rp.Robot) -> None:
     problem = random_grid(rr1, 2, 2.0, 0)
     result = plan_many_arms(problem, rng=0, improvement=_moves(50))

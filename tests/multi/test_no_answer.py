@@ -88,6 +88,47 @@ def test_goals_that_exclude_each_other_are_named(planar2r: rp.Robot, depth: floa
     assert "'left/link2' and 'right/link2'" in result.reason
 
 
+@pytest.mark.parametrize("method", ["portfolio", "conflict_based_search"])
+def test_alternatives_that_only_fit_together_are_found(method: str, assert_safe: Check) -> None:
+    """Of two goals of each arm, all combinations but the last are in contact, and each repair leads to another one."""
+    robot = rp.planar_arm("RR", (0.7, 0.6))
+    scene = rp.Scene().with_arm("left", robot, (-0.6, 0.0, 0.0)).with_arm("right", robot, (0.6, 0.0, 0.0))
+    up, down = [np.pi / 2, 0.1], [-np.pi / 2, 0.1]
+    goals = {"left": [[0.0, 0.0], up], "right": [[np.pi, 0.0], up]}
+    problem = rp.Problem(scene, {"left": down, "right": down}, goals)
+    result = plan_many_arms(problem, method=method, rng=0)
+    assert result.found
+    assert_safe(problem, result)
+
+
+def test_alternatives_that_all_exclude_each_other_are_a_proof(planar2r: rp.Robot) -> None:
+    near = {"left": [[0.0, 0.0], [0.0, 0.01], [0.01, 0.0]], "right": [[np.pi, 0.0], [np.pi, 0.01]]}
+    problem = rp.Problem(_facing(planar2r), {"left": [1.0, 0.0], "right": [2.0, 0.0]}, near)
+    result = plan_many_arms(problem, rng=0)
+    assert result.status is PlanStatus.INVALID_GOAL
+    assert "in all combinations tried" in result.reason
+
+
+@pytest.mark.parametrize("method", ["portfolio", "conflict_based_search"])
+def test_that_one_of_several_goals_has_no_path_proves_nothing(method: str) -> None:
+    """One goal lies behind a slot of 1 mm, which is hard to find; the other one behind a wall."""
+    robot, idle = rp.planar_arm("PP", (1.0, 1.0), width=0.05), rp.planar_arm("RR", (0.5, 0.3))
+    scene = rp.Scene().with_arm("arm", robot).with_arm("idle", idle, (5.0, 0.0, 0.0)).with_arm("off", idle, (0, 5, 0))
+    half = 0.025 + 5e-4
+    boxes = {"far": (0.58, 0.62, -0.2, 1.2), "left": (-0.2, 0.35 - half, 0.4, 0.6)}
+    for name, (x0, x1, y0, y1) in (boxes | {"right": (0.35 + half, 0.58, 0.4, 0.6)}).items():
+        scene = scene.with_obstacle(name, rp.Box((x1 - x0, y1 - y0, 0.1)), (0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0))
+    behind_slot, behind_wall = [0.2, 0.8], [0.9, 0.2]
+    start = {"arm": [0.2, 0.2], "idle": [0.0, 1.0], "off": [0.0, 1.0]}
+    others = {"idle": [1.0, 1.0], "off": [1.0, 1.0]}
+    several = rp.Problem(scene, start, {"arm": [behind_slot, behind_wall], **others})
+    result = plan_many_arms(several, margin=0.0, rng=0, method=method, budget=Budget(seconds=2.0))
+    assert result.found or result.status is PlanStatus.TIMEOUT
+    # With this goal alone it is a proof.
+    alone = rp.Problem(scene, start, {"arm": behind_wall, **others})
+    assert plan_many_arms(alone, margin=0.0, rng=0, method=method).status is PlanStatus.INFEASIBLE
+
+
 def test_an_arm_without_a_goal_that_stands_in_one_is_named(planar2r: rp.Robot) -> None:
     scene = _facing(planar2r)
     start = {"left": [1.5, 0.0], "right": [np.pi, 0.0]}

@@ -11,12 +11,14 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.object_cache import kept_in
 from rr1plan.path import Path
 from rr1plan.planners.roadmap_graph import Graph
 from rr1plan.planning import SearchTree
+from rr1plan.retiming.path_blends import clean
 from rr1plan.retiming.path_speed import line_rates
 
 _NEIGHBORS = 8  # nearest vertices to which the start, the goal and inserted waypoints are connected
@@ -45,6 +47,7 @@ class ArmRoadmap:
             self.neighbors[b].append(a)
         self._moves: dict[tuple[int, int], AgentPath] = {}
         self._ends: dict[AgentPath, tuple[int, int]] = {}
+        self._durations: dict[tuple[int, int], float] = {}
         self.to_goal = self._bounds()
 
     def __len__(self) -> int:
@@ -59,6 +62,16 @@ class ArmRoadmap:
             self._moves[key] = AgentPath(self.agent, Path(self.agent.joint_names, points), _Straight())
             self._ends[self._moves[key]] = key
         return self._moves[key]
+
+    def duration(self, begin: int, end: int) -> float:
+        """Duration of an edge from rest to rest [s]; inf if it cannot be timed under the limits."""
+        key = begin, end
+        if key not in self._durations:
+            try:
+                self._durations[key] = self.move(begin, end).fastest
+            except RetimingError:
+                self._durations[key] = math.inf
+        return self._durations[key]
 
     def ends(self, path: AgentPath) -> tuple[int, int]:
         """The vertices of a path from `move`."""
@@ -119,6 +132,9 @@ def build_roadmap(
     Returns:
         The roadmap, or None if stopped.
     """
+    if len(clean(np.stack([agent.start, goal]))) == 1:
+        # Paths merge points this near, so the arm rests.
+        goal = agent.start
     question = agent.question({}, margin)
     with checker_from_pool(question.scene, question.arms, margin) as checker:
 

@@ -155,9 +155,9 @@ class _Search:
         roadmap = self.roadmap
         leave_by = self.safe(state.vertex)[state.interval][1]
         for other in roadmap.neighbors[state.vertex]:
-            if math.isinf(roadmap.to_goal[other]):
+            duration = roadmap.duration(state.vertex, other)
+            if math.isinf(duration) or math.isinf(roadmap.to_goal[other]):
                 continue
-            duration = roadmap.move(state.vertex, other).fastest
             allowed = self._departures.get((state.vertex, other), _ALWAYS)
             for interval, (low, high) in enumerate(self.safe(other)):
                 may_stay = other == roadmap.goal and math.isinf(high)

@@ -48,20 +48,24 @@ class TeamPlan:
     Args:
         schedules: One for each arm; none if no plan was found.
         alone: Duration of the fastest known motion of each arm alone [s].
-        suboptimality: Proven bound: the sum of arrivals is at most this multiple of the minimum on the arms' roadmaps.
+        suboptimality: Proven bound: the sum of arrivals is at most this multiple of the minimum on the arms' roadmaps;
+            None: unknown.
         reason: Why there is no plan, as text.
+        impossible: The arm that provably has no path to its goal configuration, or None.
     """
 
     schedules: tuple[Schedule, ...] = ()
     alone: Mapping[str, float] = field(default_factory=dict)
-    suboptimality: float = 1.0
+    suboptimality: float | None = None
     reason: str = ""
+    impossible: str | None = None
 
 
 def plan_small_team(
     agents: Sequence[Agent],
     near: Mapping[str, frozenset[str]],
     margins: Mapping[str, float],
+    largest_margin: float,
     rng: np.random.Generator,
     watch: Stopwatch,
     suboptimality: float = SUBOPTIMALITY,
@@ -72,6 +76,7 @@ def plan_small_team(
         agents: The agent of each arm.
         near: For each arm, the arms that it can touch.
         margins: Distance that each arm keeps from stationary objects in addition to the padding [m].
+        largest_margin: Distance that arms keep from each other, as far as starts and goals allow [m].
         rng: Random generator.
         watch: Deadline.
         suboptimality: Requested ratio of the sum of arrivals to the minimum on the roadmaps, at least 1; the plan may
@@ -90,10 +95,11 @@ def plan_small_team(
     for arm, pool in pools.items():
         path, reason = pool.add({}, patient=True)
         if path is None:
-            return TeamPlan(reason=f"{arm}: {reason}")
+            return TeamPlan(reason=f"{arm}: {reason}", impossible=arm if pool.impossible else None)
     first = {arm: pool.paths[0] for arm, pool in pools.items()}
     alone = {arm: path.fastest for arm, path in first.items()}
-    conflicts = RelativeConflicts(_margin_between(agents, {arm: path.goal for arm, path in first.items()}, near))
+    goals = {arm: path.goal for arm, path in first.items()}
+    conflicts = RelativeConflicts(_margin_between(agents, goals, near, largest_margin))
     known: tuple[Schedule, ...] = ()
     cost, bound, reason = math.inf, 0.0, "no time was left"
     for samples, nodes in _ROUNDS:
@@ -105,15 +111,15 @@ def plan_small_team(
             schedules = tuple(schedule_of(roadmaps[arm], found.moves[arm]) for arm in arms)
             return TeamPlan(schedules, alone, found.suboptimality)
         reason = f"no plan after {found.nodes} nodes of a search on roadmaps of {samples} samples"
-        bound = found.lower_bound if math.isfinite(found.lower_bound) else bound
+        bound = found.lower_bound if 0.0 < found.lower_bound < math.inf else bound
         if known:
             break
         # Schedule the paths of the pools, which need no roadmap.
-        planner = PrioritizedPlanner(pools.values(), near, DiagramCache(), rng, watch)
+        planner = PrioritizedPlanner(pools.values(), near, DiagramCache(largest_margin, watch), rng, watch)
         known = tuple(planner.schedules.values()) if planner.run() else ()
         cost = math.fsum(s.arrival * len(s.arms) for s in known) if known else math.inf
-    if known and bound > 0.0:
-        return TeamPlan(known, alone, max(1.0, cost / bound))
+    if known:
+        return TeamPlan(known, alone, max(1.0, cost / bound) if bound > 0.0 else None)
     return TeamPlan(reason=f"{', '.join(arms)}: {reason}")
 
 
@@ -138,11 +144,13 @@ def _roadmaps(
     return roadmaps
 
 
-def _margin_between(agents: Sequence[Agent], goals: Mapping[str, Array], near: Mapping[str, frozenset[str]]) -> float:
-    """The largest margin that all starts keep from each other, and likewise all goals [m]."""
+def _margin_between(
+    agents: Sequence[Agent], goals: Mapping[str, Array], near: Mapping[str, frozenset[str]], largest: float
+) -> float:
+    """The largest margin up to `largest` that all starts keep from each other, and likewise all goals [m]."""
     ends = [{agent.arms[0]: agent.start for agent in agents}, goals]
     placed = [{a.arms[0]: placed_configuration(a.bodies, end[a.arms[0]]) for a in agents} for end in ends]
-    for margin in MARGINS:
+    for margin in (largest, *(m for m in MARGINS if m < largest)):
         if all(
             are_apart(a, at[a.arms[0]], b, at[b.arms[0]], margin)
             for a, b in combinations(agents, 2)

@@ -149,5 +149,7 @@ def _padded(parts: list[Array]) -> Array:
 
 def _joined(names: tuple[str, ...], pieces: Pieces) -> Trajectory:
     kept = pieces.durations > SHORTEST
+    if not kept.any():
+        return Trajectory.rest(names, pieces.coefficients[0, 0])
     breaks = np.concatenate([[0.0], np.cumsum(pieces.durations[kept])])
     return Trajectory(names, breaks, pieces.coefficients[kept])

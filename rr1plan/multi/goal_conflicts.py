@@ -1,0 +1,104 @@
+"""Goal configurations of several arms without contact between the arms.
+
+Each arm has one or more goal configurations, such as the solutions of inverse kinematics for a goal pose. Min-conflicts
+repair finds a combination quickly (Minton, Johnston, Philips, Laird, Minimizing conflicts: a heuristic repair method
+for constraint satisfaction and scheduling problems, 1992); where it fails, backtracking decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+from rr1plan.checks import Array
+from rr1plan.kernels.planner_kernels import CStruct
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.coordination import are_apart
+
+# Largest number of rounds of the repair, and of steps of the backtracking search.
+_REPAIRS, _STEPS = 200, 20_000
+
+
+class GoalConflicts:
+    """Contacts between goal configurations of different arms.
+
+    Args:
+        agents: The agent of each arm.
+        choices: Goal configurations of each arm, shape (k, nq).
+        near: For each arm, the arms that it can touch.
+    """
+
+    def __init__(
+        self, agents: Mapping[str, Agent], choices: Mapping[str, Array], near: Mapping[str, frozenset[str]]
+    ) -> None:
+        self.choices, self._agents = choices, agents
+        self._near = {arm: sorted(near[arm]) for arm in agents}
+        self._touching: dict[tuple[tuple[str, int], tuple[str, int]], bool] = {}
+
+    @cached_property
+    def _placed(self) -> dict[str, list[CStruct]]:
+        return {
+            arm: [placed_configuration(self._agents[arm].bodies, q) for q in found]
+            for arm, found in self.choices.items()
+        }
+
+    def _touch(self, arm: str, k: int, other: str, m: int) -> bool:
+        one, two = sorted(((arm, k), (other, m)))
+        if (one, two) not in self._touching:
+            (a, i), (b, j) = one, two
+            placed = self._placed
+            self._touching[one, two] = not are_apart(self._agents[a], placed[a][i], self._agents[b], placed[b][j])
+        return self._touching[one, two]
+
+    def _count(self, arm: str, k: int, picked: Mapping[str, int]) -> int:
+        """Number of other arms that a goal configuration touches in theirs, of those that have one."""
+        return sum(self._touch(arm, k, other, picked[other]) for other in self._near[arm] if other in picked)
+
+    def repaired(self, left: Mapping[str, Sequence[int]]) -> dict[str, int]:
+        """For each arm one of the goal configurations left, with as few contacts as min-conflicts repair finds."""
+        picked = {arm: numbers[0] for arm, numbers in left.items()}
+        if all(len(numbers) == 1 for numbers in left.values()):
+            return picked
+        seen = set()
+        for _ in range(_REPAIRS):
+            movable = [arm for arm in picked if len(left[arm]) > 1 and self._count(arm, picked[arm], picked)]
+            # The repair is deterministic: a repeated state means a cycle.
+            state = tuple(picked.values())
+            if not movable or state in seen:
+                break
+            seen.add(state)
+            for arm in movable:
+                contacts = [self._count(arm, k, picked) for k in left[arm]]
+                picked[arm] = left[arm][contacts.index(min(contacts))]
+        return picked
+
+    def combination(self, watch: Stopwatch | None = None) -> tuple[dict[str, Array] | None, bool]:
+        """The first combination of goal configurations without contact, by backtracking.
+
+        Returns:
+            The configuration of each arm, or None; and whether all combinations have been ruled out otherwise.
+        """
+        arms = sorted(self._agents, key=lambda arm: len(self.choices[arm]))
+        picked: dict[str, int] = {}
+        following = [0]
+        for _ in range(_STEPS):
+            if watch is not None and not watch.goes_on():
+                break
+            arm = arms[len(following) - 1]
+            picked.pop(arm, None)
+            k = following[-1]
+            if k == len(self.choices[arm]):
+                following.pop()
+                if not following:
+                    return None, True
+                continue
+            following[-1] += 1
+            if self._count(arm, k, picked):
+                continue
+            picked[arm] = k
+            if len(picked) == len(arms):
+                return {name: self.choices[name][picked[name]] for name in self._agents}, True
+            following.append(0)
+        return None, False
