@@ -117,9 +117,8 @@ def test_the_motion_keeps_all_limits_and_cannot_be_faster(path: rp.Path, problem
 def test_the_limit_curve_is_the_largest_speed_of_brute_force(path: rp.Path, problem: rp.Problem) -> None:
     plane = rp.phase_plane(path, problem.scene)
     grid = plane.grid
-    pushes = np.linspace(-40.0, 40.0, 4001)
+    pushes, speeds = np.linspace(-40.0, 40.0, 2001), np.linspace(0.0, 4.0, 501)[1:]
     for i in range(0, len(grid.begin), 17):
-        speeds = np.linspace(0.0, 4.0, 2001)[1:]
         fits = (np.abs(grid.begin[i]) * speeds[:, None] <= VELOCITY).all(axis=1)
         needs = grid.begin[i] * pushes[:, None] + (grid.bend[i] * speeds[:, None, None] ** 2)
         fits &= (np.abs(needs) <= ACCELERATION + 0.05).all(axis=2).any(axis=1)
