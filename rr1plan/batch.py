@@ -97,7 +97,7 @@ def plan_many(
     executor: Executor | None = None,
     workers: int | None = None,
     full: bool = True,
-    planner: str | Planner = "rrt_connect",
+    planner: str | Planner | None = None,
     retiming: str = "blend",
     budget: Budget | None = None,
     rng: Seed = None,
@@ -117,7 +117,7 @@ def plan_many(
             of its workers.
         full: Plan, shorten, retime and validate, as in `plan_motion`; or only plan, as in `plan`.
         planner: A name of `planner_names()`, "many_arms" as in `plan_motion`, or an instance of `Planner`, which is
-            sent to the processes by pickle.
+            sent to the processes by pickle (default: that of `plan_motion`, or of `plan`).
         retiming: A name of `retiming_names()`.
         budget: When to stop the planner, for each problem (default: 10 s).
         rng: Seed of the batch; problem i gets seed i of `problem_seeds(rng, n)`.
@@ -168,13 +168,13 @@ def problem_seeds(rng: Seed, count: int) -> list[int]:
     return [int(child.generate_state(1, np.uint64)[0]) for child in sequence.spawn(count)]
 
 
-def _sent_planner(planner: str | Planner, executor: Executor | None) -> str | Planner:
+def _sent_planner(planner: str | Planner | None, executor: Executor | None) -> str | Planner | None:
     """The planner as it is sent to processes: a name that is known everywhere, or the planner itself.
 
     Raises:
         InputError: a planner that cannot be sent.
     """
-    if isinstance(planner, str) and (planner in MANY_ARMS_PLANNERS or is_own(planner)):
+    if planner is None or (isinstance(planner, str) and (planner in MANY_ARMS_PLANNERS or is_own(planner))):
         return planner
     chosen = chosen_planner(planner)
     if executor is None:

@@ -17,7 +17,7 @@ class Settings(NamedTuple):
     """Settings common to all problems of a batch."""
 
     full: bool
-    planner: str | Planner
+    planner: str | Planner | None
     retiming: str
     budget: Budget | None
 
@@ -83,7 +83,8 @@ def _run(task: Task, settings: Settings) -> Any:
         return Raised("Cancelled", "the batch was cancelled before this problem was done")
     try:
         if not settings.full:
-            return plan(task.problem, planner=settings.planner, budget=settings.budget, rng=task.seed, progress=_go_on)
+            planner = settings.planner or "rrt_connect"
+            return plan(task.problem, planner=planner, budget=settings.budget, rng=task.seed, progress=_go_on)
         motion = plan_motion(
             task.problem,
             planner=settings.planner,

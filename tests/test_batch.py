@@ -307,6 +307,12 @@ def test_problems_of_many_arms_are_planned_in_processes(rr1):
         assert two.many_arms.makespan == pytest.approx(two.trajectory.duration)
         assert one.trajectory.coefficients.tobytes() == two.trajectory.coefficients.tobytes()
         assert {arm for s in two.many_arms.schedules for arm in s.path.agent.arms} == set(grid.arms)
+    # By default the same planner as plan_motion's, which depends on the number of arms.
+    four = rp.random_grid(rr1, 4, 0.8, 1)
+    (answer,) = rp.plan_many([four], rng=5, executor=InLine())
+    assert answer.many_arms is not None
+    (path,) = rp.plan_many([four], rng=5, executor=InLine(), full=False)
+    assert path.planner == "rrt_connect"
     with pytest.raises(rp.InputError, match="leave full=True"):
         rp.plan_many([grid], planner="many_arms", full=False)
     with pytest.raises(rp.InputError, match="leaves the paths"):

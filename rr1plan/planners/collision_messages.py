@@ -65,11 +65,20 @@ def _describe(checker: CollisionChecker, contact: Contact) -> str:
 
 
 def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
-    """Hints for a held object that rests on an obstacle or touches the gripper that holds it."""
+    """Hints for a held object that rests on an obstacle or touches its gripper, and for a base that stands on one."""
     scene = checker.scene
     advice = contact_advice(scene, contact.a, contact.b, _gap(checker, contact))
     if advice:
         yield advice
+    for link, support in ((contact.a, contact.b), (contact.b, contact.a)):
+        is_base = scene.owner(link) in scene.arms and link not in scene.attachments
+        stands = support in scene.obstacles and support not in scene.attachments
+        if is_base and stands and (contact.a, contact.b) in checker.static_contacts:
+            yield (
+                f"{link!r} does not move: if it stands on {support!r}, allow the pair, which is then not checked "
+                f'(scene.allow({link!r}, {support!r}), in a scene file allowed = [["{link}", "{support}"]]), or move '
+                "one of them"
+            )
     for held, other in ((contact.a, contact.b), (contact.b, contact.a)):
         if held not in scene.attachments or scene.owner(other) != scene.attachments[held].arm:
             continue

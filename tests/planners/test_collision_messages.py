@@ -93,6 +93,16 @@ def test_the_hand_that_holds_an_object_is_told_to_be_named(rr1: rp.Robot) -> Non
     assert "finger_link" not in said.split(";", 1)[1].replace("opposite_finger_link", "")
 
 
+@pytest.mark.usefixtures("foreign_robots")
+def test_a_link_that_stands_on_the_floor_is_told_to_be_allowed() -> None:
+    """The root link may touch anything; here it is a frame, to which the link on the floor is fixed."""
+    scene = rp.Scene().with_arm("arm", rp.load_robot("xarm7")).with_obstacle("floor", rp.HalfSpace())
+    said = reason(scene)
+    assert "'arm/link_base' does not move: if it stands on 'floor', allow the pair" in said
+    standing = scene.allow("arm/link_base", "floor")
+    assert rp.plan(rp.Problem(standing, None, "home"), rng=0).found
+
+
 def test_a_goal_on_the_table_is_answered_in_the_same_words(held: rp.Scene) -> None:
     free = table_with_can(held.arms["rr1"].robot, 0.001)
     goal = free.configuration()
