@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, Value, near_array, of_kind, read_only, shape_of
+from rr1plan.checks import Array, Value, near_array, number_from_zero, of_kind, read_only, shape_of
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.model.joint_turns import TURN, rotary
@@ -106,20 +106,23 @@ class Corridor(Value):
         off = q - planned
         return np.where(self.rotary, off - TURN * np.round(off / TURN), off)
 
-    def position(self, q: ArrayLike) -> CorridorPosition:
+    def position(self, q: ArrayLike, *, displacement: float = 0.0) -> CorridorPosition:
         """The position of a configuration in the corridor, at the sample of the motion with the smallest used share.
 
         Args:
             q: Configuration [rad or m], shape (nq,), columns as in `joint_names`.
+            displacement: Largest distance of a point of a body from its place in the scene, other than by these joints
+                [m]; both bodies of a pair may be displaced.
 
         Raises:
-            InputError: wrong shape, not finite or too large.
+            InputError: wrong shape, not finite or too large, or a negative displacement.
         """
+        displacement = number_from_zero("displacement", displacement)
         off = np.abs(self._deviation(near_array("q", q, (len(self.joint_names),)), self.configurations))
         if not self.pairs:
             return CorridorPosition(0.0, float(self.times[np.argmin(off.max(axis=1, initial=0.0))]), ())
         order = np.argsort(off @ self.levers.max(axis=0, initial=0.0), kind="stable")[:_NEAREST]
-        uses = (off[order] @ self.levers.T) / self.distances[order]
+        uses = (off[order] @ self.levers.T + 2.0 * displacement) / self.distances[order]
         k = int(np.argmin(uses.max(axis=1)))
         pair = int(np.argmax(uses[k]))
         return CorridorPosition(float(uses[k, pair]), float(self.times[order[k]]), self.pairs[pair])

@@ -28,41 +28,49 @@ class MessageReader:
 
     def __init__(self, scene: Scene, needed: tuple[str, ...]) -> None:
         self.joints = JointMap(scene)
-        self._column = {name: i for i, name in enumerate(scene.joint_names())}
+        self._names = scene.joint_names()
+        # Planning joints among all movable ones.
+        self._columns = np.array([self.joints.index[name] for name in self._names], dtype=np.int64)
         self._needed = needed
         self._arm = f"{next(iter(scene.arms))}/" if len(scene.arms) == 1 else ""
         self._speeds = scene.limits().velocity
         self._time: float | None = None
-        self._q = np.array(scene.configuration())
+        self._positions = self.joints.expand(scene.configuration())
 
     def read(self, message: StateMessage) -> Array | StreamError:
-        """The configuration of all planning joints [rad or m], shape (nq,); or why the message cannot be used."""
+        """The positions of all movable joints [rad or m], shape (n,); or why the message cannot be used."""
         names = [name if "/" in name else self._arm + name for name in message.joint_names]
         error = self._error(message, names)
         if error is not None:
             return error
-        q = self._q.copy()
-        for name, value in zip(names, message.positions, strict=True):
-            if name in self._column:
-                q[self._column[name]] = value
-        return q
+        measured = [self.joints.index[name] for name in names]
+        positions = self._positions.copy()
+        positions[measured] = message.positions
+        # Joints that mimic others follow them, unless they are measured, too.
+        positions = self.joints.follow(positions)
+        positions[measured] = message.positions
+        return positions
 
-    def accept(self, time: float, q: Array) -> StreamError | None:
+    def configuration(self, positions: Array) -> Array:
+        """The planning joints of all arms, shape (nq,), among the positions of all movable joints (n,)."""
+        return np.asarray(positions[self._columns])
+
+    def accept(self, time: float, positions: Array) -> StreamError | None:
         """Store the state to compare with the next message; returns an error if it jumps from the previous one.
 
         Args:
             time: Time of measurement, by a monotonic clock [s].
-            q: The configuration of all planning joints [rad or m], shape (nq,).
+            positions: The positions of all movable joints [rad or m], shape (n,).
         """
-        last, moved = self._time, np.abs(q - self._q)
-        self._time, self._q = time, q
+        last, moved = self._time, np.abs(self.configuration(positions - self._positions))
+        self._time, self._positions = time, positions
         if last is None:
             return None
         over = moved - _FASTER * self._speeds * (time - last) - _SLACK
         if not (over > 0.0).any():
             return None
         i = int(np.argmax(over))
-        return StreamError("jump", f"joint {list(self._column)[i]!r} moved by {moved[i]:.3g} in {time - last:.3g} s")
+        return StreamError("jump", f"joint {self._names[i]!r} moved by {moved[i]:.3g} in {time - last:.3g} s")
 
     def _error(self, message: StateMessage, names: list[str]) -> StreamError | None:
         when = f"in the message of {message.time:.3f} s"

@@ -35,16 +35,24 @@ from rr1plan.playback.viewer.view_options import checked_options
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
+# Joints outside the plan that are farther than this from their assumed values void the proof [rad or m]. Smaller
+# deviations, as of a step counter, use up distances of the corridor.
+_MOVED = 1e-3
+
 
 class Mirror:
     """Follows a stream of joint states; use it in a `with` statement, or `close` it.
+
+    The corridor is proven for the joints of the plan; other joints (of a gripper, of other arms) are assumed at their
+    values in the scene. If a message has one of them elsewhere, by more than 1e-3 rad or m, nothing is proven, and this
+    counts as outside.
 
     Args:
         scene: The scene; joints without messages keep their values in it.
         plan: The planned motion; None: states are not compared with a plan.
         corridor: The certified corridor of the plan (default: computed).
         start: Start of the plan, on the clock of the sender [s] (default: at the first message).
-        record: A file (.jsonl) for all messages, readable by `read_states`.
+        record: A file (.jsonl) for all messages, readable by `read_states`; emptied at the first message.
         on_event: Called with each `MirrorEvent`.
 
     Attributes:
@@ -92,7 +100,8 @@ class Mirror:
         self._statistics = MirrorStatistics(planned, np.zeros(len(planned)))
         self._page: MirrorPage | None = None
         self._closed = False
-        self._record = None if record is None else _opened(record)
+        self._record_path = None if record is None else _writable(record)
+        self._record: TextIO | None = None
 
     def __enter__(self) -> Mirror:
         return self
@@ -167,12 +176,15 @@ class Mirror:
             return None
         of_kind("item", item, StateMessage)
         arrival = time.monotonic() if item.received is None else item.received
-        if self._record is not None:
+        if self._record_path is not None:
+            if self._record is None:
+                # Not earlier, because the file may be the one that the stream reads at its start.
+                self._record = self._record_path.open("w", encoding="utf-8")
             fields = {"time": item.time, "name": item.joint_names, "position": item.positions.tolist()}
             print(json.dumps(fields | {"received": arrival}), file=self._record, flush=True)
-        q = self._reader.read(item)
-        if isinstance(q, StreamError):
-            self._fault(q)
+        positions = self._reader.read(item)
+        if isinstance(positions, StreamError):
+            self._fault(positions)
             return None
         now, error = self._clock.read(item.time, arrival)
         if error is not None:
@@ -180,11 +192,16 @@ class Mirror:
         if now is None:
             return None
         self._clock.accept(now, arrival)
-        jump = self._reader.accept(now, q)
+        jump = self._reader.accept(now, positions)
         if jump is not None:
             self._fault(jump)
         self._start = now if self._start is None else self._start
-        state = MirrorState(now, read_only(q), *self._compared(now, q), self._contacts(q))
+        q = self._reader.configuration(positions)
+        assumed = self._assumed(q, positions)
+        moved = np.flatnonzero(np.abs(positions - assumed) > _MOVED).tolist()
+        compared = self._compared(now, q, self._displacement(assumed, positions))
+        names = tuple(self._reader.joints.names[i] for i in moved)
+        state = MirrorState(now, read_only(q), *compared, self._contacts(positions), names)
         was_inside = self.state is None or self.state.corridor is None or self.state.proven_free
         self._statistics.add(state, arrival, was_inside)
         self._note_changes(state, was_inside)
@@ -210,19 +227,44 @@ class Mirror:
         if self._on_event is not None:
             self._on_event(event)
 
-    def _compared(self, now: float, q: Array) -> tuple[Array | None, CorridorPosition | None]:
-        """Deviation from the plan at its time, and the position in the corridor."""
+    def _compared(self, now: float, q: Array, displacement: float) -> tuple[Array | None, CorridorPosition | None]:
+        """Deviation from the plan at its time, and the position in the corridor with other bodies displaced [m]."""
         if self.plan is None or self.corridor is None or self._start is None:
             return None, None
         names = self.corridor.joint_names
         measured = q[[self.scene.joint_names().index(name) for name in names]]
         planned = self.plan(self.plan.start_time + now - self._start)
         planned = planned[[self.plan.joint_names.index(name) for name in names]]
-        return read_only(self.corridor.deviation(measured, planned)), self.corridor.position(measured)
+        return read_only(self.corridor.deviation(measured, planned)), self.corridor.position(
+            measured, displacement=displacement
+        )
 
-    def _contacts(self, q: Array) -> tuple[tuple[str, str], ...]:
-        """Pairs in contact according to MuJoCo, after setting its data to the state."""
-        positions = self._reader.joints.expand(q)
+    def _assumed(self, q: Array, positions: Array) -> Array:
+        """Positions of all movable joints that the corridor assumes while the planning joints are at q (nq,).
+
+        Without a corridor these are the measured ones (n,).
+        """
+        if self.corridor is None:
+            return positions
+        others = [i for i, name in enumerate(self.scene.joint_names()) if name not in self.corridor.joint_names]
+        assumed = np.array(q)
+        assumed[others] = self.scene.configuration()[others]
+        return self._reader.joints.expand(assumed)
+
+    def _displacement(self, assumed: Array, positions: Array) -> float:
+        """Bound on the displacement of any point of a body between two positions of all movable joints (n,) [m]."""
+        if np.array_equal(assumed, positions):
+            return 0.0
+        data, poses = self.data, []
+        for values in (assumed, positions):
+            data.qpos[: len(values)] = values
+            mujoco.mj_kinematics(self.model, data)
+            poses.append((data.geom_xpos.copy(), data.geom_xmat.copy()))
+        shift, turn = (np.linalg.norm(after - before, axis=1) for before, after in zip(*poses, strict=True))
+        return float((shift + turn * self.model.geom_rbound).max(initial=0.0))
+
+    def _contacts(self, positions: Array) -> tuple[tuple[str, str], ...]:
+        """Pairs in contact according to MuJoCo, after setting all its joints to the measured positions (n,)."""
         self.data.qpos[: len(positions)] = positions  # loose bodies keep their initial poses
         mujoco.mj_forward(self.model, self.data)
         elements = self._world.geom_elements
@@ -234,18 +276,27 @@ class Mirror:
         """Record events that begin or end with a state."""
         is_inside = state.corridor is None or state.proven_free
         if was_inside and not is_inside and state.corridor is not None:
-            nearest = " and ".join(state.corridor.pair)
-            self._notice(MirrorEvent(state.time, "outside", f"left the certified corridor: {nearest} might touch"))
+            self._notice(MirrorEvent(state.time, "outside", f"left the certified corridor: {_reason(state)}"))
         elif is_inside and not was_inside:
             self._notice(MirrorEvent(state.time, "inside", "inside the certified corridor again"))
         for pair in sorted(set(state.contacts) - set(self.state.contacts if self.state else ())):
             self._notice(MirrorEvent(state.time, "contact", f"{pair[0]} and {pair[1]} touch"))
 
 
-def _opened(file: str | pathlib.Path) -> TextIO:
-    """A file to write text to."""
+def _reason(state: MirrorState) -> str:
+    """Why a state outside the corridor is not proven free."""
+    if state.moved:
+        return f"it assumes {', '.join(state.moved)} elsewhere"
+    if state.contacts:
+        return f"{' and '.join(state.contacts[0])} touch"
+    return f"{' and '.join(state.corridor.pair if state.corridor else ())} might touch"
+
+
+def _writable(file: str | pathlib.Path) -> pathlib.Path:
+    """The absolute path of a file that can be written, created if there is none."""
     path = file_path(file)
     try:
-        return path.open("w", encoding="utf-8")
+        path.open("a", encoding="utf-8").close()
+        return path.absolute()
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error

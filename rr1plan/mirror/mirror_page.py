@@ -56,6 +56,7 @@ def _panel_state(state: MirrorState, statistics: MirrorStatistics, event: Mirror
     corridor = state.corridor
     return {
         "time": state.time,
+        "moved": list(state.moved),
         "rate": statistics.rate(),
         "delay": statistics.delay(),
         "deviation": None if state.deviation is None else state.deviation.tolist(),

@@ -49,6 +49,7 @@ class MirrorState(Value):
         deviation: Measured minus planned positions [rad or m], of the joints of the corridor; None without a plan.
         corridor: Position of the arms in the certified corridor; None without a plan.
         contacts: Pairs of elements in forbidden contact.
+        moved: Joints outside the plan that are not where the corridor assumes them; nothing is proven then.
     """
 
     time: float
@@ -56,11 +57,12 @@ class MirrorState(Value):
     deviation: Array | None
     corridor: CorridorPosition | None
     contacts: tuple[tuple[str, str], ...]
+    moved: tuple[str, ...]
 
     @property
     def proven_free(self) -> bool:
-        """Whether the arms are in the certified corridor."""
-        return self.corridor is not None and self.corridor.use < 1.0
+        """Whether the arms are in the certified corridor, with all other joints where it assumes them."""
+        return self.corridor is not None and self.corridor.use < 1.0 and not self.moved and not self.contacts
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,8 +74,10 @@ class MirrorReport(Value):
         rate: Messages per second, by their arrival.
         delays: Median and largest delay of messages beyond that of the fastest one [s]; clocks may differ.
         max_deviation: Largest deviation from the plan of each of its joints [rad or m], by name.
-        outside: Intervals outside the certified corridor, on the clock of the sender, continued over restarts [s].
+        outside: Intervals in which the arms were not proven free of collision, on the clock of the sender, continued
+            over restarts [s].
         faults: Number of faults of the stream of each kind.
+        contacts: Number of messages with each pair of elements in forbidden contact.
     """
 
     messages: int
@@ -82,14 +86,15 @@ class MirrorReport(Value):
     max_deviation: Mapping[str, float]
     outside: tuple[tuple[float, float], ...]
     faults: Mapping[StreamFault, int]
+    contacts: Mapping[tuple[str, str], int]
 
     def __post_init__(self) -> None:
-        for name in ("max_deviation", "faults"):
+        for name in ("max_deviation", "faults", "contacts"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def __bool__(self) -> bool:
-        """Whether all messages were valid, and the arms stayed in the corridor."""
-        return self.messages > 0 and not self.outside and not self.faults
+        """Whether all messages were valid, nothing touched, and the arms stayed in the corridor."""
+        return self.messages > 0 and not self.outside and not self.faults and not self.contacts
 
     def __str__(self) -> str:
         typical, longest = (1e3 * delay for delay in self.delays)
@@ -104,6 +109,8 @@ class MirrorReport(Value):
             text += "" if self.outside else "\nalways inside the certified corridor"
         for begin, end in self.outside:
             text += f"\noutside the certified corridor from {begin:.3f} s to {end:.3f} s"
+        for (first, second), count in self.contacts.items():
+            text += f"\n{first} and {second} touch in {counted(count, 'message')}"
         for fault, count in self.faults.items():
             text += f"\n{fault}: {counted(count, 'time')}"
         return text
@@ -119,8 +126,9 @@ class MirrorStatistics:
         arrivals: Arrival times of the latest messages, on this machine's clock [s].
         offsets: Arrival times minus times of measurement, on different clocks [s].
         totals: Number of messages, first and last arrival, least and largest offset [s].
-        outside: Intervals outside the certified corridor [s].
+        outside: Intervals in which the arms were not proven free of collision [s].
         faults: Number of faults of the stream of each kind.
+        contacts: Number of messages with each pair of elements in forbidden contact.
     """
 
     joint_names: tuple[str, ...]
@@ -130,12 +138,14 @@ class MirrorStatistics:
     totals: Totals = field(default_factory=lambda: Totals())
     outside: list[tuple[float, float]] = field(default_factory=list)
     faults: Counter[StreamFault] = field(default_factory=Counter)
+    contacts: Counter[tuple[str, str]] = field(default_factory=Counter)
 
     def add(self, state: MirrorState, arrival: float, was_inside: bool) -> None:
         """Count a message."""
         self.arrivals.append(arrival)
         self.offsets.append(arrival - state.time)
         self.totals = self.totals.with_message(arrival, arrival - state.time)
+        self.contacts.update(state.contacts)
         if state.deviation is not None:
             np.maximum(self.max_deviation, np.abs(state.deviation), out=self.max_deviation)
         if state.corridor is not None and not state.proven_free:
@@ -165,6 +175,7 @@ class MirrorStatistics:
             max_deviation=dict(zip(self.joint_names, self.max_deviation.tolist(), strict=True)),
             outside=tuple(self.outside),
             faults=dict(self.faults),
+            contacts=dict(self.contacts),
         )
 
 

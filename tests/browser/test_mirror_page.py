@@ -34,6 +34,11 @@ def test_the_panel_shows_deviations_and_turns_red_outside_the_corridor(tab: Any)
         assert shown[2].split() == ["upper_arm_joint", "0.00°", "0.00°"]
         assert tab.ask("document.getElementById('clock').textContent") == "live"
         assert "left the certified corridor" in tab.ask("document.querySelector('#panel-mirror .event').textContent")
+        fingers = (*names, "rr1/finger_joint")
+        mirror.receive(rp.StateMessage(3.0, fingers, [*scene.configuration(), 0.3], received=3.0))
+        wait_until(page, "document.querySelector('#panel-mirror .verdict').className === 'verdict open'")
+        verdict = tab.ask("document.querySelector('#panel-mirror .verdict').textContent")
+        assert verdict == "Not proven: the plan assumes rr1/finger_joint and rr1/opposite_finger_joint elsewhere"
     assert tab.complaints == []
 
 

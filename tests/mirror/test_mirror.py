@@ -86,6 +86,93 @@ def test_leaving_the_corridor_is_an_alarm_and_coming_back_is_told(scene: rp.Scen
     assert "outside the certified corridor from" in str(report)
 
 
+def test_nothing_is_proven_while_a_locked_joint_is_elsewhere(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    stream = [
+        rp.StateMessage(m.time, (*ARM, "rr1/finger_joint"), [*m.positions, 0.9 * (10 <= k < 20)], received=m.received)
+        for k, m in enumerate(messages(plan))
+    ]
+    with rp.Mirror(scene, plan) as mirror:
+        states = [mirror.receive(message) for message in stream]
+        fingers = mirror.data.joint("rr1/finger_joint").qpos
+        assert fingers == 0.0
+        mirror.receive(rp.StateMessage(99.0, stream[15].joint_names, stream[15].positions))
+        assert fingers == 0.9
+        report = mirror.report()
+    assert [k for k, state in enumerate(states) if state and not state.proven_free] == list(range(10, 20))
+    assert states[10] is not None
+    # With the finger that mimics it.
+    assert states[10].moved == ("rr1/finger_joint", "rr1/opposite_finger_joint")
+    assert kinds(mirror)[:2] == ["outside", "inside"]
+    assert "it assumes rr1/finger_joint, rr1/opposite_finger_joint elsewhere" in mirror.events[0].message
+    assert not report
+    assert len(report.outside) == 2
+    assert "always inside" not in str(report)
+
+
+def test_a_small_deviation_of_a_locked_joint_uses_up_distances(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    """Such as that of a step counter: half a step."""
+    uses = []
+    with rp.Mirror(scene, plan) as mirror:
+        for k, finger in enumerate((0.0, 5e-4)):
+            state = mirror.receive(rp.StateMessage(0.01 * k, (*ARM, "rr1/finger_joint"), [*plan(0.0), finger]))
+            assert state is not None
+            assert state.corridor is not None
+            assert state.proven_free
+            assert state.moved == ()
+            uses.append(state.corridor.use)
+    assert 0.0 == uses[0] < uses[1] < 0.1
+    assert mirror.corridor is not None
+    tight = mirror.corridor.distances[0].min()
+    assert mirror.corridor.position(plan(0.0), displacement=0.49 * tight).use < 1.0
+    assert mirror.corridor.position(plan(0.0), displacement=10.0).use > 1.0
+    with pytest.raises(rp.InputError, match="displacement is -1"):
+        mirror.corridor.position(plan(0.0), displacement=-1.0)
+
+
+def test_nothing_is_proven_while_an_arm_outside_the_plan_moves() -> None:
+    """Into the planned arm here."""
+    robot = rp.load_robot("rr1")
+    scene = rp.Scene().with_arm("a", robot).with_arm("b", robot, [0.5, 0.0, 0.0])
+    here, there = scene.joint_names(["a"]), scene.joint_names(["b"])
+    plan = rp.Trajectory.rest(here, scene.configuration(["a"]), duration=1.0)
+    checker, rng = rp.CollisionChecker(scene), np.random.default_rng(0)
+    rows = rng.uniform(robot.limits.lower, robot.limits.upper, (500, 6))
+    joint = (*here, *there)
+    ours = plan(0.0)
+    q = next(
+        row
+        for row in rows
+        if any({c.a[:2], c.b[:2]} == {"a/", "b/"} and c.depth > 1e-3 for c in checker.contacts([*ours, *row]))
+    )
+    with rp.Mirror(scene, plan, start=0.0) as mirror:
+        first = mirror.receive(rp.StateMessage(0.0, joint, [*ours, *scene.configuration(["b"])]))
+        assert first is not None
+        assert first.proven_free
+        state = mirror.receive(rp.StateMessage(0.5, joint, [*ours, *q]))
+    assert state is not None
+    assert state.contacts
+    assert set(state.moved) == set(there)
+    assert not state.proven_free
+    report = mirror.report()
+    assert not report
+    assert report.contacts == dict.fromkeys(state.contacts, 1)
+    first_pair = " and ".join(state.contacts[0])
+    assert f"{first_pair} touch in 1 message" in str(report)
+
+
+def test_contacts_alone_make_a_report_false(scene: rp.Scene) -> None:
+    checker, rng = rp.CollisionChecker(scene), np.random.default_rng(1)
+    rows = rng.uniform(checker.limits.lower, checker.limits.upper, (100, 6))
+    q = next(row for row in rows if any(contact.depth > 1e-3 for contact in checker.contacts(row)))
+    with rp.Mirror(scene) as mirror:
+        report = mirror.run([rp.StateMessage(0.0, ARM, scene.configuration())])
+        assert report
+        report = mirror.run([rp.StateMessage(9.0, ARM, q)])
+    assert report.faults == {}
+    assert not report
+    assert "touch in 1 message" in str(report)
+
+
 def test_contacts_are_those_of_mujoco(scene: rp.Scene) -> None:
     with rp.Mirror(scene) as mirror:
         checker, rng = rp.CollisionChecker(scene), np.random.default_rng(1)

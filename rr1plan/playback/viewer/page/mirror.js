@@ -69,9 +69,11 @@ function drawUses() {
 function show() {
   const { state } = data;
   if (!state) return;
-  const touching = state.contacts.length > 0, outside = state.use !== null && state.use >= 1;
-  verdict.className = `verdict ${touching || outside ? "bad" : state.use === null ? "open" : "good"}`;
+  const touching = state.contacts.length > 0, moved = state.moved.length > 0;
+  const outside = !moved && state.use !== null && state.use >= 1;
+  verdict.className = `verdict ${touching || outside ? "bad" : moved || state.use === null ? "open" : "good"}`;
   verdict.textContent = touching ? `${state.contacts[0].join(" and ")} touch`
+    : moved ? `Not proven: the plan assumes ${state.moved.join(" and ")} elsewhere`
     : outside ? `Outside the certified corridor: ${state.pair.join(" and ")} might touch`
     : state.use === null ? "No plan to compare with" : "Inside the certified corridor: proven free of collision";
   facts.textContent = `${inSeconds(state.time)} · ${state.rate.toFixed(0)} messages/s · delay ${(1000 * state.delay).toFixed(1)} ms`;
