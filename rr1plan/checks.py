@@ -181,10 +181,14 @@ def of_kind(name: str, value: Any, kind: type, *, optional: bool = False) -> Non
     """Require a value of a type, or None if it is optional.
 
     Raises:
-        InputError: another type.
+        InputError: another type; the message says so if one of our own types has such a value as an attribute.
     """
-    if not isinstance(value, kind) and not (optional and value is None):
-        raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}")
+    if isinstance(value, kind) or (optional and value is None):
+        return
+    attribute = kind.__name__.lower()
+    of_ours = type(value).__module__.startswith("rr1plan.")
+    hint = f"; pass its attribute {attribute!r}" if of_ours and isinstance(getattr(value, attribute, None), kind) else ""
+    raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}{hint}")
 
 
 def whole_number(name: str, value: Any, least: int, most: int) -> int:

@@ -79,6 +79,11 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "planner_of_text": (lambda s: rp.OmplPlanner("rrt").plan("x"), rp.InputError, "expected Problem"),
     "line_of_nothing": (lambda s: rp.CartesianPlanner().plan(None), rp.InputError, "expected Problem"),
     "page_of_text": (lambda s: rp.save_html("a.html", "rr1"), rp.InputError, "expected Scene"),
+    "page_of_an_arm": (
+        lambda s: rp.save_html("a.html", rp.Problem(s, "home", "zero")),
+        rp.InputError,
+        "attribute 'scene'",
+    ),
     "page_of_nothing": (lambda s: rp.show(None), rp.InputError, "expected Scene"),
     "page_of_a_path": (
         lambda s: rp.save_html("a.html", s, trajectory=rp.Path(s.joint_names(), [[0, 0]])),
