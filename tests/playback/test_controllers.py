@@ -246,14 +246,75 @@ def test_a_newer_trajectory_preempts_at_its_time(scene: rp.Scene) -> None:
     first = follow.send(motion(scene, ARM))
     second = follow.send(motion(scene, ARM, by=-0.1), at=0.2)
     assert second.status is rp.ExecutionStatus.WAITING
-    assert first.status is rp.ExecutionStatus.PREEMPTED  # both would begin, the newer one replaces it
     sim.run(until=0.1)
+    assert first.status is rp.ExecutionStatus.ACTIVE
     assert second.status is rp.ExecutionStatus.WAITING
     third = follow.send(motion(scene, ARM, by=0.05))
     assert second.status is rp.ExecutionStatus.PREEMPTED
+    assert second.ended == pytest.approx(0.1)
     sim.run(until=1.0)
+    assert first.status is rp.ExecutionStatus.PREEMPTED
+    assert first.ended == third.start == pytest.approx(0.1)
     assert third
-    assert third.start == pytest.approx(0.1)
+
+
+def between(start: np.ndarray, goal: np.ndarray, seconds: float = 0.3) -> rp.Trajectory:
+    """A quintic motion, at rest at both ends."""
+    still = np.zeros((2, len(start)))
+    return rp.Trajectory.from_samples(ARM, [0.0, seconds], [start, goal], still, still)
+
+
+def test_trajectories_wait_in_a_queue_and_follow_each_other(scene: rp.Scene) -> None:
+    q = scene.configuration()
+    sim, follow = rp.Simulation(scene), rp.JointTrajectoryController(ARM)
+    sim.activate(follow)
+    sent = [follow.send(between(q, q + 0.1))]
+    sent += [follow.send(between(q + 0.1, q), at=0.3), follow.send(between(q, q - 0.1), at=0.8)]
+    set_points: list[np.ndarray] = []
+    sim.on_step(lambda s: set_points.append(s.set_points))
+    sim.run(until=1.2)
+    assert [execution.status for execution in sent] == [rp.ExecutionStatus.SUCCEEDED] * 3
+    assert [execution.start for execution in sent] == pytest.approx([0.0, 0.3, 0.8])
+    assert np.abs(np.diff(set_points, axis=0)).max() < 0.002
+    # Those that wait are canceled together, at the present time.
+    sent = [follow.send(between(q - 0.1, q), at=sim.time + wait) for wait in (1.0, 2.0)]
+    follow.cancel()
+    assert {execution.status for execution in sent} == {rp.ExecutionStatus.CANCELED}
+    assert [execution.ended for execution in sent] == pytest.approx([1.2, 1.2])
+
+
+def test_a_trajectory_that_begins_elsewhere_is_refused_when_it_begins(scene: rp.Scene) -> None:
+    q = scene.configuration()
+    far = q + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    sim, follow = rp.Simulation(scene), rp.JointTrajectoryController(ARM)
+    sim.activate(follow)
+    with pytest.raises(rp.InputError, match="begins elsewhere"):
+        follow.send(between(far, far), at=0.0)
+    running, refused = follow.send(between(q, q + 0.1, 0.4)), follow.send(between(far, far), at=0.2)
+    set_points: list[np.ndarray] = []
+    sim.on_step(lambda s: set_points.append(s.set_points))
+    sim.run(until=0.6)
+    assert refused.status is rp.ExecutionStatus.START_TOLERANCE_VIOLATED
+    assert refused.code == -1
+    assert refused.ended == pytest.approx(0.2)
+    assert "begins elsewhere: 6 joints off, 'rr1/shoulder_joint' by 0.95" in refused.message
+    assert running
+    assert np.abs(np.diff(set_points, axis=0)).max() < 0.002
+
+
+@pytest.mark.parametrize("dt", [0.002, 0.02])
+def test_a_fast_motion_may_be_continued_from_what_it_commands(dt: float, scene: rp.Scene) -> None:
+    """A joint at 2 rad/s moves farther in one step than the start tolerance."""
+    q = scene.configuration()
+    path = rp.Trajectory(ARM, [0.0, 0.4], np.array([[q, [2.0, 0.0, 0.0, 0.0, 0.0, 0.0]]]))
+    rest = rp.Trajectory(ARM, [0.2, 0.4], np.array([[path(0.2), path(0.2, 1)]]))
+    sim, follow = rp.Simulation(scene, dt), rp.JointTrajectoryController(ARM, goal_tolerance=math.inf)
+    sim.activate(follow)
+    first, second = follow.send(path), follow.send(rest, at=0.2)
+    sim.run(until=0.3)
+    assert first.status is rp.ExecutionStatus.PREEMPTED
+    assert second.status is rp.ExecutionStatus.ACTIVE
+    np.testing.assert_allclose(sim.set_points[:6], path(0.3 - dt), atol=1e-9)
 
 
 def test_an_execution_can_be_canceled_and_the_arm_holds(scene: rp.Scene) -> None:
@@ -293,6 +354,29 @@ def test_tolerances_end_an_execution_with_the_codes_of_ros(scene: rp.Scene) -> N
     assert execution.code == -5
     assert execution.ended == pytest.approx(0.7, abs=0.01)
 
+    # After the end only the goal tolerance applies.
+    pushed = rp.Simulation(scene)
+    both = rp.JointTrajectoryController(ARM, path_tolerance=5e-3, goal_tolerance=1e-9, goal_time=0.1)
+    pushed.activate(both)
+    execution = both.send(motion(scene, ARM))
+    pushed.run(until=0.604)
+    assert execution.status is rp.ExecutionStatus.ACTIVE
+    pushed.data.qfrc_applied[0] = 60.0
+    pushed.run(until=0.68)
+    assert abs(pushed.configuration()[0] - pushed.set_points[0]) > 5e-3
+    assert execution.status is rp.ExecutionStatus.ACTIVE
+    pushed.run(until=0.8)
+    assert execution.code == -5
+
+
+def test_tolerances_are_numbers_of_any_kind() -> None:
+    follow = rp.JointTrajectoryController(ARM, path_tolerance=np.float32(0.5), goal_time=np.int64(2))
+    assert (follow.path_tolerance, follow.goal_time) == (0.5, 2.0)
+    assert rp.JointTrajectoryController(ARM, goal_tolerance=np.float32(math.inf)).goal_tolerance == math.inf
+    for value in (True, -1, math.nan, "1", [1.0], None):
+        with pytest.raises(rp.InputError, match="goal_tolerance"):
+            rp.JointTrajectoryController(ARM, goal_tolerance=value)
+
 
 def test_a_recorder_compares_positions_with_set_points_of_the_same_instant(scene: rp.Scene) -> None:
     sim, follow, fast = rp.Simulation(scene, 0.004), rp.JointTrajectoryController(ARM), motion(scene, ARM, 0.4, 0.3)
@@ -321,10 +405,41 @@ def test_trajectories_that_do_not_fit_are_refused_by_name(scene: rp.Scene) -> No
     with pytest.raises(rp.InputError, match=r"begins elsewhere: 6 joints off.*start_tolerance"):
         follow.send(elsewhere)
     sim.step(10)
-    with pytest.raises(rp.InputError, match="which has passed"):
-        follow.send(motion(scene, ARM), at=0.0)
+    for passed in (0.0, sim.time - 0.001):
+        with pytest.raises(rp.InputError, match=r"which has passed: it is 0\.02 s"):
+            follow.send(motion(scene, ARM), at=passed)
+    assert follow.send(motion(scene, ARM), at=sim.time).start == sim.time
     with pytest.raises(rp.InputError, match="goal_time"):
         rp.JointTrajectoryController(ARM, goal_time=math.nan)
+
+
+@pytest.mark.parametrize("rates", ["velocities", "efforts"])
+def test_joints_that_a_replaced_controller_leaves_hold_their_set_points(rates: str, scene: rp.Scene) -> None:
+    class Drives(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            return rp.SetPoint(scene.configuration(), **{rates: np.full(len(ARM), 2.0)})
+
+    sim = rp.Simulation(scene)
+    sim.activate(Drives(ARM))
+    sim.run(duration=0.1)
+    sim.activate(rp.ForwardPositionController(ARM[:1]), replace=True)
+    sim.run(duration=1.0)
+    np.testing.assert_allclose(sim.positions, sim.set_points, atol=1e-5)
+
+
+def test_a_failed_activation_replaces_nothing(scene: rp.Scene) -> None:
+    class Fails(Sway):
+        def activate(self, joints: rp.JointInfo, state: rp.JointState) -> None:
+            raise ValueError("not today")
+
+    sim, hold = rp.Simulation(scene), rp.ForwardPositionController(ARM)
+    sim.activate(hold)
+    with pytest.raises(ValueError, match="not today"):
+        sim.activate(Fails(ARM), replace=True)
+    assert sim.controllers == (hold,)
+    hold.command(scene.configuration() + 0.01)
+    sim.step()
+    np.testing.assert_allclose(sim.set_points[:6], scene.configuration() + 0.01)
 
 
 def test_a_controller_commands_one_simulation_at_a_time(scene: rp.Scene) -> None:
@@ -358,6 +473,47 @@ def test_velocities_stop_at_the_limits(scene: rp.Scene) -> None:
     assert sim.state(ARM[1:2]).positions[0] == pytest.approx(upper, abs=1e-3)
     with pytest.raises(rp.InputError, match="above its limit"):
         drift.command([1000.0])
+
+
+def test_a_joint_beyond_its_limit_can_move_back_without_a_jump(scene: rp.Scene) -> None:
+    q, joint = scene.configuration(), ARM[1:2]
+    q[1] = scene.limits().upper[1] + 0.2
+    for back in (rp.ForwardVelocityController(joint), rp.ManualController(joint)):
+        sim = rp.Simulation(scene)
+        sim.place(ARM, q)
+        sim.activate(back)
+        sim.step(5)
+        assert sim.set_points[1] == q[1]
+        back.command([0.5] if isinstance(back, rp.ForwardVelocityController) else [9.0])
+        before = sim.set_points[1]
+        sim.step()
+        assert before - 0.005 < sim.set_points[1] <= before
+        back.command([-0.5])
+        sim.step(100)
+        assert sim.set_points[1] < q[1] - 0.02
+
+
+@pytest.mark.parametrize("speed", [0.25, 1.0])
+@pytest.mark.parametrize("dt", [0.002, 0.02, 0.2, 1.0])
+def test_manual_control_is_within_limits_and_its_acceleration(dt: float, speed: float, scene: rp.Scene) -> None:
+    limits, rng = scene.limits(), np.random.default_rng(0)
+    sim, hand = rp.Simulation(scene, dt), rp.ManualController(ARM, speed=speed)
+    sim.activate(hand)
+    state, before = sim.state(ARM), np.zeros(len(ARM))
+    fastest = speed * limits.velocity
+    for number in range(1000):
+        if number % 25 == 0 and number < 800:
+            hand.command(target := np.where(rng.uniform(size=6) < 0.3, 9.0, rng.uniform(limits.lower, limits.upper)))
+        point = hand.update(state)
+        assert point.velocities is not None
+        assert (limits.lower <= point.positions).all()
+        assert (point.positions <= limits.upper).all()
+        assert (np.abs(point.velocities) <= fastest * (1.0 + 1e-9)).all()
+        assert (np.abs(point.velocities - before) <= fastest / 0.2 * dt * (1.0 + 1e-9)).all()
+        before = point.velocities
+    if dt > 0.002:  # there is enough time
+        np.testing.assert_array_equal(point.positions, np.clip(target, limits.lower, limits.upper))
+        np.testing.assert_array_equal(before, 0.0)
 
 
 def test_manual_control_follows_sliders_and_keys_within_speed_and_limits(scene: rp.Scene) -> None:
@@ -528,6 +684,70 @@ def test_a_trajectory_ends_with_its_controller(scene: rp.Scene) -> None:
     execution = follow.send(rp.Trajectory.rest(ARM, sim.configuration(), duration=0.1))
     sim.run(duration=0.5)
     assert execution.status is rp.ExecutionStatus.SUCCEEDED
+
+
+def test_a_callback_is_removed_once(scene: rp.Scene) -> None:
+    sim, times = rp.Simulation(scene), list[float]()
+
+    def note(s: rp.Simulation) -> None:
+        times.append(s.time)
+
+    first, second = sim.on_step(note), sim.on_step(note)
+    first()
+    first()
+    sim.step()
+    assert len(times) == 1
+    second()
+    sim.step()
+    assert len(times) == 1
+
+
+def test_the_current_scene_has_the_present_fingers(scene: rp.Scene) -> None:
+    sim, grip = rp.Simulation(scene), rp.GripperController(["rr1/finger_joint"])
+    assert sim.current_scene.arms["rr1"].robot is scene.arms["rr1"].robot
+    sim.activate(grip)
+    grip.command([0.5])
+    sim.run(duration=1.0)
+    finger = sim.state(["rr1/finger_joint"]).positions[0]
+    assert finger == pytest.approx(0.5, abs=1e-3)
+    now = sim.current_scene
+    assert now.arms["rr1"].robot.locked_joints["finger_joint"] == finger
+    # It may be extended and simulated further.
+    before = sim.positions
+    sim.update_scene(now.with_obstacle("ball", rp.Sphere(0.02), [2.0, 2.0, 1.0]))
+    np.testing.assert_array_equal(sim.positions, before)
+    sim.run(duration=0.1)
+    np.testing.assert_allclose(sim.positions, before, atol=1e-4)
+    assert sim.current_scene.arms["rr1"].robot.locked_joints["finger_joint"] == pytest.approx(finger, abs=1e-4)
+    # Beyond its limit, as fingers that push may be slightly.
+    upper = _limits(scene, "finger_joint")[1]
+    sim.place(["rr1/finger_joint"], [upper + 0.001])
+    assert sim.current_scene.arms["rr1"].robot.locked_joints["finger_joint"] == upper
+
+
+def test_huge_numbers_are_refused_and_warnings_collected(
+    scene: rp.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    sim = rp.Simulation(scene.with_obstacle("cube", rp.Box((0.1, 0.1, 0.1)), [2.0, 0.0, 1.0], mass=0.2))
+    sim.step(3)
+    before = sim.positions
+    for positions, velocities in (([1e300], None), ([0.0], [1e300])):
+        name = "positions" if velocities is None else "velocities"
+        with pytest.raises(rp.InputError, match=rf"{name} holds 1e\+300, expected at most 10000"):
+            sim.place(ARM[:1], positions, velocities)
+    with pytest.raises(rp.InputError, match=r"velocity holds 1e\+300, expected at most 10000"):
+        sim.place_body("cube", [2.0, 0.0, 1.0], [1e300] * 6)
+    np.testing.assert_array_equal(sim.positions, before)
+    # MuJoCo warns when the state of these arms is set.
+    light = rp.Simulation(scene, variation=rp.ArmVariation(mass=1e-300))
+    light.reset()
+    light.update_scene(scene)
+    assert "close to singular" in light.warnings[0]
+    sim.data.qvel[-1] = np.nan
+    sim.place_body("cube", [2.0, 0.0, 1.0])
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
 
 
 def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> None:

@@ -176,6 +176,17 @@ class Controller(ABC):
 _TOLERANCE = 1e-6  # rounding of trajectories that end at a limit [rad or m]
 
 
+def clip_positions(joints: JointInfo, positions: Array, before: Array) -> Array:
+    """Positions within the limits of joints, or no farther beyond them than before, so that no joint jumps.
+
+    Args:
+        joints: The joints.
+        positions: Positions to clip [rad or m], shape (n,).
+        before: Positions one step before, possibly beyond the limits [rad or m], shape (n,).
+    """
+    return np.clip(positions, np.minimum(joints.lower, before), np.maximum(joints.upper, before))
+
+
 class ForwardPositionController(Controller):
     """Forwards commanded positions, as `position_controllers/JointGroupPositionController` does.
 
@@ -214,7 +225,8 @@ class ForwardPositionController(Controller):
 class ForwardVelocityController(Controller):
     """Forwards commanded velocities, as `velocity_controllers/JointGroupVelocityController` does.
 
-    Positions are integrated from them and stop at the position limits.
+    Positions are integrated from them and stop at the position limits. A joint that is beyond a limit at activation can
+    only move back.
 
     Args:
         joint_names: The joints to claim, "arm/joint".
@@ -250,6 +262,6 @@ class ForwardVelocityController(Controller):
     def update(self, state: JointState) -> SetPoint:
         """The next positions on the way."""
         wanted = self._positions + self._command * self.joints.dt
-        positions = np.clip(wanted, self.joints.lower, self.joints.upper)
+        positions = clip_positions(self.joints, wanted, self._positions)
         self._positions = positions
         return SetPoint(positions, np.where(positions == wanted, self._command, 0.0))

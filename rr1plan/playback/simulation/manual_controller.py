@@ -9,12 +9,14 @@ from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, check_text, finite_array, finite_number, known_name, positive_number
 from rr1plan.errors import InputError
-from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
+from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint, clip_positions
 
 # Highest speed of joints without a limit [rad/s or m/s].
 _SPEED = 1.0
 # Time to reach the highest speed [s].
 _RAMP = 0.2
+# Distance from the target that is rounding [rad or m].
+_ROUNDING = 1e-12
 
 
 class ManualController(Controller):
@@ -113,14 +115,28 @@ class ManualController(Controller):
         dt = self.joints.dt
         fastest = self.speed * np.where(np.isfinite(self.joints.velocity), self.joints.velocity, _SPEED)
         acceleration = fastest / _RAMP
-        left = self._target - self._positions
-        # The highest speed from which a joint can still stop at its target.
-        wanted = np.sign(left) * np.minimum(fastest, np.sqrt(2.0 * acceleration * np.abs(left)))
-        change = np.clip(wanted - self._velocities, -acceleration * dt, acceleration * dt)
-        velocities = self._velocities + change
-        arrives = (np.abs(left) <= np.abs(velocities) * dt) & (np.abs(velocities) <= 2.0 * acceleration * dt)
-        velocities = np.where(arrives, left / dt, velocities)
-        self._positions = self._positions + velocities * dt
+        target = self._target  # which another thread may replace
+        left = target - self._positions
+        most = acceleration * dt  # largest change of the speed in a step
+        wanted = np.sign(left) * np.minimum(fastest, _stopping_speed(np.abs(left) / dt, most))
+        velocities = self._velocities + np.clip(wanted - self._velocities, -most, most)
+        positions = clip_positions(self.joints, self._positions + velocities * dt, self._positions)
+        # Without rounding at the target, because joints would otherwise oscillate around it.
+        arrives = np.abs(target - positions) <= _ROUNDING
         accelerations = (velocities - self._velocities) / dt
-        self._velocities = np.where(arrives, 0.0, velocities)
-        return SetPoint(self._positions, self._velocities, np.where(arrives, 0.0, accelerations))
+        self._positions, self._velocities = np.where(arrives, target, positions), velocities
+        return SetPoint(self._positions, velocities, accelerations)
+
+
+def _stopping_speed(distance: Array, most: Array) -> Array:
+    """The highest speed from which joints can stop within a distance in whole time steps.
+
+    At speeds v, v - most, v - 2 most, ..., the last one at most `most`, a joint travels n steps at full deceleration
+    after the first step, (n + 1) v - most n (n + 1) / 2 in all, with n = floor(v / most).
+
+    Args:
+        distance: Distances divided by the time step [rad/s or m/s], shape (n,).
+        most: Largest change of the speed in a step [rad/s or m/s], shape (n,).
+    """
+    steps = np.floor(0.5 * (np.sqrt(1.0 + 8.0 * distance / most) - 1.0))
+    return np.asarray(distance / (steps + 1.0) + 0.5 * most * steps)

@@ -8,9 +8,15 @@ import mujoco
 import numpy as np
 
 from rr1plan.checks import Array, of_kind, positive_number
+from rr1plan.errors import InputError
 from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayRecord
 from rr1plan.playback.simulation.simulation import Simulation
 from rr1plan.scene import Obstacle
+
+_RESET = (
+    "the simulation was reset, or its joints were placed, while it was recorded, so its record has no single clock; "
+    "call Recorder.stop first, and record what follows with another Recorder"
+)
 
 
 class BodyLog:
@@ -26,6 +32,10 @@ class BodyLog:
         self._bodies |= {name: sim.scene.obstacles[name] for name in names}
         self._rows.append({name: sim.body_coordinates(name) for name in names})
 
+    def drop_last(self) -> None:
+        """Remove the poses that were added last."""
+        self._rows.pop()
+
     def motion(self) -> BodyMotion | None:
         """All poses so far; None if there were no bodies."""
         if not self._bodies:
@@ -36,17 +46,17 @@ class BodyLog:
 
 
 class Recorder:
-    """Records a simulation from now on.
+    """Records a simulation from now on, until `stop`.
 
         with rp.Recorder(sim) as recorder:
             sim.run(duration=5.0)
         rp.save_html("run.html", scene, replay=recorder.replay())
 
     Args:
-        sim: The simulation; it may not be reset while it is recorded.
+        sim: The simulation; its first step after a `reset` or `place` while it is recorded raises an `InputError`.
         dt: Time between recorded instants [s]; tracking errors and efforts are measured at every step. Positions are
-            compared with the set-points of the step that starts at the same instant. At the last instant, where no step
-            starts, the record has the set-points of the last step.
+            compared with the set-points of the step that starts at the same instant. The last instant is always
+            recorded; as no step starts there, it has the set-points of the last step.
 
     Raises:
         InputError: not a simulation, or a time that is not above zero.
@@ -58,12 +68,15 @@ class Recorder:
         self._names = sim.scene.joint_names() if sim.scene.arms else ()
         self._columns = np.array([sim.joint_names.index(name) for name in self._names], dtype=np.int64)
         self._limits = sim.effort_limits[self._columns]
-        self._begin, self._wall = sim.steps, time.perf_counter()
+        self._begin = self._end = sim.steps
+        self._wall = time.perf_counter()
         self._times: list[float] = []
         self._rows: list[Array] = []
         self._max_error, self._square, self._effort = np.zeros((3, len(self._names)))
         self._bodies = BodyLog()
-        self._stop = sim.on_step(self._note)
+        self._recording, self._was_reset = True, False
+        self._final: Replay | None = None
+        self._remove = sim.on_step(self._note)
         self._before = sim.positions
         self._keep()
 
@@ -74,19 +87,45 @@ class Recorder:
         self.stop()
 
     def stop(self) -> None:
-        """Stop recording."""
-        stop, self._stop = self._stop, lambda: None
-        stop()
+        """Stop recording; the simulation may continue without changing the record."""
+        if not self._recording:
+            return
+        self._recording = False
+        self._remove()
+        self._was_reset |= self._sim.steps < self._end
+        self._final = None if self._was_reset else self._present()
 
     def replay(self) -> Replay:
-        """The record so far, as `simulate` returns it."""
-        steps, rows = self._sim.steps - self._begin, np.array(self._rows)
-        begin = self._times[0]
+        """The record so far, or until `stop`, as `simulate` returns it.
+
+        Raises:
+            InputError: the simulation was reset while it was recorded.
+        """
+        if self._final is not None:
+            return self._final
+        if self._was_reset or self._sim.steps < self._end:
+            raise InputError(_RESET)
+        return self._present()
+
+    def _present(self) -> Replay:
+        """The record up to the present instant."""
+        steps, begin = self._end - self._begin, self._times[0]
+        # If another callback failed, the present state belongs to a step that was not noted.
+        extra = steps % self._stride > 0 and self._sim.steps == self._end
+        if extra:
+            self._keep()
+        rows = np.array(self._rows)
+        record = ReplayRecord(np.array(self._times), rows[:, 0], rows[:, 1], self._bodies.motion())
+        if extra:
+            self._times.pop()
+            self._rows.pop()
+            self._bodies.drop_last()
         return Replay(
             mode="dynamic",
             joint_names=self._names,
-            record=ReplayRecord(np.array(self._times), rows[:, 0], rows[:, 1], self._bodies.motion()),
-            max_error=self._max_error,
+            record=record,
+            # A copy, because a replay makes its arrays read-only.
+            max_error=self._max_error.copy(),
             rms_error=np.sqrt(self._square / max(1, steps)),
             peak_effort=self._effort / self._limits,
             contacts=tuple(contact for contact in self._sim.contacts if contact.last >= begin),
@@ -97,6 +136,10 @@ class Recorder:
         )
 
     def _note(self, sim: Simulation) -> None:
+        if self._was_reset or sim.steps <= self._end:
+            self._was_reset = True
+            raise InputError(_RESET)
+        self._end = sim.steps
         # These set-points are for the start of the step; those for its end are not known yet.
         desired = sim.set_points[self._columns]
         error = self._before[self._columns] - desired

@@ -20,8 +20,9 @@ import math
 import threading
 import time
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 
 import mujoco
@@ -32,9 +33,9 @@ from rr1plan.checks import (
     Array,
     check_callback,
     counted,
-    finite_array,
     finite_number,
     known_name,
+    near_array,
     of_kind,
     positive_number,
     whole_number,
@@ -50,6 +51,7 @@ from rr1plan.playback.simulation.replay import ReplayContact
 from rr1plan.playback.simulation.set_points import Rows, SetPoints, part_of
 from rr1plan.playback.simulation.stepped_models import Tile
 from rr1plan.playback.simulation.tiles import check_memory, tile_scenes
+from rr1plan.robot import Robot
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Arm, Scene
 from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
@@ -62,6 +64,9 @@ _MOST_STEPS = 5_000_000
 _SHARED = 1000
 # The simulation sleeps if it is ahead of real time by more than this [s].
 _AHEAD = 0.002
+# Largest distance of a locked joint from its value in the scene that `current_scene` ignores, so that arms keep sharing
+# a robot and the tables computed for it [rad or m].
+_STILL = 1e-6
 
 # The simulation of each active controller.
 _commanded_by: weakref.WeakKeyDictionary[Controller, weakref.ref[Simulation]] = weakref.WeakKeyDictionary()
@@ -143,7 +148,8 @@ class Simulation:
         self.tiles = self._build(scene)
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
         self._set_points = SetPoints(self._map)
-        self._callbacks: list[StepCallback] = []
+        # By a key for each registration, because a callback may be registered twice.
+        self._callbacks: dict[object, StepCallback] = {}
         self._pause = threading.Event()
         self._contacts = ContactLog(1.5 * self.dt)
         self._deepest = 0.0
@@ -259,11 +265,21 @@ class Simulation:
 
     @property
     def current_scene(self) -> Scene:
-        """The scene with the present configurations of arms and poses of loose bodies, for planning."""
+        """The scene with the present positions of planned and locked joints and poses of loose bodies, for planning."""
         moved = {name: replace(self.scene.obstacles[name], pose=self.body_pose(name)) for name in self.body_names}
         q = self.scene.split(self.configuration())
-        arms = {name: Arm(arm.robot, arm.base, q[name]) for name, arm in self.scene.arms.items()}
+        arms = {name: Arm(self._relocked(name, arm.robot), arm.base, q[name]) for name, arm in self.scene.arms.items()}
         return replace(self.scene, arms=arms, obstacles={**self.scene.obstacles, **moved})
+
+    def _relocked(self, arm: str, robot: Robot) -> Robot:
+        """The robot of an arm, with its locked joints at their present positions, within their limits."""
+        values = {}
+        for name, value in robot.locked_joints.items():
+            joint = robot.joint(name)
+            present = float(np.clip(self._now.positions[self._map.index[f"{arm}/{name}"]], joint.lower, joint.upper))
+            if abs(present - value) > _STILL:
+                values[name] = present
+        return robot.with_locked_joints(values) if values else robot
 
     def body_pose(self, name: str) -> Array:
         """T_world_body of a loose body, shape (4, 4).
@@ -303,22 +319,24 @@ class Simulation:
 
         Raises:
             UnknownNameError: no such loose body.
-            InputError: not a pose, or a velocity that is not finite.
+            InputError: not a pose, or a velocity that is not finite or above 1e4.
         """
         tile, T = self._body(name), as_pose(pose, "pose")
-        rates = np.zeros(6) if velocity is None else finite_array("velocity", velocity, (6,))
+        rates = np.zeros(6) if velocity is None else near_array("velocity", velocity, (6,))
         place, motion = tile.body_state(name)
         place[:3], place[3:] = T[:3, 3], quaternion_from_rotation(T[:3, :3])
         motion[:3], motion[3:] = rates[:3], T[:3, :3].T @ rates[3:]
-        tile.refresh()
+        with self._collect_warnings():
+            tile.refresh()
 
     def update_scene(self, scene: Scene) -> None:
         """Continue in another scene of the same arms, with objects added, moved, removed, grasped or released.
 
             sim.update_scene(sim.scene.with_obstacle("ball", rp.Sphere(0.05), [0.3, 0.0, 1.0], mass=0.2))
 
-        Arms keep their state and controllers, and the clock continues. Loose bodies with the same pose in both scenes
-        also keep their state; everything else gets its pose from the new scene. `reset` returns to the initial scene.
+        Arms keep their state, including that of locked joints, and controllers, and the clock continues. Loose bodies
+        with the same pose in both scenes also keep their state; everything else gets its pose from the new scene.
+        `reset` returns to the initial scene.
 
         Args:
             scene: The other scene.
@@ -333,17 +351,22 @@ class Simulation:
             one, other = before.get(name), scene.arms.get(name)
             if one is None or other is None or list(before) != list(scene.arms):
                 raise InputError(f"the scenes have different arms ({name!r}), expected the arms of the simulation")
-            if one.robot.content_hash != other.robot.content_hash or not np.array_equal(one.base, other.base):
+            # Positions of locked joints differ in a scene that is based on `current_scene`.
+            same = other.robot
+            if same.locked_joints != one.robot.locked_joints:
+                same = replace(same, locked_joints=one.robot.locked_joints)
+            if one.robot.content_hash != same.content_hash or not np.array_equal(one.base, other.base):
                 raise InputError(f"arm {name!r} is another robot or elsewhere, expected the arms of the simulation")
         tiles = self._build(scene)
         old, new = self.scene.obstacles, scene.obstacles
         stay = {name for name in self.body_names if name in new and np.array_equal(old[name].pose, new[name].pose)}
-        for tile in tiles:
-            tile.place(self._measured)
-            for name in stay & tile.bodies.keys():
-                for to, of in zip(tile.body_state(name), self._body(name).body_state(name), strict=True):
-                    to[:] = of
-            tile.refresh()
+        with self._collect_warnings():
+            for tile in tiles:
+                tile.place(self._measured)
+                for name in stay & tile.bodies.keys():
+                    for to, of in zip(tile.body_state(name), self._body(name).body_state(name), strict=True):
+                        to[:] = of
+                tile.refresh()
         self.tiles, self.scene = tiles, scene
 
     # ---- controllers -----------------------------------------------------------------------------
@@ -358,7 +381,8 @@ class Simulation:
 
         Args:
             controller: The controller.
-            replace: Deactivate the controllers that command some of its joints.
+            replace: Deactivate the controllers that command some of its joints; their other joints hold their last
+                set-points. If the activation fails, they stay active.
 
         Raises:
             InputError: another controller commands one of its joints, a joint mimics another one, or the controller is
@@ -376,6 +400,7 @@ class Simulation:
         for name in controller.joint_names:
             if name in self._map.followers:
                 raise InputError(f"joint {name!r} mimics {self._map.followers[name]!r}; command that one")
+        replaced = []
         for other in self.controllers:
             shared = set(other.joint_names).intersection(controller.joint_names)
             if not shared or other is controller:
@@ -386,16 +411,20 @@ class Simulation:
                     f"joint {first!r} is commanded by an active {type(other).__name__}; deactivate it first, or "
                     "activate with replace=True"
                 )
-            del self._set_points.active[other], _commanded_by[other]
-            other.deactivate()
-        self._set_points.active.pop(controller, None)
+            replaced.append(other)
         joints = self._map
         info = JointInfo(
             controller.joint_names, joints.lower[indices], joints.upper[indices], joints.velocity[indices], self.dt
         )
         controller.activate(info, part_of(self._now, indices))
+        for other in replaced:
+            self._set_points.remove(other)
+            del _commanded_by[other]
+        self._set_points.active.pop(controller, None)
         self._set_points.add(controller, indices)
         _commanded_by[controller] = weakref.ref(self)
+        for other in replaced:
+            other.deactivate()
 
     def deactivate(self, controller: Controller) -> None:
         """Stop a controller; its joints hold their last set-points.
@@ -417,13 +446,18 @@ class Simulation:
             callback: Called with the simulation; if it returns False, the simulation is paused.
 
         Returns:
-            A function that removes the callback.
+            A function that removes the callback; calling it again has no effect.
         """
         if callback is None:
             raise InputError("callback is None, expected a function of the simulation")
         check_callback("callback", callback)
-        self._callbacks.append(callback)
-        return lambda: self._callbacks.remove(callback)
+        key = object()
+        self._callbacks[key] = callback
+
+        def remove() -> None:
+            self._callbacks.pop(key, None)
+
+        return remove
 
     # ---- running ---------------------------------------------------------------------------------
 
@@ -477,8 +511,9 @@ class Simulation:
     def reset(self) -> None:
         """Return exactly to the initial state and scene; active controllers are activated again."""
         self.scene, self.tiles = self._origin
-        for tile, state in zip(self.tiles, self._initial, strict=True):
-            tile.restore(state)
+        with self._collect_warnings():
+            for tile, state in zip(self.tiles, self._initial, strict=True):
+                tile.restore(state)
         self._set_off()
 
     def place(self, joint_names: Sequence[str], positions: ArrayLike, velocities: ArrayLike | None = None) -> None:
@@ -490,22 +525,31 @@ class Simulation:
             velocities: Velocities [rad/s or m/s], shape (n,) (default: at rest).
 
         Raises:
-            InputError: wrong shapes or not finite.
+            InputError: wrong shapes, not finite or above 1e4.
             UnknownNameError: an unknown joint.
         """
         names = check_joint_names(joint_names)
         indices = self._indices(names)
         every = self.positions
-        every[indices] = finite_array("positions", positions, (len(names),))
+        every[indices] = near_array("positions", positions, (len(names),))
         rates = np.zeros(len(every))
-        rates[indices] = 0.0 if velocities is None else finite_array("velocities", velocities, (len(names),))
+        rates[indices] = 0.0 if velocities is None else near_array("velocities", velocities, (len(names),))
         self._begin(np.array([self._map.follow(every), self._map.follow(rates, rates=True)]))
 
     # ---- inside ----------------------------------------------------------------------------------
 
+    @contextmanager
+    def _collect_warnings(self) -> Iterator[list[str]]:
+        """Add MuJoCo's warnings to `warnings`, instead of a file in the working directory."""
+        with mujoco_warnings() as warnings:
+            try:
+                yield warnings
+            finally:
+                self._warnings += warnings
+
     def _build(self, scene: Scene) -> list[Tile]:
         tiles: list[Tile] = []
-        with mujoco_warnings() as warnings:
+        with self._collect_warnings():
             parts = tile_scenes(scene)
             check_memory(parts)
             for part in parts:
@@ -513,7 +557,6 @@ class Simulation:
                 columns, worker = self._indices(world.joint_names), len(tiles) % self._threads
                 count, threads = len(self.joint_names), self._threads
                 tiles.append(Tile(world, columns, count, self._variation, threads=threads, worker=worker))
-        self._warnings += warnings
         return tiles
 
     def _body(self, name: str) -> Tile:
@@ -522,8 +565,9 @@ class Simulation:
         return next(tile for tile in self.tiles if name in tile.bodies)
 
     def _begin(self, state: Array) -> None:
-        for tile in self.tiles:
-            tile.begin(state)
+        with self._collect_warnings():
+            for tile in self.tiles:
+                tile.begin(state)
         self._origin = self.scene, self.tiles
         self._initial = [tile.save() for tile in self.tiles]
         self._set_off()
@@ -547,7 +591,7 @@ class Simulation:
     def _run(self, count: int, speed: float) -> bool:
         self._pause.clear()
         began = time.perf_counter()
-        with mujoco_warnings() as warnings:
+        with self._collect_warnings() as warnings:
             try:
                 done = 0
                 while done < count:
@@ -560,7 +604,7 @@ class Simulation:
                             f"{f' ({warnings[-1]})' if warnings else ''}; try a smaller time step or a slower motion"
                         )
                     self._note_contacts()
-                    for callback in list(self._callbacks):
+                    for callback in list(self._callbacks.values()):
                         if callback(self) is False:
                             self._pause.set()
                     ahead = done * self.dt / speed - (time.perf_counter() - began)
@@ -569,7 +613,6 @@ class Simulation:
                     if self._pause.is_set():
                         break
             finally:
-                self._warnings += warnings
                 self._wall += time.perf_counter() - began
         return not self._pause.is_set()
 

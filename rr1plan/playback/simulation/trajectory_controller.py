@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, counted, finite_number, of_kind, shown
+from rr1plan.checks import Array, counted, finite_number, number_array, of_kind, shown
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
@@ -32,6 +32,7 @@ class ExecutionStatus(enum.Enum):
     SUCCEEDED = "succeeded"
     PREEMPTED = "preempted"
     CANCELED = "canceled"
+    START_TOLERANCE_VIOLATED = "start tolerance violated"
     PATH_TOLERANCE_VIOLATED = "path tolerance violated"
     GOAL_TOLERANCE_VIOLATED = "goal tolerance violated"
 
@@ -44,6 +45,7 @@ class ExecutionStatus(enum.Enum):
 # Error codes of `control_msgs/FollowJointTrajectory`, where one exists.
 _CODES = {
     ExecutionStatus.SUCCEEDED: 0,
+    ExecutionStatus.START_TOLERANCE_VIOLATED: -1,
     ExecutionStatus.PATH_TOLERANCE_VIOLATED: -4,
     ExecutionStatus.GOAL_TOLERANCE_VIOLATED: -5,
 }
@@ -87,18 +89,26 @@ class JointTrajectoryController(Controller):
 
     `Trajectory.from_samples` interpolates points linearly, cubically or quintically, depending on their derivatives.
     Between trajectories the controller holds its last set-point. A trajectory that violates a tolerance is aborted; the
-    controller then holds the measured position (path tolerance) or the goal (goal tolerance).
+    controller then holds the measured position (path tolerance) or the goal (goal tolerance), or continues what it did
+    before (start tolerance). Zero is a tolerance like any other here; in ROS it means any error, or to wait forever.
 
     Args:
         joint_names: The joints to claim, "arm/joint".
-        start_tolerance: Largest difference between the set-points and the start of a trajectory [rad or m].
-        path_tolerance: Largest tracking error along the path [rad or m]; inf: any.
+        start_tolerance: Largest difference between the set-points and the start of a trajectory [rad or m]; inf: any.
+        path_tolerance: Largest tracking error along the path, before its end [rad or m]; inf: any.
         goal_tolerance: Largest tracking error at the goal [rad or m]; inf: any.
-        goal_time: Time after the end of a trajectory within which the joints have to be within the goal tolerance [s].
+        goal_time: Time after the end of a trajectory within which the joints have to be within the goal tolerance [s];
+            inf: wait forever.
+
+    Raises:
+        InputError: no joints, a joint twice, or a tolerance that is not a number of zero or more.
     """
 
     _active: Execution | None
-    _queued: Execution | None
+    # Those that wait for their start, in order of time.
+    _queued: list[Execution]
+    # Time of the next update [s].
+    _next: float
     # The active trajectory, with columns in the order of this controller's joints.
     _path: Trajectory
     # Positions, velocities and accelerations of its updates from number `_first` on, shape (3, _BLOCK, n).
@@ -115,37 +125,41 @@ class JointTrajectoryController(Controller):
         goal_time: float = 1.0,
     ) -> None:
         super().__init__(joint_names)
-        tolerances = {"start_tolerance": start_tolerance, "path_tolerance": path_tolerance}
-        tolerances |= {"goal_tolerance": goal_tolerance, "goal_time": goal_time}
-        for name, value in tolerances.items():
-            if not isinstance(value, int | float) or isinstance(value, bool) or not value >= 0.0:
-                raise InputError(f"{name} is {shown(value)}, expected a number >= 0")
-        self.start_tolerance, self.path_tolerance = start_tolerance, path_tolerance
-        self.goal_tolerance, self.goal_time = goal_tolerance, goal_time
-        self._active = self._queued = None
+        self.start_tolerance = _tolerance("start_tolerance", start_tolerance)
+        self.path_tolerance = _tolerance("path_tolerance", path_tolerance)
+        self.goal_tolerance = _tolerance("goal_tolerance", goal_tolerance)
+        self.goal_time = _tolerance("goal_time", goal_time)
+        self._active, self._queued = None, []
 
     def activate(self, joints: JointInfo, state: JointState) -> None:
         """Hold the present positions, and cancel the current trajectory."""
         super().activate(joints, state)
-        self._forget(state.time, "the controller was activated again")
-        self._now = state.time
+        self._end_all(state.time, "the controller was activated again")
+        self._active = None
+        self._next = state.time
         self._hold = SetPoint(state.positions.copy())
         self._last = self._hold
 
     def deactivate(self) -> None:
         """Release the joints, and cancel the current trajectory."""
         super().deactivate()
-        self._forget(self._now, "the controller was deactivated")
+        self._end_all(self._next, "the controller was deactivated")
+        self._active = None
 
-    def _forget(self, time: float, message: str) -> None:
+    def _end_all(self, time: float, message: str) -> None:
         """Cancel all executions."""
-        for execution in (self._active, self._queued):
-            if execution is not None:
-                _end(execution, ExecutionStatus.CANCELED, time, message)
-        self._active = self._queued = None
+        if self._active is not None:
+            _end(self._active, ExecutionStatus.CANCELED, time, message)
+        for execution in self._queued:
+            _end(execution, ExecutionStatus.CANCELED, time, message)
+        self._queued = []
 
     def send(self, trajectory: Trajectory, *, at: float | None = None) -> Execution:
         """Execute a trajectory; the current one is preempted when the new one begins.
+
+        Trajectories that wait for an earlier start remain, those that would begin at the same update or later are
+        preempted at once. A trajectory that begins at the next update is checked against the start tolerance here, a
+        later one when it begins.
 
         Args:
             trajectory: A trajectory of the joints of this controller, in any order; its start time maps to the start.
@@ -164,52 +178,54 @@ class JointTrajectoryController(Controller):
             odd = sorted(set(trajectory.joint_names) ^ set(self.joint_names))
             whose = "the trajectory" if odd[0] in trajectory.joint_names else "the controller"
             raise InputError(f"trajectory and controller have different joints: only {whose} has {odd[0]!r}")
-        start = self._now if at is None else finite_number("at", at)
-        if start < self._now:
-            raise InputError(f"at is {start:g} s, which has passed: it is {self._now:g} s")
+        start = self._next if at is None else finite_number("at", at)
+        if start < self._next - _ROUNDING:
+            raise InputError(f"at is {start:g} s, which has passed: it is {self._next:g} s")
         columns = _columns(trajectory, self.joint_names)
         times = trajectory.sample_times(max(self.joints.dt, trajectory.duration / 1e6))
         count = max(1, _CHECKED // len(columns))
         for first in range(0, len(times), count):
             self.check_positions(trajectory(times[first : first + count])[:, columns])
-        if at is None:
-            self._check_start(trajectory, columns)
+        half = 0.5 * self.joints.dt
+        if start <= self._next + half and (fault := self._start_fault(trajectory, columns, self._last.positions)):
+            raise InputError(f"{fault}; put the joints there first (Simulation.place), or raise start_tolerance")
         execution = Execution(trajectory, start, max_error=np.zeros(len(columns)))
-        if self._queued is not None:
-            _end(self._queued, ExecutionStatus.PREEMPTED, self._now, "a newer trajectory was sent")
-        self._queued = execution
+        while self._queued and self._queued[-1].start > start - half:
+            _end(self._queued.pop(), ExecutionStatus.PREEMPTED, self._next, "a newer trajectory was sent")
+        self._queued.append(execution)
         return execution
 
     def cancel(self) -> None:
         """Cancel all trajectories, and hold the position at the next update."""
-        for execution in (self._active, self._queued):
-            if execution is not None:
-                _end(execution, ExecutionStatus.CANCELED, self._now, "by its caller")
-        self._queued = None
+        self._end_all(self._next, "by its caller")
 
     def update(self, state: JointState) -> SetPoint:
         """The point of the trajectory at this time, or the position to hold."""
-        self._now = state.time
-        if self._queued is not None and state.time >= self._queued.start - 0.5 * self.joints.dt:
-            self._begin(self._queued)
+        point = self._follow(state)
+        while self._queued and state.time >= self._queued[0].start - 0.5 * self.joints.dt:
+            if self._begin(self._queued.pop(0), point.positions, state.time):
+                point = self._follow(state)
+        self._last, self._next = point, state.time + self.joints.dt
+        return point
+
+    def _follow(self, state: JointState) -> SetPoint:
+        """The point of the active trajectory, whose tolerances are checked, or the position to hold."""
         execution = self._active
         if execution is None:
             return self._hold
         if execution.status.terminal:
-            return self._stop(state)
+            return self._stop(SetPoint(state.positions.copy()))
         since = state.time - execution.start
         point = SetPoint(*self._points(since, 1)[:, 0].copy())
         error = np.abs(state.positions - point.positions)
         self._note_error(execution, error)
+        if since >= execution.trajectory.duration - _ROUNDING:
+            ended = self._check_goal(execution, error, since, state.time)
+            return self._stop(SetPoint(point.positions)) if ended else point
         if error.max() > self.path_tolerance:
             message = self._worst(error, self.path_tolerance)
             _end(execution, ExecutionStatus.PATH_TOLERANCE_VIOLATED, state.time, message)
-            return self._stop(state)
-        if since >= execution.trajectory.duration - _ROUNDING:
-            self._check_goal(execution, point.positions, error, since)
-        if self._active is None:
-            return self._hold
-        self._last = point
+            return self._stop(SetPoint(state.positions.copy()))
         return point
 
     def preview(self, times: Array) -> SetPoint | None:
@@ -218,7 +234,7 @@ class JointTrajectoryController(Controller):
         Later calls overwrite the arrays.
         """
         execution = self._active
-        if self._queued is not None:
+        if self._queued:
             return None
         if execution is None:
             return SetPoint(np.broadcast_to(self._hold.positions, (len(times), len(self.joint_names))))
@@ -230,7 +246,7 @@ class JointTrajectoryController(Controller):
 
     def passed(self, times: Array, positions: Array) -> None:
         """Record the tracking errors at points of the trajectory."""
-        self._now = float(times[-1])
+        self._next = float(times[-1]) + self.joints.dt
         execution = self._active
         if execution is None:
             return
@@ -242,15 +258,26 @@ class JointTrajectoryController(Controller):
         ordered = error if self._back is None else error[self._back]
         np.maximum(execution.max_error, ordered, out=execution.max_error)
 
-    def _begin(self, execution: Execution) -> None:
-        """Replace the active trajectory."""
+    def _begin(self, execution: Execution, positions: Array, now: float) -> bool:
+        """Replace the active trajectory.
+
+        Args:
+            execution: The execution to begin.
+            positions: Set-points without it at this update [rad or m], shape (n,).
+            now: Time of this update [s].
+
+        Returns:
+            Whether its start is within the tolerance; otherwise it ends, and the active one continues.
+        """
         columns = _columns(execution.trajectory, self.joint_names)
-        if self._active is not None and not self._active.status.terminal:
-            _end(self._active, ExecutionStatus.PREEMPTED, self._now, "a newer trajectory began")
-        self._queued = None
-        self._active = execution
         # The start is moved to this update, so that the first set-point is the start of the trajectory.
-        execution.start = self._now
+        execution.start = now
+        if fault := self._start_fault(execution.trajectory, columns, positions):
+            _end(execution, ExecutionStatus.START_TOLERANCE_VIOLATED, now, fault)
+            return False
+        if self._active is not None:
+            _end(self._active, ExecutionStatus.PREEMPTED, now, "a newer trajectory began")
+        self._active = execution
         execution.status = ExecutionStatus.ACTIVE
         trajectory = execution.trajectory
         coefficients = trajectory.coefficients.take(columns, axis=2)
@@ -258,32 +285,35 @@ class JointTrajectoryController(Controller):
         in_order = np.array_equal(columns, np.arange(len(columns)))
         self._back = None if in_order else np.argsort(columns)
         self._block, self._first = np.empty((3, _BLOCK, len(columns))), -_BLOCK
+        return True
 
-    def _check_start(self, trajectory: Trajectory, columns: NDArray[np.int64]) -> None:
-        gap = np.abs(trajectory(trajectory.start_time)[columns] - self._last.positions)
-        if (gap > self.start_tolerance).any():
-            raise InputError(
-                f"the trajectory begins elsewhere: {self._worst(gap, self.start_tolerance)}; "
-                "put the joints there first (Simulation.place), or raise start_tolerance"
-            )
+    def _start_fault(self, trajectory: Trajectory, columns: NDArray[np.int64], positions: Array) -> str:
+        """Why the start of a trajectory is too far from positions and from the last set-points, or an empty text.
 
-    def _check_goal(self, execution: Execution, goal: Array, error: Array, since: float) -> None:
-        """End an execution whose joints are at the goal, or whose goal time is over."""
+        Either may have been the basis of the trajectory; a fast joint moves farther than the tolerance in one step.
+        """
+        start = trajectory(trajectory.start_time)[columns]
+        gap = np.minimum(np.abs(start - positions), np.abs(start - self._last.positions))
+        if (gap <= self.start_tolerance).all():
+            return ""
+        return f"the trajectory begins elsewhere: {self._worst(gap, self.start_tolerance)}"
+
+    def _check_goal(self, execution: Execution, error: Array, since: float, now: float) -> bool:
+        """End an execution whose joints are at the goal, or whose goal time is over; returns whether it ended."""
         over = since - execution.trajectory.duration
         if (error <= self.goal_tolerance).all():
-            _end(execution, ExecutionStatus.SUCCEEDED, self._now, "")
+            _end(execution, ExecutionStatus.SUCCEEDED, now, "")
         elif over > self.goal_time + _ROUNDING:
             message = f"{over:.3g} s after the end {self._worst(error, self.goal_tolerance)}"
-            _end(execution, ExecutionStatus.GOAL_TOLERANCE_VIOLATED, self._now, message)
-        if execution.status.terminal:
-            self._active = None
-            self._last = self._hold = SetPoint(goal.copy())
+            _end(execution, ExecutionStatus.GOAL_TOLERANCE_VIOLATED, now, message)
+        else:
+            return False
+        return True
 
-    def _stop(self, state: JointState) -> SetPoint:
-        """Hold the present position."""
-        self._active = None
-        self._last = self._hold = SetPoint(state.positions.copy())
-        return self._hold
+    def _stop(self, hold: SetPoint) -> SetPoint:
+        """End the active trajectory, and hold a position."""
+        self._active, self._hold = None, hold
+        return hold
 
     def _points(self, since: float, most: int) -> Array:
         """Positions, velocities and accelerations of some updates from a time on, shape (3, up to `most`, n).
@@ -302,6 +332,14 @@ class JointTrajectoryController(Controller):
         i = int(np.argmax(error))
         many = counted(int((error > tolerance).sum()), "joint")
         return f"{many} off, {self.joint_names[i]!r} by {error[i]:.3g} (tolerance {tolerance:g})"
+
+
+def _tolerance(name: str, value: object) -> float:
+    """`value` as a float of zero or more, possibly inf."""
+    number = number_array(name, value)
+    if number.ndim or not number >= 0.0:
+        raise InputError(f"{name} is {shown(value)}, expected a number >= 0")
+    return float(number)
 
 
 def _columns(trajectory: Trajectory, names: Sequence[str]) -> NDArray[np.int64]:

@@ -1,0 +1,131 @@
+"""Records of simulations: read while recording, frozen by `stop`, complete to the last instant, one clock."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+
+
+@pytest.fixture
+def scene() -> rp.Scene:
+    return rp.load_scene("rr1_table")
+
+
+def following(scene: rp.Scene) -> rp.Simulation:
+    """A simulation in which the arm turns its first joint by 0.3 rad within 0.2 s."""
+    names, q = scene.joint_names(), scene.configuration()
+    sim, follow = rp.Simulation(scene), rp.JointTrajectoryController(names)
+    sim.activate(follow)
+    still = np.zeros((2, len(names)))
+    follow.send(rp.Trajectory.from_samples(names, [0.0, 0.2], [q, q + 0.3 * np.eye(len(names))[0]], still, still))
+    return sim
+
+
+def test_a_record_may_be_read_while_it_is_made(scene: rp.Scene) -> None:
+    sim = following(scene)
+    recorder = rp.Recorder(sim, 0.02)
+    sim.step(25)
+    early = recorder.replay()
+    errors, times = early.max_error.copy(), early.record.times
+    np.testing.assert_allclose(times, [0.0, 0.02, 0.04, 0.05], atol=1e-12)
+    sim.step(25)
+    late = recorder.replay()
+    # Reading changed neither the earlier record nor the instants of the later one.
+    np.testing.assert_array_equal(early.max_error, errors)
+    np.testing.assert_allclose(late.record.times, [0.0, 0.02, 0.04, 0.06, 0.08, 0.1], atol=1e-12)
+    assert (early.steps, late.steps) == (25, 50)
+    assert (late.max_error >= errors).all()
+    unread = following(scene)
+    with rp.Recorder(unread, 0.02) as other:
+        unread.step(50)
+    np.testing.assert_array_equal(other.replay().record.desired, late.record.desired)
+    np.testing.assert_array_equal(other.replay().rms_error, late.rms_error)
+
+
+def test_what_happens_after_stop_is_not_in_the_record(scene: rp.Scene) -> None:
+    sim = following(scene)
+    with rp.Recorder(sim) as recorder:
+        sim.step(100)
+    steps, wall = recorder.replay().steps, recorder.replay().wall_seconds
+    rms = recorder.replay().rms_error.copy()
+    hand = sim.current_scene.link_poses()["rr1/hand_link"][:3, 3]
+    sim.update_scene(scene.with_obstacle("post", rp.Sphere(0.02), hand))
+    sim.step(900)
+    assert sim.contacts
+    replay = recorder.replay()
+    assert replay.contacts == ()
+    assert (replay.steps, steps) == (100, 100)
+    assert replay.wall_seconds == wall
+    np.testing.assert_array_equal(replay.rms_error, rms)
+    assert replay.record.times[-1] == pytest.approx(0.2)
+    recorder.stop()
+    assert recorder.replay().steps == 100
+    sim.reset()
+    assert recorder.replay().steps == 100
+
+
+def test_the_last_instant_is_recorded_with_its_bodies() -> None:
+    scene = rp.Scene().with_obstacle("ball", rp.Sphere(0.05), [0.0, 0.0, 1.0], mass=0.2)
+    sim = rp.Simulation(scene)
+    with rp.Recorder(sim, 0.02) as recorder:
+        sim.step(105)
+    record = recorder.replay().record
+    assert record.times[-1] == sim.time
+    assert np.all(np.diff(record.times) > 0.0)
+    assert record.bodies is not None
+    assert len(record.bodies.poses) == len(record.times) == 12
+    np.testing.assert_array_equal(record.bodies.poses[-1, 0], sim.body_coordinates("ball"))
+
+
+def test_the_last_instant_has_the_set_points_of_the_last_step(scene: rp.Scene) -> None:
+    sim = following(scene)
+    with rp.Recorder(sim, 0.02) as recorder:
+        sim.step(45)
+    record = recorder.replay().record
+    columns = [sim.joint_names.index(name) for name in scene.joint_names()]
+    assert record.times[-1] == pytest.approx(0.09)
+    np.testing.assert_array_equal(record.desired[-1], sim.set_points[columns])
+    np.testing.assert_array_equal(record.actual[-1], sim.positions[columns])
+
+
+def test_a_reset_while_recording_is_refused(scene: rp.Scene) -> None:
+    sim = following(scene)
+    sim.step(10)
+    with rp.Recorder(sim) as recorder:
+        sim.step(30)
+        sim.reset()
+        with pytest.raises(rp.InputError, match=r"reset.*call Recorder\.stop first"):
+            recorder.replay()
+        for _ in range(50):  # beyond the time of the reset
+            with pytest.raises(rp.InputError, match=r"reset.*call Recorder\.stop first"):
+                sim.step()
+    with pytest.raises(rp.InputError, match="reset"):
+        recorder.replay()
+    sim.step(10)  # the simulation itself continues
+    assert sim.steps == 60
+
+
+def test_a_reset_just_before_stop_is_refused(scene: rp.Scene) -> None:
+    sim = following(scene)
+    recorder = rp.Recorder(sim)
+    sim.step(30)
+    sim.reset()
+    recorder.stop()
+    sim.step(50)
+    with pytest.raises(rp.InputError, match="reset"):
+        recorder.replay()
+
+
+def test_an_error_of_another_callback_is_no_reset(scene: rp.Scene) -> None:
+    def fail(sim: rp.Simulation) -> None:
+        if sim.steps == 25:
+            raise RuntimeError("out of paper")
+
+    sim = following(scene)
+    sim.on_step(fail)
+    with rp.Recorder(sim) as recorder, pytest.raises(RuntimeError):
+        sim.step(50)
+    assert recorder.replay().steps == 24
+    assert recorder.replay().record.times[-1] == pytest.approx(0.04)
