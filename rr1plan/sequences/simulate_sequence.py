@@ -70,7 +70,7 @@ def simulate_sequence(
     scene, names, remarks = _physical(plan)
     sim = Simulation(scene, dt, stiffness=stiffness)
     _hold_by_friction(sim, names)
-    _drive_fingers(sim, plan)
+    _drive_fingers(sim, plan, stiffness)
     report = fraction_callback("simulate", progress)
 
     def show_progress(sim: Simulation) -> None:
@@ -129,8 +129,8 @@ def _hold_by_friction(sim: Simulation, names: tuple[str, ...]) -> None:
         tile.refresh()
 
 
-def _drive_fingers(sim: Simulation, plan: SequencePlan) -> None:
-    """Add the inertia of their drives to fingers, and scale the gains of their servos accordingly."""
+def _drive_fingers(sim: Simulation, plan: SequencePlan, stiffness: float) -> None:
+    """Add the inertia of their drives to fingers, with servos of a natural frequency [rad/s], critically damped."""
     for tile in sim.tiles:
         model, light = tile.model, False
         for column, name in enumerate(tile.world.joint_names):
@@ -144,7 +144,8 @@ def _drive_fingers(sim: Simulation, plan: SequencePlan) -> None:
             least, carried = _FINGER_INERTIA * lever**2, float(model.dof_M0[column])
             if carried < least:
                 model.dof_armature[column] += least - carried
-                model.actuator_biasprm[column] *= least / carried
+                # Not in proportion: servos of fingers of milligrams are based on more than the inertia they carry.
+                model.actuator_biasprm[column, 1:3] = -least * stiffness * np.array([stiffness, 2.0])
                 light = True
         if light:
             mujoco.mj_setConst(model, mujoco.MjData(model))
