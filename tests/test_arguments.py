@@ -193,7 +193,7 @@ def mirror_calls(scene: rp.Scene, trajectory: rp.Trajectory, folder: Path) -> di
         ),
         "read_states": (listened, {"source": folder / "mirror.jsonl", "silence": 0.1, "topic": None}),
         "certified_corridor": (rp.certified_corridor, {"scene": scene, "trajectory": trajectory}),
-        "Corridor.position": (corridor.position, {"q": q}),
+        "Corridor.position": (corridor.position, {"q": q, "displacement": 0.0}),
         "Corridor.deviation": (corridor.deviation, {"q": q, "planned": q}),
         "Mirror": (
             mirrored,

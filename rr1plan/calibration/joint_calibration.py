@@ -152,7 +152,7 @@ class ZeroShift:
         return abs(self.shift) / self.std if self.std > 0.0 else math.inf if self.shift else 0.0
 
     def __str__(self) -> str:
-        return f"{self.joint}: {math.degrees(self.shift):+.2f} deg ({self.significance:.1f} standard deviations)"
+        return f"{self.joint}: {self.shift:+.4f} rad or m ({self.significance:.1f} standard deviations)"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -219,8 +219,8 @@ class Calibration(Value):
     def __str__(self) -> str:
         rows = [f"{self.robot}: readings in {self.unit}{', ' + self.source if self.source else ''}"]
         for name, joint in self.joints.items():
-            zero = f"zero {math.degrees(joint.zero):9.3f} ± {math.degrees(joint.zero_std):.3f} deg"
-            scale = f"scale {joint.scale:.6g} ± {joint.scale_std:.2g} {self.unit}/rad"
+            zero = f"zero {joint.zero:+9.5f} ± {joint.zero_std:.5f} rad or m"
+            scale = f"scale {joint.scale:.6g} ± {joint.scale_std:.2g} {self.unit} per rad or m"
             rows.append(f"  {name:<18} sign {joint.sign:+d}  {zero}  {scale}")
         return "\n".join(rows + ([str(self.fit)] if self.fit else []))
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -42,13 +43,15 @@ class CommandPlan(Value):
         arm: The arm.
         commands: The commands, each from rest to rest.
         ticks: Duration of each command with the rest after it [ticks], shape (n,).
-        start: Required step counters of the seven channels at the beginning.
+        start: Required step counters of the seven channels at the beginning, including those of locked joints.
         trajectory: The motion by the firmware's motion law, with its sine ramps.
         path: Configurations after every single step of every motor, from the emulated firmware.
         report: The referee's report on the trajectory: collisions, limits.
         path_report: The referee's report on the path: collisions, position limits.
         deviation: Largest distance of any joint in the trajectory from its emulated steps [rad], shape (nq,).
         box: The control box.
+        unchecked: Values of locked joints that no channel drives [rad or m], by name: the certificate assumes them,
+            and sending cannot check them.
     """
 
     arm: str
@@ -61,10 +64,12 @@ class CommandPlan(Value):
     path_report: Report
     deviation: Array
     box: ControlBox
+    unchecked: Mapping[str, float]
 
     def __post_init__(self) -> None:
         for name in ("ticks", "deviation"):
             read_only(getattr(self, name))
+        object.__setattr__(self, "unchecked", MappingProxyType(dict(self.unchecked)))
 
     @property
     def certified(self) -> bool:
@@ -97,6 +102,10 @@ class CommandPlan(Value):
         lines.append(
             f"  steps deviate from the sine ramps by {math.degrees(self.deviation[most]):.3f} degrees at most ({name})"
         )
+        lines += [
+            f"  {joint} is assumed at {value:g} rad or m: no channel drives it, so that it is not checked"
+            for joint, value in self.unchecked.items()
+        ]
         verdict = "certified free of collision, steps and ramps" if self.certified else "NOT CERTIFIED"
         return "\n".join([*lines, f"  {verdict}", *(f"  {problem}" for problem in self.problems)])
 
@@ -130,8 +139,8 @@ def plan_commands(
         The plan; it is true if it is certified, and `send_commands` sends certified plans only.
 
     Raises:
-        InputError: no scene, several arms that move, a joint without channel or measured calibration, too many
-            commands.
+        InputError: no scene, several arms that move, a joint without channel, a channel without measured calibration
+            (of a locked joint, too), too many commands.
         UnknownNameError: another safety level.
     """
     of_kind("calibration", calibration, Calibration)
@@ -173,17 +182,19 @@ def _command_plan(
     begins = np.cumsum(ticks) - ticks
     times = np.concatenate([np.zeros(1), *(since + m.times for since, m in zip(begins, motions, strict=True))])
     still = scene.with_configuration(arm, path.waypoints[0])
+    counters = scale.locked | dict(zip(scale.joints, start.astype(int).tolist(), strict=True))
     return CommandPlan(
         arm,
         commands,
         ticks,
-        tuple(int(start[scale.joints.index(name)]) if name in scale.joints else 0 for name in CHANNELS),
+        tuple(counters.get(name, 0) for name in CHANNELS),
         trajectory,
         path,
         validate(trajectory, still),
         certify_path(path, still),
         np.abs(trajectory(times * box.tick) - path.waypoints).max(axis=0),
         box,
+        scale.unchecked,
     )
 
 

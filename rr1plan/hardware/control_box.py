@@ -130,7 +130,7 @@ def _channel(row: Table) -> BoxChannel:
 
 
 class StepScale:
-    """Positions of an arm's planning joints as step counters of the control box.
+    """Positions of an arm's joints as step counters of the control box.
 
     Args:
         robot: The robot.
@@ -139,10 +139,12 @@ class StepScale:
 
     Attributes:
         joints: Channels of the planning joints, in their order.
+        locked: Rounded step counters of the locked joints, by channel.
+        unchecked: Values of the locked joints that no channel drives [rad or m], by name.
 
     Raises:
-        InputError: another robot, readings other than steps, a joint without a channel or a calibration, or with an
-            assumed scale or zero.
+        InputError: another robot, readings other than steps, a planning joint without a channel, or a channel whose
+            joint is neither planned nor locked, is not calibrated, or has an assumed scale or zero.
     """
 
     def __init__(self, robot: Robot, calibration: Calibration, box: ControlBox) -> None:
@@ -156,6 +158,12 @@ class StepScale:
         for name in robot.joint_names:
             if name not in channel_of:
                 raise InputError(f"no channel of the control box drives joint {name!r}")
+        for name, channel in channel_of.items():
+            if name not in robot.joint_names and name not in robot.locked_joints:
+                raise InputError(
+                    f"channel {channel} drives joint {name!r}, which robot {robot.name!r} neither plans for nor locks; "
+                    "leave the channel out of the control box"
+                )
             if name not in calibration.joints:
                 raise InputError(f"joint {name!r} is not calibrated; nothing is guessed, so nothing is sent")
             joint = calibration.joints[name]
@@ -167,6 +175,12 @@ class StepScale:
                 )
         self.joints = [channel_of[name] for name in robot.joint_names]
         self._names, self._calibration = robot.joint_names, calibration
+        self.locked = {
+            channel_of[name]: round(float(calibration.readings([value], [name])[0]))
+            for name, value in robot.locked_joints.items()
+            if name in channel_of
+        }
+        self.unchecked = {name: value for name, value in robot.locked_joints.items() if name not in channel_of}
 
     def counters(self, q: Array) -> Array:
         """Step counters at configurations, rounded, as whole numbers, shape (n, nq)."""

@@ -71,6 +71,16 @@ def test_bad_files_are_refused_by_the_name_of_the_entry(
         rp.load_calibration(file)
 
 
+def test_units_fit_joints_that_turn_and_joints_that_slide() -> None:
+    """A calibration has no kinds of joints: a slide of 0.1 m must not be printed as 5.73 degrees."""
+    before, after = (
+        rp.Calibration("slide", {"rail": rp.JointCalibration(1, zero, 1000.0, 0.001, 2.0)}, "counts")
+        for zero in (0.1, 0.12)
+    )
+    assert "zero  +0.10000 ± 0.00100 rad or m  scale 1000 ± 2 counts per rad or m" in str(before)
+    assert str(after.zero_shifts(before)[0]) == "rail: +0.0200 rad or m (14.1 standard deviations)"
+
+
 def test_other_arms_have_no_shifts(calibration: rp.Calibration, planar2r: rp.Robot) -> None:
     assert [shift.significance for shift in calibration.zero_shifts(calibration)] == [0.0] * 6
     with pytest.raises(rp.InputError, match="the earlier calibration is of 'planar2r'"):

@@ -122,6 +122,36 @@ def test_an_arm_that_stays_has_no_commands(calibration: rp.Calibration, box: rp.
     assert "0 commands for rr1" in str(plan)
 
 
+def test_locked_joints_have_to_be_where_the_certificate_has_them(
+    motion: rp.MotionPlan, calibration: rp.Calibration, box: rp.ControlBox
+) -> None:
+    """Fingers that are not where they were certified may collide."""
+    robot = motion.scene.arms["rr1"].robot.with_locked_joints({"finger_joint": 0.5})
+    scene = motion.scene.with_robot("rr1", robot)
+    swing = rp.Trajectory.from_samples(
+        scene.joint_names(), [0.0, 2.0], scene.configuration() + 0.2 * np.eye(6)[[1, 0]], np.zeros((2, 6))
+    )
+    plan = rp.plan_commands(swing, calibration, box, scene=scene)
+    fingers = round(float(calibration.readings([0.5], ["finger_joint"])[0]))
+    assert fingers != 0
+    assert plan.start[6] == fingers
+    assert plan.certified, plan.problems
+    assert plan.unchecked == {}
+    start = dict(zip(box.channels, plan.start, strict=True))
+    with pytest.raises(rp.HardwareError, match=f"G is at 0 steps, but the plan begins at {fingers}; nothing is sent"):
+        rp.send_commands(plan, rp.EmulatedSerialLine(box, start | {"G": 0}))
+    assert rp.send_commands(plan, rp.EmulatedSerialLine(box, start)).position[6] == fingers
+
+
+def test_locked_joints_without_a_channel_are_listed_as_not_checked(
+    motion: rp.MotionPlan, calibration: rp.Calibration, box: rp.ControlBox
+) -> None:
+    alone = rp.ControlBox({name: channel for name, channel in box.channels.items() if name != "G"}, box.tick)
+    plan = rp.plan_commands(motion, calibration, alone)
+    assert plan.unchecked == motion.scene.arms["rr1"].robot.locked_joints
+    assert "finger_joint is assumed at 0 rad or m: no channel drives it, so that it is not checked" in str(plan)
+
+
 def test_without_a_measured_calibration_nothing_is_planned(
     motion: rp.MotionPlan, calibration: rp.Calibration, box: rp.ControlBox
 ) -> None:
@@ -135,6 +165,8 @@ def test_without_a_measured_calibration_nothing_is_planned(
     assert "'elbow_joint' is not calibrated; nothing is guessed" in refusal(joints=joints)
     guessed = joints | {"elbow_joint": replace(elbow, scale_std=np.inf)}
     assert "scale of joint 'elbow_joint' is assumed" in refusal(joints=guessed)
+    fingerless = {name: joint for name, joint in calibration.joints.items() if name != "finger_joint"}
+    assert "'finger_joint' is not calibrated; nothing is guessed" in refusal(joints=fingerless)
     assert "readings in counts, expected steps" in refusal(unit="counts")
     assert "that of robot 'other'" in refusal(robot="other")
     with pytest.raises(rp.InputError, match="calibration is of type NoneType"):
@@ -145,6 +177,9 @@ def test_wrong_questions_are_refused(motion: rp.MotionPlan, calibration: rp.Cali
     few = rp.ControlBox({"S1": box.channels["S1"]}, box.tick)
     with pytest.raises(rp.InputError, match="no channel of the control box drives joint 'upper_arm_joint'"):
         rp.plan_commands(motion, calibration, few)
+    other = rp.ControlBox({**box.channels, "G": replace(box.channels["G"], joint="tail")}, box.tick)
+    with pytest.raises(rp.InputError, match="channel G drives joint 'tail', which robot 'rr1' neither plans for nor"):
+        rp.plan_commands(motion, calibration, other)
     with pytest.raises(rp.InputError, match="give the scene too"):
         rp.plan_commands(motion.trajectory, calibration, box)
     with pytest.raises(rp.UnknownNameError, match="unknown safety level 'none'"):
