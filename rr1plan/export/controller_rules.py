@@ -17,6 +17,8 @@ from rr1plan.trajectory import Trajectory
 # The controller compares velocities with the spacing of 32-bit floats at 1.
 _STILL = 2.0**-23
 _FIELDS = ("positions", "velocities", "accelerations")
+# Seconds of a duration are 32-bit integers with a sign in ROS, nanoseconds a part of a second.
+_MOST_SECONDS, _SECOND = 2**31, 1_000_000_000
 
 
 def check_joint_trajectory(
@@ -96,10 +98,20 @@ def _about_points(message: JointTrajectoryMessage) -> Iterator[str]:
 
 def _about_times(message: JointTrajectoryMessage) -> Iterator[str]:
     try:
-        times = [stamp.nanoseconds for stamp in message.stamps]
+        stamps = message.stamps
     except InputError as error:
         yield str(error)
         return
+    for number, stamp in enumerate(stamps):
+        for field in ("sec", "secs"):
+            value = getattr(stamp, field)
+            if not -_MOST_SECONDS <= value < _MOST_SECONDS:
+                yield f"point {number} has a time_from_start with {field} {value}, which does not fit into 32 bits"
+        for field in ("nanosec", "nsecs"):
+            value = getattr(stamp, field)
+            if not 0 <= value < _SECOND:
+                yield f"point {number} has a time_from_start with {field} {value}, expected 0 to {_SECOND - 1}"
+    times = [stamp.nanoseconds for stamp in stamps]
     if times and times[0] < 0:
         yield f"the first point is due {1e-9 * times[0]:g} s from the start, expected a time from 0 on"
     for number, (before, after) in enumerate(pairwise(times), 1):

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 import yaml
 
-from rr1plan.checks import Array, file_path, finite_number, known_name, of_kind, positive_number, shown
+from rr1plan.checks import Array, check_text, file_path, finite_number, known_name, of_kind, positive_number, shown
 from rr1plan.errors import FormatError, InputError, MissingPackageError
 from rr1plan.export.trajectory_samples import sample_within_limits
 from rr1plan.files.documents import read_yaml_documents
@@ -139,7 +139,8 @@ def save_joint_trajectory(
 
     Raises:
         UnknownNameError: a name to rename that is no column.
-        InputError: the trajectory does not end at rest, another suffix, the file cannot be written.
+        InputError: the trajectory does not end at rest, a ROS name that is empty, repeated or not text, another suffix,
+            the file cannot be written.
     """
     path = check_writable(file, *YAML_SUFFIXES)
     message = sampled_message(trajectory, dt, lead, rename)
@@ -166,7 +167,8 @@ def sampled_message(
 
     Raises:
         UnknownNameError: a name to rename that is no column.
-        InputError: the trajectory does not end at rest, or an invalid time.
+        InputError: the trajectory does not end at rest, an invalid time, or a ROS name that is empty, repeated or not
+            text.
     """
     of_kind("trajectory", trajectory, Trajectory)
     dt = positive_number("dt", dt)
@@ -186,8 +188,10 @@ def sampled_message(
 
 def _ros_names(trajectory: Trajectory, rename: Mapping[str, str] | None) -> list[str]:
     of_kind("rename", rename, Mapping, optional=True)
-    for name in rename or {}:
-        known_name("column", name, trajectory.joint_names)
+    for column, name in (rename or {}).items():
+        check_text(f"the ROS name of {known_name('column', column, trajectory.joint_names)!r}", name)
+        if not name:
+            raise InputError(f"the ROS name of {column!r} is empty, expected a name")
     alone = len(trajectory.arms) == 1
     default = {n: n.split("/", 1)[1] if alone else n.replace("/", "_") for n in trajectory.joint_names}
     names = list({**default, **(rename or {})}.values())

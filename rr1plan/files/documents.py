@@ -54,8 +54,8 @@ def read_yaml(file: str | Path, max_bytes: int = MAX_BYTES) -> Table:
     """The outermost mapping of a YAML file.
 
     Raises:
-        FormatError: the file cannot be read, is not YAML, is nested deeper than 100, has merge keys, or aliases
-            that expand to more than the whole file.
+        FormatError: the file cannot be read, is not YAML, is nested deeper than 100, has merge keys, a key twice in one
+            mapping, or aliases that expand to more than the whole file.
     """
     documents = _parse(read_text(file, max_bytes), file, "YAML", _bounded_yaml)
     if len(documents) > 1:
@@ -125,11 +125,23 @@ def _bounded_yaml(text: str) -> list[object]:
     import yaml
 
     class Loader(yaml.SafeLoader):
-        """PyYAML's loader, without copying of merged mappings into each other."""
+        """PyYAML's loader, without copying of merged mappings into each other, and without repeated keys."""
 
         def flatten_mapping(self, node: yaml.MappingNode) -> None:
             for key, _ in node.value:
                 if key.tag == "tag:yaml.org,2002:merge":
                     raise yaml.constructor.ConstructorError(None, None, "merge keys (<<) are refused", key.start_mark)
+
+        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+            mapping = super().construct_mapping(node, deep)
+            seen = set()
+            for key, _ in node.value if len(mapping) < len(node.value) else ():
+                name = self.construct_object(key, deep=True)
+                if name in seen:
+                    raise yaml.constructor.ConstructorError(
+                        None, None, f"has the key {name!r} twice in one mapping", key.start_mark
+                    )
+                seen.add(name)
+            return mapping
 
     return list(yaml.load_all(text, Loader))

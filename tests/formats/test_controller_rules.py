@@ -67,6 +67,19 @@ def test_what_the_rules_allow_is_accepted(tmp_path: Path) -> None:
             lambda m: m["points"][1].__setitem__("time_from_start", {"sec": 5}),
             "times do not strictly increase: point 2",
         ),
+        (
+            lambda m: m["points"][2].__setitem__("time_from_start", {"sec": 2**31}),
+            "point 2 has a time_from_start with sec 2147483648, which does not fit into 32 bits",
+        ),
+        (lambda m: m["points"][2].__setitem__("time_from_start", 3e9), "with sec 3000000000, which does not fit"),
+        (
+            lambda m: m["points"][2].__setitem__("time_from_start", {"sec": 2, "nanosec": 10**9}),
+            "point 2 has a time_from_start with nanosec 1000000000, expected 0 to 999999999",
+        ),
+        (
+            lambda m: m["points"][2].__setitem__("time_from_start", {"secs": 3, "nsecs": -1}),
+            "point 2 has a time_from_start with nsecs -1, expected 0 to 999999999",
+        ),
         (lambda m: m["points"][0].__setitem__("time_from_start", -0.5), "the first point is due -0.5 s from the start"),
         (lambda m: m["points"][2].__setitem__("time_from_start", float("inf")), "time_from_start is inf"),
         (
@@ -127,6 +140,19 @@ def test_what_is_written_is_accepted_from_bags_of_both_kinds(motion: rp.Trajecto
         assert any(file.suffix == suffix for file in folder.iterdir())
         assert rp.check_joint_trajectory(folder, _JOINTS) == ()
         np.testing.assert_allclose(rp.load_joint_trajectory(folder)(0.3), motion(0.3), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [(5, "is 5, expected text"), (None, "is None, expected text"), ("", "is empty, expected a name")],
+)
+def test_a_ros_name_that_cannot_be_read_is_not_written(
+    motion: rp.Trajectory, tmp_path: Path, name: Any, words: str
+) -> None:
+    column = motion.joint_names[0]
+    with pytest.raises(rp.InputError, match=f"the ROS name of '{column}' {words}"):
+        rp.save_joint_trajectory(tmp_path / "motion.yaml", motion, rename={column: name})
+    assert not (tmp_path / "motion.yaml").exists()
 
 
 def test_a_motion_that_does_not_end_at_rest_is_not_written(motion: rp.Trajectory, tmp_path: Path) -> None:

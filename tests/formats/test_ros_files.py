@@ -75,6 +75,7 @@ def test_times_of_ros_1_and_plain_seconds_are_read(tmp_path: Path) -> None:
         ("2020-99-99", "is not YAML"),
         ("", "holds 0 messages"),
         ("a: 1\n---\na: 2\n", "holds 2 messages"),
+        ("points: []\njoint_names: [a]\njoint_names: [b]\n", r"3: .*the key 'joint_names' twice in one mapping"),
         ({"fixed_frame": "map"}, "holds no trajectory_msgs"),
         ([1, 2], "holds no trajectory_msgs"),
         (message(extra=1), "unknown field `extra`"),
