@@ -7,6 +7,7 @@ Manocha 1996) are free; only the other pairs are candidates for a checker.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ from rr1plan.robot import Geometry, Robot
 from rr1plan.scene import Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.shapes.convex_hulls import is_own_hull
+from rr1plan.trajectory import Trajectory
 from rr1plan.transforms import pose
 
 MotionFunction = Callable[[Array], Array]  # times (n,) to configurations (n, nq)
@@ -27,6 +29,10 @@ MotionFunction = Callable[[Array], Array]  # times (n,) to configurations (n, nq
 _MOST_PLACED = 100_000
 # More samples than this would take days.
 _MOST_SAMPLES = 2_000_000
+# The joints that move a body turn together by at most this between samples [rad].
+_MOST_TURN = 0.1
+# Largest jump of a joint at a break that counts as rounding [rad or m].
+_MOST_JUMP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,14 +89,28 @@ class SceneBodies:
         )
         self._radius = np.linalg.norm(self._half, axis=1)
         self._moving = [i for i, b in enumerate(self.bodies) if b.frame.split("/", 1)[0] in self._columns]
+        frames = [self.bodies[i].frame for i in self._moving]
+        self._joints = [
+            joint
+            for name, columns in self._columns.items()
+            for joint in _moving_joints(name, scene.arms[name].robot, columns, len(joint_names), frames)
+        ]
 
     def frames(self, q: Array) -> Array:
         """T_world_body of all bodies at configurations q (n, nq), shape (n, bodies, 4, 4)."""
+        return self._body_frames(self._link_frames(q), len(q))
+
+    def _link_frames(self, q: Array) -> dict[str, Array]:
+        """T_world_link of every "arm/link" and of the world "" at configurations q (n, nq)."""
         poses: dict[str, Array] = {"": np.eye(4)[None]}
         for name, arm in self._scene.arms.items():
             own = q[:, self._columns[name]] if name in self._columns else arm.q[None]
             poses |= {f"{name}/{link}": arm.base @ T for link, T in link_frames(arm.robot, own).items()}
-        frames = np.empty((len(q), len(self.bodies), 4, 4))
+        return poses
+
+    def _body_frames(self, poses: dict[str, Array], count: int) -> Array:
+        """T_world_body of all bodies, shape (count, bodies, 4, 4), from the frames of their links."""
+        frames = np.empty((count, len(self.bodies), 4, 4))
         for k, body in enumerate(self.bodies):
             frames[:, k] = poses[body.frame] @ body.pose
         return frames
@@ -137,23 +157,23 @@ class SceneBodies:
         most = max(1, _MOST_PLACED // max(1, len(self.bodies)))
         return np.array_split(times, max(1, -(-len(times) // most)))
 
-    def sample_times(self, curve: MotionFunction, breaks: Array, step: float) -> Array:
-        """Times between which no point of a moving body travels farther than `step` [m].
+    def sample_times(self, motion: Trajectory, step: float) -> Array:
+        """Times between which no point of a moving body travels farther than `step` [m], with all breaks.
 
         Args:
-            curve: The motion.
-            breaks: Times to include, shape (m,).
+            motion: The motion.
             step: The largest distance [m].
 
         Raises:
-            InputError: too many samples would be needed.
+            InputError: the motion jumps, or too many samples would be needed.
         """
-        times = np.unique(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 50)]))
+        _check_continuity(motion)
+        times = motion.breaks
         while True:
-            travel = self._travel(curve, times)
-            if travel.max(initial=0.0) <= step:
+            parts = self._parts_needed(motion, times, step)
+            if parts.max(initial=0.0) <= 1.0:
                 return times
-            counts = np.maximum(1.0, np.ceil(travel / (0.95 * step)))
+            counts = np.maximum(1.0, np.ceil(parts / 0.95))
             if not counts.sum() <= _MOST_SAMPLES:
                 raise InputError(f"step of {step:g} m takes {counts.sum():.3g} samples, take a longer one")
             counts = counts.astype(np.int64)
@@ -174,21 +194,102 @@ class SceneBodies:
         height = np.einsum("ni,ni->n", normal, centers[:, other] - T[:, :3, 3]) - shape.offset
         return np.asarray(height > self._radius[other])
 
-    def _travel(self, curve: MotionFunction, times: Array) -> Array:
-        """Displacement of the fastest corner of any box from each time to the next [m], shape (n - 1,)."""
-        if not self._moving:
-            return np.zeros(max(0, len(times) - 1))
+    def _parts_needed(self, motion: Trajectory, times: Array, step: float) -> Array:
+        """Estimates of the parts into which intervals have to be cut, shape (n - 1,); at most 1 is a proof of the step.
+
+        Joints that turn by d_j in total, at distances of at most L_j from the points of a body at the start of an
+        interval, move none of these points farther than exp(sum d_j) sum L_j d_j, because the distances grow by at most
+        the travel so far (Grönwall's inequality). Joints that slide have L_j = 1 and do not count in the exponent.
+        """
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
         corners = self._center[self._moving, None] + signs * self._half[self._moving, None]
-        travel, last = [], None
-        for part in self.parts(times):
-            frames = self.frames(curve(part))[:, self._moving]
+        needed = []
+        for begin, end in zip(self.parts(times[:-1]), self.parts(times[1:]), strict=True):
+            poses = self._link_frames(motion(begin))
+            frames = self._body_frames(poses, len(begin))[:, self._moving]
             points = np.einsum("nbij,bkj->nbki", frames[..., :3, :3], corners) + frames[..., None, :3, 3]
-            if last is not None:
-                points = np.concatenate([last, points])
-            travel.append(np.linalg.norm(np.diff(points, axis=0), axis=3).max(axis=(1, 2)))
-            last = points[-1:]
-        return np.concatenate(travel)
+            changes = _joint_changes(motion, begin, end)
+            travel, turn = np.zeros((2, len(begin), len(self._moving)))
+            for joint in self._joints:
+                change = (changes @ joint.slopes)[:, None]
+                if joint.slides:
+                    travel[:, joint.bodies] += change
+                    continue
+                T = poses[joint.frame][:, None, None]
+                offset = points[:, joint.bodies] - T[..., :3, 3]
+                lever = np.linalg.norm(np.cross(offset, T[..., :3, :3] @ joint.axis), axis=3).max(axis=2)
+                travel[:, joint.bodies] += lever * change
+                turn[:, joint.bodies] += change
+            # An interval in which joints turn farther is cut anyway.
+            travel *= np.exp(np.minimum(turn, _MOST_TURN))
+            needed.append(np.maximum(travel / step, turn / _MOST_TURN).max(axis=1, initial=0.0))
+        return np.concatenate(needed)
+
+
+@dataclass(frozen=True, eq=False)
+class _MovingJoint:
+    """A joint that moves with the columns.
+
+    Args:
+        frame: The link that it moves, "arm/link", whose origin is on its axis.
+        axis: Its axis in that link, shape (3,).
+        slides: Whether it is prismatic.
+        slopes: Absolute change per change of each column, shape (nq,).
+        bodies: Indices of the bodies that it moves, among the moving ones.
+    """
+
+    frame: str
+    axis: Array
+    slides: bool
+    slopes: Array
+    bodies: list[int]
+
+
+def _moving_joints(
+    arm: str, robot: Robot, columns: list[int], nq: int, frames: Sequence[str]
+) -> Iterator[_MovingJoint]:
+    """The joints of an arm that move with its columns of all nq, for bodies on the given links "arm/link"."""
+    above: dict[str, set[str]] = {f"{arm}/{robot.base}": set()}
+    _, units = _joint_map(robot)
+    for joint in robot.joints:
+        above[f"{arm}/{joint.child}"] = above[f"{arm}/{joint.parent}"] | {joint.name}
+    for joint in robot.joints:
+        if joint.kind != "fixed" and units[joint.name].any():
+            slopes = np.zeros(nq)
+            slopes[columns] = np.abs(units[joint.name])
+            bodies = [k for k, frame in enumerate(frames) if joint.name in above.get(frame, ())]
+            yield _MovingJoint(f"{arm}/{joint.child}", joint.axis, joint.kind == "prismatic", slopes, bodies)
+
+
+def _check_continuity(motion: Trajectory) -> None:
+    powers = np.diff(motion.breaks)[:-1, None] ** np.arange(motion.coefficients.shape[1])
+    ends = np.einsum("mkj,mk->mj", motion.coefficients[:-1], powers)
+    jumps = np.abs(motion.coefficients[1:, 0] - ends)
+    if jumps.max(initial=0.0) > _MOST_JUMP:
+        piece, column = np.unravel_index(jumps.argmax(), jumps.shape)
+        raise InputError(
+            f"joint {motion.joint_names[column]!r} jumps by {jumps.max():.3g} rad or m at "
+            f"{motion.breaks[piece + 1]:.5f} s, expected a continuous motion"
+        )
+
+
+def _joint_changes(motion: Trajectory, begin: Array, end: Array) -> Array:
+    """Upper bounds on the total variation of each joint in intervals that contain no break [rad or m], shape (n, nq).
+
+    The variation of a polynomial is at most that of its Bernstein coefficients.
+    """
+    piece = np.clip(np.searchsorted(motion.breaks, begin, side="right") - 1, 0, len(motion.coefficients) - 1)
+    coefficients, degree = motion.coefficients[piece], motion.coefficients.shape[1] - 1
+    since, span = begin - motion.breaks[piece], end - begin
+    # In powers of the share of the interval: sum over m of C(m, k) c_m since^(m - k) span^k.
+    powers = np.zeros_like(coefficients)
+    for k in range(degree + 1):
+        for m in range(k, degree + 1):
+            powers[:, k] += (math.comb(m, k) * since ** (m - k) * span**k)[:, None] * coefficients[:, m]
+    bernstein = np.array(
+        [[math.comb(i, k) / math.comb(degree, k) for k in range(degree + 1)] for i in range(degree + 1)]
+    )
+    return np.asarray(np.abs(np.diff(bernstein @ powers, axis=1)).sum(axis=1))
 
 
 def _columns_of_arms(scene: Scene, joint_names: Sequence[str]) -> dict[str, list[int]]:
@@ -255,14 +356,12 @@ def _box_around(shape: Shape) -> tuple[Array, Array]:
 
 def link_frames(robot: Robot, q: Array) -> dict[str, Array]:
     """T_base_link of every link at configurations q (n, nq), each (n, 4, 4); Rodrigues' formula for every joint."""
-    # All joints are an affine function of the planning joints, including mimic joints.
-    rest = robot.joint_values(np.zeros(robot.nq))
-    units = [robot.joint_values(unit) for unit in np.eye(robot.nq)]
+    rest, units = _joint_map(robot)
     frames: dict[str, Array] = {robot.base: np.broadcast_to(np.eye(4), (len(q), 4, 4))}
     for joint in robot.joints:
         motion = np.broadcast_to(np.eye(4), (len(q), 4, 4)).copy()
         if joint.kind != "fixed":
-            value = rest[joint.name] + q @ np.array([unit[joint.name] - rest[joint.name] for unit in units])
+            value = rest[joint.name] + q @ units[joint.name]
         if joint.kind == "prismatic":
             motion[:, :3, 3] = value[:, None] * joint.axis
         elif joint.kind != "fixed":
@@ -272,6 +371,13 @@ def link_frames(robot: Robot, q: Array) -> dict[str, Array]:
             motion[:, :3, :3] += sin * cross + (1.0 - cos) * (cross @ cross)
         frames[joint.child] = frames[joint.parent] @ joint.origin @ motion
     return frames
+
+
+def _joint_map(robot: Robot) -> tuple[dict[str, float], dict[str, Array]]:
+    """Movable joints, including mimic joints, as affine functions of the planning joints: offsets, slopes (nq,)."""
+    rest = robot.joint_values(np.zeros(robot.nq))
+    units = [robot.joint_values(unit) for unit in np.eye(robot.nq)]
+    return rest, {name: np.array([unit[name] - rest[name] for unit in units]) for name in rest}
 
 
 def boxes_meet(turn_a: Array, half_a: Array, turn_b: Array, half_b: Array, offset: Array) -> NDArray[np.bool_]:

@@ -154,8 +154,8 @@ def second_opinion(
 
     Raises:
         UnknownNameError: a joint that the scene does not have, or another checker.
-        InputError: an arm with only some of its joints, a step that needs too many samples, a shape that a checker does
-            not support.
+        InputError: an arm with only some of its joints, a motion that jumps, a step that needs too many samples, a
+            shape that a checker does not support.
         MissingPackageError: python-fcl is not installed.
         BackendError: MuJoCo does not accept the scene.
         CancelledError: `progress` returned False.
@@ -175,7 +175,7 @@ def second_opinion(
         motion = Trajectory.from_samples(motion.joint_names, np.arange(float(len(motion))), motion.waypoints)
     comparison = _Comparison(scene, motion, tuple(n for n in CHECKERS if n in names), tolerance)
     bodies = comparison.bodies
-    times = bodies.sample_times(motion, motion.breaks, step)
+    times = bodies.sample_times(motion, step)
     pairs = bodies.reachable_pairs(motion, times)
     done, shares = 0, [part for whole in bodies.parts(times) for part in np.array_split(whole, -(-len(whole) // 200))]
     for part in shares:

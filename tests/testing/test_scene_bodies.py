@@ -98,7 +98,7 @@ def test_boxes_meet_exactly_when_coal_says_so() -> None:
 def test_no_point_moves_more_than_a_step_between_samples(scene: rp.Scene) -> None:
     q = np.array([[0.0] * 6, [0.5, 0.1, -0.4, 1.0, 0.5, 1.0], [0.5, 0.1, -0.3, 1.0, 2.0, 1.0]])
     motion = rp.Trajectory.from_samples(scene.joint_names(["left"]), np.arange(3.0), q)
-    samples = SceneBodies(scene, motion.joint_names).sample_times(motion, motion.breaks, 0.001)
+    samples = SceneBodies(scene, motion.joint_names).sample_times(motion, 0.001)
     assert set(motion.breaks) <= set(samples)
     tip = scene.arms["left"].robot.link("finger_link").collisions[-1]
     for T in (tip.pose @ pose([0, 0, s * tip.shape.length / 2]) for s in (-1, 1)):
@@ -106,6 +106,32 @@ def test_no_point_moves_more_than_a_step_between_samples(scene: rp.Scene) -> Non
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
         assert steps.max() <= 1e-3
         assert steps.max() > 3e-4
+
+
+@pytest.mark.parametrize("turns", [1.0, 49.0])
+def test_whole_turns_are_sampled(turns: float) -> None:
+    """Poses at regular times may be equal although the arm turns between them."""
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    q = scene.configuration() + 2.0 * np.pi * turns * np.eye(2)[[1, 0]] * [[0.0], [1.0]]
+    rest = np.zeros((2, 2))
+    for motion in (
+        rp.Trajectory.from_samples(scene.joint_names(), [0.0, 100.0], q),
+        rp.Trajectory.from_samples(scene.joint_names(), [0.0, 100.0], q, rest, rest),
+    ):
+        bodies = SceneBodies(scene, motion.joint_names)
+        samples = bodies.sample_times(motion, 0.05)
+        times = np.unique(np.concatenate([samples, *(samples[:-1] + k / 8 * np.diff(samples) for k in range(1, 8))]))
+        tips = bodies.frames(motion(times))[:, -1, :3, 3]
+        length = np.linalg.norm(np.diff(tips, axis=0), axis=1).reshape(-1, 8).sum(axis=1)
+        assert length.max() <= 0.05
+        assert length.max() > 0.02
+
+
+def test_a_motion_that_jumps_is_refused(scene: rp.Scene) -> None:
+    names, q = scene.joint_names(["left"]), scene.configuration(["left"])
+    motion = rp.Trajectory(names, [0.0, 1.0, 2.0], [[q], [q + 0.1 * np.eye(6)[0]]])
+    with pytest.raises(rp.InputError, match=r"joint 'left/shoulder_joint' jumps by 0\.1 rad or m at 1\.00000 s"):
+        SceneBodies(scene, names).sample_times(motion, 0.001)
 
 
 def test_no_pair_in_contact_is_left_out(scene: rp.Scene) -> None:

@@ -52,6 +52,15 @@ def test_a_path_is_sampled_by_waypoint(swing: tuple[rp.Scene, rp.Trajectory]) ->
     assert rp.second_opinion(rp.Path(scene.joint_names(), motion([0.0])), scene)
 
 
+def test_an_arm_that_turns_often_is_seen_at_every_turn(swing: tuple[rp.Scene, rp.Trajectory]) -> None:
+    """Also if it has the same pose at regular samples."""
+    scene, motion = swing
+    q = motion(0.0) + 98.0 * np.pi * np.eye(6)[[1, 0]] * [[0.0], [1.0]]
+    seen = rp.second_opinion(rp.Path(scene.joint_names(), q), scene, step=0.05, checkers=["Coal"])
+    assert seen.samples > 49 * 2.0 * np.pi * 0.3 / 0.05
+    assert any("post" in contact.pair for contact in seen.contacts)
+
+
 def everything(seed: int) -> tuple[rp.Scene, rp.Trajectory]:
     """Two RR1 among obstacles of all shapes, one of which holds a tray, and a random motion of both."""
     rng = np.random.default_rng(seed)
