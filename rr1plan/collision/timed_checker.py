@@ -446,13 +446,17 @@ def _pieces(breaks: Array, coefficients: Array, t_from: float, t_to: float) -> I
     """Begin, coefficients (k + 1, nq) and duration of the parts of a motion in an interval of time, rest included."""
     begin, end = (float(np.clip(t, breaks[0], breaks[-1])) for t in (t_from, t_to))
     count = 0
+    if t_from < breaks[0]:
+        # At rest before the motion: one configuration is enough, with the time from which it is taken.
+        count = 1
+        yield t_from, _position(breaks, coefficients, t_from)[None], 0.0
     for (low, high), curve in zip(pairwise(breaks.tolist()), coefficients, strict=True):
         first, last = max(low, begin), min(high, end)
         if last > first:
             count += 1
             yield (first, shifted_polynomial(curve, first - low), last - first)
     if count == 0:
-        # At rest throughout, or a single instant.
+        # At rest at the end throughout, or a single instant.
         yield t_from, _position(breaks, coefficients, t_from)[None], 0.0
 
 

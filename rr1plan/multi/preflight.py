@@ -108,6 +108,7 @@ def preflight(
     if not chosen:
         return Preflight(agents, margins)
     plain = Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, arms=problem.arms)
+    plain = plain.with_margin(problem.margin)
     return Preflight({arm: Agent(plain, [arm], timing) for arm in agents}, margins, chosen=chosen)
 
 

@@ -256,6 +256,20 @@ def test_the_earlier_of_two_contacts_is_reported(sliders):
     assert late.time == pytest.approx(1.35, abs=1e-5)
 
 
+def test_a_contact_at_rest_before_the_trajectory_comes_first(sliders):
+    for scene in (
+        sliders.with_obstacle("post", Sphere(0.05), (-1.0, 0.0, 0.0)),
+        sliders.with_arm("two", sliders.arms["two"].robot, pose([-1.0, 1.0, 0.0], rpy=[0, 0, np.pi / 2])),
+    ):
+        timed = TimedChecker(CollisionChecker(scene, ["one"]), {"two": slide("two", [0.0, 1.0], [-1.0, -1.0])})
+        late = slide("one", [2.0, 3.0], [-1.0, 1.0])
+        for t_to in (1.0, 3.0):
+            contact = timed.first_contact_of(late, 0.0, t_to)
+            assert contact.time == 0.0
+            assert contact.q == pytest.approx([-1.0])
+            assert not timed.trajectory_is_free(late, 0.0, t_to)
+
+
 def test_several_arms_move_along_edges_together(pair, sliders):
     both = CollisionChecker(sliders, ["one", "far"])
     timed = TimedChecker(both, {"two": slide("two", [0.0, 4.0], [-1.0, 3.5])})

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
+from rr1plan.multi.execution import added_motions
+from rr1plan.multi.execution.running_plan import stops_of
 from rr1plan.planning import Budget
+from rr1plan.scene.subscene import subscene
 
 _BUDGET = Budget(seconds=20.0)
 
@@ -189,6 +195,102 @@ def test_a_moving_arm_brakes_and_turns_back(planar2r: rp.Robot) -> None:
     again = rp.add_motion(back.plan, "left", [-1.2, 0.3], at=middle - 0.25, freeze=0.3, budget=_BUDGET, rng=0)
     assert again.found, again.reason
     assert rp.validate(again.plan.trajectory, plan.scene).certified
+
+
+def _assert_executable(plan: rp.RunningPlan) -> None:
+    late = rp.execute_plan(rp.plan_graph(plan), plan.scene, {plan.arms[0]: rp.ArmDelay(0.3)})
+    assert rp.validate(late.trajectory, plan.scene).certified
+
+
+def test_of_two_goals_at_the_same_time_the_second_one_counts(planar2r: rp.Robot) -> None:
+    plan = _at_rest(_facing(planar2r), {"left": [1.5, 0.0], "right": [np.pi + 1.5, 0.0]})
+    there = rp.add_motion(plan, "left", [1.2, 0.0], at=0.0, budget=_BUDGET, rng=0)
+    plan = there.plan
+    for goal in ([1.0, 0.0], [0.5, 0.0]):
+        plan = rp.add_motion(plan, "left", goal, at=there.arrival + 0.1, budget=_BUDGET, rng=0).plan
+    np.testing.assert_allclose(plan.goal("left"), [0.5, 0.0])
+    _assert_executable(plan)
+
+
+def test_a_motion_begins_at_a_corner_or_at_an_arrival_up_to_rounding() -> None:
+    robot = rp.planar_arm("RR", (0.5, 0.4))
+    scene = rp.Scene().with_arm("a", robot, (-2.0, 0.0, 0.0)).with_arm("b", robot, (2.0, 0.0, 0.0))
+    scene = scene.with_obstacle("post", rp.Cylinder(0.05, 0.3), (-1.25, 0.3, 0.0))
+    problem = rp.Problem(scene, {"a": [-0.6, 0.5], "b": [0.0, 0.5]}, {"a": [1.6, 0.2], "b": [1.0, 0.5]})
+    result = rp.plan_many_arms(problem, rng=0, retiming="stop")
+    route = next(route for route in rp.plan_graph(result).routes if route.arms == ("a",))
+    assert len(route.stops) > 1
+    for stop in route.stops:
+        time = float(route.steps.times[route.steps.begins == stop][0])
+        for at in (time - 1e-12, time, time + 1e-12):
+            added = rp.add_motion(result, "a", [0.0, 2.5], at=at, freeze=0.0, budget=_BUDGET, rng=0)
+            assert added.found, added.reason
+            np.testing.assert_allclose(added.plan.configuration("a", at), route.gridpoints[stop], atol=1e-9)
+            _assert_executable(added.plan)
+
+
+def test_added_motions_keep_the_margin_of_the_plan() -> None:
+    robot = rp.planar_arm("RR", (0.6, 0.5))
+    scene = rp.Scene().with_arm("a", robot, (-0.7, 0.0, 0.0)).with_arm("b", robot, (0.7, 2.0, 0.0))
+    post = (-0.7 + 1.205 * np.cos(0.6), 1.205 * np.sin(0.6), 0.0)
+    scene = scene.with_obstacle("post", rp.Cylinder(0.05, 0.3), post)
+    start = {"a": [-0.9, 0.3], "b": [1.5, 0.2]}
+    result = rp.plan_many_arms(rp.Problem(scene, start, start).with_margin(0.05), rng=0)
+    plan = rp.RunningPlan.of(result)
+    assert plan.margin == 0.05
+    added = rp.add_motion(plan, "a", [1.8, 0.3], at=0.0, budget=_BUDGET, rng=0)
+    assert rp.validate(added.plan.trajectory, replace(scene, padding=0.0499)).certified
+    with pytest.raises(rp.InputError, match="margin is -1"):
+        replace(plan, margin=-1.0)
+
+
+@pytest.mark.parametrize(("retiming", "torque_limits"), [("ruckig", False), ("blend", True)])
+def test_added_motions_keep_limits_of_jerk_and_torque(retiming: str, torque_limits: bool, rr1: rp.Robot) -> None:
+    home, goal = rr1.home, rr1.home + np.array([1.5, 0.3, 0.3, 0.3, 0.3, 0.3])
+    line = np.linspace(home, goal, 60)
+    static = np.abs(rp.Kinematics(rr1).inverse_dynamics(line, 0.0 * line, 0.0 * line)).max(axis=0)
+    weak = replace(rr1, limits=replace(rr1.limits, effort=1.06 * static + 0.25)) if torque_limits else rr1
+    scene = rp.Scene().with_arm("a", weak, (-1.0, 0.0, 0.0)).with_arm("b", weak, (1.0, 0.0, 0.0))
+    problem = rp.Problem(scene, {"a": home, "b": home}, {"a": goal, "b": home})
+    result = rp.plan_many_arms(problem, rng=0, retiming=retiming, torque_limits=torque_limits)
+    limits = {"torque_limits": torque_limits, "jerk_limits": retiming == "ruckig"}
+    assert rp.validate(result.trajectory, scene, **limits).certified
+    added = rp.add_motion(result, "a", home, at=0.1, budget=_BUDGET, rng=0)
+    assert added.found, added.reason
+    assert rp.validate(added.plan.trajectory, scene, **limits).certified
+    graph = rp.plan_graph(added.plan)
+    assert (graph.retiming, graph.torque_limits) == (retiming, torque_limits)
+
+
+def test_after_a_rejected_motion_another_one_is_tried(planar2r: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = _at_rest(_facing(planar2r), {"left": [1.5, 0.0], "right": [np.pi + 1.5, 0.0]})
+    plan = rp.add_motion(plan, "left", [-1.2, 0.3], at=0.0, freeze=0.0, budget=_BUDGET, rng=0).plan
+    rejected, report = [], added_motions._report
+
+    def strict(motion: rp.Trajectory, *others: Any) -> rp.Report:
+        if rejected:
+            return report(motion, *others)
+        rejected.append(motion)
+        return report(motion.stretched(0.1), *others)
+
+    monkeypatch.setattr(added_motions, "_report", strict)
+    added = rp.add_motion(plan, "left", [1.5, 0.0], at=0.5, freeze=0.0, budget=_BUDGET, rng=0)
+    assert rejected
+    assert added.found, added.reason
+    assert added.report is not None
+    assert added.report.certified
+
+
+def test_braking_keeps_the_acceleration_limits(rr1: rp.Robot) -> None:
+    problem = rp.ring_swap(rr1, 6, 0.6, rng=1)
+    plan = rp.RunningPlan.of(rp.plan_many_arms(problem, rng=0, budget=_BUDGET))
+    for arm in plan.arms:
+        alone = subscene(problem.scene, {arm: None}, obstacles=False)
+        for time in np.linspace(0.05, plan.trajectory.end_time - 0.05, 20):
+            if np.abs(plan.velocity(arm, time)).max() > 1e-3:
+                for stop in stops_of(plan, arm, float(time)):
+                    violations = rp.validate(stop.braking, alone, clearance=False).violations
+                    assert not [v for v in violations if v.kind in ("velocity", "acceleration")]
 
 
 def test_a_goal_where_another_arm_ends_names_it(planar2r: rp.Robot) -> None:

@@ -289,6 +289,28 @@ def test_an_arm_rests_where_no_speed_is_possible_and_goes_on(ring: Plan, monkeyp
     np.testing.assert_allclose(trajectory(motion.pass_time(before), 1), 0.0, atol=1e-6)
 
 
+def test_a_release_in_the_last_instant_before_a_rest_comes_after_it(ring: Plan) -> None:
+    problem, _, graph = ring
+    route = next(route for route in graph.routes if route.segments > 5)
+    middle = route.segments // 2
+    for early in (1e-4, 1e-5, 1e-6):
+        motion = route_motion.RouteMotion(route, problem.scene.limits(route.arms))
+        motion.go_to(middle, 0.0)
+        motion.go_to(route.segments, motion.stop_time - early)
+        trajectory = motion.trajectory()
+        assert motion.leave_time(middle) >= motion.pass_time(middle)
+        for gridpoint in (middle, route.segments):
+            np.testing.assert_allclose(trajectory(motion.pass_time(gridpoint)), route.gridpoints[gridpoint], atol=1e-9)
+
+
+def test_plans_that_limit_jerk_or_torques_are_not_executed(ring: Plan) -> None:
+    problem, _, graph = ring
+    with pytest.raises(rp.InputError, match="limits jerk"):
+        rp.execute_plan(replace(graph, retiming="ruckig"), problem.scene)
+    with pytest.raises(rp.InputError, match="torque limits"):
+        rp.execute_plan(replace(graph, torque_limits=True), problem.scene)
+
+
 def test_a_profile_that_goes_on_from_a_gridpoint_is_the_rest_of_the_whole(ring: Plan) -> None:
     problem, _, graph = ring
     for route in graph.routes:
@@ -407,6 +429,14 @@ def test_damaged_graphs_are_refused_by_name(damage: str, ring: Plan, tmp_path: P
     file.write_text(json.dumps(document))
     with pytest.raises(rp.FormatError):
         rp.load_plan_graph(file)
+
+
+def test_numbers_of_more_than_64_bits_are_named(ring: Plan) -> None:
+    for place, name, number in (("grid", "piece", 10**30), ("steps", "begins", 10**30), ("steps", "times", 10**400)):
+        entries = ring[2].to_dict()
+        entries["routes"][0][place][name][1] = number
+        with pytest.raises(rp.FormatError, match=rf"routes\[0\]\.{place}\.{name} has a number"):
+            rp.PlanGraph.from_dict(entries)
 
 
 def test_routes_refuse_arrays_that_do_not_fit(ring: Plan) -> None:

@@ -28,6 +28,7 @@ from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.execution.running_plan import Part, RunningPlan, Stop, part_of, stops_of
 from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.portfolio import ManyArmsResult, plan_many_arms
@@ -42,7 +43,6 @@ from rr1plan.path import Path
 from rr1plan.planners.goal_configurations import GoalSearch, check_start
 from rr1plan.planning import Budget
 from rr1plan.report import Report
-from rr1plan.scene import Scene
 from rr1plan.scene.problem import Goal, Problem
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
@@ -113,6 +113,9 @@ def add_motion(
 ) -> AddedMotion:
     """Give an arm a new goal while the others move.
 
+    New motions keep the plan's retiming and torque limits, and `RunningPlan.margin` as far as starts and goals allow.
+    If the plan limits jerk or torques, a moving arm does not brake on its path but moves on to its next planned stop.
+
     Args:
         plan: The running plan: a result of `plan_many_arms` or of `add_motion`.
         arm: The arm; it may still be moving.
@@ -162,14 +165,14 @@ class _Attempt:
     """The attempted motions of one arm.
 
     Args:
+        goals: Configurations of its goal; empty if the goal is impossible.
         paths: The paths found, with the stop at which each begins.
         alone: Duration of the fastest motion from that stop [s].
-        best: The motion that arrives first.
     """
 
+    goals: list[Array] = field(default_factory=list)
     paths: list[tuple[Stop, AgentPath]] = field(default_factory=list)
     alone: float = math.inf
-    best: _NewMotion | None = None
 
 
 class _Change:
@@ -184,7 +187,8 @@ class _Change:
 
     def __init__(self, plan: RunningPlan, now: float, rng: np.random.Generator, watch: Stopwatch) -> None:
         self.plan, self.now, self._rng, self._watch = plan, now, rng, watch
-        self._near = arms_in_reach(plan.scene, plan.arms, MARGINS[0])
+        self._near = arms_in_reach(plan.scene, plan.arms, plan.margin)
+        self._margins = (plan.margin, *(m for m in MARGINS if m < plan.margin))
         # Motions of the others from now on; those of yielding arms are changed.
         self._parts: dict[str, tuple[Part, ...]] = {
             name: tuple(part for part in parts if part.end > now) for name, parts in plan.parts.items()
@@ -197,18 +201,23 @@ class _Change:
 
     def run(self, arm: str, goal: _GoalLike) -> AddedMotion:
         """Wait, go around, or make others yield, in this order."""
-        found = self._by_itself(arm, goal, _SHARE)
-        if isinstance(found, _NewMotion):
-            return self._result(arm, {arm: found}, found.stage)
-        if found is not None:
+        attempt = _Attempt()
+        for new in self._motions(arm, goal, attempt, _SHARE):
+            result = self._result(arm, {arm: new}, new.stage)
+            if result is not None:
+                return result
+        if attempt.goals:
             watch = self._watch
             self._watch = watch.with_deadline(_SHARE_OF_YIELDING * watch.left)
-            yielded = self._by_yielding(arm, goal, found)
+            yielded = self._by_yielding(arm, goal, attempt)
             self._watch = watch
-            if yielded is None and self._has_time():
+            result = None if yielded is None else self._result(arm, yielded, "yield")
+            if result is None and self._has_time():
                 yielded = self._after_all(arm, goal)
-            if yielded is not None:
-                return self._result(arm, yielded, "yield" if len(yielded) > 1 else "wait")
+                if yielded is not None:
+                    result = self._result(arm, yielded, "yield" if len(yielded) > 1 else "wait")
+            if result is not None:
+                return result
         late = "" if self._has_time() else f" in {self._watch.seconds:.2g} s"
         reason = self._reason or f"no motion of {arm} among the others was found{late}"
         if self._blockers:
@@ -219,59 +228,64 @@ class _Change:
 
     # ---- one arm ---------------------------------------------------------------------------
 
-    def _by_itself(self, arm: str, goal: _GoalLike, share: float = 1.0) -> _NewMotion | _Attempt | None:
-        """A motion among those of the others, or the failed attempt; None if the goal is impossible.
+    def _by_itself(self, arm: str, goal: _GoalLike) -> _NewMotion | None:
+        """A motion among those of the others, or None."""
+        return next(self._motions(arm, goal, _Attempt()), None)
+
+    def _motions(self, arm: str, goal: _GoalLike, attempt: _Attempt, share: float = 1.0) -> Iterator[_NewMotion]:
+        """Motions among those of the others, the best one from each stop from which there is one.
 
         Args:
             arm: The arm.
             goal: Its goal.
+            attempt: Collects the goals and paths that are found.
             share: Share of the remaining time that may be used.
         """
         stops = stops_of(self.plan, arm, self.now)
-        goals = self._goals(self._agent(arm, stops[0].q, goal))
-        if not goals:
-            return None
-        attempt, until = _Attempt(), self._watch.seconds + share * self._watch.left
-        for stop in stops:
+        attempt.goals = self._goals(self._agent(arm, stops[0].q, goal))
+        until = self._watch.seconds + share * self._watch.left
+        for stop in stops if attempt.goals else ():
             if self._is_safe_until(stop, arm):
-                self._time_paths(arm, stop, goals, attempt, until)
-            if attempt.best is not None or not self._has_time(until):
+                best = self._best_motion(arm, stop, attempt, until)
+                if best is not None:
+                    yield best
+            if not self._has_time(until):
                 break
-        return attempt if attempt.best is None else attempt.best
 
     def _has_time(self, until: float = math.inf) -> bool:
         return self._watch.goes_on() and self._watch.seconds < until
 
-    def _time_paths(self, arm: str, stop: Stop, goals: list[Array], attempt: _Attempt, until: float) -> None:
-        """Time the straight path from a stop to a goal, and detours around others."""
-        pool = self._pool(arm, stop, goals)
+    def _best_motion(self, arm: str, stop: Stop, attempt: _Attempt, until: float) -> _NewMotion | None:
+        """The motion from a stop that arrives first, on the straight path to a goal or on detours around others."""
+        pool, best = self._pool(arm, stop, attempt.goals), None
         known = len(pool.paths)
         for number in range(known + 1 + _DETOURS):
             if not self._has_time(until):
-                return
+                break
             if number < known:
                 path = pool.paths[number]
-            elif (found := self._new_path(arm, pool, goals, number - known, stop.time)) is not None:
+            elif (found := self._new_path(arm, pool, attempt.goals, number - known, stop.time)) is not None:
                 path = found
             elif pool.paths:
                 continue
             else:
-                return
+                break
             attempt.paths.append((stop, path))
             if path.segments:
                 attempt.alone = min(attempt.alone, path.fastest)
             new = self._timed(arm, stop, path, self._others(arm))
-            if new is not None and (attempt.best is None or new.arrival < attempt.best.arrival):
-                attempt.best = replace(new, stage="wait" if path is pool.paths[0] else "detour")
-            if attempt.best is not None and attempt.best.arrival - stop.time <= _GOOD_ENOUGH * attempt.alone:
-                return
+            if new is not None and (best is None or new.arrival < best.arrival):
+                best = replace(new, stage="wait" if path is pool.paths[0] else "detour")
+            if best is not None and best.arrival - stop.time <= _GOOD_ENOUGH * attempt.alone:
+                break
+        return best
 
     def _pool(self, arm: str, stop: Stop, goals: list[Array]) -> PathPool:
         """The known paths from a stop to some goals; they remain valid when others change their motions."""
 
         def empty() -> PathPool:
             agent = self._agent(arm, stop.q, goals)
-            return PathPool(agent, affordable_margin(agent, goals[0], MARGINS[0]), self._rng, self._watch)
+            return PathPool(agent, affordable_margin(agent, goals[0], self.plan.margin), self._rng, self._watch)
 
         return kept_in(self._pools, (arm, stop.q.tobytes(), np.array(goals).tobytes()), empty)
 
@@ -314,7 +328,8 @@ class _Change:
     def _agent(self, arm: str, q: Array, goal: _GoalLike) -> Agent:
         """An arm that moves from a configuration to a goal, without the others of the plan."""
         starts = {name: self.plan.configuration(name, self.now) for name in self.plan.arms}
-        return Agent(Problem(self.plan.scene, {**starts, arm: q}, {arm: goal}, arms=self.plan.arms), [arm])
+        problem = Problem(self.plan.scene, {**starts, arm: q}, {arm: goal}, arms=self.plan.arms)
+        return Agent(problem, [arm], HopTiming(self.plan.retiming, self.plan.torque_limits))
 
     def _goals(self, agent: Agent) -> list[Array]:
         """Configurations of an arm's goal without contact with the others at their goals, nearest first."""
@@ -359,7 +374,7 @@ class _Change:
             where = theirs.goal if number == 1 else self.plan.configuration(other, time)
             there = self._placed(theirs.agent, where)
             ends = (self._placed(agent, end) for end in (agent.start, *goals))
-            if all(are_apart(agent, end, theirs.agent, there, MARGINS[0]) for end in ends):
+            if all(are_apart(agent, end, theirs.agent, there, self.plan.margin) for end in ends):
                 stationary[other] = where
         return stationary
 
@@ -383,14 +398,14 @@ class _Change:
     def _diagram(self, path: AgentPath, part: Part, time: float) -> Blocked | None:
         """The diagram with the largest margin that the arm and the other one have at rest."""
         key = (path, part.path)
-        if key not in self._diagrams and not may_touch(path, part.path, MARGINS[0]):
+        if key not in self._diagrams and not may_touch(path, part.path, self.plan.margin):
             self._diagrams[key] = None
         if key not in self._diagrams:
             one, two = path.agent, part.path.agent
             now = self.plan.configuration(two.arms[0], time)
             pairs = [(path.start, now), (path.goal, part.path.goal)] if math.isinf(part.end) else [(path.start, now)]
             placed = [(self._placed(one, a), self._placed(two, b)) for a, b in pairs]
-            margin = next((m for m in MARGINS if all(are_apart(one, a, two, b, m) for a, b in placed)), 0.0)
+            margin = next((m for m in self._margins if all(are_apart(one, a, two, b, m) for a, b in placed)), 0.0)
             self._diagrams[key] = closed_diagram(path, part.path, margin)
         return self._diagrams[key]
 
@@ -433,7 +448,7 @@ class _Change:
                 del self._parts[victim]
             for victim in victims:
                 found = self._by_itself(victim, self.plan.goal(victim))
-                if not isinstance(found, _NewMotion):
+                if found is None:
                     return None
                 changed[victim] = found
                 self._use(victim, found)
@@ -446,19 +461,17 @@ class _Change:
             self._parts[arm] = (stop.before.until(stop.time), self._rest_at(arm, stop))
             aside = self._random_configuration(victim)
             away = None if aside is None else self._by_itself(victim, aside)
-            if not isinstance(away, _NewMotion):
+            if away is None:
                 return None
             self._use(victim, away)
             new = self._by_itself(arm, goal)
-            if not isinstance(new, _NewMotion):
+            if new is None:
                 return None
             self._use(arm, new)
-            attempt = _Attempt()
             there = Stop(away.arrival, away.parts[-1].path.goal, away.parts[-1].until(away.arrival), None)
-            self._time_paths(victim, there, [self.plan.goal(victim)], attempt, math.inf)
-            if attempt.best is None:
+            back = self._best_motion(victim, there, _Attempt([self.plan.goal(victim)]), math.inf)
+            if back is None:
                 return None
-            back = attempt.best
             whole = _joined(away.trajectory, back.trajectory)
             return {arm: new, victim: _NewMotion((*away.parts[:-1], *back.parts), whole, back.arrival)}
 
@@ -467,7 +480,14 @@ class _Change:
         plan, start = self.plan, max(self.now, self.plan.trajectory.end_time)
         ends = {name: plan.goal(name) for name in plan.arms}
         problem = Problem(plan.scene, ends, {**ends, arm: goal}, arms=plan.arms)
-        result = plan_many_arms(problem, budget=Budget(self._watch.time_left), rng=self._rng)
+        result = plan_many_arms(
+            problem,
+            margin=plan.margin,
+            budget=Budget(self._watch.time_left),
+            retiming=plan.retiming,
+            torque_limits=plan.torque_limits,
+            rng=self._rng,
+        )
         if result.trajectory is None:
             return None
         changed = {}
@@ -510,7 +530,7 @@ class _Change:
         limits, question = agent.limits, agent.question({}, 0.0)
         low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
         high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
-        with checker_from_pool(question.scene, question.arms, MARGINS[0]) as checker:
+        with checker_from_pool(question.scene, question.arms, self.plan.margin) as checker:
             for _ in range(_SAMPLES):
                 other = q + self._rng.random() * (self._rng.uniform(low, high) - q)
                 if checker.is_free(other):
@@ -519,17 +539,18 @@ class _Change:
 
     # ---- the new plan --------------------------------------------------------------------------
 
-    def _result(self, arm: str, changed: Mapping[str, _NewMotion], stage: str) -> AddedMotion:
-        """The new plan, if the referee certifies it."""
+    def _result(self, arm: str, changed: Mapping[str, _NewMotion], stage: str) -> AddedMotion | None:
+        """The new plan, if the referee certifies it; otherwise None."""
         plan = self.plan
         start = plan.trajectory.start_time
         trajectory = _joined(plan.trajectory.cut(start, self.now), self._rest(changed))
-        report = _report(trajectory.cut(max(start, self.now - _LEAD), trajectory.end_time), plan.scene)
+        report = _report(trajectory.cut(max(start, self.now - _LEAD), trajectory.end_time), plan)
         yielding = tuple(sorted(set(changed) - {arm}))
         if not report.certified:
             said = "; ".join(map(str, report.violations[:2])) or "it cannot be decided"
-            reason = f"the referee does not certify the motion that was found: {said}"
-            return AddedMotion(plan, "", reason, yielding, seconds=self._watch.seconds)
+            self._reason = f"the referee does not certify the motion that was found: {said}"
+            self._blockers.update(yielding)
+            return None
         over = {name: (part for part in plan.parts[name] if part.end <= self.now) for name in changed}
         parts = {name: (*over[name], *new.parts) for name, new in changed.items()}
         made = plan.with_parts(parts, trajectory, self.now)
@@ -550,9 +571,10 @@ class _Change:
         return Trajectory(names, merged.breaks, merged.coefficients[:, :, columns])
 
 
-def _report(motion: Trajectory, scene: Scene) -> Report:
-    """The referee's report on a motion that may begin with nonzero velocity."""
-    report = validate(motion, scene)
+def _report(motion: Trajectory, plan: RunningPlan) -> Report:
+    """The referee's report, with the limits of a plan, on a motion that may begin with nonzero velocity."""
+    jerk = plan.retiming == "ruckig"
+    report = validate(motion, plan.scene, torque_limits=plan.torque_limits, jerk_limits=jerk)
     kept = tuple(v for v in report.violations if v.kind != "rest" or v.time != motion.start_time)
     return replace(report, violations=kept)
 

@@ -80,6 +80,8 @@ def execute_plan(
     """The motion of all arms of a plan if some are delayed and all dependencies are kept.
 
     An agent moves as soon as its dependencies allow, so it may be earlier than planned if the plan contains a wait.
+    Executions keep velocity and acceleration limits only, so a plan that limits jerk or torques has none. A graph from
+    a file does not say whether its plan did.
 
     Args:
         graph: The plan graph.
@@ -90,9 +92,13 @@ def execute_plan(
 
     Raises:
         UnknownNameError: a delay of an arm that is not in the plan.
-        InputError: joints that the scene does not have, or a gap below zero.
+        InputError: joints that the scene does not have, a gap below zero, or a plan that limits jerk or torques.
     """
     of_kind("graph", graph, PlanGraph)
+    if graph.torque_limits:
+        raise InputError("the plan keeps torque limits, but executions do not; plan without torque_limits")
+    if graph.retiming == "ruckig":
+        raise InputError("the plan limits jerk, but executions do not; plan with retiming 'blend' or 'stop'")
     of_kind("scene", scene, Scene)
     gap = number_from_zero("gap", gap)
     given: dict[str, ArmDelay] = {}

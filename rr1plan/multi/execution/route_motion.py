@@ -7,7 +7,7 @@ always stop at the gridpoint up to which it may go.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -38,6 +38,11 @@ def slower(limits: Limits, factor: float) -> Limits:
         limits.jerk,
         limits.effort,
     )
+
+
+def gentler(limits: Limits) -> Limits:
+    """The same limits with a small reserve of acceleration, for an agent that may already have its full speed."""
+    return replace(limits, acceleration=limits.acceleration * (1.0 - _SPARE))
 
 
 class _Moved(NamedTuple):
@@ -244,7 +249,8 @@ class RouteMotion:
                 return
         for k in range(over):
             self._pass(k)
-        self.now = now if self._x == 0.0 else float(plan.times[over])
+        # A sliver treated as passed ends after `now`, and rest does not begin before its end.
+        self.now = max(now, float(plan.times[over])) if self._x == 0.0 else float(plan.times[over])
 
     def _pass(self, k: int) -> None:
         """Record a whole segment of the profile as executed."""

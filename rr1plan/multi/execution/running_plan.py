@@ -12,13 +12,14 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, Value, finite_number, known_name, of_kind
+from rr1plan.checks import Array, Value, finite_number, known_name, number_from_zero, of_kind
 from rr1plan.errors import InputError
 from rr1plan.multi.execution.route import Route, RouteSteps, passed_gridpoints, route_of
-from rr1plan.multi.execution.route_motion import RouteMotion
+from rr1plan.multi.execution.route_motion import RouteMotion, gentler
 from rr1plan.multi.execution.separated_schedules import schedules_of_arms
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.portfolio import ManyArmsResult
+from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.timing.schedule import Occupancy, Schedule, rest_row
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
@@ -27,6 +28,8 @@ from rr1plan.trajectory import Trajectory
 _ROUNDING = 1e-9
 # Slower than this is rest [rad/s or m/s].
 _REST = 1e-9
+# Far above the rounding of times [s].
+_SAME_TIME = 1e-9
 _NEWTON_STEPS = 8
 
 
@@ -66,7 +69,7 @@ class Part(Value):
     def passed_steps(self) -> int:
         """Number of steps of its route that it passes; the last one is rest."""
         steps = self.route.steps
-        return int(np.flatnonzero(steps.is_rest & (steps.times <= self.end))[-1]) + 1
+        return int(np.flatnonzero(steps.is_rest & (steps.times <= self.end + _SAME_TIME))[-1]) + 1
 
     def until(self, time: float) -> Part:
         """The part, left for another path at a time [s]."""
@@ -92,14 +95,24 @@ class RunningPlan(Value):
         scene: The scene.
         trajectory: All arms of the plan on one clock.
         parts: The parts of each arm, one path after the other.
+        retiming: Its retiming, as in `plan_many_arms`, which added motions have too.
+        torque_limits: Whether its motions, and added ones, also keep the joints' effort limits.
+        margin: Distance that added motions keep in addition to the padding [m], as far as starts and goals allow.
+
+    Raises:
+        InputError: a margin below zero.
     """
 
     scene: Scene
     trajectory: Trajectory
     parts: Mapping[str, tuple[Part, ...]]
+    retiming: str = "blend"
+    torque_limits: bool = False
+    margin: float = MARGINS[0]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", MappingProxyType(dict(self.parts)))
+        object.__setattr__(self, "margin", number_from_zero("margin", self.margin))
 
     def __repr__(self) -> str:
         return f"RunningPlan({len(self.parts)} arms, {self.trajectory.end_time:.3f} s)"
@@ -108,16 +121,26 @@ class RunningPlan(Value):
     def of(result: ManyArmsResult) -> RunningPlan:
         """The plan that `plan_many_arms` found.
 
+        Its margin is that of the problem if each arm has one configuration as its goal, and otherwise 2 mm;
+        `dataclasses.replace(plan, margin=...)` sets another one, such as that of `plan_many_arms(margin=...)`.
+
         Raises:
             InputError: it found none.
         """
         of_kind("result", result, ManyArmsResult)
         if result.trajectory is None:
             raise InputError(f"there is no plan to execute: {result.reason}")
-        scene = result.schedules[0].path.agent.problem.scene
+        agent = result.schedules[0].path.agent
         schedules = result.separated.schedules
         parts = {arm: (part_of(own, -np.inf),) for s in schedules for arm, own in schedules_of_arms(s).items()}
-        return RunningPlan(scene, result.trajectory, {arm: parts[arm] for arm in result.trajectory.arms})
+        return RunningPlan(
+            agent.problem.scene,
+            result.trajectory,
+            {arm: parts[arm] for arm in result.trajectory.arms},
+            agent.timing.method,
+            agent.timing.torque_limits,
+            agent.problem.margin or MARGINS[0],
+        )
 
     @property
     def arms(self) -> tuple[str, ...]:
@@ -161,8 +184,8 @@ class RunningPlan(Value):
         return np.asarray(self.trajectory(finite_number("time", time), derivative)[columns])
 
     def part_at(self, arm: str, time: float) -> Part:
-        """The part in which an arm is at a time [s]."""
-        return next(part for part in self.parts[arm] if time <= part.end)
+        """The part in which an arm is at a time [s]; where two meet, the later one."""
+        return next(part for part in self.parts[arm] if time < part.end)
 
     def with_parts(self, changed: Mapping[str, tuple[Part, ...]], trajectory: Trajectory, now: float) -> RunningPlan:
         """The plan with other motions of some arms.
@@ -175,7 +198,7 @@ class RunningPlan(Value):
         parts = {**self.parts, **changed}
         for part in (part for several in parts.values() for part in several if part.end <= now):
             part.path.release()
-        return RunningPlan(self.scene, trajectory, parts)
+        return replace(self, trajectory=trajectory, parts=parts)
 
 
 @dataclass(frozen=True)
@@ -196,29 +219,51 @@ class Stop:
 
 
 def stops_of(plan: RunningPlan, arm: str, now: float) -> list[Stop]:
-    """The stops of an arm, earliest first: its rest, or the first gridpoint, a later one, and the planned stop."""
+    """The stops of an arm, earliest first: its rest, or the first gridpoint, a later one, and the planned stop.
+
+    Braking keeps velocity and acceleration limits only, so with jerk or torque limits the planned stop is the only one.
+    """
     part = plan.part_at(arm, now)
     q, rates = plan.configuration(arm, now), plan.velocity(arm, now)
     if np.abs(rates).max(initial=0.0) <= _REST:
-        return [Stop(now, q, part.until(now), None)]
+        return [Stop(now, q, _left_at_rest(part, now), None)]
     route, steps = part.route, part.route.steps
     step = int(np.searchsorted(steps.times, now, side="right")) - 1
     while steps.is_rest[step] and step > 0:
         step -= 1  # rounding: a moving arm is on a segment
     segment = int(steps.begins[step])
-    share, x = _state_on(route, segment, q, rates)
-    limits = part.path.agent.limits
-    moving = RouteMotion.moving(route, limits, now, segment, share, x)
-    rests = steps.begins[steps.is_rest & (steps.begins > segment)]
-    planned = min(int(rests[0]), moving.limit)
-    moving.limit = planned
-    first = moving.first_stop()
+    planned = min(stop for stop in (*route.stops, *steps.begins[steps.is_rest].tolist()) if stop > segment)
     found = []
-    for gridpoint in dict.fromkeys([first, (2 * first + planned) // 3, planned]):
-        motion = RouteMotion.moving(route, limits, now, segment, share, x)
-        motion.go_to(gridpoint, now)
-        found.append(_stopped(part, motion, step, gridpoint))
-    return found
+    if not plan.torque_limits and plan.retiming != "ruckig":
+        share, x = _state_on(route, segment, q, rates)
+        limits = gentler(part.path.agent.limits)
+        moving = RouteMotion.moving(route, limits, now, segment, share, x)
+        moving.limit = planned
+        first = moving.first_stop()
+        for gridpoint in dict.fromkeys([first, (2 * first + planned) // 3]):
+            if gridpoint < planned:
+                motion = RouteMotion.moving(route, limits, now, segment, share, x)
+                motion.go_to(gridpoint, now)
+                found.append(_stopped(part, motion, step, gridpoint))
+    end = float(steps.times[steps.begins == planned][0])
+    braking = plan.trajectory.select(arm).cut(now, max(now, end))
+    before = _cut(part, planned, steps.times, braking.end_time)
+    return [*found, Stop(braking.end_time, plan.configuration(arm, braking.end_time), before, braking)]
+
+
+def _left_at_rest(part: Part, now: float) -> Part:
+    """The part of an arm that rests now, left now."""
+    steps = part.route.steps
+    step = int(np.searchsorted(steps.times, now, side="right")) - 1
+    if steps.is_rest[step]:
+        return part.until(now)
+    # At an end of a segment, up to rounding: the planned rest there, or a corner at which every motion stops.
+    begin, end = float(steps.times[step]), float(steps.times[step + 1])
+    if end - now < now - begin:
+        return _cut(part, int(steps.ends[step]), steps.times, now)
+    if steps.is_rest[step - 1]:
+        return part.until(now)
+    return replace(_cut(part, int(steps.begins[step]), steps.times, begin), end=now)
 
 
 def _state_on(route: Route, segment: int, q: Array, rates: Array) -> tuple[float, float]:
@@ -236,12 +281,24 @@ def _state_on(route: Route, segment: int, q: Array, rates: Array) -> tuple[float
 
 def _stopped(part: Part, motion: RouteMotion, step: int, gridpoint: int) -> Stop:
     """The end of a motion, and the part up to there."""
-    route, steps = part.route, part.route.steps
     trajectory = motion.trajectory()
-    entered = motion.steps_entered()
-    times = np.where(np.arange(len(steps)) <= step, steps.times, entered)
+    steps = part.route.steps
+    times = np.where(np.arange(len(steps)) <= step, steps.times, motion.steps_entered())
+    before = _cut(part, gridpoint, times, trajectory.end_time)
+    return Stop(trajectory.end_time, before.route.gridpoints[-1], before, trajectory)
+
+
+def _cut(part: Part, gridpoint: int, times: Array, end: float) -> Part:
+    """A part that ends with rest at a gridpoint.
+
+    Args:
+        part: The part.
+        gridpoint: The gridpoint of its route, not the first one.
+        times: Times at which the arm enters its steps up to there [s], shape (n,).
+        end: Time at which it stops there [s].
+    """
+    route, steps = part.route, part.route.steps
     kept = (steps.begins < gridpoint) & (steps.ends <= gridpoint)
-    end = trajectory.end_time
     cut = replace(
         route,
         grid=route.grid.part(0, gridpoint),
@@ -253,5 +310,4 @@ def _stopped(part: Part, motion: RouteMotion, step: int, gridpoint: int) -> Stop
         ),
     )
     rows = np.append(part.rows[kept], rest_row(part.path, int(part.gridpoints[gridpoint])))
-    before = Part(part.path, cut, rows, part.gridpoints[: gridpoint + 1], part.begin, end)
-    return Stop(end, cut.gridpoints[-1], before, trajectory)
+    return Part(part.path, cut, rows, part.gridpoints[: gridpoint + 1], part.begin, end)

@@ -64,7 +64,7 @@ def running_route(parts: Sequence[Part]) -> RunningRoute:
         coefficients.append(route.curve.coefficients)
         stops += [gridpoints + k for k in (*(k for k in route.stops if k < last), *([last] if last else []))]
         begins.append(steps.begins[1:passed] + gridpoints)
-        times.append(steps.times[1:passed])
+        times.append(np.minimum(steps.times[1:passed], part.end))  # the part may end earlier by rounding
         is_rest.append(steps.is_rest[1:passed])
         first_steps.append(count)
         count += passed - 1

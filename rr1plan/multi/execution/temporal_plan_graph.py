@@ -18,7 +18,7 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.checks import Array, Value, known_name, of_kind
 from rr1plan.collision.arm_groups import arms_in_reach
@@ -26,6 +26,7 @@ from rr1plan.errors import FormatError, InputError
 from rr1plan.multi.execution.route import Route, RouteSteps, route_of
 from rr1plan.multi.execution.running_plan import RunningPlan
 from rr1plan.multi.execution.running_routes import running_order, running_route
+from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.portfolio import ManyArmsResult
 from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.timing.passing_order import Precedence, Step, order_between, passage
@@ -79,6 +80,8 @@ class PlanGraph(Value):
     Args:
         routes: The route of each agent: an arm, or a few arms that move as one.
         dependencies: Who waits for whom, without transitively implied dependencies.
+        retiming: Retiming of the plan, as in `plan_many_arms`; not a part of `to_dict`, and hence not of motion files.
+        torque_limits: Whether the plan keeps the joints' effort limits; likewise.
 
     Raises:
         InputError: an arm of two agents, or dependencies on nonexistent steps or in a cycle.
@@ -86,6 +89,8 @@ class PlanGraph(Value):
 
     routes: tuple[Route, ...]
     dependencies: tuple[Dependency, ...]
+    retiming: str = "blend"
+    torque_limits: bool = False
 
     def __post_init__(self) -> None:
         arms = [arm for route in self.routes for arm in route.arms]
@@ -143,7 +148,7 @@ class PlanGraph(Value):
             Dependency(_node(routes, node.agent, node.step), _node(routes, after.agent, after.step))
             for node, after in self.dependencies
         )
-        return PlanGraph(routes, tuple(moved))
+        return PlanGraph(routes, tuple(moved), self.retiming, self.torque_limits)
 
     def waits_for(self, arm: str) -> tuple[Dependency, ...]:
         """The dependencies for which an arm waits, in order.
@@ -193,21 +198,25 @@ class PlanGraph(Value):
             routes = tuple(
                 Route(
                     tuple(r["joint_names"]),
-                    np.array(r["start"]),
-                    Curve(np.array(r["curve"]["lengths"]), np.array(r["curve"]["coefficients"]), (0, 0)),
+                    _array(f"routes[{k}].start", r["start"]),
+                    Curve(
+                        _array(f"routes[{k}].curve.lengths", r["curve"]["lengths"]),
+                        _array(f"routes[{k}].curve.coefficients", r["curve"]["coefficients"]),
+                        (0, 0),
+                    ),
                     Grid(
-                        np.array(r["grid"]["piece"], np.int64),
-                        np.array(r["grid"]["offset"]),
-                        np.array(r["grid"]["delta"]),
+                        _array(f"routes[{k}].grid.piece", r["grid"]["piece"], np.int64),
+                        _array(f"routes[{k}].grid.offset", r["grid"]["offset"]),
+                        _array(f"routes[{k}].grid.delta", r["grid"]["delta"]),
                     ),
                     tuple(r["stops"]),
                     RouteSteps(
-                        np.array(r["steps"]["begins"], np.int64),
-                        np.array(r["steps"]["ends"], np.int64),
-                        np.array([0.0, *r["steps"]["times"]]),
+                        _array(f"routes[{k}].steps.begins", r["steps"]["begins"], np.int64),
+                        _array(f"routes[{k}].steps.ends", r["steps"]["ends"], np.int64),
+                        _array(f"routes[{k}].steps.times", [0.0, *r["steps"]["times"]]),
                     ),
                 )
-                for r in entries["routes"]
+                for k, r in enumerate(entries["routes"])
             )
             return PlanGraph(
                 routes,
@@ -218,6 +227,13 @@ class PlanGraph(Value):
             )
         except (KeyError, TypeError, ValueError) as error:
             raise FormatError(f"holds no plan graph: {error}") from error
+
+
+def _array(place: str, values: ArrayLike, kind: type = np.float64) -> NDArray[Any]:
+    try:
+        return np.array(values, kind)
+    except OverflowError as error:
+        raise FormatError(f"{place} has a number of more than 64 bits") from error
 
 
 def _node(routes: tuple[Route, ...], agent: int, step: int) -> Node:
@@ -237,6 +253,7 @@ def plan_graph(plan: ManyArmsResult | RunningPlan) -> PlanGraph:
     """
     orders: dict[tuple[int, int], list[Precedence] | None] = {}
     if isinstance(plan, RunningPlan):
+        timing = HopTiming(plan.retiming, plan.torque_limits)
         running = [running_route(plan.parts[arm]) for arm in plan.arms]
         routes = tuple(each.route for each in running)
         for i, j in pairs_in_reach(plan.scene, [route.arms for route in routes]):
@@ -247,7 +264,7 @@ def plan_graph(plan: ManyArmsResult | RunningPlan) -> PlanGraph:
             raise InputError(f"there is no plan to make a graph of: {plan.reason}")
         schedules = plan.separated.schedules
         routes = tuple(route_of(schedule) for schedule in schedules)
-        scene = schedules[0].path.agent.problem.scene
+        timing, scene = schedules[0].path.agent.timing, schedules[0].path.agent.problem.scene
         for i, j in pairs_in_reach(scene, [schedule.arms for schedule in schedules]):
             blocked = plan.separated.diagram(i, j)
             orders[i, j] = [] if blocked is None else order_between(blocked, schedules[i], schedules[j], (i, j))
@@ -258,7 +275,7 @@ def plan_graph(plan: ManyArmsResult | RunningPlan) -> PlanGraph:
             raise InputError(f"no order in which {names} pass each other is certified")
         found += order
     kept = (Dependency(_node(routes, *node), _node(routes, *after)) for node, after in _reduced(routes, found))
-    return PlanGraph(routes, tuple(kept))
+    return PlanGraph(routes, tuple(kept), timing.method, timing.torque_limits)
 
 
 def pairs_in_reach(scene: Scene, agents: Sequence[tuple[str, ...]]) -> list[tuple[int, int]]:
