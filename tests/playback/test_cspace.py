@@ -20,7 +20,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.playback.cspace.cspace_cells import label_components, widest_spot
 from rr1plan.playback.cspace.cspace_colors import HATCHES, pattern_cells
-from rr1plan.playback.cspace.cspace_grid import LIMITS, compute_grid
+from rr1plan.playback.cspace.cspace_grid import LIMITS, compute_grid, name_spots
 from rr1plan.playback.cspace.cspace_raster import SELF
 from rr1plan.playback.cspace.cspace_torus import layer_image, wrapped_pieces
 from rr1plan.playback.outlines import silhouette
@@ -160,7 +160,7 @@ def test_the_widest_spot_is_as_far_from_the_outside_as_can_be(mask: np.ndarray, 
 
 def test_names_stand_on_the_image_they_name_and_not_at_the_rim(lesson: rp.Scene) -> None:
     grid = compute_grid(lesson, resolution=90)
-    spots = grid.name_spots()
+    spots = name_spots(grid)
     assert set(spots) == set(lesson.obstacles)
     for name, spot in spots.items():
         assert grid.why_not_free(spot) == (name,)

@@ -20,7 +20,7 @@ INK = "#22262b"
 START, GOAL = "#2f66c8", "#14855a"
 _PALETTE = ARM_COLORS[1:]  # the first is the color of the arm and its path
 SELF_COLOR = "#4a4f57"
-_LIMIT_COLOR = "#c9ced6"
+LIMIT_COLOR = "#c9ced6"
 _TINTS = ("#cfe0fb", "#cdeedb", "#fde3c8", "#e6dbf7")  # the page's colors of components
 
 HATCHES = (None, "..", "\\\\", "--", "||", "xx", "++")
@@ -38,7 +38,7 @@ def layer_colors(grid: CSpaceGrid) -> dict[str, str]:
         if name == SELF:
             colors[name] = SELF_COLOR
         elif name == LIMITS:
-            colors[name] = _LIMIT_COLOR
+            colors[name] = LIMIT_COLOR
         elif own is not None:
             colors[name] = "#{:02x}{:02x}{:02x}".format(*(round(255 * min(1.0, max(0.0, c))) for c in own[:3]))
         else:

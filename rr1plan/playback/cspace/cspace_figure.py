@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -16,13 +18,16 @@ from rr1plan.playback.cspace.cspace_colors import (
     GOAL,
     HATCHES,
     INK,
+    LIMIT_COLOR,
     START,
     end_tints,
     ink_on,
     layer_colors,
     layer_patterns,
 )
-from rr1plan.playback.cspace.cspace_torus import draw_torus
+from rr1plan.playback.cspace.cspace_grid import LIMITS
+from rr1plan.playback.cspace.cspace_lines import place_names
+from rr1plan.playback.cspace.cspace_torus import draw_torus, drawn_layers
 from rr1plan.playback.cspace.cspace_verdict import headline
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
 
@@ -38,6 +43,8 @@ STYLE = {
     "axes.edgecolor": INK,
     "hatch.linewidth": 1.6,
 }
+_MOST_COLUMNS = 5  # of the legend
+_MOST_PASSES = 20  # of the layout
 
 
 def draw(cspace: CSpaceQuery, width: float) -> Figure:
@@ -46,13 +53,43 @@ def draw(cspace: CSpaceQuery, width: float) -> Figure:
         figure = Figure(figsize=(width, 0.56 * width), layout="constrained", facecolor="white")
         FigureCanvasAgg(figure)
         left, right = figure.subplots(1, 2)
-        draw_workspace(left, cspace)
-        draw_torus(right, cspace)
-        handles = _legend(cspace)
-        if handles:
-            figure.legend(handles=handles, loc="outside lower center", ncols=min(5, len(handles)), frameon=False)
+        obstacles, images = draw_workspace(left, cspace), draw_torus(right, cspace)
+        drawn, shown = drawn_layers(cspace), set(obstacles)
         figure.suptitle(_title(cspace), fontsize=16, color=INK)
-    return figure
+        while True:
+            # Layers without a name on their image are in the legend, and so are obstacles without any name.
+            unnamed = {name for name in drawn if name not in images} | (shown - set(obstacles) - set(images))
+            handles = _legend(cspace, unnamed)
+            if handles:
+                rows = -(-len(handles) // _MOST_COLUMNS)
+                columns = -(-len(handles) // rows)
+                figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
+            _settle(figure)
+            before = len(obstacles) + len(images)
+            obstacles, images = place_names(left, obstacles), place_names(right, images)
+            if len(obstacles) + len(images) == before:
+                return figure
+            # Names without room move to the legend, which changes the layout.
+            for legend in list(figure.legends):
+                legend.remove()
+
+
+def _settle(figure: Figure) -> None:
+    """Lay out the figure until its axes no longer move.
+
+    Constrained layout measures the text around axes of a fixed aspect before their size is final, and after its two
+    passes titles and legends may still overlap them.
+    """
+    engine = figure.get_layout_engine()
+    assert engine is not None
+    with warnings.catch_warnings():
+        # Matplotlib repeats its warning about figures without room when they are drawn.
+        warnings.simplefilter("ignore", UserWarning)
+        for _ in range(_MOST_PASSES):
+            before = [axes.get_position(original=True).bounds for axes in figure.axes]
+            engine.execute(figure)
+            if np.allclose(before, [axes.get_position(original=True).bounds for axes in figure.axes], atol=1e-4):
+                return
 
 
 def swatch(color: str, pattern: int, **options: Any) -> Patch:
@@ -60,11 +97,11 @@ def swatch(color: str, pattern: int, **options: Any) -> Patch:
     return Patch(facecolor=color, edgecolor=ink_on(color), hatch=HATCHES[pattern], **options)
 
 
-def _legend(cspace: CSpaceQuery) -> list[Artist]:
-    named = cspace.grid.name_spots()
-    colors, patterns = layer_colors(cspace.grid), layer_patterns(cspace.grid)
+def _legend(cspace: CSpaceQuery, unnamed: set[str]) -> list[Artist]:
+    """The symbols of layers without a name, of trees and of components."""
+    colors, patterns = {**layer_colors(cspace.grid), LIMITS: LIMIT_COLOR}, layer_patterns(cspace.grid)
     handles: list[Artist] = [
-        swatch(color, patterns[name], label=name) for name, color in colors.items() if name not in named
+        swatch(color, patterns.get(name, 0), label=name) for name, color in colors.items() if name in unnamed
     ]
     tree = cspace.drawn_tree
     if tree is not None:

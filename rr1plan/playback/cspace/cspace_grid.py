@@ -126,16 +126,6 @@ class CSpaceGrid(Value):
         cell = self.cell(q)
         return tuple(name for name, mask in self.layers.items() if mask[cell])
 
-    def name_spots(self) -> dict[str, tuple[float, float]]:
-        """For each layer with room for its name, the configuration [rad] in the middle of its widest part."""
-        count = sum((mask.astype(int) for mask in self.layers.values()), np.zeros(self.labels.shape, dtype=int))
-        n, m = self.labels.shape
-        rim, room = (int(_HALF_NAME * n), int(_ROOM * m)), _ROOM * max(n, m)
-        found = {name: widest_spot(mask & (count == 1), self.periodic, rim) for name, mask in self.layers.items()}
-        return {
-            name: (float(self.axes[0][i]), float(self.axes[1][j])) for name, (i, j, far) in found.items() if far > room
-        }
-
     def shortest_path(self, a: ArrayLike, b: ArrayLike) -> Array | None:
         """A shortest path over free cells (8 neighbors), unwrapped across the seams.
 
@@ -233,3 +223,22 @@ def _axis(joint: Joint, lower: float, upper: float, resolution: int) -> tuple[Ar
         raise InputError(f"joint {joint.name!r} has one value, {low}, a picture needs a range")
     centers = low + (np.arange(resolution) + 0.5) * ((high - low) / resolution)
     return read_only(centers), unlimited, (centers >= lower) & (centers <= upper)
+
+
+def name_spots(
+    grid: CSpaceGrid, window: tuple[slice, slice] = (slice(None), slice(None))
+) -> dict[str, tuple[float, float]]:
+    """For each layer with room for its name, the configuration [rad] in the middle of its widest part.
+
+    Args:
+        grid: The grid.
+        window: The cells to which the picture is cropped; only axes that are not periodic may be cropped.
+    """
+    layers = {name: mask[window] for name, mask in grid.layers.items()}
+    first, second = grid.axes[0][window[0]], grid.axes[1][window[1]]
+    n, m = len(first), len(second)
+    count = sum((mask.astype(int) for mask in layers.values()), np.zeros((n, m), dtype=int))
+    rim, room = (int(_HALF_NAME * n), int(_ROOM * m)), _ROOM * max(n, m)
+    found = {name: widest_spot(mask & (count == 1), grid.periodic, rim) for name, mask in layers.items()}
+    # The distance to a cell outside is half a cell longer than the one to the edge.
+    return {name: (float(first[i]), float(second[j])) for name, (i, j, far) in found.items() if far - 0.5 > room}

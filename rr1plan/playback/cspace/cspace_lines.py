@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.patheffects import withStroke
+from matplotlib.text import Text
 
 from rr1plan.checks import Array
 from rr1plan.playback.cspace.cspace_colors import INK, is_light
+
+_GAP = 2.0  # around a name [px]
+
+
+class ObstacleName(NamedTuple):
+    """The name of an obstacle in the figure.
+
+    Args:
+        text: The text, at the first of its spots.
+        spots: Where it may be, best first, each (2,).
+    """
+
+    text: Text
+    spots: tuple[Array, ...]
 
 
 def along(points: Array, count: int) -> Array:
@@ -34,8 +50,45 @@ def gradient(
     )
 
 
-def write_name(axes: Axes, name: str, at: Any, color: str) -> None:
+def write_name(axes: Axes, name: str, spots: Sequence[Array], color: str) -> ObstacleName:
     """Write an obstacle's name on it, or on its image, so that colors need not be distinguished."""
     ink, rim = (INK, "white") if is_light(color) else ("white", color)
-    text = axes.annotate(name, at, ha="center", va="center", color=ink, fontsize=12, zorder=5)
+    x, y = spots[0]
+    text = axes.text(x, y, name, ha="center", va="center", color=ink, fontsize=12, zorder=5, in_layout=False)
     text.set_path_effects([withStroke(linewidth=3, foreground=rim)])
+    return ObstacleName(text, tuple(spots))
+
+
+def place_names(axes: Axes, names: Mapping[str, ObstacleName]) -> dict[str, ObstacleName]:
+    """Move names to spots inside the axes where they overlap no other text, and remove those without such a spot.
+
+    Args:
+        axes: The axes, in their final position.
+        names: Their names, by obstacle.
+
+    Returns:
+        The names that are left.
+    """
+    axes.apply_aspect()
+    frame = axes.get_window_extent()
+    low, high = np.array(frame.min), np.array(frame.max)
+    texts = [name.text for name in names.values()]
+    taken = [text.get_window_extent() for text in axes.texts if text not in texts]
+    left = {}
+    for key, name in names.items():
+        for spot in name.spots:
+            name.text.set_position((spot[0], spot[1]))
+            box = name.text.get_window_extent().padded(_GAP)
+            # A text that crosses the edge of the axes is moved inside.
+            shift = np.maximum(low - np.array(box.min), 0.0) + np.minimum(high - np.array(box.max), 0.0)
+            box = box.translated(*shift)
+            pixel = axes.transData.transform(spot)
+            if frame.contains(*pixel) and not box.count_overlaps(taken):
+                x, y = axes.transData.inverted().transform(pixel + shift)
+                name.text.set_position((x, y))
+                taken.append(box)
+                left[key] = name
+                break
+        else:
+            name.text.remove()
+    return left

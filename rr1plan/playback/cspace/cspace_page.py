@@ -24,7 +24,7 @@ from rr1plan.files.file_access import write_text
 from rr1plan.model.flat_arm import flat_arm
 from rr1plan.path import Path
 from rr1plan.playback.cspace.cspace_colors import SELF_COLOR, layer_colors
-from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid
+from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, name_spots
 from rr1plan.playback.cspace.cspace_raster import SELF, CSpaceRaster
 from rr1plan.playback.cspace.cspace_verdict import tone, verdict
 from rr1plan.playback.cspace.reach_outline import reach_of
@@ -228,7 +228,7 @@ def _bytes(values: NDArray[np.uint8]) -> dict[str, object]:
 
 def _layers(grid: CSpaceGrid, is_slice: bool) -> list[dict[str, object]]:
     """The layers; in a slice also an empty layer of self-collision, because other slices of the page may have some."""
-    kinds, spots, colors, masks = {SELF: "self", LIMITS: "limits"}, grid.name_spots(), layer_colors(grid), grid.layers
+    kinds, spots, colors, masks = {SELF: "self", LIMITS: "limits"}, name_spots(grid), layer_colors(grid), grid.layers
     if is_slice and SELF not in masks:
         colors, masks = {**colors, SELF: SELF_COLOR}, {**masks, SELF: np.zeros(grid.free.shape, np.bool_)}
     return [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from rr1plan.playback.cspace.cspace_colors import (
     FAINT,
     GOAL,
     INK,
+    LIMIT_COLOR,
     START,
     end_tints,
     ink_on,
@@ -25,8 +27,8 @@ from rr1plan.playback.cspace.cspace_colors import (
     layer_patterns,
     pattern_cells,
 )
-from rr1plan.playback.cspace.cspace_grid import CSpaceGrid
-from rr1plan.playback.cspace.cspace_lines import along, gradient, write_name
+from rr1plan.playback.cspace.cspace_grid import LIMITS, CSpaceGrid, name_spots
+from rr1plan.playback.cspace.cspace_lines import ObstacleName, along, gradient, write_name
 from rr1plan.playback.search_trees import DrawnTree
 
 if TYPE_CHECKING:
@@ -35,6 +37,9 @@ if TYPE_CHECKING:
 Mask = NDArray[np.bool_]
 
 _STRIPE = 5
+_BORDER = 0.03  # beyond the joint limits, of their range
+# Fewer labels do not show a scale, and more would overlap.
+_FEWEST_TICKS, _MOST_TICKS = 3, 9
 
 
 def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Array:
@@ -67,13 +72,21 @@ def layer_image(grid: CSpaceGrid, tints: Mapping[int, str] | None = None) -> Arr
     return np.asarray(image.transpose(1, 0, 2))
 
 
-def draw_torus(axes: Axes, cspace: CSpaceQuery, note: bool = True) -> None:
-    """Draw it; optionally with a note that dashed edges coincide, for which narrow axes have no room."""
+def draw_torus(axes: Axes, cspace: CSpaceQuery, note: bool = True) -> dict[str, ObstacleName]:
+    """Draw it; optionally with a note that explains its edges, for which narrow axes have no room.
+
+    Returns:
+        The names written on the images, by layer.
+    """
     grid = cspace.grid
+    spans = _spans(cspace)
     axes.set_title("configuration space", loc="left", color=INK)
     extent = (*_edges(grid.axes[0]), *_edges(grid.axes[1]))
+    image = layer_image(grid, end_tints(cspace))
+    if LIMITS in grid.layers:
+        image[grid.layers[LIMITS].T] = to_rgb(LIMIT_COLOR)  # without the images of obstacles beyond the limits
     axes.imshow(
-        layer_image(grid, end_tints(cspace)),
+        image,
         origin="lower",
         extent=extent,
         interpolation="nearest",
@@ -81,20 +94,58 @@ def draw_torus(axes: Axes, cspace: CSpaceQuery, note: bool = True) -> None:
         zorder=0,
     )
     axes.set_box_aspect(1.0)
+    axes.set_facecolor(LIMIT_COLOR)  # of the border; the image covers the rest
+    axes.set(xlim=spans[0], ylim=spans[1])
+    axes.tick_params(pad=6.5)  # both axes have a label in the lower left corner
     if cspace.drawn_tree is not None:
         _draw_tree(axes, cspace, cspace.drawn_tree)
     if cspace.path is not None:
         _draw_path(axes, cspace.path, grid)
     colors = layer_colors(grid)
-    for name, spot in grid.name_spots().items():
-        write_name(axes, name, spot, colors[name])
+    spots = name_spots(grid, _window(grid, spans))
+    names = {name: write_name(axes, name, [np.array(spot)], colors[name]) for name, spot in spots.items()}
     _draw_ends(axes, cspace)
     _draw_seams(axes, grid, note)
-    axes.set(xlim=extent[:2], ylim=extent[2:])
     for k, (axis, name, turns) in enumerate(zip((axes.xaxis, axes.yaxis), grid.joint_names, grid.turns, strict=True)):
         axis.set_label_text(rf"$\theta_{k + 1}$ {name} [rad]" if turns else rf"$d_{k + 1}$ {name} [m]")
         if turns:
-            _pi_ticks(axis, *_edges(grid.axes[k]))
+            _pi_ticks(axis, *spans[k])
+    return names
+
+
+def drawn_layers(cspace: CSpaceQuery) -> list[str]:
+    """Names of the layers that the picture shows, joint limits only if its note does not explain them."""
+    grid = cspace.grid
+    inside = ~grid.layers.get(LIMITS, np.zeros(grid.labels.shape, dtype=bool))
+    drawn = [name for name, mask in grid.layers.items() if (mask & inside).any()]
+    return [*drawn, LIMITS] if grid.periodic[0] != grid.periodic[1] else drawn
+
+
+def _spans(cspace: CSpaceQuery) -> list[tuple[float, float]]:
+    """Ranges of the picture's axes: a turn, or the joint limits and the ends of the query, with a border."""
+    grid = cspace.grid
+    robot = grid.scene.arms[grid.arm].robot
+    ends = [q for q in (cspace.start, *cspace.goals) if q is not None and grid.holds(q)]
+    spans = []
+    for k, (name, closes) in enumerate(zip(grid.joint_names, grid.periodic, strict=True)):
+        if closes:
+            spans.append(_edges(grid.axes[k]))
+            continue
+        column = robot.joint_names.index(name)
+        values = [robot.limits.lower[column], robot.limits.upper[column], *(q[k] for q in ends)]
+        low, high = float(min(values)), float(max(values))
+        border = _BORDER * (high - low)
+        spans.append((low - border, high + border))
+    return spans
+
+
+def _window(grid: CSpaceGrid, spans: list[tuple[float, float]]) -> tuple[slice, slice]:
+    """The cells with centers in the ranges of the axes."""
+    first, second = (
+        slice(int(np.searchsorted(centers, low)), int(np.searchsorted(centers, high)))
+        for centers, (low, high) in zip(grid.axes, spans, strict=True)
+    )
+    return first, second
 
 
 def _edges(centers: Array) -> tuple[float, float]:
@@ -144,10 +195,11 @@ def _draw_ends(axes: Axes, cspace: CSpaceQuery) -> None:
     def mark(q: Array, label: str, color: str, **style: Any) -> None:
         x, y = grid.wrapped(q)
         axes.plot(x, y, color=color, markeredgecolor="white", markeredgewidth=1.4, zorder=7, **style)
-        # Left of points near the right edge, so that the label stays inside the picture.
-        side = -1 if grid.cell(q)[0] > 0.86 * len(grid.axes[0]) else 1
+        # Left of points near the right edge and below those near the upper one: the label stays inside the picture.
+        across, up = axes.transLimits.transform((x, y))
+        side, rise = -1 if across > 0.97 - 0.022 * len(label) else 1, -18 if up > 0.93 else 8
         text = axes.annotate(
-            label, (x, y), xytext=(11 * side, 8), textcoords="offset points", ha="right" if side < 0 else "left"
+            label, (x, y), xytext=(11 * side, rise), textcoords="offset points", ha="right" if side < 0 else "left"
         )
         text.set(color=color, fontsize=13, fontweight="bold", zorder=8)
         text.set_path_effects([withStroke(linewidth=4, foreground="white")])
@@ -161,25 +213,41 @@ def _draw_ends(axes: Axes, cspace: CSpaceQuery) -> None:
 
 def _draw_seams(axes: Axes, grid: CSpaceGrid, note: bool) -> None:
     """Mark the edges of the picture that are identified."""
-    for axis, (closes, sides) in enumerate(zip(grid.periodic, (("left", "right"), ("bottom", "top")), strict=True)):
+    for closes, sides in zip(grid.periodic, (("left", "right"), ("bottom", "top")), strict=True):
         for side in sides:
             axes.spines[side].set_linestyle((0, (5, 3)) if closes else "-")
             axes.spines[side].set_linewidth(1.4 if closes else 1.0)
-        if closes and note:
-            spot = (
-                {"xy": (1.0, 1.015), "ha": "right"}
-                if axis == 0
-                else {"xy": (1.015, 0.5), "va": "center", "rotation": 90}
-            )
-            text = "dashed edges meet: the torus" if all(grid.periodic) else "dashed edges meet"
-            axes.annotate(text if axis == 0 else "", xycoords="axes fraction", fontsize=12, color="#59616d", **spot)
+    if note:
+        meet = "dashed edges meet: the torus" if all(grid.periodic) else "dashed edges meet"
+        text = meet if any(grid.periodic) else "gray: joint limits"
+        axes.annotate(text, (1.0, 1.015), xycoords="axes fraction", ha="right", fontsize=12, color="#59616d")
 
 
 def _pi_ticks(axis: Axis, low: float, high: float) -> None:
-    first, last = np.ceil(low / (np.pi / 2) - 1e-9), np.floor(high / (np.pi / 2) + 1e-9)
-    step = 1
-    while last - first >= 9 * step:  # more labels would overlap
-        step *= 2
-    quarters = np.arange(np.ceil(first / step) * step, last + 1, step)
-    names = {-2: "−π", -1: "−π/2", 0: "0", 1: "π/2", 2: "π"}
-    axis.set_ticks(quarters * np.pi / 2, [names.get(int(k), f"{k / 2:g}π".replace("-", "−")) for k in quarters])
+    """Ticks at multiples of π or of fractions of it; decimals in ranges that are too short for those."""
+    eighths = 4
+    while _count_multiples(eighths, low, high) > _MOST_TICKS:
+        eighths *= 2
+    while _count_multiples(eighths, low, high) < _FEWEST_TICKS and eighths > 1:
+        eighths //= 2
+    if _count_multiples(eighths, low, high) >= _FEWEST_TICKS:
+        step = eighths * np.pi / 8
+        ticks = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1).astype(int) * eighths
+        axis.set_ticks(ticks * np.pi / 8, [_pi_label(int(k)) for k in ticks])
+
+
+def _count_multiples(eighths: int, low: float, high: float) -> int:
+    step = eighths * np.pi / 8
+    return int(np.floor(high / step + 1e-9) - np.ceil(low / step - 1e-9)) + 1
+
+
+def _pi_label(eighths: int) -> str:
+    """π/8, π/4, 3π/8, ..., π, 1.5π, 2π."""
+    share = Fraction(abs(eighths), 8)
+    if share == 0:
+        return "0"
+    if share.denominator == 1 or share > 1:
+        text = "π" if share == 1 else f"{float(share):g}π"
+    else:
+        text = f"{'' if share.numerator == 1 else share.numerator}π/{share.denominator}"
+    return text if eighths > 0 else f"−{text}"
