@@ -186,8 +186,9 @@ def of_kind(name: str, value: Any, kind: type, *, optional: bool = False) -> Non
     if isinstance(value, kind) or (optional and value is None):
         return
     attribute = kind.__name__.lower()
-    of_ours = type(value).__module__.startswith("rr1plan.")
-    hint = f"; pass its attribute {attribute!r}" if of_ours and isinstance(getattr(value, attribute, None), kind) else ""
+    is_ours = type(value).__module__.startswith("rr1plan.")
+    has_one = is_ours and isinstance(getattr(value, attribute, None), kind)
+    hint = f"; pass its attribute {attribute!r}" if has_one else ""
     raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}{hint}")
 
 

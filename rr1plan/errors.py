@@ -70,7 +70,12 @@ class UnknownNameError(InputError):
             # Imported lazily, because it is rarely needed.
             import difflib
 
-            near = difflib.get_close_matches(name[:200], self.known, n=3, cutoff=0.5) if isinstance(name, str) else []
+            # Compared without case, so that "UR5" suggests "ur5".
+            folded: dict[str, list[str]] = {}
+            for one in self.known:
+                folded.setdefault(one.casefold(), []).append(one)
+            wanted = name[:200].casefold() if isinstance(name, str) else ""
+            near = [one for key in difflib.get_close_matches(wanted, folded, n=3, cutoff=0.5) for one in folded[key]]
         hint = f" Did you mean {' or '.join(map(repr, near))}?" if near else ""
         listed = ", ".join(self.known[:30]) + (", ..." if len(self.known) > 30 else "")
         advice = f" {advice}" if advice else ""

@@ -18,7 +18,7 @@ from rr1plan.collision.convex.convex_bodies import cut_meshes
 from rr1plan.errors import CancelledError, InputError
 from rr1plan.import_clock import import_clock
 from rr1plan.motion_plan import MotionPlan
-from rr1plan.planners import chosen_planner, plan
+from rr1plan.planners import chosen_planner, plan, planner_names
 from rr1plan.planners.goal_configurations import joint_goals
 from rr1plan.planners.shortcut import shorten as shorten_path
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
@@ -86,7 +86,7 @@ def plan_motion(
     seconds = {"imports": imports} if imports > _NO_IMPORTS else {}
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
-    planner = default_planner(problem, retiming) if planner is None else planner
+    planner = _known_planner(planner) or default_planner(problem, retiming)
     if isinstance(planner, str) and planner in MANY_ARMS_PLANNERS:
         check_many_arms_retiming(planner, retiming)
         generator = as_generator(rng)
@@ -108,7 +108,7 @@ def plan_motion(
             result = plan(problem.with_margin(0.0), planner=chosen, budget=budget, rng=seed, progress=progress)
     if result.path is None:
         if margin > 0.0 and result.status is PlanStatus.TIMEOUT:
-            kept = f"the search kept {1000.0 * margin:.3g} mm beyond the padding (argument margin)"
+            kept = f"the search kept {1000.0 * margin:.3g} mm beyond the padding (option margin)"
             result = replace(result, reason=f"{result.reason}; {kept}")
         return MotionPlan(problem, result, seconds, margin)
     path, trajectory, report = result.path, None, None
@@ -133,6 +133,13 @@ def plan_motion(
             result = replace(result, status=PlanStatus.CANCELLED, path=None, reason=str(error))
             return MotionPlan(problem, result, seconds, margin)
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report, _judge=judge)
+
+
+def _known_planner(planner: str | Planner | None) -> str | Planner | None:
+    """The planner, after a check of its name."""
+    return (
+        known_name("planner", planner, (*planner_names(), *MANY_ARMS_PLANNERS)) if isinstance(planner, str) else planner
+    )
 
 
 def default_planner(problem: Problem, retiming: str) -> str:

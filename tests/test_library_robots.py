@@ -527,6 +527,8 @@ def test_installed_robots_are_known_to_scene_files_and_to_the_message_on_a_wrong
     with pytest.raises(UnknownNameError, match="Did you mean 'panda'") as caught:
         rp.load_robot("pandaa")
     assert "pip install" not in str(caught.value)
+    with pytest.raises(UnknownNameError, match="Did you mean 'ur5'"):
+        rp.load_robot("UR5")
     assert not set(rp.robot_names()) & set(rp.installed_robot_names())
 
 

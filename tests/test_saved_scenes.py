@@ -53,6 +53,29 @@ def test_a_robot_from_a_file_is_found_again_with_its_joints_and_tool(tmp_path: P
     assert rp.load_scene(named).content_hash == scene.content_hash
 
 
+@pytest.mark.usefixtures("foreign_robots")
+@pytest.mark.parametrize("name", ["ur5", "talos_left_arm", "xarm7", "alexander_v1.lowerBodyOnly"])
+def test_an_installed_robot_is_saved_by_its_name(tmp_path: Path, name: str) -> None:
+    robot = rp.load_robot(name)
+    limits = robot.limits.scaled(velocity=0.5)
+    scene = rp.Scene().with_arm("a", robot).with_arm("b", robot.with_limits(limits), (0, 5, 0))
+    file = rp.save_scene(tmp_path / "cell.toml", scene)
+    assert file.read_text().count(f'robot = "{name}"\n') == 2
+    assert rp.load_scene(file).content_hash == scene.content_hash
+
+
+def test_an_installed_robot_with_options_is_saved_by_its_file(tmp_path: Path, foreign_robots: Path) -> None:
+    """Its name would give it another tool, or the pairs of its SRDF."""
+    robot = rp.load_robot("ur5", srdf=False)
+    for other in (robot, rp.load_robot("ur5", srdf=False, tool="forearm_link")):
+        file = rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", other))
+        assert str(foreign_robots) in file.read_text()
+        read = rp.load_scene(file).arms["a"].robot
+        assert (read.content_hash, read.tool) == (other.content_hash, other.tool)
+    with pytest.raises(rp.InputError, match=r"differs from .*ur5_robot.urdf.*robots={'a': NAME_OR_FILE}"):
+        rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", rp.load_robot("ur5", tool="forearm_link")))
+
+
 def test_options_with_which_a_robot_was_loaded_are_in_the_scene_file(tmp_path: Path) -> None:
     """A fork of two prongs, from a package, whose hull would close it."""
     prongs = [trimesh.creation.box((0.2, 0.02, 0.02), rp.transforms.pose([0.3, y, 0.0])) for y in (-0.05, 0.05)]

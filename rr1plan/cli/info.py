@@ -72,6 +72,8 @@ def _robot_values(robot: Robot) -> dict[str, Any]:
         "locked_joints": dict(robot.locked_joints),
         "configurations": {name: q.tolist() for name, q in robot.configurations.items()},
         "presets": list(robot.presets),
+        # URDF and MJCF have no such limits, only the presets of a shipped robot do.
+        "assumed_limits": [] if robot.presets else ["acceleration", "jerk"],
         "source": robot.source,
     }
 
@@ -93,6 +95,8 @@ def _say_robot(robot: Robot, console: Console) -> None:
         (j["name"], j["kind"], *("-" if j[c] is None else f"{j[c]:.4g}" for c in columns)) for j in values["joints"]
     ]
     console.table(("joint", "kind", *columns), rows)
+    if assumed := values["assumed_limits"]:
+        console.say(f"{' and '.join(assumed)} are assumed: the robot's file has no such limits")
     console.say(f"configurations: {', '.join(robot.configurations)}")
     if robot.locked_joints:
         console.say(

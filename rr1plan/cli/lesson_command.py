@@ -11,6 +11,7 @@ from rr1plan.cli.console import Console
 from rr1plan.cli.picture_files import film
 from rr1plan.cli.plan import named_query
 from rr1plan.cli.served_page import live_options, serve
+from rr1plan.errors import InputError
 from rr1plan.files.file_access import check_writable
 from rr1plan.lessons.lesson_titles import LESSONS
 from rr1plan.scene.model_library import load_scene
@@ -19,6 +20,9 @@ from rr1plan.scene.model_library import load_scene
 def lesson(options: Namespace, console: Console) -> int:
     """List the lessons; or open one, or write its page and its figure."""
     if options.lesson is None:
+        idle = sorted(options.given - {"--json", "--quiet"})
+        if idle:
+            raise InputError(f"{idle[0]} has no effect without a lesson; name one: {', '.join(LESSONS)}")
         console.table(("lesson", "title"), [(name, title) for name, (_, title) in LESSONS.items()])
         console.names(list(LESSONS))
         console.result([{"name": name, "title": title} for name, (_, title) in LESSONS.items()])

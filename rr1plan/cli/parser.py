@@ -76,6 +76,12 @@ def _plan(parser: Parser) -> None:
     )
     parser.add_argument("--retiming", default="blend", help="one of the retimings below (%(default)s)")
     parser.add_argument("--no-shorten", action="store_true", help="keep the planner's path as it is")
+    parser.add_argument(
+        "--margin",
+        type=_distance,
+        metavar="D",
+        help="distance to keep beyond the scene's padding [m], reduced where start or goal are closer (default: 0.002)",
+    )
     parser.add_argument("--torque-limits", action="store_true", help="also keep the joints' effort limits")
     parser.add_argument("--seconds", type=_positive, default=10.0, help="budget of wall time (%(default)s)")
     parser.add_argument("--iterations", type=_count, help="budget of iterations, for plans that repeat to the byte")
@@ -111,7 +117,7 @@ def _plan(parser: Parser) -> None:
     parser.needs("--view", "--html")
     parser.needs("--embed", "--output")
     parser.different_files(("scene",), "--output", "--csv", "--html", "--timeline", "--diagram")
-    parser.details = lambda: f"{_planners()}\n\n{_retimings()}\n\n{_EXIT_CODES}"
+    parser.details = lambda: f"{_planners(_MANY_ARMS)}\n\n{_retimings()}\n\n{_EXIT_CODES}"
 
 
 def _view_from(parser: Parser, of: str, default: str = "one that shows the motion") -> None:
@@ -241,7 +247,7 @@ def _mirror(parser: Parser) -> None:
 
 
 def _view(parser: Parser) -> None:
-    parser.add_argument("what", metavar="WHAT", help=f"a shipped scene, a scene file, or {_MOTION}")
+    parser.add_argument("what", metavar="WHAT", help=f"a scene or a robot, by name or file, or {_MOTION}")
     parser.add_argument("--scene", help="the scene of the motion (default: the one that the file holds)")
     _topic(parser)
     parser.add_argument("--port", type=_count, help="port of the page on this machine (default: the next free one)")
@@ -415,9 +421,10 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     ),
     "view": (
         "view.view",
-        "look at a scene or a saved motion in the browser",
+        "look at a scene, a robot or a saved motion in the browser",
         (
             "rr1plan view rr1_shelf",
+            "rr1plan view rr1",
             "rr1plan view motion.json --html motion.html",
             "rr1plan view motion.json --video motion.gif --size 640 400 --fps 20 --bare",
             "rr1plan view motion.json --png start.png --glb motion.glb",
@@ -502,10 +509,17 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
 _LISTS = ("robots", "scenes", "lesson")
 
 
-def _planners() -> str:
+# Planners of `plan` that make trajectories, not paths.
+_MANY_ARMS = {
+    "many_arms": "a path for each of many arms, and a schedule that keeps them apart",
+    "many_arms_anytime *": "many_arms, then better schedules and paths",
+}
+
+
+def _planners(more: Mapping[str, str] | None = None) -> str:
     from rr1plan.planners import planner_table
 
-    rows = {row.name + " *" * row.optimizing: row.description for row in planner_table()}
+    rows = {row.name + " *" * row.optimizing: row.description for row in planner_table()} | dict(more or {})
     return _listed("planners (* improves its path until the budget ends)", rows)
 
 
@@ -560,6 +574,10 @@ def _finite(text: str) -> float:
 
 def _positive(text: str) -> float:
     return float(_number(text, float, lambda v: v > 0.0, "a number above zero"))
+
+
+def _distance(text: str) -> float:
+    return float(_number(text, float, lambda v: v >= 0.0, "a distance >= 0"))
 
 
 def _count(text: str) -> int:

@@ -24,9 +24,9 @@ def check_files(options: Namespace) -> bool:
     Raises:
         InputError: a file cannot be written.
     """
-    asked = [file for name in _VIEW_FILES if (file := getattr(options, name)) is not None]
-    for file in asked:
-        check_writable(file)
+    asked = {name: file for name in _VIEW_FILES if (file := getattr(options, name)) is not None}
+    for name, file in asked.items():
+        check_writable(file, *((".html",) if name == "html" else ()))
     return bool(asked)
 
 

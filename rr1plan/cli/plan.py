@@ -5,24 +5,34 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import rr1plan as rp
+from rr1plan.checks import known_name
 from rr1plan.cli.console import Console
 from rr1plan.cli.many_arms_output import check_figures, many_values, save_figures, say_groups, say_many
 from rr1plan.errors import InputError
 from rr1plan.export.csv_files import csv_text, save_csv
+from rr1plan.export.motion_files import is_motion_file
 from rr1plan.files.file_access import check_writable
 from rr1plan.motion_plan import MotionPlan
-from rr1plan.pipeline import plan_motion
-from rr1plan.planning import PlanStatus, ProgressCallback
+from rr1plan.pipeline import MANY_ARMS_PLANNERS, plan_motion
+from rr1plan.planners import planner_names
+from rr1plan.planning import ProgressCallback
 from rr1plan.progress_bar import Advance
-from rr1plan.scene.model_library import load_problems, load_scene_file
+from rr1plan.scene.model_library import (
+    installed_robot_names,
+    load_problems,
+    load_scene_file,
+    robot_names,
+    scene_names,
+)
 from rr1plan.scene.problem import Problem
 from rr1plan.scene.scene_toml import SceneFile
 
-# Failures that the user can fix by other arguments are bad input; the rest is "no plan".
-_BAD_QUESTION = (PlanStatus.INVALID_START, PlanStatus.INVALID_GOAL)
+ROBOT_SUFFIXES = (".urdf", ".xacro")
+"""Suffixes of files that hold a robot and no scene; MJCF files hold both."""
 
 
 def plan(options: Namespace, console: Console) -> int:
@@ -31,6 +41,9 @@ def plan(options: Namespace, console: Console) -> int:
     if options.no_shorten and options.planner == "cartesian":
         raise InputError("--no-shorten has no effect with --planner cartesian, whose paths are never shortened")
     check_outputs(options)
+    if options.planner is not None:
+        known_name("planner", options.planner, (*planner_names(), *MANY_ARMS_PLANNERS))
+    check_scene_name(options.scene)
     with console.watch.stage("load the scene"), console.progress("loading the scene"):
         problem = question(options, load_scene_file(options.scene))
         if options.limits is not None:
@@ -43,6 +56,7 @@ def plan(options: Namespace, console: Console) -> int:
             planner=options.planner,
             retiming=options.retiming,
             shorten=not options.no_shorten,
+            margin=options.margin,
             torque_limits=options.torque_limits,
             budget=budget,
             rng=options.seed,
@@ -70,6 +84,29 @@ def with_stages(motion: MotionPlan, stages: Mapping[str, float]) -> MotionPlan:
     first, last = ({n: s for n, s in stages.items() if (n == "write the files") is late} for late in (False, True))
     planning = {name: seconds for name, seconds in motion.seconds.items() if name != "imports"}
     return replace(motion, seconds={**first, **planning, **last})
+
+
+def check_scene_name(name: str) -> None:
+    """Reject robots, motions and recordings in place of a scene; the message names the commands that take them.
+
+    Raises:
+        InputError: not a scene.
+    """
+    file = Path(name)
+    if name in scene_names():
+        return
+    if name in (*robot_names(), *installed_robot_names()) or file.suffix.lower() in ROBOT_SUFFIXES:
+        raise InputError(
+            f"{name} is a robot, expected a scene: a file with the lines [arms.NAME] and robot = {name!r}; to see the "
+            f"robot: rr1plan view {name}"
+        )
+    if file.is_file() and file.suffix == ".jsonl":
+        raise InputError(f"{name} is a recording, expected a scene; to see it: rr1plan mirror {name}")
+    if file.is_file() and is_motion_file(name):
+        raise InputError(
+            f"{name} holds a motion, expected a scene; to see it: rr1plan view {name}, to check it: rr1plan validate "
+            f"{name}"
+        )
 
 
 def question(options: Namespace, file: SceneFile) -> Problem:
@@ -173,16 +210,15 @@ def summary(motion: MotionPlan) -> dict[str, object]:
 
 
 def _no_plan(motion: MotionPlan, console: Console) -> int:
-    code = 2 if motion.status in _BAD_QUESTION else 3
     if console.as_json:
         result = motion.result
         said = {"status": motion.status.value, "reason": result.reason, "planner": result.planner}
         console.result({**said, **many_values(motion)})
     else:
-        console.error(str(motion), code)
+        console.error(str(motion), 3)
         if motion.many_arms is not None:
             say_groups(motion.many_arms, console)
-    return code
+    return 3
 
 
 def check_outputs(options: Namespace) -> None:
@@ -192,9 +228,11 @@ def check_outputs(options: Namespace) -> None:
         raise InputError(f"--json and {taken[0]} - both write to standard output; name a file for one of them")
     if options.embed and options.output == "-":
         raise InputError("--embed has no effect with --output -, which always holds all meshes")
-    for name, suffixes in (("output", (".json",)), ("csv", (".csv",)), ("html", ()), ("timeline", ()), ("diagram", ())):
+    for name, suffix in (("output", ".json"), ("csv", ".csv"), ("html", ".html")):
         if getattr(options, name) not in (None, "-"):
-            check_writable(getattr(options, name), *suffixes)
+            check_writable(getattr(options, name), suffix)
+    for file in filter(None, (options.timeline, options.diagram)):
+        check_writable(file)
 
 
 def _save(motion: MotionPlan, options: Namespace, look: rp.ViewOptions | None, console: Console) -> Mapping[str, str]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # Options that a sequence defines itself or does not support.
 _OF_MOTIONS = (
     *("--query", "--arm", "--start", "--goal", "--position", "--quaternion", "--frame"),
-    *("--no-shorten", "--torque-limits", "--limits", "--timeline", "--diagram", "--pair"),
+    *("--no-shorten", "--margin", "--torque-limits", "--limits", "--timeline", "--diagram", "--pair"),
 )
 
 

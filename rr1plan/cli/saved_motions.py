@@ -29,8 +29,10 @@ def validate(options: Namespace, console: Console) -> int:
 
 def play(options: Namespace, console: Console) -> int:
     """Replay a saved motion in MuJoCo."""
-    for file in filter(None, (options.html, options.video)):
-        check_writable(file)
+    if options.html is not None:
+        check_writable(options.html, ".html")
+    if options.video is not None:
+        check_writable(options.video)
     motion = saved_motion(options.motion, options, console)
     try:
         trajectory = motion.trajectory

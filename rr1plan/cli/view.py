@@ -7,10 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import rr1plan as rp
-from rr1plan.checks import counted
+from rr1plan.checks import counted, known_name
 from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.picture_files import check_files, film, write_files
-from rr1plan.cli.plan import named_query, page_options, summary, told_to, words
+from rr1plan.cli.plan import (
+    ROBOT_SUFFIXES,
+    check_scene_name,
+    named_query,
+    page_options,
+    summary,
+    told_to,
+    words,
+)
 from rr1plan.cli.saved_motions import saved_motion, say_changes
 from rr1plan.cli.served_page import live_options, serve
 from rr1plan.errors import InputError, NoPlanError
@@ -21,8 +29,17 @@ from rr1plan.files.file_access import check_writable, make_folder
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.pipeline import plan_motion
 from rr1plan.planners import chosen_planner
-from rr1plan.scene.model_library import load_problems, load_scene, scene_names
+from rr1plan.scene.model_library import (
+    installed_robot_names,
+    load_problems,
+    load_robot,
+    load_scene,
+    robot_names,
+    scene_names,
+)
 
+# Durations are printed to this digit [s].
+_MILLISECOND = 1e-3
 # Short edges [rad] show how the tree grew.
 _TREE_RANGE = 0.15
 
@@ -70,6 +87,8 @@ def view(options: Namespace, console: Console) -> int:
     """A scene or a saved motion in the browser, or as files."""
     look, in_files = page_options(options), check_files(options)
     scene, motion = _what(options, console)
+    if options.time is not None:
+        _check_time(options, motion)
     if options.compare is not None:
         other = _other(motion, options, console)
         look = replace(look or rp.ViewOptions(), compare=other, side_by_side=options.side_by_side)
@@ -78,6 +97,21 @@ def view(options: Namespace, console: Console) -> int:
         return 0
     look = live_options(options, look)
     return serve(rp.show(scene, options=look) if motion is None else motion.show(options=look), options, console)
+
+
+def _check_time(options: Namespace, motion: MotionPlan | rp.SequencePlan | None) -> None:
+    """Reject a moment that the motion does not have."""
+    if motion is None:
+        raise InputError(f"--time has no effect: {options.what} is not a motion")
+    try:
+        trajectory = motion.trajectory
+    except NoPlanError:
+        return  # a path: its page plays it at a constant speed
+    if not trajectory.start_time <= options.time <= trajectory.end_time + _MILLISECOND:
+        raise InputError(
+            f"--time is {options.time:g} s, expected {trajectory.start_time:g} to {trajectory.end_time:.3f}, the times "
+            "of the motion"
+        )
 
 
 def _other(
@@ -94,18 +128,30 @@ def _other(
 
 
 def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | rp.SequencePlan | None]:
-    """A scene, and a motion in it if the name is that of a motion file."""
+    """A scene, or one of a robot alone, and a motion in it if the name is that of a motion file."""
     is_scene = options.what in scene_names() or not is_motion_file(options.what)
     if is_scene and options.topic is not None:
         raise InputError(f"{options.what} is not a motion file; --topic names the topic of a bag")
     if is_scene and options.scene is None:
         with console.progress(f"loading {options.what}"):
-            return load_scene(options.what), None
+            return _scene_or_robot(options.what), None
     if is_scene:
         raise InputError(f"{options.what} is not a motion file; --scene names the scene of a motion")
     motion = saved_motion(options.what, options, console)
     say_changes(motion, console)
     return motion.scene, motion
+
+
+def _scene_or_robot(what: str) -> rp.Scene:
+    """A scene by name or from a file; of a robot, a scene with the robot alone."""
+    known = (*scene_names(), *robot_names(), *installed_robot_names())
+    file = Path(what)
+    if not file.suffix and len(file.parts) == 1 and not file.exists():
+        known_name("scene or robot", what, known)
+    if what in scene_names() or (what not in known and file.suffix.lower() not in ROBOT_SUFFIXES):
+        return load_scene(what)
+    robot = load_robot(what)
+    return rp.Scene(name=robot.name).with_arm("robot", robot)
 
 
 def _with_tree(name: str) -> rp.Planner:
@@ -123,6 +169,7 @@ _HOPELESS_ITERATIONS = 1500
 def cspace(options: Namespace, console: Console) -> int:
     """Draw the configuration space of two joints, with a query of a two-joint arm and its result."""
     look = page_options(options)
+    check_scene_name(options.scene)
     scene, problem = load_scene(options.scene), _flat_query(options)
     pictures = _pictures(options, scene)
     if problem is None:

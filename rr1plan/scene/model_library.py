@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from weakref import WeakValueDictionary
 
 from rr1plan.checks import check_text, file_path, known_name, of_kind, resolved_path
@@ -321,8 +321,8 @@ def save_scene(
         file: The file, whose name ends in .toml; it is replaced atomically.
         scene: The scene. Meshes and point clouds are written into the file.
         problems: Named queries in that scene, for `load_problems`.
-        robots: Name or file of the robot of each arm, files relative to the scene file (default: the robot's name if it
-            ships with rr1plan, else the file it was loaded from).
+        robots: Name or file of the robot of each arm, files relative to the scene file (default: the name with which
+            `load_robot` makes this robot if it ships with rr1plan or is installed, else the file it was loaded from).
 
     Returns:
         The file.
@@ -341,7 +341,12 @@ def save_scene(
     for name, robot in (robots or {}).items():
         known_name("arm", name, scene.arms)
         check_text(f"robot of arm {name!r}", robot)
-    names = {name: (robots or {}).get(name) or _robot_entry(name, arm.robot) for name, arm in scene.arms.items()}
+    # One entry for each robot: the many arms of a scene often share one.
+    entries: dict[Robot, str] = {}
+    names = dict(robots or {})
+    for name, arm in scene.arms.items():
+        if not names.get(name):
+            names[name] = entries.get(arm.robot) or entries.setdefault(arm.robot, _robot_entry(name, arm.robot))
     text = scene_text(scene, problems, names)
     try:
         again = parse_scene(text, path, load_robot).scene
@@ -351,16 +356,20 @@ def save_scene(
         if again.arms[name].robot.content_hash != arm.robot.content_hash:
             raise InputError(
                 f"{path} would not read back as this scene: the robot of arm {name!r} differs from what "
-                f"load_robot({names[name]!r}) makes; save its URDF and SRDF as files and name the URDF with robots="
+                f"load_robot({names[name]!r}) makes; save its URDF and SRDF as files, or name a robot that equals it: "
+                f"robots={{{name!r}: NAME_OR_FILE}}"
             )
     return write_text(path, text)
 
 
 def _robot_entry(arm: str, robot: Robot) -> str:
-    """Entry of a robot in a scene file: its name if it ships with rr1plan, else its file."""
+    """Entry of a robot in a scene file: its name if it ships with rr1plan or is installed, else its file."""
     if robot.name in robot_names():
         return robot.name
     source = Path(robot.source)
+    named = next((name for name, files in installed_robots().items() if files.urdf == source), None)
+    if named is not None and _is_default(robot, named):
+        return named
     if not robot.source or not source.is_file():
         raise InputError(
             f"the robot {robot.name!r} of arm {arm!r} was loaded from no file that is there now; "
@@ -369,12 +378,27 @@ def _robot_entry(arm: str, robot: Robot) -> str:
     return str(source.absolute())
 
 
+def _is_default(robot: Robot, name: str) -> bool:
+    """Whether `load_robot` makes this robot from its name, up to what scene files hold: limits and locked joints."""
+    options: dict[str, Any] = dict(robot.load_options)
+    made = load_robot(name, **options)
+    if made.joint_names != robot.joint_names:
+        return False
+    made = replace(made, limits=robot.limits, locked_joints=robot.locked_joints)
+    # The tool and the configurations are not in the hash, but decide what goals and `q` of the file mean.
+    one, other = (
+        (r.content_hash, r.tool, {name: q.tolist() for name, q in r.configurations.items()}) for r in (made, robot)
+    )
+    return one == other
+
+
 def _scene_file(name_or_file: str | Path) -> Path:
     """The scene file: a name with a suffix is a file, a bare name a shipped scene."""
     file = file_path(name_or_file)
     if file.suffix.lower() in _SCENE_SUFFIXES:
         return file
-    if not isinstance(name_or_file, str) or len(file.parts) > 1:
+    name = str(name_or_file)
+    if not isinstance(name_or_file, str) or len(file.parts) > 1 or (name not in scene_names() and file.is_file()):
         expected = ", ".join(_SCENE_SUFFIXES)
         raise InputError(f"scene file {str(file)!r} has the suffix {file.suffix!r}, expected one of {expected}")
-    return models_folder() / "scenes" / f"{known_name('scene', name_or_file, scene_names())}.toml"
+    return models_folder() / "scenes" / f"{known_name('scene', name, scene_names())}.toml"

@@ -37,6 +37,7 @@ from rr1plan.files.file_access import read_text
 from rr1plan.files.toml_writer import to_toml
 from rr1plan.robot import Robot
 from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.robot_packages import installed_robots
 from rr1plan.scene import Arm, Attachment, Obstacle, Pair, Scene, pair
 from rr1plan.scene.problem import Problem
 from rr1plan.scene.scene_queries import problem_entries, read_queries
@@ -254,7 +255,8 @@ def _chain(entry: Table, value: Any) -> tuple[str, ...]:
 
 def _is_file(robot: str) -> bool:
     """Whether a scene file's entry for a robot means a file, not a robot's name."""
-    return "/" in robot or bool(Path(robot).suffix)
+    # The names of some installed robots contain a dot.
+    return "/" in robot or (bool(Path(robot).suffix) and robot not in installed_robots())
 
 
 def _with_limits(robot: Robot, entry: Table) -> Robot:

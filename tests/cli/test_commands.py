@@ -78,10 +78,13 @@ def test_questions_may_be_asked_in_many_ways(
         (["plan", "missing.toml"], "missing.toml"),
         (["plan", "rr1_table", "--query", "abov_parcel"], "Did you mean 'above_parcel'"),
         (["plan", "rr1_table", "--planner", "rrtconnect"], "Did you mean 'rrt_connect'"),
+        (["plan", "rr1_table", "--planner", "many_arm"], "Did you mean 'many_arms'"),
+        (["plan", "rr1"], "rr1 is a robot, expected a scene: a file with the lines [arms.NAME] and robot = 'rr1'"),
+        (["cspace", "arm.urdf"], "arm.urdf is a robot, expected a scene"),
+        (["view", "RR1"], "unknown scene or robot 'RR1'. Did you mean 'rr1'"),
         (["plan", "rr1_table", "--retiming", "blends"], "Did you mean 'blend'"),
         (["plan", "rr1_table", "--goal", "hme"], "Did you mean 'home'"),
         (["plan", "rr1_table", "--goal", "1", "2"], "has 2 numbers, expected 6"),
-        (["plan", "rr1_table", "--goal", "9", "0", "0", "0", "0", "0"], "shoulder_joint"),
         (["plan", "rr1_table", "--goal", "nan", "0", "0", "0", "0", "0"], "shoulder_joint"),
         (["plan", "rr1_table", "--limits", "hardwear"], "Did you mean 'hardware'"),
         (["plan", "rr1_table", "--frame", "tol", "--position", "0", "0", "1"], "tol"),
@@ -123,6 +126,45 @@ def test_no_plan_exits_with_3(capsys: pytest.CaptureFixture[str]) -> None:
     assert answer(capsys)["status"] == "timeout"
     assert run(["plan", "rr1_table", "--position", "-3", "0", "0.2"]) == NO_PLAN
     assert "infeasible" in capsys.readouterr().err
+    for option, status in (("--goal", "invalid_goal"), ("--start", "invalid_start")):
+        assert run(["plan", "rr1_table", option, "9", "0", "0", "0", "0", "0"]) == NO_PLAN
+        assert f"no plan (rrt_connect, {status})" in capsys.readouterr().err
+
+
+def test_plan_keeps_the_margin_that_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    from rr1plan.cli import plan
+
+    margins = []
+
+    def planned(problem: rp.Problem, margin: float | None = None, **how: object) -> rp.MotionPlan:
+        margins.append(margin)
+        return rp.plan_motion(problem, margin=margin, **how)
+
+    monkeypatch.setattr(plan, "plan_motion", planned)
+    assert run(["plan", "rr1_table", "--quiet"]) == OK
+    assert run(["plan", "rr1_table", "--quiet", "--margin", "0.004"]) == OK
+    assert margins == [None, 0.004]
+
+
+def test_a_motion_in_place_of_a_scene_is_named_with_the_commands_that_take_it(
+    motion: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(motion, "m.json")
+    Path("r.jsonl").touch()
+    for command in ("plan", "cspace"):
+        assert run([command, "m.json"]) == BAD_INPUT
+        assert "m.json holds a motion, expected a scene; to see it: rr1plan view m.json" in capsys.readouterr().err
+        assert run([command, "r.jsonl"]) == BAD_INPUT
+        assert "r.jsonl is a recording, expected a scene; to see it: rr1plan mirror" in capsys.readouterr().err
+    assert run(["scenes", "m.json"]) == BAD_INPUT
+    assert "scene file 'm.json' has the suffix '.json', expected one of .toml" in capsys.readouterr().err
+
+
+def test_a_moment_after_the_end_of_a_motion_is_refused(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for time in ("99", "-1"):
+        assert run(["view", str(motion), "--png", "a.png", "--time", time]) == BAD_INPUT
+        assert f"--time is {time} s, expected 0 to " in capsys.readouterr().err
+    assert not list(Path.cwd().iterdir())
 
 
 def test_validate_accepts_a_good_motion_and_refuses_it_elsewhere(
@@ -278,6 +320,10 @@ def test_demo_goes_the_whole_way(capsys: pytest.CaptureFixture[str]) -> None:
 def test_view_writes_an_offline_page_of_a_scene_or_a_motion(motion: Path) -> None:
     assert run(["view", "rr1_shelf", "--html", "scene.html"]) == OK
     assert run(["view", str(motion), "--html", "motion.html"]) == OK
+    assert run(["view", "rr1", "--html", "robot.html"]) == OK
+    assert "hand_link" in Path("robot.html").read_text()
+    Path("arm.urdf").write_text(Path(rp.load_robot("planar2r").source).read_text())
+    assert run(["view", "arm.urdf", "--html", "arm.html"]) == OK
     assert "http://" not in Path("scene.html").read_text()[:2000]
     assert Path("motion.html").stat().st_size > 100_000
 
@@ -397,7 +443,12 @@ def test_robots_scenes_and_doctor_list_what_there_is(capsys: pytest.CaptureFixtu
     assert run(["doctor", "--json"]) == OK
     assert answer(capsys)["missing"] == []
     assert run(["robots", "rr1"]) == OK
-    assert "shoulder_joint" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "shoulder_joint" in said
+    assert "assumed" not in said
+    Path("arm.urdf").write_text(Path(rp.load_robot("planar2r").source).read_text())
+    assert run(["robots", "arm.urdf"]) == OK
+    assert "acceleration and jerk are assumed: the robot's file has no such limits" in capsys.readouterr().out
     assert run(["scenes", "rr1_table"]) == OK
     assert "reach_over_crate" in capsys.readouterr().out
 
@@ -498,7 +549,11 @@ def test_a_stream_is_mirrored_beside_its_plan(motion: Path, tmp_path: Path, caps
     assert said["messages"] == len(times)
     assert said["outside"]
     again = tmp_path / "again.jsonl"
-    assert run(["mirror", off, "--scene", "rr1_table", "--no-page", "--record", str(again), "--quiet"]) == OK
+    assert run(["mirror", good, "--scene", "rr1_table", "--no-page", "--record", str(again), "--quiet"]) == OK
+    # Without a plan, contacts alone are judged.
+    capsys.readouterr()
+    assert run(["mirror", off, "--scene", "rr1_table", "--no-page"]) == INVALID_PLAN
+    assert "touch in" in capsys.readouterr().out
     assert len(again.read_text().splitlines()) == len(times)
     capsys.readouterr()
     for arguments, words in {
