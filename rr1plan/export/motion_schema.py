@@ -275,6 +275,8 @@ class Dependency(Entry):
 class PlanGraph(Entry):
     routes: list[Route]
     dependencies: list[Dependency]
+    retiming: str = "blend"
+    torque_limits: bool = False
 
 
 # ---- sequences -----------------------------------------------------------------------------

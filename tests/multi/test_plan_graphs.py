@@ -377,6 +377,19 @@ def test_a_graph_comes_back_from_its_file(plan: Plan, tmp_path: Path) -> None:
     assert rp.load_motion(file).valid
 
 
+def test_a_file_holds_the_limits_that_a_plan_keeps(ring: Plan, tmp_path: Path) -> None:
+    problem, result, graph = ring
+    limited = replace(graph, retiming="ruckig", torque_limits=True)
+    again = rp.load_plan_graph(_saved((problem, result, limited), tmp_path / "plan.json"))
+    assert (again.retiming, again.torque_limits) == ("ruckig", True)
+    for entry in ({"retiming": "blends"}, {"retiming": "ruckig_direct"}, {"torque_limits": 1}):
+        with pytest.raises(rp.FormatError, match=next(iter(entry))):
+            rp.PlanGraph.from_dict({**graph.to_dict(), **entry})
+    # Files of earlier versions do not name them.
+    plain = {key: value for key, value in graph.to_dict().items() if key not in ("retiming", "torque_limits")}
+    assert rp.PlanGraph.from_dict(plain).retiming == "blend"
+
+
 def test_a_graph_is_saved_with_its_own_trajectory_only(ring: Plan, tmp_path: Path) -> None:
     problem, result, graph = ring
     assert result.trajectory is not None

@@ -54,7 +54,7 @@ def load_plan_graph(file: str | pathlib.Path, scene: Scene | None = None) -> Pla
     """Read the temporal plan graph of a motion file written by `save_plan_graph`.
 
     The function checks that the trajectory of the file follows the routes of the graph; it does not prove cells free
-    again. Files do not store the plan's retiming and torque limits: the graph has the defaults.
+    again.
 
     Args:
         file: The file.

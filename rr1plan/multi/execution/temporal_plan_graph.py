@@ -80,11 +80,13 @@ class PlanGraph(Value):
     Args:
         routes: The route of each agent: an arm, or a few arms that move as one.
         dependencies: Who waits for whom, without transitively implied dependencies.
-        retiming: Retiming of the plan, as in `plan_many_arms`; not a part of `to_dict`, and hence not of motion files.
-        torque_limits: Whether the plan keeps the joints' effort limits; likewise.
+        retiming: Retiming of the plan, as in `plan_many_arms`.
+        torque_limits: Whether the plan keeps the joints' effort limits.
 
     Raises:
-        InputError: an arm of two agents, or dependencies on nonexistent steps or in a cycle.
+        InputError: an arm of two agents, dependencies on nonexistent steps or in a cycle, or a retiming that leaves the
+            paths.
+        UnknownNameError: no such retiming.
     """
 
     routes: tuple[Route, ...]
@@ -93,6 +95,7 @@ class PlanGraph(Value):
     torque_limits: bool = False
 
     def __post_init__(self) -> None:
+        HopTiming(self.retiming, self.torque_limits)
         arms = [arm for route in self.routes for arm in route.arms]
         if len(set(arms)) < len(arms):
             raise InputError("an arm is part of two agents of a plan graph")
@@ -185,6 +188,8 @@ class PlanGraph(Value):
                 {"agent": d.node.agent, "step": d.node.step, "after_agent": d.after.agent, "after_step": d.after.step}
                 for d in self.dependencies
             ],
+            "retiming": self.retiming,
+            "torque_limits": self.torque_limits,
         }
 
     @staticmethod
@@ -224,6 +229,8 @@ class PlanGraph(Value):
                     Dependency(_node(routes, d["agent"], d["step"]), _node(routes, d["after_agent"], d["after_step"]))
                     for d in entries["dependencies"]
                 ),
+                entries.get("retiming", "blend"),
+                entries.get("torque_limits", False),
             )
         except (KeyError, TypeError, ValueError) as error:
             raise FormatError(f"holds no plan graph: {error}") from error
