@@ -30,13 +30,13 @@ _CHUNK = 256
 _CAPACITY = 16
 
 
-def _target_of(goal: PoseGoal | RegionGoal) -> Target:
-    """The target of a goal's frame."""
+def _target_of(goal: PoseGoal | RegionGoal, margin: float = _REGION_MARGIN) -> Target:
+    """The target of a goal's frame; positions keep a margin from the faces of a region [m]."""
     if isinstance(goal, PoseGoal):
         return Target(goal.position, goal.position, goal.rotation)
     rotation = None if goal.quaternion is None else rotation_from_quaternion(goal.quaternion)
-    margin = np.minimum(_REGION_MARGIN, 0.25 * (goal.upper - goal.lower))
-    return Target(goal.lower + margin, goal.upper - margin, rotation)
+    inset = np.minimum(margin, 0.25 * (goal.upper - goal.lower))
+    return Target(goal.lower + inset, goal.upper - inset, rotation)
 
 
 class IkSearch:
@@ -70,7 +70,7 @@ class IkSearch:
         state: RandomState,
         separation: float | None = None,
     ) -> None:
-        self.chain, self.robot, self.target = chain, robot, _target_of(goal)
+        self.chain, self.robot, self.target, self._goal = chain, robot, _target_of(goal), goal
         self.accepted: list[Array] = []
         self.rejected: list[Array] = []
         if separation is None:
@@ -138,8 +138,8 @@ class IkSearch:
     ) -> list[Array]:
         """Continue for `attempts` starts and return the new accepted solutions.
 
-        If no start has ever reached nine tenths of the tolerance but one came close, as many further starts
-        use the whole tolerance, with a copy of the random state.
+        If no start has ever reached nine tenths of the tolerance (or a region without its rim) but one came close, as
+        many further starts use the whole tolerance and region, with a copy of the random state.
 
         Args:
             attempts: Number of starts.
@@ -156,16 +156,21 @@ class IkSearch:
     def _came_near(self) -> bool:
         """Whether a descent ended so close to the goal that the whole tolerance may suffice."""
         position, orientation = self._whole
+        if isinstance(self._goal, RegionGoal):
+            position += _REGION_MARGIN
         weight = self.target.struct.value.weight
         near: bool = self._struct.value.nearest_squared <= NEAR**2 * (position**2 + (weight * orientation) ** 2)
         return near
 
     def _widen(self) -> None:
-        """Restart with the whole tolerance, first from the configuration with the smallest error."""
+        """Restart with the whole tolerance and region, first from the configuration with the smallest error."""
         self.position_tolerance, self.orientation_tolerance = self._whole
         self._is_widened, self._tried_before, self._state = True, self.tried, self._state.copy()
         seeds = np.vstack([self.nearest(), self._seeds])
+        self.target = _target_of(self._goal, 0.0)
         self._struct.set(
+            target=self.target.struct,
+            nearest_squared=np.inf,
             seeds=seeds,
             seed_count=len(seeds),
             starts=0,

@@ -42,6 +42,8 @@ from rr1plan.scene.problem import PoseGoal, RegionGoal
 
 _UNLIMITED_STARTS, _POSITION_STARTS = 20, 10
 _MOST_STARTS = 10_000_000
+ROUNDING = 1e-10
+"""Distance beyond a limit that counts as rounding [rad or m], such as that of the last sample of a motion."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -194,14 +196,14 @@ def _position_alone(search: IkSearch, nearest: Array, rng: np.random.Generator) 
 
 
 def describe_excess(robot: Robot, q: Array) -> str:
-    """Message about the joints of q that are out of limits; empty if none is."""
+    """Message about the joints of q that are out of limits by more than `ROUNDING`; empty if none is."""
     limits = robot.limits
-    if (q >= limits.lower).all() and (q <= limits.upper).all():
+    if (q >= limits.lower - ROUNDING).all() and (q <= limits.upper + ROUNDING).all():
         return ""
     parts, degrees = [], False
     for j, name in enumerate(robot.joint_names):
         over = max(limits.lower[j] - q[j], q[j] - limits.upper[j])
-        if over > 0.0:
+        if over > ROUNDING:
             unit = "m" if robot.joint(name).kind == "prismatic" else "rad"
             bounds = f"[{limits.lower[j]:.6g}, {limits.upper[j]:.6g}]"
             parts.append(f"joint {name!r} at {q[j]:.6g} {unit}, outside {bounds} by {over:.3g} {unit}")

@@ -96,7 +96,7 @@ def _check_goal(findings: Findings, problem: Problem, scene: Scene, arm: str, q:
     """Check that the last configuration q (nq,) of an arm is at one of its goals."""
     robot = problem.scene.arms[arm].robot
     misses = [_miss(goal, robot, q, _pose_of(scene, arm, q)) for goal in problem.goal[arm]]
-    off, allowed, words = min(misses, key=lambda miss: miss[0] / miss[1])
+    off, allowed, words = min(misses, key=_share)
     if not off <= allowed + _EQUAL:
         several = f" (the nearest of {len(misses)} goals)" if len(misses) > 1 else ""
         message = f"{arm} misses its goal{several}: {words}"
@@ -122,7 +122,13 @@ def _miss(goal: Goal, robot: Robot, q: list[float], pose: Callable[[str], Array]
     if rotation is not None:
         angle, allowed = rotation_angle(rotation.T @ T[:3, :3]), goal.orientation_tolerance
         misses.append((angle, allowed, f"{goal.frame} is turned by {angle:.6g} rad, tolerance {allowed:.3g} rad"))
-    return max(misses, key=lambda miss: miss[0] / miss[1])
+    return max(misses, key=_share)
+
+
+def _share(miss: Miss) -> float:
+    """The deviation over what is allowed, at most 1 if the condition holds."""
+    off, allowed, _ = miss
+    return off / (allowed + _EQUAL)
 
 
 def _joint_miss(goal: JointGoal, robot: Robot, q: list[float]) -> Miss:

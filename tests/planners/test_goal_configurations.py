@@ -43,6 +43,32 @@ def test_a_continuous_joint_goes_the_short_way(planar2r):
     assert (np.abs(goals.configurations - [25.0, -40.0]) <= np.pi).all()
 
 
+@pytest.mark.parametrize("height", [0.3, 0.0])
+def test_a_region_is_reached_at_its_rim(planar2r, height):
+    """The tool can be on a face of the box only."""
+    q = np.array([0.3, 0.4])
+    at = planar2r.link_poses(q)[planar2r.tool][:3, 3]
+    region = RegionGoal("tool", np.subtract(at, [0.1, 0.1, 0.0]), np.add(at, [0.1, 0.1, height]))
+    result = rp.plan(Problem(alone(planar2r), q, region), rng=0)
+    assert result.found
+    assert rp.validate(
+        rp.Trajectory.rest(("arm/joint1", "arm/joint2"), q), alone(planar2r), Problem(alone(planar2r), q, region)
+    )
+
+
+def test_the_end_of_a_motion_to_a_limit_is_a_valid_start(rr1):
+    """The last sample of a motion may be beyond a limit by rounding."""
+    q = np.array(rr1.home)
+    q[0] = np.nextafter(rr1.limits.upper[0], np.inf)
+    scene = alone(rr1)
+    assert rp.plan(Problem(scene, q, "home"), rng=0).found
+    assert rp.plan(Problem(scene, "home", q), rng=0).found
+    motion = rp.plan_motion(Problem(scene, q, "home"), rng=0)
+    assert motion.valid
+    q[0] = rr1.limits.upper[0] + 1e-6
+    assert rp.plan(Problem(scene, q, "home"), rng=0).status is PlanStatus.INVALID_START
+
+
 def test_a_bounded_joint_goes_where_it_is_told(rr1):
     goal = FREE.copy()
     goal[0] = -2.3

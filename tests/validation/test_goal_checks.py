@@ -86,6 +86,18 @@ def test_a_region_goal_is_met_inside_its_box(quintic: Make, scene: rp.Scene) -> 
     assert not judged(quintic, scene, rp.RegionGoal("tool", at - 1.0, at + 1.0, quaternion=[0, 1, 0, 0])).valid
 
 
+def test_a_tiny_tolerance_hides_no_other_condition_and_no_other_goal(quintic: Make, scene: rp.Scene) -> None:
+    T = tool_at(scene, GOAL)
+    turned = T @ rp.transforms.pose(rpy=[0.0, 0.0, 0.005])
+    turned[2, 3] += 9e-10  # within the rounding that is allowed beyond the tolerance of 1e-10 m
+    off = judged(quintic, scene, rp.PoseGoal("tool", turned, position_tolerance=1e-10)).violations
+    assert "turned by 0.005 rad" in off[0].message
+    nearly, missed = T.copy(), T.copy()
+    nearly[2, 3], missed[2, 3] = 5e-10, 2e-4
+    met = rp.PoseGoal("tool", nearly, position_tolerance=1e-11)
+    assert judged(quintic, scene, [met, rp.PoseGoal("tool", missed, position_tolerance=1e-4)]).valid
+
+
 def test_the_base_of_the_arm_counts(quintic: Make, planar2r: rp.Robot) -> None:
     base = rp.transforms.pose([0.3, 0.1, 0.0], rpy=[0.0, 0.0, 1.0])
     here, there = rp.Scene().with_arm("arm", planar2r), rp.Scene().with_arm("arm", planar2r, base)
