@@ -86,7 +86,7 @@ def plan_motion(
     seconds = {"imports": imports} if imports > _NO_IMPORTS else {}
     check_question(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
-    planner = _known_planner(planner) or default_planner(problem, retiming)
+    planner = default_planner(problem, retiming) if planner is None else _known_planner(planner)
     if isinstance(planner, str) and planner in MANY_ARMS_PLANNERS:
         check_many_arms_retiming(planner, retiming)
         generator = as_generator(rng)
@@ -135,7 +135,7 @@ def plan_motion(
     return MotionPlan(problem, result, seconds, margin, path, trajectory, report, _judge=judge)
 
 
-def _known_planner(planner: str | Planner | None) -> str | Planner | None:
+def _known_planner(planner: str | Planner) -> str | Planner:
     """The planner, after a check of its name."""
     return (
         known_name("planner", planner, (*planner_names(), *MANY_ARMS_PLANNERS)) if isinstance(planner, str) else planner
