@@ -94,12 +94,17 @@ def gripper_values(robot: Robot, position: str | float) -> dict[str, float]:
 
     Raises:
         UnknownNameError: no such state.
-        InputError: a number for a gripper without exactly one joint, or a value out of limits.
+        InputError: a state without joints of the gripper, or a number for a gripper without exactly one joint.
     """
     if isinstance(position, str):
-        states = robot.locked_joint_states
+        states, joints = robot.locked_joint_states, gripper_joints(robot)
         values = states[known_name("gripper state", position, states)]
-        return {name: value for name, value in values.items() if name in gripper_joints(robot)}
+        if not set(values) & set(joints):
+            raise InputError(
+                f"gripper state {position!r} of robot {robot.name!r} sets no joint of its gripper "
+                f"({', '.join(joints) or 'it has none'}); add one to the state, or use another state"
+            )
+        return {name: value for name, value in values.items() if name in joints}
     return {only_gripper_joint(robot): position}
 
 

@@ -247,6 +247,8 @@ class Attach(Value):
 class Detach(Value):
     """Detach a held object; from here on it is an obstacle at its current pose.
 
+    At the end of a sequence, fingers and the rest of the hand may still touch it. Earlier, later segments decide.
+
     Args:
         name: The held object.
     """

@@ -128,7 +128,8 @@ def _check_gripper(scene: Scene, segment: MoveGripper) -> None:
 
 def _check_attach(scene: Scene, segment: Attach, holders: dict[str, str]) -> None:
     """Reject objects that are already held and unknown links, and record the arm that holds the object from here on."""
-    known_name("obstacle", segment.obstacle, {*scene.obstacles, *scene.attachments} - set(holders))
+    loose = [name for name in (*scene.obstacles, *scene.attachments) if name not in holders]
+    known_name("obstacle", segment.obstacle, loose)
     arm = scene.only_arm(segment.arm)
     for link in (segment.link, *(segment.touch or ())):
         if link is not None:

@@ -37,7 +37,7 @@ from rr1plan.sequences.grippers import (
 )
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, Pause, Segment, StraightLine
 from rr1plan.sequences.sequence import Sequence, goals_by_arm, goals_of_links
-from rr1plan.sequences.stages import changed_scene, resolved_change
+from rr1plan.sequences.stages import changed_scene, is_last_release, released_scene, resolved_change
 from rr1plan.trajectory import Trajectory
 
 # Configurations of one goal, and of all goals of a free motion.
@@ -256,13 +256,34 @@ class SequenceSearch:
             if moved is not None:
                 yield moved
         elif isinstance(segment, Pause):
-            yield PlannedSegment(segment, seconds=segment.seconds), scene
+            if self._is_free_at_rest(k, scene):
+                yield PlannedSegment(segment, seconds=segment.seconds), scene
         else:
             try:
                 change = resolved_change(segment, scene)
-                yield PlannedSegment(change), changed_scene(scene, change)
+                after = changed_scene(scene, change)
             except InputError as error:
                 self._fail(k, PlanStatus.INFEASIBLE, str(error))
+                return
+            # No later segment checks the scene after the last releases.
+            following = self._sequence.segments[k + 1 :]
+            if (
+                not isinstance(change, Detach)
+                or not is_last_release(change, following)
+                or self._is_free_at_rest(k, released_scene(scene, change))
+            ):
+                yield PlannedSegment(change), after
+
+    def _is_free_at_rest(self, k: int, scene: Scene) -> bool:
+        """Whether a scene is free in its configuration; records the reason if not."""
+        if not scene.arms:
+            return True
+        q: Array = scene.configuration()
+        with checker_from_pool(scene, tuple(scene.arms)) as checker:
+            free = checker.is_free(q)
+            if not free:
+                self._fail(k, PlanStatus.INFEASIBLE, f"collision: {describe_collision(checker, q)}")
+        return free
 
     def _line_goals(self, segment: StraightLine, scene: Scene, arm: str) -> list[PoseGoal]:
         if segment.offset is None:
@@ -291,12 +312,12 @@ class SequenceSearch:
         end[-len(joints) :] = list(values.values())
         after = replace(scene, arms={**scene.arms, name: replace(arm, robot=moved)})
         columns = own.joint_names([name])
-        if (start == end).all():
-            return PlannedSegment(segment), after
         checker = CollisionChecker(own, [name])
         if not checker.is_free(start):
             self._fail(k, PlanStatus.INVALID_START, f"the start is in collision: {describe_collision(checker, start)}")
             return None
+        if (start == end).all():
+            return PlannedSegment(segment, seconds=segment.seconds), after
         if not checker.edge_is_free(start, end):
             contact = checker.first_contact(start, end)
             where = end if contact is None else contact.q + 1e-3 * (end - start)

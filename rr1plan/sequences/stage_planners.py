@@ -22,7 +22,9 @@ def planning_scenes(motion: StagedMotion) -> list[Scene | None]:
     """The scene of each stage for planning in a page, with locked gripper joints; None if they move."""
     scenes: list[Scene | None] = []
     names = list(motion.trajectory.joint_names)
-    own = [names.index(f"{arm}/{joint}") for arm, joints in motion.gripper_joints.items() for joint in joints]
+    grippers = [f"{arm}/{joint}" for arm, joints in motion.gripper_joints.items() for joint in joints]
+    # An arm that never moves has no columns.
+    own = [names.index(name) for name in grippers if name in names]
     for stage, scene in zip(motion.stages, stage_scenes(motion.scene, motion.trajectory, motion.stages), strict=True):
         times = np.linspace(stage.begin, stage.end, 9)
         moves = bool(own) and bool(np.ptp(motion.trajectory(times)[:, own], axis=0).max() > _STILL)

@@ -2,7 +2,8 @@
 
 A motion may continue from one stage to the next without a stop, but not through an instant at which an object is
 attached or detached. The search is not used: the scenes follow from the first one, the trajectory and the stages, so
-that an object stays where it was put down and moves with the link that holds it.
+that an object stays where it was put down and moves with the link that holds it. At the end, a released object may
+touch hands, but no other links.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from rr1plan.checks import Array
 from rr1plan.progress import ProgressCallback
 from rr1plan.report import Margin, Report, Violation, ViolationKind
 from rr1plan.scene import Scene
-from rr1plan.sequences.stages import SequenceStage, check_stages, stage_scenes
+from rr1plan.sequences.segments import Detach
+from rr1plan.sequences.stages import SequenceStage, check_stages, is_last_release, released_scene, stage_scenes
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
 
@@ -52,14 +54,14 @@ def validate_stages(
     check_stages(trajectory, stages)
     first = trajectory(trajectory.start_time)
     expected = scene.configuration(trajectory.arms) if trajectory.arms else first
-    violations = _jumps("start", trajectory.joint_names, trajectory.start_time, expected, first)
+    violations = _jumps("start", trajectory, scene, trajectory.start_time, expected, first)
     reports: list[Report] = []
-    last = first
-    for k, (stage, own) in enumerate(zip(stages, stage_scenes(scene, trajectory, stages), strict=True)):
+    last, scenes = first, stage_scenes(scene, trajectory, stages)
+    for k, (stage, own) in enumerate(zip(stages, scenes, strict=True)):
         if stage.end == stage.begin:
             continue
         part = trajectory.cut(stage.begin, stage.end)
-        violations += _jumps("continuity", trajectory.joint_names, stage.begin, last, part(stage.begin))
+        violations += _jumps("continuity", trajectory, scene, stage.begin, last, part(stage.begin))
         last = part(stage.end)
         report = validate(
             part,
@@ -75,6 +77,7 @@ def validate_stages(
         ]
         reports.append(replace(report, violations=tuple(named)))
     violations += [violation for report in reports for violation in report.violations]
+    violations += _overlaps_at_the_end(trajectory.end_time, stages, [scene, *scenes])
     return _merged(reports, violations, trajectory.duration)
 
 
@@ -93,14 +96,43 @@ def _goes_through(trajectory: Trajectory, stages: Sequence[SequenceStage], k: in
     return bool(np.abs(speeds[0] - speeds[1]).max(initial=0.0) <= _STEADY)
 
 
-def _jumps(kind: ViolationKind, names: tuple[str, ...], time: float, expected: Array, found: Array) -> list[Violation]:
+def _overlaps_at_the_end(time: float, stages: Sequence[SequenceStage], scenes: Sequence[Scene]) -> list[Violation]:
+    """Overlaps of arms with objects released at the end, after which no stage checks them.
+
+    Args:
+        time: The end of the motion [s].
+        stages: The stages.
+        scenes: The scene before the first stage, and that of each stage.
+    """
+    violations = []
+    for k, (stage, before) in enumerate(zip(stages, scenes, strict=False)):
+        following = [later.change for later in stages[k + 1 :] if later.change or later.end > later.begin]
+        if not isinstance(stage.change, Detach) or not is_last_release(stage.change, following):
+            continue
+        # The stage before the release may begin elsewhere.
+        before = replace(before, arms=scenes[k + 1].arms)
+        own = released_scene(before, stage.change)
+        still = Trajectory(own.joint_names(), [0.0, 1.0], own.configuration()[None, None])
+        violations += [
+            replace(v, time=time, message=f"stage {k + 1} ({stage.label}): {v.message}")
+            for v in validate(still, own, clearance=False).violations
+            if v.kind == "collision"
+        ]
+    return violations
+
+
+def _jumps(
+    kind: ViolationKind, trajectory: Trajectory, scene: Scene, time: float, expected: Array, found: Array
+) -> list[Violation]:
     """Violations for joints that differ from their expected values at a time."""
-    where = "starts" if kind == "start" else "goes on"
-    return [
-        Violation(kind, (name,), time, got, want, f"{name} {where} at {got:.9g}, expected {want:.9g}")
-        for name, got, want in zip(names, found.tolist(), expected.tolist(), strict=True)
-        if not abs(got - want) <= _EQUAL
-    ]
+    where, violations = "starts" if kind == "start" else "goes on", []
+    for name, got, want in zip(trajectory.joint_names, found.tolist(), expected.tolist(), strict=True):
+        if not abs(got - want) <= _EQUAL:
+            arm, joint = name.split("/", 1)
+            unit = "m" if scene.arms[arm].robot.joint(joint).kind == "prismatic" else "rad"
+            message = f"{name} {where} at {got:.9g} {unit}, expected {want:.9g} {unit}"
+            violations.append(Violation(kind, (name,), time, got, want, message))
+    return violations
 
 
 def _merged(reports: Sequence[Report], violations: Sequence[Violation], duration: float) -> Report:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
 from rr1plan.checks import Array, Value, check_text, finite_number
 from rr1plan.errors import InputError
 from rr1plan.report import Report
-from rr1plan.scene import Arm, Pair, Scene
+from rr1plan.robot import Robot
+from rr1plan.scene import Arm, Pair, Scene, pair
 from rr1plan.sequences.grippers import gripper_links
 from rr1plan.sequences.segments import Attach, Detach
 from rr1plan.trajectory import Trajectory
@@ -169,3 +171,48 @@ def changed_scene(scene: Scene, change: Attach | Detach | None) -> Scene:
     if isinstance(change, Attach):
         return scene.attach(change.obstacle, change.arm, change.link, touch=change.touch or ())
     return scene if change is None else scene.detach(change.name)
+
+
+def is_last_release(change: Detach, following: Sequence[object]) -> bool:
+    """Whether a sequence ends with a release: only changes of other objects follow it."""
+    return all(
+        isinstance(later, Detach) or (isinstance(later, Attach) and later.obstacle != change.name)
+        for later in following
+    )
+
+
+def released_scene(scene: Scene, change: Detach) -> Scene:
+    """The scene after a release, reduced to contacts of the object with arms.
+
+    Hands may touch the object: fingers still squeeze what they release. So may the body that held it.
+
+    Args:
+        scene: The scene before the release, with the arms at their configurations.
+        change: The release.
+    """
+    held, after = scene.attachments[change.name], scene.detach(change.name)
+    hands = {
+        f"{name}/{link}"
+        for name, arm in scene.arms.items()
+        for link in (*gripper_links(arm.robot), *_rigid_with(arm.robot, arm.robot.tool))
+    }
+    hands |= {f"{held.arm}/{link}" for link in _rigid_with(scene.arms[held.arm].robot, held.link)}
+    links = [name for name in after.element_names if name not in (*after.obstacles, *after.attachments)]
+    allowed = {pair(name, change.name) for name in links if name in hands or after.may_touch(name, change.name)}
+    allowed |= {pair(*both) for both in combinations(scene.arms, 2)}
+    for arm in scene.arms:
+        allowed |= {pair(*both) for both in combinations([name for name in links if name.startswith(f"{arm}/")], 2)}
+    names = {*links, *scene.arms, change.name}
+    return replace(
+        after,
+        obstacles={change.name: after.obstacles[change.name]},
+        attachments={},
+        allowed=frozenset(allowed),
+        pair_padding={both: gap for both, gap in after.pair_padding.items() if both <= names},
+    )
+
+
+def _rigid_with(robot: Robot, link: str) -> tuple[str, ...]:
+    """The links fixed to a link, and the link itself."""
+    bodies = ([part.name for part in body] for body in robot.bodies)
+    return next(tuple(names) for names in bodies if link in names)

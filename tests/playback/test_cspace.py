@@ -42,6 +42,17 @@ def hopeless() -> rp.Problem:
     return next(iter(load_problems("planar2r_no_path").values()))
 
 
+def test_goals_are_those_of_the_scene_whose_cells_are_drawn(lesson: rp.Scene) -> None:
+    arm = lesson.arms["arm"]
+    moved = lesson.with_arm("arm", arm.robot, [-0.1, 0.0, 0.0])
+    problem = load_problems("planar2r_path")["to_a_point"].with_margin(0.001)
+    picture = rp.cspace(moved, problem, resolution=24)
+    tools = [rp.Kinematics(moved).pose(q, arm.robot.tool)[:3, 3] for q in picture.goals]
+    assert len(tools) == 2
+    np.testing.assert_allclose(tools, [problem.goal["arm"][0].position] * 2, atol=1e-3)
+    np.testing.assert_array_equal(picture.start, problem.start)
+
+
 @pytest.mark.parametrize("name", ["planar2r_path", "planar2r_no_path"])
 def test_every_cell_of_360_by_360_agrees_with_coal(name: str) -> None:
     """Each cell against Coal on two capsules and the scene's cylinders, built here and checked one by one."""

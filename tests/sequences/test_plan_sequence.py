@@ -73,9 +73,18 @@ def test_a_gripper_moves_while_its_arm_stands_still(table: rp.Scene) -> None:
     ends = [plan.trajectory(stage.end) for stage in plan.stages]
     np.testing.assert_allclose([q[-1] for q in ends[:3]], [0.9, 0.2, 0.2])
     assert plan.stages[0].end == pytest.approx(0.7)
-    assert plan.stages[2].begin == plan.stages[2].end
+    assert plan.stages[2].end - plan.stages[2].begin == pytest.approx(0.4)
     arms = plan.trajectory(np.linspace(0, plan.trajectory.end_time, 50))[:, :-1]
     np.testing.assert_array_equal(arms, [plan.scene.arms["arm"].q[:-1]] * 50)
+
+
+def test_a_gripper_that_is_already_there_takes_its_time(table: rp.Scene) -> None:
+    closed = table.arms["arm"].robot.locked_joints["finger_joint"]
+    plan = plan_of(table, rp.MoveGripper(closed, seconds=1.0), rp.MoveGripper(closed, seconds=0.0))
+    assert plan, plan
+    assert [stage.end for stage in plan.stages] == [1.0, 1.0]
+    wall = table.with_obstacle("wall", rp.Box((0.1, 0.1, 0.1)), table.link_poses()["arm/tool"][:3, 3])
+    assert "the start is in collision" in plan_of(wall, rp.MoveGripper(closed)).reason
 
 
 def test_a_width_is_that_of_a_block_between_the_fingers(table: rp.Scene, moved: rp.SequencePlan) -> None:
@@ -160,6 +169,42 @@ def test_a_grasp_is_chosen_for_what_comes_after_it(table: rp.Scene) -> None:
     assert hopeless.failed in (7, 9)
     plan = plan_of(slot, *rp.pick_and_place(slot, "block", place, grasps=[*along_y, *along_x]))
     assert plan, plan
+
+
+def inside_the_hand(rr1: rp.Robot, touch: tuple[str, ...]) -> rp.Scene:
+    """An arm that holds a box, which overlaps its wrist too."""
+    scene = rp.Scene().with_arm("arm", rr1)
+    scene = scene.with_obstacle("box", rp.Box((0.05, 0.05, 0.05)), scene.link_poses()["arm/hand_link"])
+    return scene.attach("box", touch=touch)
+
+
+def test_a_release_at_the_end_is_checked(rr1: rp.Robot) -> None:
+    scene = inside_the_hand(rr1, rr1.link_names)
+    plan = plan_of(scene, rp.FreeMotion("raised"), rp.Detach("box"))
+    assert not plan.found
+    assert plan.failed == 1
+    assert "'arm/wrist_link' and 'box' overlap" in plan.reason
+    # While the object is held, the wrist may touch it.
+    assert plan_of(scene, rp.FreeMotion("raised"))
+    assert plan_of(scene.allow("arm/wrist_link", "box"), rp.FreeMotion("raised"), rp.Detach("box"))
+
+
+def test_fingers_may_squeeze_what_they_release_at_the_end(rr1: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("arm", rr1)
+    ring = scene.with_obstacle("ring", rp.Sphere(0.02), scene.link_poses()["arm/tool"])
+    hand = ("finger_link", "opposite_finger_link", "hand_link")
+    assert plan_of(ring.attach("ring", touch=hand), rp.FreeMotion("raised"), rp.Detach("ring"))
+    assert not plan_of(ring.attach("ring", touch=hand), rp.FreeMotion("raised"), rp.Detach("ring"), rp.Pause(0.1)).found
+
+
+def test_a_pause_in_collision_leads_to_the_next_goal(table: rp.Scene) -> None:
+    """The nearer goal is inside a jig that the arm may touch during the motion, but not during the pause."""
+    near, far = tool_down(-0.3, 0.0, 0.2), tool_down(-0.3, -0.15, 0.2)
+    jig = table.with_obstacle("jig", rp.Box((0.05, 0.05, 0.05)), [-0.3, 0.0, 0.2])
+    plan = plan_of(jig, rp.FreeMotion([near, far], allow=[("arm", "jig")]), rp.Pause(0.1))
+    assert plan, plan
+    end = rp.Kinematics(plan.scene).pose(plan.trajectory(plan.trajectory.end_time), "tool")
+    np.testing.assert_allclose(end[:3, 3], far.position, atol=1e-3)
 
 
 # ---- failures ------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,6 +88,22 @@ def test_a_segment_that_makes_no_sense_is_refused(make: Callable[[], object], me
 def test_a_sequence_names_the_segment_that_does_not_fit(table: rp.Scene, segments: list, message: str) -> None:
     with pytest.raises(rp.InputError, match=message):
         rp.Sequence(table, segments)
+
+
+def test_unknown_obstacles_come_with_the_known_ones_in_order(table: rp.Scene) -> None:
+    names = [f"thing_{k}" for k in "dbfaec"]
+    for name in names:
+        table = table.with_obstacle(name, rp.Sphere(0.01), [0, 0, 2])
+    with pytest.raises(rp.InputError) as caught:
+        rp.Sequence(table, [rp.Attach("zzz")])
+    found = [str(caught.value).index(name) for name in names]
+    assert found == sorted(found)
+
+
+def test_a_gripper_state_without_joints_of_the_gripper_is_refused(rr1: rp.Robot) -> None:
+    robot = replace(rr1, locked_joint_states={**rr1.locked_joint_states, "empty": {}})
+    with pytest.raises(rp.InputError, match=r"'empty' of robot 'rr1' sets no joint of its gripper \(finger_joint\)"):
+        rp.Sequence(rp.Scene().with_arm("arm", robot), [rp.MoveGripper("empty")])
 
 
 def test_a_gripper_without_fingers_is_refused(planar2r: rp.Robot) -> None:

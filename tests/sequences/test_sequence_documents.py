@@ -51,11 +51,23 @@ def test_a_sequence_without_objects_has_a_page_too(table: rp.Scene, tmp_path: Pa
     assert plan.save_html(tmp_path / "page.html").stat().st_size > 100_000
 
 
+def test_a_gripper_command_that_changes_nothing_has_a_page(rr1: rp.Robot, table: rp.Scene) -> None:
+    closed = rr1.locked_joints["finger_joint"]
+    plan = rp.plan_sequence(rp.Sequence(table, [rp.MoveGripper(closed), rp.Pause(0.1)]), rng=0)
+    assert plan.page_content()[0]["planner"]["stages"]
+    pair = rp.Scene().with_arm("left", rr1).with_arm("right", rr1, [0.0, 1.5, 0.0])
+    segments = [rp.MoveGripper(closed, arm="left"), rp.FreeMotion("raised", arm="right")]
+    plan = rp.plan_sequence(rp.Sequence(pair, segments), rng=0)
+    assert plan, plan
+    planner = plan.page_content()[0]["planner"]
+    assert "missing" not in planner["planners"][planner["stages"][0]["planner"]]
+
+
 def test_an_object_that_is_held_at_first_is_drawn_once(table: rp.Scene) -> None:
     held = table.with_obstacle_at("block", table.link_poses()["arm/tool"]).attach(
         "block", touch=("finger_link", "opposite_finger_link", "hand_link")
     )
-    plan = rp.plan_sequence(rp.Sequence(held, [rp.Pause(0.1), rp.Detach("block"), rp.Pause(0.1)]), rng=0)
+    plan = rp.plan_sequence(rp.Sequence(held, [rp.Pause(0.1), rp.Detach("block")]), rng=0)
     document, _ = page_parts(staged(plan), None, None)
     assert [body["name"] for body in document["bodies"]["objects"]] == ["block"]
     assert "block" not in {thing["name"] for kind in ("obstacles", "attachments") for thing in document[kind]}

@@ -79,6 +79,25 @@ def test_a_sequence_that_begins_elsewhere_is_found(moved: rp.SequencePlan, table
     q[1] += 0.1
     report = validate_stages(moved.trajectory, moved.scene.with_configuration("arm", q), moved.stages)
     assert [(v.kind, v.subject) for v in report.violations] == [("start", ("arm/upper_arm_joint",))]
+    assert report.violations[0].message.endswith(f"expected {q[1]:.9g} rad")
+
+
+def test_an_object_released_inside_the_wrist_is_found(rr1: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("arm", rr1)
+    scene = scene.with_obstacle("box", rp.Box((0.05, 0.05, 0.05)), scene.link_poses()["arm/hand_link"])
+    held = scene.attach("box", touch=rr1.link_names)
+    plan = rp.plan_sequence(rp.Sequence(held, [rp.FreeMotion("raised")]), rng=0)
+    end = plan.trajectory.end_time
+    stages = [*plan.stages, rp.SequenceStage("detach 'box'", end, end, change=rp.Detach("box"))]
+    report = validate_stages(plan.trajectory, held, stages)
+    (violation,) = [v for v in report.violations if "arm/wrist_link" in v.subject]
+    assert violation.time == end
+    assert violation.message.startswith("stage 2 (detach 'box'): arm/wrist_link and box overlap by ")
+    assert {v.kind for v in report.violations} == {"collision"}
+    assert not any({"arm/hand_link", "arm/finger_link"} & set(v.subject) for v in report.violations)
+    # The other hand takes it at the same time.
+    stages.append(rp.SequenceStage("attach 'box'", end, end, change=rp.Attach("box", touch=rr1.link_names)))
+    assert validate_stages(plan.trajectory, held, stages).valid
 
 
 def test_margins_are_the_worst_of_all_stages(moved: rp.SequencePlan) -> None:

@@ -214,6 +214,7 @@ def compute_query(
     of_kind("result", result, PlanResult, optional=True)
     check_callback("progress", progress)
     if problem is not None:
+        problem = problem.in_scene(scene)
         _check_problem(problem, arm, joints)
         arm = problem.arms[0]
     if at is not None:
