@@ -152,6 +152,14 @@ def test_an_arm_may_have_a_padding_among_its_own_links() -> None:
     agrees(scene)
 
 
+def test_of_two_rules_for_an_element_and_an_arm_the_larger_distance_counts() -> None:
+    for first, second in ((0.01, 0.05), (0.05, 0.01)):
+        scene = two_arms().with_padding(first, "l/d", "r").with_padding(second, "l", "r/d").with_padding(0.2, "l", "r")
+        assert scene.padding_of("l/d", "r/d") == scene.padding_of("r/d", "l/d") == 0.05
+        assert scene.with_padding(0.0, "r/d", "l/d").padding_of("l/d", "r/d") == 0.0
+        agrees(scene)
+
+
 @given(st.floats(0, 1), st.floats(0, 1))
 @settings(deadline=None, max_examples=20)
 def test_a_margin_is_kept_beyond_every_padding(padding: float, margin: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import trimesh
 
 import rr1plan as rp
+from rr1plan.export.plan_files import read_plan_file, save_motion
 
 ARM = """<robot name="crane">
 <link name="base"/>
@@ -65,15 +67,71 @@ def test_an_installed_robot_is_saved_by_its_name(tmp_path: Path, name: str) -> N
 
 
 def test_an_installed_robot_with_options_is_saved_by_its_file(tmp_path: Path, foreign_robots: Path) -> None:
-    """Its name would give it another tool, or the pairs of its SRDF."""
+    """Its name would give it the pairs of its SRDF."""
     robot = rp.load_robot("ur5", srdf=False)
     for other in (robot, rp.load_robot("ur5", srdf=False, tool="forearm_link")):
         file = rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", other))
         assert str(foreign_robots) in file.read_text()
         read = rp.load_scene(file).arms["a"].robot
         assert (read.content_hash, read.tool) == (other.content_hash, other.tool)
-    with pytest.raises(rp.InputError, match=r"differs from .*ur5_robot.urdf.*robots={'a': NAME_OR_FILE}"):
-        rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", rp.load_robot("ur5", tool="forearm_link")))
+    with pytest.raises(rp.InputError, match=r"robot of arm 'a' differs from .*'ur5'.*robots={'a': NAME_OR_FILE}"):
+        rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", robot), robots={"a": "ur5"})
+    other = rp.load_robot("ur5", tool="forearm_link")
+    file = rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", other))
+    assert 'robot = "ur5"\n' in file.read_text()
+    assert rp.load_scene(file).arms["a"].robot.tool == "forearm_link"
+
+
+def test_tool_and_planning_joints_of_a_shipped_robot_are_in_the_scene_file(tmp_path: Path, rr1: rp.Robot) -> None:
+    few = rp.load_robot("rr1", tool="opposite_finger_link", joints=rr1.joint_names[:4])
+    scene = rp.Scene().with_arm("a", few, q=few.home + 0.1).with_arm("b", rr1, (0, 1, 0))
+    file = rp.save_scene(tmp_path / "cell.toml", scene)
+    read = rp.load_scene(file)
+    assert [arm.robot.tool for arm in read.arms.values()] == ["opposite_finger_link", "tool"]
+    assert read.content_hash == scene.content_hash
+    assert file.read_text().count("tool = ") == 1
+    with pytest.raises(rp.InputError, match=r"would not read back: .*rr2"):
+        rp.save_scene(file, scene, robots={"a": "rr2"})
+
+
+def test_named_configurations_that_would_read_back_with_other_values_are_an_error(
+    tmp_path: Path, rr1: rp.Robot
+) -> None:
+    moved = replace(rr1, configurations={**rr1.configurations, "home": rr1.home + 0.1})
+    more = replace(rr1, configurations={**rr1.configurations, "pick": rr1.home + 0.1})
+    for robot, q, name in ((moved, "home", "home"), (more, "pick", "pick"), (more, "home", "pick")):
+        with pytest.raises(rp.InputError, match=f"configuration '{name}' of arm 'a' differs .* as numbers"):
+            rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", robot, q=q))
+    assert not (tmp_path / "cell.toml").exists()
+
+
+def test_named_configurations_of_several_groups_survive(tmp_path: Path, crane: Path) -> None:
+    groups = [("turn", "turn", 0.5), ("fold", "fold", -0.5)]
+    entries = [f'<group name="{group}"><joint name="{joint}"/></group>' for group, joint, _ in groups]
+    for group, joint, value in groups:
+        state = f'<joint name="{joint}" value="{value}"/>'
+        entries.append(f'<group_state name="rest" group="{group}">{state}</group_state>')
+    crane.with_suffix(".srdf").write_text(f'<robot name="crane">{"".join(entries)}</robot>')
+    robot = rp.load_robot(crane, groups=["turn", "fold"])
+    assert robot.configurations["rest"].tolist() == [0.5, -0.5]
+    read = rp.load_scene(rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("crane", robot)))
+    assert read.arms["crane"].robot.configurations["rest"].tolist() == [0.5, -0.5]
+
+
+def test_the_margin_of_a_problem_is_in_files(tmp_path: Path, rr1_table: rp.Scene) -> None:
+    problem = rp.Problem(rr1_table, "home", "home")
+    for margin in (0.0, 0.01):
+        problems = {"stay": problem.with_margin(margin)}
+        file = rp.save_scene(tmp_path / "cell.toml", rr1_table, problems=problems)
+        assert rp.load_problems(file)["stay"].margin == margin
+        motion = save_motion(tmp_path / "m.json", rr1_table, problem=problems["stay"])
+        read = read_plan_file(motion).problem
+        assert read is not None
+        assert read.margin == margin
+        assert ["margin" in f.read_text() for f in (file, motion)] == [margin > 0.0] * 2
+    file.write_text(file.read_text().replace("margin = 0.01", "margin = -0.01"))
+    with pytest.raises(rp.FormatError, match=r"queries.stay.*margin is -0.01"):
+        rp.load_problems(file)
 
 
 def test_options_with_which_a_robot_was_loaded_are_in_the_scene_file(tmp_path: Path) -> None:

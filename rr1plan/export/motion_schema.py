@@ -230,6 +230,7 @@ class Problem(Entry):
     start: list[float]
     goal: dict[Name, Annotated[list[JointGoal | PoseGoal | RegionGoal], Meta(min_length=1)]]
     arms: Annotated[list[Name], Meta(min_length=1)]
+    margin: NotNegative = 0.0
 
 
 # ---- plan graphs ---------------------------------------------------------------------------

@@ -176,7 +176,7 @@ def build_problem(entry: schema.Problem, scene: Scene) -> Problem:
         InputError: entries that do not define a valid problem in this scene.
     """
     goals = {arm: [_goal(goal) for goal in alternatives] for arm, alternatives in entry.goal.items()}
-    return Problem(scene, np.array(entry.start), goals, arms=entry.arms)
+    return Problem(scene, np.array(entry.start), goals, arms=entry.arms).with_margin(entry.margin)
 
 
 def build_path(entry: schema.Path) -> Path:

@@ -200,6 +200,8 @@ def _motion_entries(
     if problem is not None:
         of_kind("problem", problem, Problem)
         entries["problem"] = {n: values.plain(getattr(problem, n)) for n in ("start", "goal", "arms")}
+        if problem.margin > 0.0:  # earlier versions reject the entry
+            entries["problem"]["margin"] = problem.margin
     return entries
 
 

@@ -104,7 +104,7 @@ class ContactRules:
         if not special:
             return np.full(len(self.checked), general)
         table = np.full((self._count, self._count), general)
-        for _, first, second, distance in sorted(self._blocks(special), key=itemgetter(0)):
+        for _, distance, first, second in sorted(self._blocks(special), key=itemgetter(0, 1)):
             table[np.ix_(first, second)] = distance
         return table[self.checked[:, 0], self.checked[:, 1]]
 
@@ -131,14 +131,14 @@ class ContactRules:
                 if also == [arm, link]:
                     yield name, other
 
-    def _blocks(self, special: Mapping[_Names, float]) -> Iterator[tuple[int, list[int], list[int], float]]:
-        """Blocks of the padding table: priority (the higher rule wins), rows, columns, distance."""
+    def _blocks(self, special: Mapping[_Names, float]) -> Iterator[tuple[int, float, list[int], list[int]]]:
+        """Blocks of the padding table: rank (the higher wins, then the larger distance), distance, rows, columns."""
         for both, distance in special.items():
             # A rule with one arm name applies to pairs of that arm.
             a, b = (tuple(both) * 2)[:2]
             for x, y in {(a, b), (b, a)}:
-                rank = 3 * (x in self._index) + 2 * (y in self._index)
-                yield rank, self._members(x), self._members(y), distance
+                rank = (x in self._index) + (y in self._index)
+                yield rank, distance, self._members(x), self._members(y)
 
     def _members(self, name: str) -> list[int]:
         index = self._index.get(name)

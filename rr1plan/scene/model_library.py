@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 from weakref import WeakValueDictionary
 
+import numpy as np
+
 from rr1plan.checks import check_text, file_path, known_name, of_kind, resolved_path
 from rr1plan.errors import FormatError, InputError, InstallationError, UnknownNameError
 from rr1plan.files.file_access import check_writable, is_regular, write_text
@@ -142,9 +144,8 @@ def load_robot(
     semantics = _semantics(srdf, beside, tree, own)
     if folder is not None:
         tool = folder.tool if tool is None else tool
-        if groups is None and folder.group is not None:
-            groups = (folder.group,)
-    robot = assemble(tree, semantics, Choice(groups, joints, tool))
+    default_group = None if folder is None or folder.group is None else (folder.group,)
+    robot = assemble(tree, semantics, Choice(default_group if groups is None else groups, joints, tool))
     robot = robot if folder is None else folder.apply(robot)
     options: dict[str, object] = {}
     folders = tuple(str(resolved_path(folder)) for folder in package_dirs)
@@ -152,6 +153,8 @@ def load_robot(
         options["package_dirs"] = folders
     if convex != "hull":
         options["convex"] = convex
+    if groups is not None:  # they decide which of an SRDF's states are named configurations
+        options["groups"] = [group if isinstance(group, str) else list(group) for group in groups]
     if xacro_arguments is not None:
         options["xacro_arguments"] = {str(name): str(value) for name, value in xacro_arguments.items()}
     return _shared(replace(robot, load_options=options))
@@ -329,7 +332,8 @@ def save_scene(
 
     Raises:
         InputError: a robot that was not loaded from a file, a scene that would read back differently (a robot that
-            was loaded with another SRDF) or not at all, another suffix, or a file that cannot be written.
+            was loaded with another SRDF, or has other named configurations) or not at all, another suffix, or a file
+            that cannot be written.
         UnknownNameError: a name in `robots` is not an arm.
     """
     of_kind("scene", scene, Scene)
@@ -347,19 +351,45 @@ def save_scene(
     for name, arm in scene.arms.items():
         if not names.get(name):
             names[name] = entries.get(arm.robot) or entries.setdefault(arm.robot, _robot_entry(name, arm.robot))
-    text = scene_text(scene, problems, names)
     try:
+        text = scene_text(scene, problems, names, load_robot)
         again = parse_scene(text, path, load_robot).scene
-    except FormatError as error:
+    except (FormatError, UnknownNameError) as error:
         raise InputError(f"{path} would not read back: {error}") from error
     for name, arm in scene.arms.items():
-        if again.arms[name].robot.content_hash != arm.robot.content_hash:
+        part = _unequal_part(arm, again.arms[name])
+        if part:
+            advice = (
+                "scene files contain no named configurations: keep those of load_robot and give other values as "
+                "numbers, or define them in an SRDF beside a URDF and name it"
+                if part.startswith("configuration")
+                else "save its URDF and SRDF as files, or name a robot that equals it"
+            )
             raise InputError(
-                f"{path} would not read back as this scene: the robot of arm {name!r} differs from what "
-                f"load_robot({names[name]!r}) makes; save its URDF and SRDF as files, or name a robot that equals it: "
-                f"robots={{{name!r}: NAME_OR_FILE}}"
+                f"{path} would not read back as this scene: the {part} of arm {name!r} differs from what "
+                f"load_robot({names[name]!r}) makes; {advice}: robots={{{name!r}: NAME_OR_FILE}}"
             )
     return write_text(path, text)
+
+
+def _unequal_part(arm: Arm, again: Arm) -> str:
+    """What differs in an arm that was read back; "" if nothing does."""
+    one, two = arm.robot, again.robot
+    if one.content_hash != two.content_hash:
+        return "robot"
+    # The hash contains neither of these.
+    if one.tool != two.tool:
+        return f"tool {one.tool!r}"
+    before, after = _values(one), _values(two)
+    for name in {**before, **after}:
+        if before.get(name) != after.get(name):
+            return f"configuration {name!r}"
+    return "" if np.array_equal(arm.q, again.q) else "q"
+
+
+def _values(robot: Robot) -> dict[str, list[float]]:
+    """The named configurations of a robot as lists [rad or m]."""
+    return {name: q.tolist() for name, q in robot.configurations.items()}
 
 
 def _robot_entry(arm: str, robot: Robot) -> str:
@@ -379,17 +409,14 @@ def _robot_entry(arm: str, robot: Robot) -> str:
 
 
 def _is_default(robot: Robot, name: str) -> bool:
-    """Whether `load_robot` makes this robot from its name, up to what scene files hold: limits and locked joints."""
+    """Whether `load_robot` makes this robot from its name, up to what scene files hold: tool, limits, locked joints."""
     options: dict[str, Any] = dict(robot.load_options)
-    made = load_robot(name, **options)
+    made = load_robot(name, tool=robot.tool, **options)
     if made.joint_names != robot.joint_names:
         return False
     made = replace(made, limits=robot.limits, locked_joints=robot.locked_joints)
-    # The tool and the configurations are not in the hash, but decide what goals and `q` of the file mean.
-    one, other = (
-        (r.content_hash, r.tool, {name: q.tolist() for name, q in r.configurations.items()}) for r in (made, robot)
-    )
-    return one == other
+    # The configurations are not in the hash, but decide what goals and `q` of the file mean.
+    return (made.content_hash, _values(made)) == (robot.content_hash, _values(robot))
 
 
 def _scene_file(name_or_file: str | Path) -> Path:

@@ -53,12 +53,13 @@ class SceneContent(Value, NotebookView):
             for value in getattr(self, name).values():
                 of_kind(f"one of the {name}", value, kind)
         of_kind("pair_padding", self.pair_padding, Mapping)
-        for name in ("arms", "obstacles", "attachments", "pair_padding"):
+        for name in ("arms", "obstacles", "attachments"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        object.__setattr__(self, "pair_padding", MappingProxyType(_checked_distances(self.pair_padding)))
         for name in ("name", "description"):
             check_text(f"{name} of the scene", getattr(self, name))
         pairs = items_of("allowed", self.allowed, "pairs of names")
-        object.__setattr__(self, "allowed", frozenset(map(_checked_pair, pairs)))
+        object.__setattr__(self, "allowed", frozenset(_checked_pair("allowed", both) for both in pairs))
         self._check_names()
         for value in (self.padding, *self.pair_padding.values()):
             if finite_number("padding", value) < 0.0:
@@ -219,11 +220,17 @@ class SceneContent(Value, NotebookView):
         return element.split("/", 1)[0] if "/" in element else None
 
     def padding_of(self, a: str, b: str) -> float:
-        """Distance to keep between two elements [m]."""
+        """Distance to keep between two elements [m].
+
+        A rule for the two elements precedes one for an element and the other's arm, which precedes one for both arms.
+        If each element has a rule with the other's arm, the larger distance counts.
+        """
         arm_a, arm_b = self.owner(a), self.owner(b)
-        for x, y in ((a, b), (a, arm_b), (arm_a, b), (arm_a, arm_b)):
-            if x and y and pair(x, y) in self.pair_padding:
-                return self.pair_padding[pair(x, y)]
+        for rank in (((a, b),), ((a, arm_b), (arm_a, b)), ((arm_a, arm_b),)):
+            rules = [pair(x, y) for x, y in rank if x and y]
+            found = [self.pair_padding[both] for both in rules if both in self.pair_padding]
+            if found:
+                return max(found)
         return self.padding
 
     @cached_property
@@ -272,9 +279,37 @@ class SceneContent(Value, NotebookView):
         return digest.hexdigest()
 
 
-def _checked_pair(both: Any) -> Pair:
-    """A pair of names, from a set, a list or a tuple of them."""
-    names = items_of("one of allowed", both, "names")
+def _checked_pair(rules: str, both: Any) -> Pair:
+    """A pair of names, from a set, a list or a tuple of them; one name for a pair of elements of one arm.
+
+    Args:
+        rules: The argument that contains the pair.
+        both: The pair.
+
+    Raises:
+        InputError: not one or two names.
+    """
+    names = items_of(f"one of {rules}", both, "names")
     for name in names:
-        check_text("an allowed element", name)
+        check_text(f"a name in {rules}", name)
+    if len(names) not in (1, 2):
+        raise InputError(f"one of {rules} is {shown(both)}, expected the names of two elements or arms")
     return frozenset(names)
+
+
+def _checked_distances(distances: Mapping[Any, float]) -> dict[Pair, float]:
+    """Paddings by pair of names.
+
+    Raises:
+        InputError: a key that is not a pair of names, or two keys for one pair.
+    """
+    checked: dict[Pair, float] = {}
+    for key, distance in distances.items():
+        both = _checked_pair("pair_padding", key)
+        if both in checked:
+            raise InputError(
+                f"pair_padding has two distances for {' and '.join(map(repr, sorted(both)))}: "
+                f"{checked[both]} and {distance}; keep one"
+            )
+        checked[both] = distance
+    return checked

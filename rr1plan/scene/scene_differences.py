@@ -20,7 +20,9 @@ _T = TypeVar("_T")
 
 
 def scene_differences(before: Scene, after: Scene) -> tuple[str, ...]:
-    """Differences between two scenes that affect motions, one sentence each; () if their hashes agree.
+    """Differences between two scenes that affect motions, one sentence each; () if their hashes and tools agree.
+
+    A tool affects goals of its arm, not motions that are already planned; hashes do not contain it.
 
     Args:
         before: The scene in which a motion was planned.
@@ -31,7 +33,8 @@ def scene_differences(before: Scene, after: Scene) -> tuple[str, ...]:
     """
     of_kind("before", before, Scene)
     of_kind("after", after, Scene)
-    if before.content_hash == after.content_hash:
+    tools, tools_after = ({name: arm.robot.tool for name, arm in scene.arms.items()} for scene in (before, after))
+    if before.content_hash == after.content_hash and tools == tools_after:
         return ()
     found = [
         *_by_name("arm", before.arms, after.arms, _arm),
@@ -59,10 +62,14 @@ def _arm(before: Arm, after: Arm) -> Iterator[str]:
     one, two = before.robot, after.robot
     if one.content_hash != two.content_hash:
         yield from _robot(one, two)
+    if one.tool != two.tool:
+        yield f"has the tool {two.tool!r}, not {one.tool!r}"
     if one.joint_names == two.joint_names and not np.array_equal(before.q, after.q):
         change = after.q - before.q
         largest = int(np.argmax(np.abs(change)))
-        yield f"stands elsewhere: {one.joint_names[largest]} by {change[largest]:.4g}"
+        name = one.joint_names[largest]
+        unit = "m" if one.joint(name).kind == "prismatic" else "rad"
+        yield f"stands elsewhere: {name} by {change[largest]:.4g} {unit}"
 
 
 def _obstacle(before: Obstacle, after: Obstacle) -> Iterator[str]:

@@ -7,6 +7,7 @@
     [queries.swap]                                              # several arms
     starts = { left = "home" }
     goals = { left = [0.1, 0, 0, 0, 1, 0], right = "home" }
+    margin = 0.01                                               # beyond the scene's padding [m]; default: 0
 
 A goal table has `frame` and either `position` (and `quaternion`, wxyz) or the corners `lower` and
 `upper` of a region.
@@ -34,10 +35,10 @@ def read_query(entry: Table, scene: Scene) -> Problem:
         goals, starts = entry.table("goals"), entry.table("starts")
         goal = {arm: read_goal(goals, arm) for arm in goals.names()}
         start = {arm: _read_start(starts, arm) for arm in starts.names()}
-    arms = entry.strings("arms") or None
+    arms, margin = entry.strings("arms") or None, entry.number("margin", 0.0)
     entry.finish()
     with entry.blame():
-        return Problem(scene, start, goal, arms=arms)
+        return Problem(scene, start, goal, arms=arms).with_margin(margin)
 
 
 def problem_entries(problem: Problem) -> dict[str, object]:
@@ -45,10 +46,13 @@ def problem_entries(problem: Problem) -> dict[str, object]:
     starts = problem.scene.split(problem.start, problem.arms)
     goals = {arm: [_goal_entry(goal) for goal in alternatives] for arm, alternatives in problem.goal.items()}
     arms = list(problem.arms)
+    entries: dict[str, object] = {"arms": arms}
+    if problem.margin > 0.0:
+        entries["margin"] = problem.margin
     if len(arms) > 1:
-        return {"arms": arms, "starts": {arm: starts[arm].tolist() for arm in arms}, "goals": goals}
+        return entries | {"starts": {arm: starts[arm].tolist() for arm in arms}, "goals": goals}
     only = goals[arms[0]]
-    return {"arms": arms, "start": problem.start.tolist(), "goal": only[0] if len(only) == 1 else only}
+    return entries | {"start": problem.start.tolist(), "goal": only[0] if len(only) == 1 else only}
 
 
 def _read_start(entry: Table, key: str) -> Any:

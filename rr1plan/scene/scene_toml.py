@@ -125,7 +125,10 @@ def parse_scene(text: str, file: str | Path, load_robot: RobotLoader) -> SceneFi
 
 
 def scene_text(
-    scene: Scene, problems: Mapping[str, Problem] | None = None, robots: Mapping[str, str] | None = None
+    scene: Scene,
+    problems: Mapping[str, Problem] | None = None,
+    robots: Mapping[str, str] | None = None,
+    load_robot: RobotLoader | None = None,
 ) -> str:
     """The text of a scene file that reads back as the same scene, to the last bit.
 
@@ -134,9 +137,12 @@ def scene_text(
         problems: Named queries in that scene.
         robots: Name or file of the robot of each arm (default: the robot's name); for a file, planning joints and tool
             are written as well.
+        load_robot: Reads the robots that are given by name, whose planning joints and tool are written if they differ
+            from those it chooses (default: they are not written).
 
     Raises:
         InputError: not a scene, or a number that TOML cannot represent.
+        UnknownNameError: no such robot.
     """
     of_kind("scene", scene, Scene)
     data: dict[str, Any] = {"version": _VERSION, "name": scene.name, "description": scene.description}
@@ -147,8 +153,12 @@ def scene_text(
     if scene.pair_padding:
         rows = sorted((_both(p), distance) for p, distance in scene.pair_padding.items())
         data["pair_padding"] = [{"between": both, "distance": distance} for both, distance in rows]
-    names = robots or {}
-    data["arms"] = {n: _arm_entries(arm, names.get(n, arm.robot.name)) for n, arm in scene.arms.items()}
+    names = {n: (robots or {}).get(n, arm.robot.name) for n, arm in scene.arms.items()}
+    made: dict[tuple[Robot, str], Robot | None] = {}  # the many arms of a scene often share one robot
+    for n, arm in scene.arms.items():
+        if (arm.robot, names[n]) not in made:
+            made[arm.robot, names[n]] = _named_robot(arm.robot, names[n], load_robot)
+    data["arms"] = {n: _arm_entries(arm, names[n], made[arm.robot, names[n]]) for n, arm in scene.arms.items()}
     data["obstacles"] = {
         n: pose_entries(o.pose) | geometries_entries(n, o.geometries) | _body_entries(o)
         for n, o in scene.obstacles.items()
@@ -329,7 +339,10 @@ def _with_rules(scene: Scene, top: Table) -> Scene:
     allowed: set[Pair] = {_read_pair(top, "allowed", both) for both in top.rows("allowed")}
     distances: dict[Pair, float] = {}
     for entry in top.tables("pair_padding"):
-        distances[_read_pair(entry, "between", entry.required("between"))] = entry.number("distance")
+        both = _read_pair(entry, "between", entry.required("between"))
+        if both in distances:
+            raise entry.error(f"{' and '.join(map(repr, sorted(both)))} have two distances, keep one", "between")
+        distances[both] = entry.number("distance")
         entry.finish()
     with top.blame("allowed"):
         scene = replace(scene, allowed=frozenset(allowed))
@@ -348,15 +361,34 @@ def _both(names: Pair) -> list[str]:
     return sorted(names) * (2 if len(names) == 1 else 1)
 
 
-def _arm_entries(arm: Arm, robot: str) -> dict[str, object]:
+def _named_robot(robot: Robot, name: str, load_robot: RobotLoader | None) -> Robot | None:
+    """The robot that `load_robot` makes from a name without a choice of joints and tool; None for a file."""
+    if load_robot is None or _is_file(name):
+        return None
+    options: dict[str, Any] = dict(robot.load_options)
+    return load_robot(name, **options)
+
+
+def _arm_entries(arm: Arm, robot: str, made: Robot | None) -> dict[str, object]:
+    """Entries of an arm.
+
+    Args:
+        arm: The arm.
+        robot: Name or file of its robot.
+        made: The robot of that name with its own choice of joints and tool, if known.
+    """
     entries: dict[str, Any] = {"robot": robot} | pose_entries(arm.base)
-    if _is_file(robot):
-        entries |= {"joints": list(arm.robot.joint_names), "tool": arm.robot.tool}
-    named = [name for name, q in arm.robot.configurations.items() if np.array_equal(q, arm.q) and not _is_file(robot)]
-    # Another file, such as the expanded URDF, is read without the arguments of xacro.
-    same = not _is_file(robot) or Path(robot) == Path(arm.robot.source).absolute()
+    is_file, default = _is_file(robot), made or arm.robot
+    other_joints = is_file or default.joint_names != arm.robot.joint_names
+    if other_joints:
+        entries["joints"] = list(arm.robot.joint_names)
+    if is_file or default.tool != arm.robot.tool:
+        entries["tool"] = arm.robot.tool
+    named = [name for name, q in default.configurations.items() if np.array_equal(q, arm.q) and not other_joints]
+    # Another file, such as the expanded URDF, is read without the arguments of xacro, and may have other groups.
+    same = not is_file or Path(robot) == Path(arm.robot.source).absolute()
     for name, value in arm.robot.load_options.items():
-        if same or name != "xacro_arguments":
+        if same or name not in ("xacro_arguments", "groups"):
             entries[name] = list(value) if isinstance(value, tuple) else value
     entries["q"] = named[0] if named else arm.q.tolist()
     entries["limits"] = _limits_entry(arm.robot)

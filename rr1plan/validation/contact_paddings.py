@@ -27,18 +27,16 @@ class Elements:
     Args:
         owner: Its name.
         index: Number of each element within the owner, by name.
-        order: Position of each element among all elements of the scene, shape (n,).
     """
 
     owner: str
     index: Mapping[str, int]
-    order: NDArray[np.int64]
 
     def named(self, name: str) -> list[int]:
         """The elements that a name in a rule refers to: one, all for the owner's name, none for another name."""
         if name in self.index:
             return [self.index[name]]
-        return list(range(len(self.order))) if name == self.owner else []
+        return list(range(len(self.index))) if name == self.owner else []
 
 
 def rules_by_owners(scene: Scene) -> dict[Pair, list[Pair]]:
@@ -64,14 +62,13 @@ def block_paddings(scene: Scene, one: Elements, two: Elements, checked: NDArray[
     allowed = {both: ALLOWED for both in rules if both in scene.allowed and len(both) == 2}
     for both in (both for both in kept if _elements_named(both, one, two) == 0):
         _set(paddings, one, two, both, kept[both])
-    # A rule may name an element and the other owner. If both elements have such a rule, that of the earlier one counts.
+    # A rule may name an element and the other owner. If both elements have such a rule, the larger distance counts.
     of_one, of_two = np.full(checked.shape, np.nan), np.full(checked.shape, np.nan)
     for both in (both for both in kept if _elements_named(both, one, two) == 1):
         for x, y in _orders(both):
             (of_one if x in one.index else of_two)[np.ix_(one.named(x), two.named(y))] = kept[both]
-    earlier = one.order[:, None] < two.order[None, :]
-    for table in (np.where(earlier, of_two, of_one), np.where(earlier, of_one, of_two)):
-        paddings = np.where(np.isnan(table), paddings, table)
+    larger = np.fmax(of_one, of_two)  # the other one where one is NaN
+    paddings = np.where(np.isnan(larger), paddings, larger)
     for both in (both for both in kept if _elements_named(both, one, two) == 2):
         _set(paddings, one, two, both, kept[both])
     for both, distance in allowed.items():

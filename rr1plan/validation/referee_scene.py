@@ -67,16 +67,12 @@ class RefereeScene:
     def elements(self, owner: int) -> Elements:
         """The elements of an owner: an arm by its number; higher numbers are obstacles."""
         arms = len(self.names)
-        obstacles = self._link_starts[arms]
         if owner >= arms:
             name = self.obstacles[owner - arms]
-            return Elements(name, {name: 0}, np.array([obstacles + owner - arms], dtype=np.int64))
+            return Elements(name, {name: 0})
         name, links = self.names[owner], self.model(owner).links
-        held, attached = self._held.get(name, []), obstacles + len(self.obstacles)
-        names = [*(f"{name}/{link}" for link in links), *held]
-        order = [*(self._link_starts[owner] + i for i in range(len(links)))]
-        order += [attached + self._attachment_order[thing] for thing in held]
-        return Elements(name, {element: i for i, element in enumerate(names)}, np.array(order, dtype=np.int64))
+        names = [*(f"{name}/{link}" for link in links), *self._held.get(name, [])]
+        return Elements(name, {element: i for i, element in enumerate(names)})
 
     def element(self, owner: int, number: int) -> tuple[int, str, str]:
         """Index among all elements of the scene, name and owner's name of an element of an owner."""
@@ -113,7 +109,7 @@ class RefereeScene:
     def _paddings(self, one: int, two: int, rules: list[frozenset[str]]) -> Array:
         first, second = self.elements(one), self.elements(two)
         model = self.model(one)
-        checked = np.ones((len(first.order), len(second.order)), dtype=np.uint8)
+        checked = np.ones((len(first.index), len(second.index)), dtype=np.uint8)
         if one == two and model.own_checked is not None:
             checked = model.own_checked
         elif two >= len(self.names):

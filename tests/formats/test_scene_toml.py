@@ -210,6 +210,13 @@ def test_limits_that_no_preset_has_are_written_out(tmp_path: Path) -> None:
     assert read.content_hash == scene.content_hash
 
 
+def test_two_distances_for_a_pair_are_an_error(tmp_path: Path) -> None:
+    text = scene_text(Scene().with_arm("a", load_robot("planar2r")).with_obstacle("box", Box((1, 1, 1)), (9, 0, 0)))
+    rows = ['{ between = ["a", "box"], distance = 0.1 }', '{ between = ["box", "a"], distance = 0.2 }']
+    with pytest.raises(FormatError, match=r"'a' and 'box' have two distances, keep one"):
+        parse_scene(f"pair_padding = [{', '.join(rows)}]\n{text}", tmp_path / "s.toml", load_robot)
+
+
 def test_arms_with_the_same_entries_share_one_robot() -> None:
     assert len({id(arm.robot) for arm in load_scene("rr1_twelve").arms.values()}) == 1
 

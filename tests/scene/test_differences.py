@@ -46,7 +46,7 @@ CHANGES: list[tuple[Callable[[Scene], Scene], str]] = [
         "obstacle 'blue' has a box of 1 x 2 x 0.5 m, was a cylinder of radius 0.16 m",
     ),
     (lambda s: s.with_arm("second", s.arms["second"].robot, (3, 0.5, 0)), "arm 'second' moved by 500 mm"),
-    (lambda s: s.with_configuration("second", [0.5, 0.0]), "arm 'second' stands elsewhere: joint2 by -0.9"),
+    (lambda s: s.with_configuration("second", [0.5, 0.0]), "arm 'second' stands elsewhere: joint2 by -0.9 rad"),
     (with_limit, "arm 'arm' has other jerk limits: joint1 7 (was "),
     (lambda s: with_link(s, collisions=()), "arm 'arm' has another link 'link2'"),
     (lambda s: with_link(s, inertial=None), "arm 'arm' has another link 'link2'"),
@@ -75,6 +75,12 @@ def test_each_change_is_named_and_its_reverse_too(scene: Scene, change: Callable
     found = scene_differences(scene, other)
     assert any(line.startswith(words) for line in found), found
     assert scene_differences(other, scene)
+
+
+def test_another_tool_is_named_though_the_hashes_agree(scene: Scene) -> None:
+    other = scene.with_robot("arm", replace(scene.arms["arm"].robot, tool="link1"))
+    assert other.content_hash == scene.content_hash
+    assert scene_differences(scene, other) == ("arm 'arm' has the tool 'link1', not 'tool'",)
 
 
 def test_equal_scenes_do_not_differ_whatever_their_names_and_colors(scene: Scene) -> None:

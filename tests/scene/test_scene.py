@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
@@ -287,3 +287,19 @@ def test_wrong_calls_are_refused(two: Scene, rr1: Robot) -> None:
         two.with_obstacle("scan", PointCloud([[0.0, 0, 0]])).attach("scan", "left")
     with pytest.raises(UnknownNameError, match="unknown link"):
         Scene(two.arms, attachments={"x": Attachment((), "left", "gripper", identity())})
+
+
+def test_pairs_of_rules_are_checked_and_unordered(two: Scene) -> None:
+    scene = replace(two, pair_padding={("left", "wall"): 0.05, ("right",): 0.01})
+    assert dict(scene.pair_padding) == {pair("left", "wall"): 0.05, frozenset({"right"}): 0.01}
+    assert scene.padding_of("left/tool", "wall") == 0.05
+    assert dict(scene.without_obstacle("wall").pair_padding) == {frozenset({"right"}): 0.01}
+    with pytest.raises(InputError, match=r"two distances for 'left' and 'wall': 0.05 and 0.01; keep one"):
+        replace(two, pair_padding={("left", "wall"): 0.05, ("wall", "left"): 0.01})
+    for wrong in ((), ("left", "right", "wall")):
+        with pytest.raises(InputError, match=r"one of allowed is .*expected the names of two"):
+            replace(two, allowed=[wrong])
+        with pytest.raises(InputError, match=r"one of pair_padding is .*expected the names of two"):
+            replace(two, pair_padding={wrong: 0.1})
+    with pytest.raises(InputError, match="one of pair_padding is 'left'"):
+        replace(two, pair_padding={"left": 0.1})

@@ -70,3 +70,14 @@ def test_all_pairs_have_the_distances_that_the_scene_says(seed: int, chain: Make
     wanted = {frozenset((a, b)): scene.padding_of(a, b) for a, b in combinations(names, 2) if not scene.may_touch(a, b)}
     moving = scene.joint_names(rng.choice(list(scene.arms), int(rng.integers(1, 4)), replace=False).tolist())
     assert said(scene, moving) == wanted
+
+
+@pytest.mark.parametrize(("first", "second"), [(0.01, 0.05), (0.05, 0.01)])
+def test_of_two_rules_for_an_element_and_an_arm_the_larger_distance_counts(
+    first: float, second: float, chain: Make
+) -> None:
+    robot = chain(np.random.default_rng(0), 2)
+    scene = rp.Scene().with_arm("left", robot).with_arm("right", robot, (1, 0, 0))
+    one, two = (f"{arm}/{robot.solid_links[-1]}" for arm in ("left", "right"))
+    scene = scene.with_padding(first, one, "right").with_padding(second, "left", two)
+    assert said(scene, scene.joint_names())[frozenset((one, two))] == 0.05
