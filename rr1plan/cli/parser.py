@@ -511,7 +511,7 @@ _LISTS = ("robots", "scenes", "lesson")
 
 # Planners of `plan` that make trajectories, not paths.
 _MANY_ARMS = {
-    "many_arms": "a path for each of many arms, and a schedule that keeps them apart",
+    "many_arms": "a path for each of many arms, and a schedule without collisions between them",
     "many_arms_anytime *": "many_arms, then better schedules and paths",
 }
 

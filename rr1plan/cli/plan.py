@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import rr1plan as rp
-from rr1plan.checks import known_name
 from rr1plan.cli.console import Console
 from rr1plan.cli.many_arms_output import check_figures, many_values, save_figures, say_groups, say_many
 from rr1plan.errors import InputError
@@ -17,8 +16,7 @@ from rr1plan.export.csv_files import csv_text, save_csv
 from rr1plan.export.motion_files import is_motion_file
 from rr1plan.files.file_access import check_writable
 from rr1plan.motion_plan import MotionPlan
-from rr1plan.pipeline import MANY_ARMS_PLANNERS, plan_motion
-from rr1plan.planners import planner_names
+from rr1plan.pipeline import plan_motion
 from rr1plan.planning import ProgressCallback
 from rr1plan.progress_bar import Advance
 from rr1plan.scene.model_library import (
@@ -41,8 +39,6 @@ def plan(options: Namespace, console: Console) -> int:
     if options.no_shorten and options.planner == "cartesian":
         raise InputError("--no-shorten has no effect with --planner cartesian, whose paths are never shortened")
     check_outputs(options)
-    if options.planner is not None:
-        known_name("planner", options.planner, (*planner_names(), *MANY_ARMS_PLANNERS))
     check_scene_name(options.scene)
     with console.watch.stage("load the scene"), console.progress("loading the scene"):
         problem = question(options, load_scene_file(options.scene))

@@ -447,7 +447,7 @@ def _pieces(breaks: Array, coefficients: Array, t_from: float, t_to: float) -> I
     begin, end = (float(np.clip(t, breaks[0], breaks[-1])) for t in (t_from, t_to))
     count = 0
     if t_from < breaks[0]:
-        # At rest before the motion: one configuration is enough, with the time from which it is taken.
+        # At rest before the motion: one configuration for all of it, at the beginning of the interval.
         count = 1
         yield t_from, _position(breaks, coefficients, t_from)[None], 0.0
     for (low, high), curve in zip(pairwise(breaks.tolist()), coefficients, strict=True):

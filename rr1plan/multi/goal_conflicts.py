@@ -78,7 +78,7 @@ class GoalConflicts:
         """The first combination of goal configurations without contact, by backtracking.
 
         Returns:
-            The configuration of each arm, or None; and whether all combinations have been ruled out otherwise.
+            The configuration of each arm, or None if none was found; and whether the search is complete.
         """
         arms = sorted(self._agents, key=lambda arm: len(self.choices[arm]))
         picked: dict[str, int] = {}

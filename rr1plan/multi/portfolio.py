@@ -281,7 +281,7 @@ class _GroupSearch:
     Args:
         arms: The arms, in the order of the problem.
         pools: An empty pool for each.
-        chosen: Arms whose goal configuration is one of several that would do.
+        chosen: Arms whose goal configuration was chosen among several.
         near: For each arm, the arms that it can touch at all.
         diagrams: Coordination diagrams, shared by all groups.
         seeds: Seed of each arm.
@@ -329,11 +329,9 @@ class _GroupSearch:
                 pool.add({}, patient=True) if self._watch.goes_on() else (None, "no time was left for its path")
             )
             if path is None:
-                # That one goal configuration cannot be reached proves nothing about the others.
+                # The proof is for this goal configuration only.
                 self.impossible = pool.impossible and arm not in self._chosen
-                which = (
-                    "" if self.impossible or not pool.impossible else "to the chosen one of its goal configurations, "
-                )
+                which = "" if self.impossible or not pool.impossible else "to the goal configuration that was chosen, "
                 without.append(GroupResult((arm,), "", self._watch.seconds - began, f"{arm}: {which}{reason}"))
                 break
         return without

@@ -43,7 +43,7 @@ class Preflight:
         margins: Distance that each arm can keep from stationary objects in addition to the padding [m].
         status: Why there is no solution; None if planning can start.
         reason: The reason as text.
-        chosen: Arms whose goal configuration is one of several that would do.
+        chosen: Arms whose goal configuration was chosen among several.
     """
 
     agents: Mapping[str, Agent]

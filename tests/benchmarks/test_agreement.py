@@ -140,15 +140,15 @@ def test_compiled_answers_are_coals_among_many_arms(script, tmp_path, monkeypatc
     """Equal arms and two robots, some stationary, next to all shapes, with margin, padding and attached rods."""
     agreement = script("agreement")
     monkeypatch.setattr(agreement, "find_urdf", lambda name, folder: None)
-    sizes = ["--configurations", "60", "--edges", "12", "--out", str(tmp_path)]
+    sizes = ["--configurations", "120", "--edges", "24", "--out", str(tmp_path)]
     assert agreement.main(["--robot", "crowds", "--scenes", scenes, *sizes]) == 0
     found = json.loads((tmp_path / "agreement.json").read_text())["scenes"]
     assert all(scenes in scene["scene"] for scene in found)
     configurations = [scene["configurations"] for scene in found]
-    assert sum(c["asked"] for c in configurations) == 60
-    assert 0 < sum(c["free"] for c in configurations) < 60
+    assert sum(c["asked"] for c in configurations) == 120
+    assert 0 < sum(c["free"] for c in configurations) < 120
     edges = [scene["edges"] for scene in found]
-    assert sum(e.get(n, 0) for e in edges for n in ("proven", "contact confirmed", "narrow", "grazing")) == 12
+    assert sum(e.get(n, 0) for e in edges for n in ("proven", "contact confirmed", "narrow", "grazing")) == 24
     assert sum(e.get("judged", 0) for e in edges) > 0 or scenes == "margin"
 
 

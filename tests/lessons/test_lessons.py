@@ -54,10 +54,11 @@ def test_a_lesson_has_steps_with_well_formed_text(name: str, lessons: dict[str, 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_lesson_draws_a_figure_for_slides(name: str, lessons: dict[str, rp.Lesson], tmp_path: Path) -> None:
-    png = lessons[name].save_png(tmp_path / "a.png")
+    png, svg = lessons[name].save_png(tmp_path / "a.png"), lessons[name].save_svg(tmp_path / "a.svg")
     picture = np.asarray(Image.open(io.BytesIO(png.read_bytes())).convert("RGB"))
     assert picture.shape[1] == 1950
     assert len(np.unique(picture @ [65536, 256, 1])) > 50
+    assert svg.read_text().rstrip().endswith("</svg>")
 
 
 def test_a_figure_has_a_width_that_can_be_drawn_and_the_ending_of_its_format(
@@ -65,7 +66,6 @@ def test_a_figure_has_a_width_that_can_be_drawn_and_the_ending_of_its_format(
 ) -> None:
     drawn = lessons["workspace"]
     assert drawn.figure(width=6.0).get_figwidth() == 6.0
-    assert drawn.save_svg(tmp_path / "a.svg").read_text().rstrip().endswith("</svg>")
     with pytest.raises(rp.InputError, match=r"ends in \.svg"):
         drawn.save_svg(tmp_path / "a.png")
     with pytest.raises(rp.InputError, match="at most 100"):

@@ -121,7 +121,7 @@ class RunningPlan(Value):
     def of(result: ManyArmsResult) -> RunningPlan:
         """The plan that `plan_many_arms` found.
 
-        Its margin is that of the problem if each arm has one configuration as its goal, and otherwise 2 mm;
+        Its margin is that of the problem, or 2 mm if the problem has none;
         `dataclasses.replace(plan, margin=...)` sets another one, such as that of `plan_many_arms(margin=...)`.
 
         Raises:
