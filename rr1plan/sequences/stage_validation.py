@@ -112,7 +112,7 @@ def _overlaps_at_the_end(time: float, stages: Sequence[SequenceStage], scenes: S
         # The stage before the release may begin elsewhere.
         before = replace(before, arms=scenes[k + 1].arms)
         own = released_scene(before, stage.change)
-        still = Trajectory(own.joint_names(), [0.0, 1.0], own.configuration()[None, None])
+        still = Trajectory.rest(own.joint_names(), own.configuration())
         violations += [
             replace(v, time=time, message=f"stage {k + 1} ({stage.label}): {v.message}")
             for v in validate(still, own, clearance=False).violations

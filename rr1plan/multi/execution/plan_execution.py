@@ -80,8 +80,7 @@ def execute_plan(
     """The motion of all arms of a plan if some are delayed and all dependencies are kept.
 
     An agent moves as soon as its dependencies allow, so it may be earlier than planned if the plan contains a wait.
-    Executions keep velocity and acceleration limits only, so a plan that limits jerk or torques has none. A graph from
-    a file does not say whether its plan did.
+    Executions keep velocity and acceleration limits only, so a plan that limits jerk or torques has none.
 
     Args:
         graph: The plan graph.
