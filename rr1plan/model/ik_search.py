@@ -11,7 +11,7 @@ from rr1plan.checks import Array, positive_number, read_only
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.kernels.random_state import RandomState
 from rr1plan.model.ik_descent import Target, descend, errors_at
-from rr1plan.model.joint_turns import rotary
+from rr1plan.model.joint_turns import nearest_copy, rotary
 from rr1plan.model.kinematic_chain import Chain
 from rr1plan.robot import Robot
 from rr1plan.scene.problem import PoseGoal, RegionGoal
@@ -22,6 +22,8 @@ from rr1plan.transforms import rotation_from_quaternion
 SHARE, WHOLE = 0.9, 1.0 - 1e-6
 # A second search runs if the error of a descent is below this multiple of the tolerance.
 NEAR = 2.0
+# Descents without joint limits after a search that found nothing.
+_UNLIMITED_STARTS = 40
 # Distance from the faces of a region, and position tolerance of a flat region [m].
 _REGION_MARGIN, _REGION_TOLERANCE = 1e-6, 1e-9
 DISTINCT, DISTINCT_REDUNDANT = 1e-3, 0.2
@@ -124,6 +126,16 @@ class IkSearch:
         # The search stops slow descents early, so this one is completed.
         return descend(self.chain, self.target, self._nearest, limits.lower, limits.upper)[0]
 
+    def beyond_limits(self) -> Array:
+        """Configurations that reach the goal if limits are ignored, shape (k, nq), the least excess first."""
+        robot, limits = self.robot, self.robot.limits
+        free, nearest, rng = np.full(robot.nq, np.inf), self.nearest(), np.random.default_rng(self.tried)
+        starts = [nearest, *rng.uniform(*sampling_box(robot), (_UNLIMITED_STARTS - 1, robot.nq))]
+        ends = [nearest_copy(robot, descend(self.chain, self.target, q, -free, free)[0], nearest) for q in starts]
+        reached = np.array([q for q in ends if self.is_reached(q)]).reshape(-1, robot.nq)
+        excess = np.maximum(limits.lower - reached, reached - limits.upper).max(axis=1, initial=0.0)
+        return np.asarray(reached[np.argsort(excess, kind="stable")])
+
     def is_reached(self, q: Array) -> bool:
         """Whether the frame is within the goal's tolerances at q (nq,)."""
         position, orientation = errors_at(self.chain, self.target, q)
@@ -138,8 +150,10 @@ class IkSearch:
     ) -> list[Array]:
         """Continue for `attempts` starts and return the new accepted solutions.
 
-        If no start has ever reached nine tenths of the tolerance (or a region without its rim) but one came close, as
-        many further starts use the whole tolerance and region, with a copy of the random state.
+        If no start has ever reached nine tenths of the tolerance (or a region without its rim) but one came close, or
+        reaches the goal without limits, as many further starts use the whole tolerance and region, with a copy of the
+        random state. The first of them are the configurations that came closest, clipped to the limits: random
+        descents rarely end where several joints are at a limit.
 
         Args:
             attempts: Number of starts.
@@ -148,9 +162,11 @@ class IkSearch:
             patience: See `solve_ik`.
         """
         found = self._collect(attempts, accept, most, patience)
-        if not (self.accepted or self.rejected or self._is_widened) and self._came_near():
-            self._widen()
-            found = self._collect(attempts, accept, most, patience)
+        if not (self.accepted or self.rejected or self._is_widened):
+            beyond = self.beyond_limits()
+            if len(beyond) or self._came_near():
+                self._widen(beyond)
+                found = self._collect(attempts, accept, most, patience)
         return found
 
     def _came_near(self) -> bool:
@@ -162,11 +178,12 @@ class IkSearch:
         near: bool = self._struct.value.nearest_squared <= NEAR**2 * (position**2 + (weight * orientation) ** 2)
         return near
 
-    def _widen(self) -> None:
-        """Restart with the whole tolerance and region, first from the configuration with the smallest error."""
+    def _widen(self, beyond: Array) -> None:
+        """Restart with the whole tolerance and region, first from the configurations that came closest."""
         self.position_tolerance, self.orientation_tolerance = self._whole
         self._is_widened, self._tried_before, self._state = True, self.tried, self._state.copy()
-        seeds = np.vstack([self.nearest(), self._seeds])
+        clipped = np.clip(beyond, self.robot.limits.lower, self.robot.limits.upper)
+        seeds = np.vstack([self.nearest(), self._seeds, clipped])
         self.target = _target_of(self._goal, 0.0)
         self._struct.set(
             target=self.target.struct,

@@ -2,8 +2,7 @@
 
 A descent within the joint limits runs from each start (the seeds first, then random ones); solutions that
 are equal modulo whole turns count once. The method needs no closed form and covers mimic joints,
-redundant arms and position-only goals. It is not complete: solutions close to a limit can be missed; more
-`attempts` miss fewer.
+redundant arms and position-only goals. It is not complete: more `attempts` miss fewer solutions.
 
 The search is compiled (`inverse_kinematics.c`): a start takes about ten microseconds.
 """
@@ -35,12 +34,11 @@ from rr1plan.kernels.random_state import random_state
 from rr1plan.model.forward_kinematics import Kinematics
 from rr1plan.model.ik_descent import Target, descend, errors_at, position_at
 from rr1plan.model.ik_search import IkSearch, sampling_box
-from rr1plan.model.joint_turns import nearest_copy
 from rr1plan.model.kinematic_chain import chain_of
 from rr1plan.robot import Robot
 from rr1plan.scene.problem import PoseGoal, RegionGoal
 
-_UNLIMITED_STARTS, _POSITION_STARTS = 20, 10
+_POSITION_STARTS = 10
 _MOST_STARTS = 10_000_000
 ROUNDING = 1e-10
 """Distance beyond a limit that counts as rounding [rad or m], such as that of the last sample of a motion."""
@@ -93,8 +91,8 @@ def solve_ik(
     """Every distinct configuration found that brings a frame of an arm to its goal.
 
     Solutions are distinct if they differ by at least 0.001 rad (or m) in some joint, or by 0.2 if the arm has more
-    joints than the goal needs and solutions form a continuum. They use at most nine tenths of the goal's tolerance. If
-    there is none but a descent came near, a second attempt uses all of it.
+    joints than the goal needs and solutions form a continuum. They use at most nine tenths of the goal's tolerance.
+    If there is none, but a descent came near or reaches the goal outside the limits, a second attempt uses all of it.
 
     Args:
         kinematics: Kinematics of one moving arm: of its scene, of the robot alone, or `kinematics.for_arm(name)` of
@@ -152,10 +150,11 @@ def why_none(search: IkSearch, link: str) -> str:
     if search.rejected:
         found = counted(len(search.rejected), "configuration")
         return f"{link} reaches the goal in {found}, none of them accepted {tried}"
-    rng, nearest = np.random.default_rng(search.tried), search.nearest()
-    outside = _outside_limits(search, nearest, rng)
+    beyond = search.beyond_limits()
+    outside = describe_excess(search.robot, beyond[0]) if len(beyond) else ""
     if outside:
         return f"{link} reaches the goal only outside the joint limits: {outside} {tried}"
+    rng, nearest = np.random.default_rng(search.tried), search.nearest()
     position, orientation = errors_at(search.chain, search.target, nearest)
     at = ", ".join(f"{value:.4g}" for value in position_at(search.chain, nearest))
     miss = f"the goal is out of reach of {link}: the nearest it gets is {position:.4g} m away, at [{at}]"
@@ -163,24 +162,6 @@ def why_none(search: IkSearch, link: str) -> str:
         return f"{miss} {tried}"
     alone = "can" if _position_alone(search, nearest, rng) else "cannot"
     return f"{miss}, turned by {orientation:.4g} rad; the position alone {alone} be reached {tried}"
-
-
-def _outside_limits(search: IkSearch, nearest: Array, rng: np.random.Generator) -> str:
-    """Message about the least excess of joint limits that reaches the goal; empty if it cannot be reached."""
-    robot, limits = search.robot, search.robot.limits
-    lower, upper = sampling_box(robot)
-    free = np.full(robot.nq, np.inf)
-    best, least = None, np.inf
-    for i in range(_UNLIMITED_STARTS):
-        start = nearest if i == 0 else rng.uniform(lower, upper)
-        q, _ = descend(search.chain, search.target, start, -free, free)
-        q = nearest_copy(robot, q, nearest)
-        over = float(np.maximum(limits.lower - q, q - limits.upper).clip(0.0).max(initial=0.0))
-        if over < least and search.is_reached(q):
-            best, least = q, over
-    if best is None:
-        return ""
-    return describe_excess(robot, best)
 
 
 def _position_alone(search: IkSearch, nearest: Array, rng: np.random.Generator) -> bool:

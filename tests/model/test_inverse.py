@@ -1,5 +1,7 @@
 """Inverse kinematics: solutions are right, existing solutions are found, and missing ones are explained."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -193,6 +195,13 @@ def test_a_pose_beyond_the_limits_names_the_joint_and_the_excess():
     assert not result.found
     assert "only outside the joint limits" in result.reason
     assert "joint 'joint2' at 2.8 rad, outside [-2.6, 2.6] by 0.2 rad" in result.reason
+
+
+def test_a_pose_at_a_corner_of_the_joint_limits_is_reached(rr1):
+    kinematics, limits = Kinematics(rr1), rr1.limits
+    for upper in product((False, True), repeat=rr1.nq):
+        pose = kinematics.pose(np.where(upper, limits.upper, limits.lower))
+        assert solve_ik(kinematics, PoseGoal("tool", pose), rng=0).found
 
 
 def test_rejected_solutions_are_counted_and_others_are_kept(planar2r):
