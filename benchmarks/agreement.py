@@ -77,7 +77,7 @@ class Comparison:
         self.scene, self.margin = crowd.scene, crowd.margin
         self.checker = CollisionChecker(crowd.scene, crowd.arms, margin=crowd.margin)
         tables = build_edge_tables(self.checker.geometry, self.checker.fixed, self.checker.solid_padding, TOLERANCE)
-        self.kernel = EdgeKernel(tables, self.checker.exact_kernel, self.checker.nq, TOLERANCE)
+        self.kernel = EdgeKernel(tables, self.checker.exact_kernel, self.checker.nq)
         self.exact = self.checker
         # Coal's pairs through Pinocchio need 20 kB each.
         self.is_large = len(self.checker.solid_pairs) > _MOST_PAIRS

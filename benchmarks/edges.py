@@ -45,7 +45,7 @@ def main() -> int:
         checker = CollisionChecker(scene)
         begins, ends = _edges(checker, args.edges)
         tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, _TOLERANCE)
-        kernel = EdgeKernel(tables, checker.exact_kernel, checker.nq, _TOLERANCE)
+        kernel = EdgeKernel(tables, checker.exact_kernel, checker.nq)
         free = kernel.certify_edges(begins, ends) == FREE
         # Counted in one round, including the configurations of the exact kernel.
         done = kernel.done

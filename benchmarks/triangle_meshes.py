@@ -109,7 +109,7 @@ def _time_edges(scene: rp.Scene, count: int, rng: np.random.Generator) -> dict[s
     steps *= rng.uniform(0.2, 1.5, (count, 1)) / np.linalg.norm(steps, axis=1)[:, None]
     ends = np.clip(np.array(begins) + steps, checker.limits.lower, checker.limits.upper)
     tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, checker.tolerance)
-    kernel = EdgeKernel(tables, checker.exact_kernel, checker.nq, checker.tolerance)
+    kernel = EdgeKernel(tables, checker.exact_kernel, checker.nq)
     free = kernel.certify_edges(np.array(begins), ends) == FREE
     return {"edge": _best(kernel.certify_edges, np.array(begins), ends) / count, "free": float(free.mean())}
 

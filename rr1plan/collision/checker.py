@@ -38,7 +38,6 @@ from rr1plan.thread_locks import ExclusiveCache, exclusive
 from rr1plan.transforms import as_pose
 
 TOLERANCE = 1e-6
-_NEAR = 1e-9  # smallest gap that counts as free [m]
 _PRECISION = 1e-9  # of the fraction of an edge at its first contact
 
 
@@ -252,7 +251,7 @@ class CollisionChecker(CoalChecker):
 
     def _make_kernel(self, exact: ExactKernel) -> EdgeKernel:
         tables = build_edge_tables(self.geometry, self.fixed, self.tables.padding, self.tolerance)
-        return EdgeKernel(tables, exact, self.nq, self.tolerance, fixed=self.fixed.struct)
+        return EdgeKernel(tables, exact, self.nq, fixed=self.fixed.struct)
 
     def is_free(self, q: ArrayLike) -> bool:
         """Whether all checked pairs keep their padding at a configuration; Coal decides the few that kernels do not.
@@ -270,7 +269,9 @@ class CollisionChecker(CoalChecker):
 
     @exclusive
     def is_free_ignoring(self, q: ArrayLike, arms: frozenset[str]) -> bool:
-        """Like `is_free`, ignoring pairs that involve some arms; the other pairs keep at least a nanometer.
+        """Whether motions may start at a configuration if pairs that involve some arms are ignored.
+
+        All other pairs keep their padding and the part of a gap that remains in every proof, about `tolerance`.
 
         Args:
             q: Configuration [rad or m], shape (nq,).
@@ -281,9 +282,10 @@ class CollisionChecker(CoalChecker):
         """
         q = self.checked(q)
         of_kind("arms", arms, frozenset)
-        if self.is_free(q):
+        if self._certify(q, q)[0] == FREE:
             return True
-        return bool(arms) and self.static_is_free and self._kernel_without(arms).least_clearance(q, _NEAR) >= _NEAR
+        rest = self._kernel.rest
+        return self.static_is_free and self._kernel_without(arms).least_clearance(q, rest) >= rest
 
     def _kernel_without(self, arms: frozenset[str]) -> ExactKernel:
         """The exact kernel for the pairs that involve none of these arms."""

@@ -93,7 +93,6 @@ class EdgeKernel:
         tables: Spheres, cores and pairs for the kernel.
         exact: The exact kernel for the same pairs.
         columns: Number of columns of q.
-        tolerance: Motions that pass at less than this distance beyond the padding are rejected [m].
         library: The compiled kernels (default: the fastest ones that this processor can run).
         fixed: Objects that do not move, for `move_object`.
     """
@@ -103,13 +102,12 @@ class EdgeKernel:
         tables: EdgeTables,
         exact: ExactKernel,
         columns: int,
-        tolerance: float,
         library: ctypes.CDLL | None = None,
         fixed: CStruct | None = None,
     ) -> None:
         self._library = library or load_library()
         self._exact = exact
-        self._scene = scene_struct(tables, exact.struct, columns, tolerance, fixed)
+        self._scene = scene_struct(tables, exact.struct, columns, fixed)
         self._scratch = edge_scratch(tables, exact.scratch, columns)
         self._result = self._scratch.value.result
         self._lists, self._queue = list_sizes(tables), exact.scratch.value.queue_size

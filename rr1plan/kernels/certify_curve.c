@@ -69,10 +69,13 @@ INLINE double place_pair(const ExactPair *pair, int64_t seen, const ExactTables 
 }
 
 // State of a pair with this displacement on the current interval: EDGE_FREE, EDGE_CONTACT, EDGE_GRAZING or PAIR_OPEN.
+//
+// Gaps that exceed the padding by less than the tolerance are grazing: to prove them free would take millions of
+// intervals.
 static int judge_pair(int64_t p, double moved, double tolerance, const ExactTables *exact, ExactScratch *scratch,
                       Counters *done) {
     const ExactPair *pair = &exact->pairs[p];
-    double padding = exact->padding[p], enough = padding + moved * SLACK + ROUNDING;
+    double padding = exact->padding[p], enough = padding + max_number(moved * SLACK + ROUNDING, tolerance);
     double quick = quick_gap(pair->body, pair->other, enough, exact, scratch);
     if (quick >= enough) return EDGE_FREE;
     // The interval is too wide for a proof, and there is no sign of contact: halve it.
@@ -82,7 +85,7 @@ static int judge_pair(int64_t p, double moved, double tolerance, const ExactTabl
         fine_gap(pair->body, pair->other, padding, enough, &scratch->directions[p], exact, scratch);
     if (gap.lower >= enough) return EDGE_FREE;
     if (gap.upper <= padding) return EDGE_CONTACT;
-    return moved < tolerance ? EDGE_GRAZING : PAIR_OPEN;
+    return moved < tolerance || gap.upper < padding + tolerance ? EDGE_GRAZING : PAIR_OPEN;
 }
 
 // A ring buffer of open entries, taken from both ends; entries of one interval are consecutive.
@@ -122,8 +125,8 @@ static int fill_queue(Queue *queue, const OpenInterval *open, int64_t count) {
 // Halve intervals until every pair open on them is proven apart, or one is not.
 //
 // The widest come first. If the ring is more than half full, the narrowest come first, which needs no more room than
-// their depth.
-static EdgeResult halve(const Curve *curve, double tolerance, Queue *queue, const ExactTables *exact,
+// their depth. After `most` configurations, a curve that is not proven counts as grazing.
+static EdgeResult halve(const Curve *curve, double tolerance, int64_t most, Queue *queue, const ExactTables *exact,
                         ExactScratch *scratch, Counters *done) {
     int64_t seen = 0;
     for (int64_t b = 0; b < exact->body_count; b++) scratch->placed_at[b] = -1;
@@ -134,7 +137,7 @@ static EdgeResult halve(const Curve *curve, double tolerance, Queue *queue, cons
         int back = queue->tail - queue->head > queue->size / 2;
         int64_t run = run_length(queue, back), first = back ? queue->tail - run : queue->head;
         OpenInterval interval = *queue_at(queue, first);
-        if (seen > MOST_CONFIGURATIONS) return (EdgeResult){EDGE_GRAZING, interval.pair, interval.middle};
+        if (seen > most) return (EdgeResult){EDGE_GRAZING, interval.pair, interval.middle};
         place_interval(curve, interval.middle, interval.half, exact->column_count, scratch);
         place_joints(scratch->q, exact, scratch);
         seen++;
@@ -167,13 +170,15 @@ static EdgeResult halve(const Curve *curve, double tolerance, Queue *queue, cons
 }
 
 // Certify the open parts of a curve, entries of one interval in any order; a count of -1: all pairs on the whole curve.
-static EdgeResult certify_open(const Curve *curve, double tolerance, const OpenInterval *open, int64_t count,
-                               const ExactTables *exact, ExactScratch *scratch, Counters *done) {
+//
+// tolerance: curves whose gap exceeds the padding by less than this are rejected [m]; most: see `halve`.
+static EdgeResult certify_open(const Curve *curve, double tolerance, int64_t most, const OpenInterval *open,
+                               int64_t count, const ExactTables *exact, ExactScratch *scratch, Counters *done) {
     Queue queue = {scratch->queue, scratch->queue_size, 0, 0};
     double half = 0.5 * curve->duration;
     if (count < 0)
         for (int64_t p = 0; p < exact->pair_count; p++) *queue_at(&queue, queue.tail++) = (OpenInterval){half, half, p};
     else if (!fill_queue(&queue, open, count))
         return (EdgeResult){EDGE_GRAZING, open[0].pair, open[0].middle};
-    return halve(curve, tolerance, &queue, exact, scratch, done);
+    return halve(curve, tolerance, most, &queue, exact, scratch, done);
 }

@@ -12,6 +12,10 @@
 // kernel, whose bounds ignore the direction of motion, needs intervals a hundred times narrower still.
 #define NARROWEST (1.0 / 1048576.0)
 
+// Configurations of an edge after which the exact kernel gives up; even concave obstacles need fewer. Edges that pass at
+// a distance just above the least one would need millions.
+#define MOST_OF_EDGE 20000
+
 enum { SWEEP_PROVEN, SWEEP_CONTACT, SWEEP_OPEN };
 
 // Store the open lanes of a candidate, to be halved or for the exact kernel. Returns 0 if there is no room.
@@ -110,8 +114,8 @@ static int64_t decide(int64_t terms, int64_t has_free_end, const SceneTables *sc
     } else if (answer == SWEEP_OPEN) {
         done->exact_edges++;
         Curve curve = {scratch->curve, terms, 1.0};
-        scratch->result = certify_open(&curve, scene->tolerance, scratch->open, scratch->open_count, scene->exact,
-                                       scratch->exact, done);
+        scratch->result = certify_open(&curve, scene->margin, MOST_OF_EDGE, scratch->open, scratch->open_count,
+                                       scene->exact, scratch->exact, done);
     }
     return scratch->result.status;
 }
@@ -166,7 +170,8 @@ EXPORT int64_t rr1_certify_curve(const SceneTables *scene, Scratch *scratch, con
                                  int64_t terms, double duration) {
     Curve curve = {coefficients, terms, duration};
     scratch->done.edges++;
-    scratch->result = certify_open(&curve, scene->tolerance, 0, -1, scene->exact, scratch->exact, &scratch->done);
+    scratch->result = certify_open(&curve, scene->margin, MOST_CONFIGURATIONS, 0, -1, scene->exact, scratch->exact,
+                                   &scratch->done);
     return scratch->result.status;
 }
 

@@ -213,7 +213,10 @@ static int prove_apart(double middle, double half, int64_t first, int64_t last, 
     if (half < SHORTEST_HALF) return refuse(EDGE_GRAZING, scratch->open[last], &at, scratch);
     double quarter = 0.5 * half;
     if (!prove_apart(middle - quarter, quarter, last, at.tail, find_first, scene, scratch)) return 0;
-    if (at.touching >= 0) return refuse(EDGE_CONTACT, at.touching, &at, scratch);
+    if (at.touching >= 0) {
+        at.half = 0.0;  // the first half is proven
+        return refuse(EDGE_CONTACT, at.touching, &at, scratch);
+    }
     return prove_apart(middle + quarter, quarter, last, at.tail, find_first, scene, scratch);
 }
 

@@ -19,7 +19,6 @@ typedef struct {
     double margin;         // gap beyond all other terms that a proof requires [m]
     double bare_margin;    // likewise, with all obstacles at the origin [m]
     double max_padding;    // [m]
-    double tolerance;      // motions whose gap exceeds the padding by less than this are rejected [m]
 } SceneTables;
 
 // World pose and velocity of a joint's frame in eight configurations; velocities are derivatives by t, 0 <= t <= 1.

@@ -206,8 +206,9 @@ def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:
 
 
 def _is_usable(checker: CollisionChecker, q: Array) -> bool:
-    """Whether q is within the limits and free of contacts, including contacts between stationary objects."""
-    return checker.static_is_free and checker.within_limits(q) and checker.clearance(q, 1e-3) > 0.0
+    """Whether q is within the limits and surely free of contacts, including contacts between stationary objects."""
+    least = 2.0 * checker.tolerance  # with nearly as much, no motion from q can be proven
+    return checker.static_is_free and checker.within_limits(q) and checker.clearance(q, 1e-3) > least
 
 
 def _first_contact(

@@ -10,7 +10,7 @@ from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker, Contact
 from rr1plan.scene.held_contacts import contact_advice
 
-# Elements closer than this [m] count as touching: the resolution of the kernel and of Coal.
+# Elements whose depth is below this [m] touch, rather than overlap: the resolution of the kernel and of Coal.
 _TOUCH = 1e-6
 
 
@@ -22,7 +22,10 @@ def describe_collision(checker: CollisionChecker, q: Array, without: Collection[
         q: Configuration in collision [rad or m], shape (nq,).
         without: Arms whose contacts are ignored.
     """
-    contacts = contacts_without(checker, q, without) or _nearest_to_contact(checker, q, without)
+    contacts = contacts_without(checker, q, without)
+    if not contacts:
+        a, b = _nearest_to_contact(checker, q, without)
+        return f"{a!r} and {b!r} are less than a micrometer from contact, too near to prove any motion"
     said = [_describe(checker, contact) for contact in contacts[:3]]
     rest = len(contacts) - 3
     more = f" and {rest} more {'pair' if rest == 1 else 'pairs'}" if rest > 0 else ""
@@ -36,13 +39,12 @@ def contacts_without(checker: CollisionChecker, q: Array, arms: Collection[str])
     return [c for c in checker.contacts(q) if owner(c.a) not in arms and owner(c.b) not in arms]
 
 
-def _nearest_to_contact(checker: CollisionChecker, q: Array, arms: Collection[str]) -> Sequence[Contact]:
+def _nearest_to_contact(checker: CollisionChecker, q: Array, arms: Collection[str]) -> tuple[str, str]:
     """The pair with the least distance beyond its padding: the kernel rejects gaps below 1 µm, Coal does not."""
     scene = checker.scene
     counts = [scene.owner(a) not in arms and scene.owner(b) not in arms for a, b in checker.pairs]
     beyond = np.where(counts, checker.distances(q) - checker.padding, np.inf)
-    k = int(np.argmin(beyond))
-    return [Contact(*checker.pairs[k], max(0.0, -float(beyond[k])), np.full(3, np.nan))]
+    return checker.pairs[int(np.argmin(beyond))]
 
 
 def _gap(checker: CollisionChecker, contact: Contact) -> float:

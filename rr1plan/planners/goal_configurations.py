@@ -64,7 +64,7 @@ def check_start(problem: Problem, motion: CollisionChecker) -> str:
     excess = _composite_excess(problem, problem.start)
     if excess:
         return f"the start is out of limits: {excess}"
-    if motion.is_free(problem.start):
+    if motion.is_free_ignoring(problem.start, frozenset()):
         return ""
     return f"the start is in collision: {describe_collision(motion, problem.start)}"
 
@@ -146,7 +146,7 @@ class GoalSearch:
                 continue
             self._tried.add(q.tobytes())
             tried += 1
-            if len(ranked) == 1 or self._motion.is_free(q):
+            if len(ranked) == 1 or self._motion.is_free_ignoring(q, frozenset()):
                 free.append(q)
             elif tried == 1:
                 blocked = q

@@ -22,7 +22,6 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch
 from rr1plan.planners.planning_query import NO_LIMIT
 from rr1plan.planners.rrt_connect import RrtConnect
@@ -45,8 +44,6 @@ _ROUNDS = (20, 80, 320)
 _LINES = 4
 # An arm and two of its links.
 _LinksOfArm = tuple[str, Pair]
-# No edge from a configuration with less clearance than this can be certified [m].
-_TOUCH = 1e-6
 
 
 def split_budget(budget: Budget) -> tuple[Budget, Budget | None]:
@@ -92,7 +89,6 @@ class _HintSearch:
         """Hints, the most certain first."""
         with checker_from_pool(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
             goals = GoalSearch(self._problem, motions, self._seed).find().configurations
-        yield from self._ends_in_contact(goals)
         tried: dict[_LinksOfArm, None] = {}
         for count in _ROUNDS:
             candidates = [key for key in self._pairs_on_the_way(goals[:_LINES], count) if key not in tried]
@@ -115,17 +111,6 @@ class _HintSearch:
             if self._solves_without(rest, len(pairs) - k + 1):
                 pairs = rest
         yield self._describe(pairs)
-
-    def _ends_in_contact(self, goals: Array) -> Iterator[str]:
-        """A start or goal so close to contact that no edge from it can be certified."""
-        with checker_from_pool(self._problem.scene, self._problem.arms, self._problem.margin) as motions:
-            checker = motions
-            if checker.clearance(self._problem.start, _TOUCH) < _TOUCH:
-                near = describe_collision(checker, self._problem.start)
-                yield f"the start is less than a micrometer from contact, too close to certify an edge: {near}"
-            elif len(goals) and all(checker.clearance(q, _TOUCH) < _TOUCH for q in goals):
-                near = describe_collision(checker, goals[0])
-                yield f"the goal is less than a micrometer from contact, too close to certify an edge: {near}"
 
     def _pairs_on_the_way(self, goals: Array, count: int) -> list[_LinksOfArm]:
         """Pairs of one arm's links in contact on the lines to all goals, by descending number of samples in contact.

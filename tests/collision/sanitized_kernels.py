@@ -51,7 +51,7 @@ def edges():
     for scene in scenes():
         checker = CollisionChecker(scene)
         tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
-        kernel = EdgeKernel(tables, ExactKernel(checker.tables, checker.nq), checker.nq, 1e-6)
+        kernel = EdgeKernel(tables, ExactKernel(checker.tables, checker.nq), checker.nq)
         rng = np.random.default_rng(1)
         for i, q in enumerate(rng.uniform(-2.0, 2.0, (60, checker.nq))):
             step = rng.normal(size=checker.nq) * rng.choice([0.0, 0.1, 0.6])

@@ -44,7 +44,7 @@ def built(request, odd, six):
 
 def test_no_sphere_moves_farther_than_its_travel(built):
     checker, tables = built
-    kernel, count = EdgeKernel(tables, checker.exact_kernel, checker.nq, 1e-6), len(tables.arm.spheres)
+    kernel, count = EdgeKernel(tables, checker.exact_kernel, checker.nq), len(tables.arm.spheres)
     rng = np.random.default_rng(4)
     spans = np.linspace(0.0, 1.0, LANES)
     for size in np.geomspace(0.001, 1.0, 30):

@@ -25,7 +25,7 @@ class Separation:
         tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
         # A copy, so that it can be written.
         self.tables = tables._replace(padding=tables.padding.copy())
-        self.kernel = EdgeKernel(self.tables, checker.exact_kernel, checker.nq, 1e-6)
+        self.kernel = EdgeKernel(self.tables, checker.exact_kernel, checker.nq)
         self.spheres = zeroed("SphereProbe", len(tables.arm.spheres))
 
     def candidates(self):

@@ -83,7 +83,7 @@ def kernel_of(checker, library=None, queue_size=None):
     exact = ExactKernel(checker.tables, checker.nq)
     exact.scratch.value.queue_size = queue_size or exact.scratch.value.queue_size
     tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, TOLERANCE)
-    return EdgeKernel(tables, exact, checker.nq, TOLERANCE, library)
+    return EdgeKernel(tables, exact, checker.nq, library)
 
 
 def questions(nq, wide, count, seed):

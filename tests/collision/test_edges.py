@@ -135,12 +135,8 @@ def test_an_edge_of_length_zero_is_coals_answer(worlds, name):
 def test_where_it_finds_a_contact_coal_does_too(worlds, name):
     scene, wide = worlds[name]
     checker = CollisionChecker(scene)
-    kernel = EdgeKernel(
-        build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6),
-        checker.exact_kernel,
-        checker.nq,
-        1e-6,
-    )
+    tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
+    kernel = EdgeKernel(tables, checker.exact_kernel, checker.nq)
     found = 0
     for q0, q1 in edges(checker.nq, wide, 300, 13):
         status, where, pair = kernel.certify_edge(q0, q1)
@@ -156,6 +152,27 @@ def test_both_directions_of_an_edge_have_one_answer_by_spheres(worlds):
     motion = checker
     for q0, q1 in edges(checker.nq, 2.5, 200, 14):
         assert motion.edge_is_free(q0, q1) == motion.edge_is_free(q1, q0)
+
+
+def above_a_plate(planar, gap):
+    """A planar arm whose lowest surface stays at one distance from a plate [m]."""
+    lowest = CollisionChecker(Scene().with_arm("p", planar).with_obstacle("plate", Box((6, 6, 0.1)), [0, 0, -1.0]))
+    clearance = lowest.clearance([0.3, 0.4])
+    return Scene().with_arm("p", planar).with_obstacle("plate", Box((6, 6, 0.1)), [0, 0, -1.0 + clearance - gap])
+
+
+@pytest.mark.parametrize(("gap", "free"), [(-1e-7, False), (3e-7, False), (9e-7, False), (1.1e-6, True), (3e-6, True)])
+def test_gaps_of_micrometers_are_decided_without_millions_of_configurations(planar, gap, free):
+    checker = CollisionChecker(above_a_plate(planar, gap))
+    for q0, q1 in edges(2, 2.0, 20, 14):
+        assert checker.edge_is_free(q0, q1) == free
+    assert checker.done.configurations < 100_000
+
+
+def test_a_gap_just_above_the_least_one_is_refused_rather_than_searched_for_long(planar):
+    checker = CollisionChecker(above_a_plate(planar, 1.002e-6))
+    assert not checker.edge_is_free([-2.0, -1.0], [2.0, 1.5])
+    assert checker.done.configurations < 100_000
 
 
 def test_turns_without_end_and_joints_beyond_their_limits_are_swept(odd):

@@ -88,7 +88,7 @@ class World:
         tables = build_edge_tables(self.checker.geometry, self.checker.fixed, self.checker.solid_padding, 1e-6)
         # A copy, so that any padding can be set.
         self.tables = tables._replace(padding=tables.padding.copy())
-        self.kernel = EdgeKernel(self.tables, self.checker.exact_kernel, self.checker.nq, 1e-6)
+        self.kernel = EdgeKernel(self.tables, self.checker.exact_kernel, self.checker.nq)
         self.pairs = self.checker.solid_pairs.tolist()
         self.told_to_coal = {}
         step = rng.normal(size=self.checker.nq) * 10.0 ** rng.uniform(-2.0, 0.3)

@@ -40,7 +40,7 @@ def test_the_lowest_corner_is_that_of_all_corners(six, turned):
         scene = scene.with_obstacle(f"rock {i}", rock, T)
     checker = CollisionChecker(scene)
     tables = build_edge_tables(checker.geometry, checker.fixed, checker.solid_padding, 1e-6)
-    struct = scene_struct(tables, checker.exact_kernel.struct, checker.nq, 1e-6)
+    struct = scene_struct(tables, checker.exact_kernel.struct, checker.nq)
     rng = np.random.default_rng(3)
     assert (tables.cores.rows[:, 2] - tables.cores.rows[:, 1]).max() == 200
     for core, (_, first, last, kind, *_) in enumerate(tables.cores.rows.tolist()):

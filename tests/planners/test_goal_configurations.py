@@ -69,6 +69,19 @@ def test_the_end_of_a_motion_to_a_limit_is_a_valid_start(rr1):
     assert rp.plan(Problem(scene, q, "home"), rng=0).status is PlanStatus.INVALID_START
 
 
+@pytest.mark.parametrize(("gap", "valid"), [(3e-7, False), (9e-7, False), (1.2e-6, True)])
+def test_ends_from_which_no_edge_can_be_proven_are_invalid(planar2r, gap, valid):
+    scene = alone(planar2r)
+    far = CollisionChecker(scene.with_obstacle("plate", Box((9, 9, 0.1)), [0, 0, -1.0])).clearance([0.3, 0.4])
+    scene = scene.with_obstacle("plate", Box((9, 9, 0.1)), [0, 0, far - gap - 1.0])
+    problem = Problem(scene, [0.0, 0.0], [1.5, 1.0])
+    assert ("are less than a micrometer from contact" in start_of(problem)) != valid
+    assert (goals_of(problem).status is None) == valid
+    motion = rp.plan_motion(problem, rng=0)
+    assert motion.status is (PlanStatus.FOUND if valid else PlanStatus.INVALID_START)
+    assert not motion.found or motion.valid
+
+
 def test_a_bounded_joint_goes_where_it_is_told(rr1):
     goal = FREE.copy()
     goal[0] = -2.3

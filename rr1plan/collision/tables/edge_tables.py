@@ -97,7 +97,7 @@ def build_edge_tables(geometry: CollisionGeometry, fixed: FixedSolids, padding: 
     link_cores, numbers = _link_cores(instances)
     cores = fixed.place_cores(link_cores, numbers)
     obstacles, rounding = fixed.place_obstacles(pairs.places, pairs.pair_of.shape[1])
-    bare = 2.0 * tolerance + instance_spheres(instances).rounding
+    bare = tolerance + instance_spheres(instances).rounding
     padded = padded_pairs(geometry, padding, tolerance, bare + rounding)
     return EdgeTables(instances, cores, obstacles, padded, padding, bare + rounding, bare)
 
@@ -116,16 +116,13 @@ def _link_cores(instances: ArmInstances) -> tuple[CoreTables, _INTS]:
 # ---- structs and memory ----------------------------------------------------------------------------
 
 
-def scene_struct(
-    tables: EdgeTables, exact: CStruct, columns: int, tolerance: float, fixed: CStruct | None = None
-) -> CStruct:
+def scene_struct(tables: EdgeTables, exact: CStruct, columns: int, fixed: CStruct | None = None) -> CStruct:
     """A scene's tables as a C struct.
 
     Args:
         tables: Spheres, cores and pairs.
         exact: The exact kernel's tables for the same pairs.
         columns: Number of columns of q.
-        tolerance: Motions that pass at less than this distance beyond the padding are rejected [m].
         fixed: The objects that do not move; needed only for moving them.
     """
     return CStruct(
@@ -138,7 +135,6 @@ def scene_struct(
         margin=tables.rest,
         max_padding=tables.pairs.greatest,
         bare_margin=tables.bare_rest,
-        tolerance=tolerance,
         **({} if fixed is None else {"fixed": fixed}),
     )
 
