@@ -186,19 +186,11 @@ class Trajectory(Value, NotebookView):
         factor = positive_number("factor", factor)
         powers = factor ** -np.arange(self.coefficients.shape[1])
         start = self.breaks[0]
-        return Trajectory(
-            self.joint_names, start + (self.breaks - start) * factor, self.coefficients * powers[None, :, None]
-        )
+        return self._with_rounded(start + (self.breaks - start) * factor, self.coefficients * powers[None, :, None])
 
     def shifted(self, seconds: float) -> Trajectory:
         """The same motion, `seconds` later."""
-        breaks = self.breaks + finite_number("seconds", seconds)
-        # Pieces of merged trajectories may be so short that their breaks are equal after rounding.
-        lasts = np.diff(breaks) > 0.0
-        if lasts.all():
-            return Trajectory(self.joint_names, breaks, self.coefficients)
-        kept = self.coefficients[lasts] if lasts.any() else self.coefficients[:1]
-        return Trajectory(self.joint_names, np.append(breaks[:1], breaks[1:][lasts]), kept)
+        return self._with_rounded(self.breaks + finite_number("seconds", seconds), self.coefficients)
 
     def cut(self, begin: float, end: float) -> Trajectory:
         """The motion between two times; before its start and after its end it rests.
@@ -308,6 +300,17 @@ class Trajectory(Value, NotebookView):
             and bool(np.allclose(self.breaks, other.breaks, rtol=0.0, atol=atol))
             and bool(np.allclose(self.coefficients, other.coefficients, rtol=0.0, atol=atol))
         )
+
+    def _with_rounded(self, breaks: Array, coefficients: Array) -> Trajectory:
+        """The trajectory with other breaks and coefficients, without pieces whose breaks are equal.
+
+        Pieces of merged trajectories may be so short that their breaks are equal after rounding.
+        """
+        lasts = np.diff(breaks) > 0.0
+        if lasts.all():
+            return Trajectory(self.joint_names, breaks, coefficients)
+        kept = coefficients[lasts] if lasts.any() else coefficients[:1]
+        return Trajectory(self.joint_names, np.append(breaks[:1], breaks[1:][lasts]), kept)
 
     def _on(self, breaks: Array, degree: int) -> Array:
         """Coefficients on a refinement of `self.breaks`, shape (m, degree, nq)."""

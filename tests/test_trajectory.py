@@ -276,3 +276,13 @@ def test_a_shift_drops_pieces_that_rounding_leaves_no_time() -> None:
     np.testing.assert_allclose(later.breaks, [1.1, 2.0])
     np.testing.assert_allclose(later(1.6), motion(0.6), atol=1e-12)
     assert Trajectory(("arm/a",), breaks[:2], motion.coefficients[:1]).shifted(1.0).duration == 0.0
+
+
+@pytest.mark.parametrize("factor", [0.3, 0.9, 7.1])
+def test_a_stretch_drops_pieces_that_rounding_leaves_no_time(factor: float) -> None:
+    one = Trajectory(("a/j",), [0.1, 0.7, 2.0], [[[0.0], [1.0]], [[0.6], [-1.0]]])
+    other = Trajectory(("b/j",), np.nextafter(one.breaks, 9.0), one.coefficients)
+    merged = Trajectory.merge(one, other)
+    stretched = merged.stretched(factor)
+    times = np.linspace(0.0, 2.5, 40)
+    np.testing.assert_allclose(stretched(0.1 + (times - 0.1) * factor), merged(times), atol=1e-12)
