@@ -109,9 +109,11 @@ def _on_one_clock(
         elif step.seconds > 0.0:
             parts.append((step.seconds, q[None]))
         for seconds, piece in parts:
-            clock += seconds
-            breaks.append(clock)
-            pieces.append(piece)
+            # Pauses may be too short for the clock to resolve.
+            if clock + seconds > clock:
+                clock += seconds
+                breaks.append(clock)
+                pieces.append(piece)
         segment = step.segment
         change = segment if isinstance(segment, Attach | Detach) else None
         stages.append(SequenceStage(segment.label, begin, clock, _allowed(before, step), change))

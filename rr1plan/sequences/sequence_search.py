@@ -316,17 +316,15 @@ class SequenceSearch:
         if not checker.is_free(start):
             self._fail(k, PlanStatus.INVALID_START, f"the start is in collision: {describe_collision(checker, start)}")
             return None
-        if (start == end).all():
-            return PlannedSegment(segment, seconds=segment.seconds), after
         if not checker.edge_is_free(start, end):
             contact = checker.first_contact(start, end)
             where = end if contact is None else contact.q + 1e-3 * (end - start)
             self._fail(k, PlanStatus.INFEASIBLE, f"collision: {describe_collision(checker, where)}")
             return None
         trajectory = retime(Path(columns, [start, end]), own, method=self._retiming, checker=checker)
-        if trajectory.duration < segment.seconds:
+        if 0.0 < trajectory.duration < segment.seconds:
             trajectory = trajectory.stretched(segment.seconds / trajectory.duration)
-        return PlannedSegment(segment, trajectory, trajectory.duration), after
+        return PlannedSegment(segment, trajectory, max(trajectory.duration, segment.seconds)), after
 
     # ---- budget, failures --------------------------------------------------------------------
 

@@ -311,3 +311,16 @@ def test_a_free_motion_that_is_not_found_is_named_when_the_budget_ends() -> None
     assert plan.failed == 1
     assert plan.reason.startswith("segment 2 (free motion to a configuration) not found: ")
     assert "out of budget" in plan.reason
+
+
+def test_pauses_too_short_for_the_clock_are_planned(table: rp.Scene) -> None:
+    plan = plan_of(table, rp.Pause(1.0), rp.Pause(1e-20), rp.MoveGripper(0.0, seconds=1e-20), rp.Pause(1.0))
+    assert plan, plan
+    assert plan.trajectory.duration == 2.0
+    assert len(plan.stages) == 4
+
+
+def test_a_gripper_that_is_nearly_at_its_position_moves_for_its_least_duration(table: rp.Scene) -> None:
+    plan = plan_of(table, rp.Pause(1.0), rp.MoveGripper(1e-13, seconds=0.3))
+    assert plan, plan
+    assert plan.trajectory.duration == pytest.approx(1.3)
