@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,10 @@ from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
 logger = logging.getLogger(__name__)
+
+# Shortest time of a ramp to the velocity limit [s]: higher accelerations make no measurable difference, and pieces that
+# the breaks cannot resolve.
+_SHORTEST_RAMP = 1e-6
 
 
 class Work(NamedTuple):
@@ -97,6 +102,9 @@ def retime(
     if len(points) == 1:
         return Trajectory.rest(path.joint_names, points[0])
     check_limits(path.joint_names, points, limits, jerk=method in _JERK_LIMITED)
+    with np.errstate(over="ignore"):
+        steepest = limits.velocity / _SHORTEST_RAMP
+    limits = replace(limits, acceleration=np.minimum(limits.acceleration, steepest))
     dynamics = Kinematics(scene, arms).inverse_dynamics if torque_limits else None
     work = Work(points, limits, max_blend, lambda: checker or _certifier(scene, arms), dynamics)
     _, time_pieces = _METHODS[method]
@@ -177,10 +185,11 @@ def _time_with_torque(work: Work, curve: Curve) -> list[Pieces]:
     try:
         return [time_curve_with_torque(curve, work.limits, work.inverse_dynamics).within(work.limits)]
     except RetimingError as error:
-        if end - begin == 1:
-            raise
         logger.info("stopping at waypoints %d to %d: %s", begin, end, error)
     points = work.points[begin : end + 1]
+    if end - begin == 1:
+        # Stretched to the torque limits by `within_torque`.
+        return [time_polyline(points, np.zeros(2), work.limits)]
     return [part for line in curves(points, np.zeros(len(points))) for part in _time_with_torque(work, line)]
 
 

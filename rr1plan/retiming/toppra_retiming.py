@@ -136,7 +136,7 @@ def _failure(curve: Curve, grid: Grid, algorithm: Any, stage: int | None = None)
     code = getattr(data.return_code, "name", data.return_code)
     return RetimingError(
         f"TOPPRA finds no speed between waypoints {begin} and {end}: {code} at gridpoint {stage} of {len(grid.delta)}, "
-        f"{place:.6g} rad of {float(grid.delta.sum()):.6g} rad along; try method 'stop' or wider limits"
+        f"{place:.6g} rad of {float(grid.delta.sum()):.6g} rad along"
     )
 
 

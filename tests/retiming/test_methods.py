@@ -99,6 +99,16 @@ def test_limits_beyond_what_times_resolve_are_refused(tools, largest):
     assert tools.retime_points([[0.5, 0.5], [0.5, 0.5]], limits, "blend").duration == 0.0
 
 
+@pytest.mark.parametrize("acceleration", [1e10, 1e12, 1e300])
+def test_accelerations_beyond_what_times_resolve_start_and_end_at_rest(tools, method, acceleration):
+    points = [[0.0, 0.0], [1.0, 0.5], [0.0, 1.0]]
+    limits = tools.limits_of(2, 1.0, acceleration, 1e300)
+    trajectory = tools.retime_points(points, limits, method, max_blend=0.0)
+    tools.check_motion(trajectory, points, limits, jerk=method not in JERKY)
+    assert trajectory.duration == pytest.approx(2.0, rel=1e-3)
+    assert np.abs(trajectory([0.0, trajectory.end_time], 1)).max() < 1e-8
+
+
 @pytest.mark.parametrize("kind", ["velocity", "acceleration", "jerk"])
 def test_a_moving_joint_without_a_limit_is_named(tools, method, kind):
     limits = replace(tools.limits_of(3), **{kind: np.array([1.0, np.inf, 1.0])})

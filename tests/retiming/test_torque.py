@@ -95,3 +95,20 @@ def test_torque_limits_leave_the_path_alone(setting):
     t = np.linspace(0.0, trajectory.end_time, 10_000)
     assert (np.abs(trajectory(t, 1)) <= limits.velocity * (1.0 + 1e-9)).all()
     assert (np.abs(trajectory(t, 2)) <= limits.acceleration * (1.0 + 1e-9)).all()
+
+
+@pytest.mark.parametrize("length", [1e-7, 1e-8])
+def test_short_lines_are_timed_under_torque_limits(rr1, length):
+    robot = rr1.with_limits("hardware")
+    scene, rng = rp.Scene().with_arm("arm", robot), np.random.default_rng(5)
+    low, high = np.maximum(robot.limits.lower, -1.0), np.minimum(robot.limits.upper, 1.0)
+    for _ in range(8):
+        start = rng.uniform(low, high)
+        for direction in np.eye(robot.nq):
+            path = rp.Path(scene.joint_names(), [start, start + length * direction])
+            loose = retime(path, scene, method="stop")
+            tight = retime(path, scene, method="stop", torque_limits=True)
+            assert loose.duration * (1.0 - 1e-9) <= tight.duration < 1.5 * loose.duration
+            t = np.linspace(0.0, tight.end_time, 20)
+            torque = Kinematics(scene).inverse_dynamics(tight(t), tight(t, 1), tight(t, 2))
+            assert (np.abs(torque) <= robot.limits.effort).all()
