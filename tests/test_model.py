@@ -1,16 +1,19 @@
 """The scene's Pinocchio model against the plain numpy kinematics of the description."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from rr1plan.errors import InputError, UnknownNameError
+from rr1plan.model import Kinematics
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.robot import Geometry, Inertial, Joint, Link, Mimic, Robot
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Arm, Scene
+from rr1plan.scene.scene_elements import Attachment
 from rr1plan.shapes import Box, HalfSpace, Sphere
 from rr1plan.transforms import pose
 
@@ -104,6 +107,27 @@ def test_subtrees_are_contiguous_so_that_the_mass_matrix_is_right():
     bias = pin.rnea(model.model, data, full, zero, zero).copy()
     by_columns = [pin.rnea(model.model, data, full, zero, e).copy() - bias for e in np.eye(model.model.nv)]
     np.testing.assert_allclose(M, np.array(by_columns).T, atol=1e-10)
+
+
+def test_torques_include_the_masses_of_held_objects():
+    scene = odd_scene()
+    box, at = Box((0.1, 0.2, 0.3)), pose([0.3, 0.1, -0.2], rpy=[0.4, 0.1, -0.7])
+    held = Attachment((Geometry("box", box, at),), "right", "d", pose([0.0, 0.2, 0.1]), mass=2.0)
+    on_base = Attachment((Geometry("box", box),), "right", "base", at, mass=5.0)
+    loaded = replace(scene, attachments={**scene.attachments, "held": held, "on_base": on_base})
+    x, y, z = box.size
+    inertia = 2.0 / 12.0 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
+    T = held.pose @ at
+    solid = Inertial(2.0, T[:3, 3], T[:3, :3] @ inertia @ T[:3, :3].T)
+    robot = scene.arms["right"].robot
+    # The same load as part of the robot.
+    extra = Joint("grasp", "fixed", "d", "load")
+    heavy = replace(robot, links=(*robot.links, Link("load", solid)), joints=(*robot.joints, extra))
+    expected, found = Kinematics(scene.with_robot("right", heavy)), Kinematics(loaded)
+    q, qd, qdd = np.random.default_rng(0).uniform(-0.3, 0.3, (3, found.nq))
+    np.testing.assert_allclose(found.inverse_dynamics(q, qd, qdd), expected.inverse_dynamics(q, qd, qdd), atol=1e-12)
+    np.testing.assert_allclose(found.mass_matrix(q), expected.mass_matrix(q), atol=1e-12)
+    assert np.abs(found.gravity(q) - Kinematics(scene).gravity(q)).max() > 0.1
 
 
 def test_shapes_ride_on_the_joint_that_carries_their_element():

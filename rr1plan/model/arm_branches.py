@@ -12,12 +12,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import pinocchio as pin
 
 from rr1plan.checks import Array
+from rr1plan.errors import InputError
 from rr1plan.model.arm_model import arm_model_of
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.object_cache import kept_in
+from rr1plan.robot.link_masses import solid_inertial
 from rr1plan.scene import Scene
 
 
@@ -56,10 +59,19 @@ class ArmBranches:
     def __init__(self, scene_model: SceneModel) -> None:
         self._whole = scene_model
         self._made: dict[str, ArmBranch] = {}
+        self._loaded: dict[str, ArmBranch] = {}
 
     def of_arm(self, arm: str) -> ArmBranch:
         """The branch of an arm, moving or not."""
         return kept_in(self._made, arm, lambda: self._branch(arm))
+
+    def with_held_masses(self, arm: str) -> ArmBranch:
+        """The branch of an arm whose links also have the masses of the objects that they hold, for dynamics.
+
+        Raises:
+            InputError: a held object has a mass, but its shapes have no volume.
+        """
+        return kept_in(self._loaded, arm, lambda: self._load(arm))
 
     def of_frame(self, index: int) -> ArmBranch:
         """The branch that contains a frame of the whole model other than that of the world."""
@@ -86,3 +98,21 @@ class ArmBranches:
         model = self._whole.model if alone is scene else arm_model_of(alone, (arm,)).model
         row, frame = self._begins[arm]
         return ArmBranch(model, model.createData(), slice(row, row + model.nq), frame)
+
+    def _load(self, arm: str) -> ArmBranch:
+        branch, weights = self.of_arm(arm), []
+        for name, held in self._whole.scene.attachments.items():
+            body = self._whole.body(name)
+            if held.arm != arm or held.mass is None or body.joint == 0:
+                continue
+            inertial = solid_inertial(held.geometries, held.mass)
+            if inertial is None:
+                raise InputError(f"{name!r} has a mass, but its shapes have no volume")
+            inertia = pin.Inertia(inertial.mass, np.array(inertial.com), np.array(inertial.inertia))
+            weights.append((body.joint - branch.rows.start, inertia, pin.SE3(np.array(body.placement))))
+        if not weights:
+            return branch
+        model = branch.model.copy()
+        for weight in weights:
+            model.appendBodyToJoint(*weight)
+        return ArmBranch(model, model.createData(), branch.rows, branch.first_frame)

@@ -205,6 +205,8 @@ class Kinematics:
     def inverse_dynamics(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
         """Joint torques [Nm or N] of the motion (q, qd, qdd) under gravity, without friction.
 
+        Held objects with a mass count as solid bodies of uniform density.
+
         Args:
             q: Configurations [rad or m], shape (nq,) or (n, nq).
             qd: Velocities [rad/s or m/s], same shape.
@@ -223,14 +225,14 @@ class Kinematics:
         model = self.scene_model
         motion = [np.atleast_2d(a) for a in (model.full(q), model.full_velocity(qd), model.full_velocity(qdd))]
         torques = np.zeros((len(motion[0]), self.nq))
-        for branch in map(self._branches.of_arm, self.arms):
+        for branch in map(self._branches.with_held_masses, self.arms):
             rows = zip(*(a[:, branch.rows] for a in motion), strict=True)
             taus = [pin.rnea(branch.model, branch.data, *row) for row in rows]
             torques += [tau @ model.selection[branch.rows] for tau in taus]
         return torques.reshape(q.shape)
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Gravity torques [Nm or N] at q, shape (nq,) or (n, nq).
+        """Gravity torques [Nm or N] of arms and held objects at q, shape (nq,) or (n, nq).
 
         Raises:
             InputError: wrong shape or not finite.
@@ -241,14 +243,14 @@ class Kinematics:
 
     @exclusive
     def mass_matrix(self, q: ArrayLike) -> Array:
-        """Joint-space inertia matrix at q (nq,), shape (nq, nq).
+        """Joint-space inertia matrix at q (nq,) with the masses of held objects, shape (nq, nq).
 
         Raises:
             InputError: wrong shape or not finite.
         """
         S, full = self.scene_model.selection, self._full(q)
         M = np.zeros((len(full), len(full)))
-        for branch in map(self._branches.of_arm, self.arms):
+        for branch in map(self._branches.with_held_masses, self.arms):
             M[branch.rows, branch.rows] = np.triu(pin.crba(branch.model, branch.data, full[branch.rows]))
         return np.asarray(S.T @ (M + np.triu(M, 1).T) @ S)
 

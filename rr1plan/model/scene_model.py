@@ -4,7 +4,7 @@ Built from our own description, never from a file, so every back end sees the sa
 planning configuration q (the moving arms' planning joints, in the order of the scene) maps to the
 configuration of the whole model by an affine map: planning joints take their column, mimic joints
 follow through their chain of multipliers, locked joints and resting arms are constants. Obstacles and
-attached objects weigh nothing here: they are geometry only.
+attached objects are geometry only here; `ArmBranches.with_held_masses` adds the masses of attached objects.
 
 Instances are cheap, contain no scratch memory, and are thread-safe.
 """

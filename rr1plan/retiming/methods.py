@@ -68,7 +68,7 @@ def retime(
         scene: The scene; gives joint limits and obstacles.
         method: One of `retiming_names()`.
         checker: Certifies blends (default: a `CollisionChecker` of the scene with its other arms fixed).
-        torque_limits: Whether to satisfy the effort limits too, by inverse dynamics.
+        torque_limits: Whether to satisfy the effort limits too, by inverse dynamics with the masses of held objects.
         velocity_scale: Share of the velocity limits to use, above 0, at most 1.
         acceleration_scale: Share of the acceleration limits to use, above 0, at most 1.
         max_blend: Largest distance from a corner to the beginning of its blend [rad, Euclidean], >= 0; the

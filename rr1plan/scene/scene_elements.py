@@ -115,7 +115,7 @@ class Attachment(Value):
         link: The link it is fixed to.
         pose: T_link_object, shape (4, 4).
         touch: Links of that arm it may touch (always its own link).
-        mass: Its mass, which simulations add to the link [kg]; None: unknown, treated as weightless.
+        mass: Its mass, which counts in simulations and torques [kg]; None: unknown, treated as weightless.
         friction: Its Coulomb friction coefficient, as in `Obstacle`.
     """
 

@@ -30,8 +30,10 @@ def check_torques(findings: Findings, trajectory: Trajectory, scene: Scene) -> N
     q, qd, qdd = (trajectory(times, k)[:, order] for k in range(3))
     _judge(findings, kinematics.joint_names, kinematics.inverse_dynamics(q, qd, qdd), limits, times)
     findings.checked.append("torque")
-    held = ", without the mass of attached objects" if scene.attachments else ""
-    findings.not_checked["torque between samples"] = f"sampled every {1000.0 * step:.3g} ms and at the breaks{held}"
+    findings.not_checked["torque between samples"] = f"sampled every {1000.0 * step:.3g} ms and at the breaks"
+    for name, held in scene.attachments.items():
+        if held.arm in trajectory.arms and held.mass is None:
+            findings.not_checked[f"mass of {name}"] = "not given, treated as weightless"
     for arm in trajectory.arms:
         for link in scene.arms[arm].robot.links_of_assumed_mass:
             findings.not_checked[f"mass of {arm}/{link}"] = "not given, estimated from its shape"

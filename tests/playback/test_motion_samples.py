@@ -35,6 +35,22 @@ def test_torques_are_those_of_all_arms_together(rr1: rp.Robot) -> None:
     assert sent["columns"] == list(range(12))
 
 
+def test_torques_include_held_objects_and_name_those_without_a_mass(rr1: rp.Robot) -> None:
+    scene = rp.Scene().with_arm("left", rr1).with_arm("right", rr1, [1.0, 0.0, 0.0])
+    tool = scene.link_poses()["right/tool"]
+    heavy, unknown = (
+        scene.with_obstacle("load", rp.Box((0.1, 0.1, 0.1)), tool, mass=mass).attach("load", "right")
+        for mass in (2.0, None)
+    )
+    trajectory = wander(scene)
+    sent = torque_samples(heavy, trajectory, range(12), pack_array)
+    times, torques = unpacked(sent["times"]), unpacked(sent["values"])
+    expected = rp.Kinematics(heavy).inverse_dynamics(*(trajectory(times, k) for k in range(3)))
+    np.testing.assert_allclose(torques, expected, rtol=1e-5, atol=1e-5)
+    assert sent["remark"] == ""
+    assert torque_samples(unknown, trajectory, range(12), pack_array)["remark"] == "without the mass of load"
+
+
 def test_torques_are_sent_on_both_sides_of_a_jump(rr1_table: rp.Scene) -> None:
     q = rr1_table.configuration()
     # From rest to rest with half the acceleration one way, then the other way.

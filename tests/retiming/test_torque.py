@@ -112,3 +112,24 @@ def test_short_lines_are_timed_under_torque_limits(rr1, length):
             t = np.linspace(0.0, tight.end_time, 20)
             torque = Kinematics(scene).inverse_dynamics(tight(t), tight(t, 1), tight(t, 2))
             assert (np.abs(torque) <= robot.limits.effort).all()
+
+
+def test_held_objects_weigh(rr1):
+    free = rp.Scene().with_arm("arm", rr1)
+    tool = free.link_poses()["arm/tool"]
+    path = rp.Path(free.joint_names(), free.configuration() + np.outer([0.0, 0.2], [1.0, 0.5, -1.0, 1.0, 0.0, 1.0]))
+    own = torques(free, retime(path, free, checker=Anywhere(), torque_limits=True))[0]
+    scene = effort_scene(rr1, 1.5 * own + 1.0)
+    light, heavy, unknown = (
+        scene.with_obstacle("load", rp.Box((0.1, 0.1, 0.1)), tool, mass=mass).attach("load")
+        for mass in (0.05, 5.0, None)
+    )
+    trajectory = retime(path, light, checker=Anywhere(), torque_limits=True)
+    report = rp.validate(trajectory, light, torque_limits=True)
+    assert "mass of load" not in report.not_checked
+    kinds = {violation.kind for violation in rp.validate(trajectory, heavy, torque_limits=True).violations}
+    assert "torque" in kinds
+    with pytest.raises(rp.RetimingError, match="gravity"):
+        retime(path, heavy, checker=Anywhere(), torque_limits=True)
+    report = rp.validate(trajectory, unknown, torque_limits=True)
+    assert report.not_checked["mass of load"] == "not given, treated as weightless"

@@ -35,7 +35,7 @@ def torque_samples(scene: Scene, trajectory: Trajectory, columns: ArrayLike, pac
     """Torques by inverse dynamics, as the referee computes them.
 
     Args:
-        scene: The arms; objects that they hold have no mass here.
+        scene: The arms, and the objects that they hold.
         trajectory: The motion; its derivatives are exact.
         columns: Column of the page of each of its joints.
         pack: Turns an array into what JSON can hold.
@@ -52,10 +52,12 @@ def torque_samples(scene: Scene, trajectory: Trajectory, columns: ArrayLike, pac
     # arms.
     for arm in trajectory.arms:
         own = [names.index(name) for name in scene.joint_names([arm])]
-        torques[:, own] = Kinematics(Scene({arm: scene.arms[arm]})).inverse_dynamics(
+        held = {name: thing for name, thing in scene.attachments.items() if thing.arm == arm}
+        torques[:, own] = Kinematics(Scene({arm: scene.arms[arm]}, attachments=held)).inverse_dynamics(
             *(values[:, own] for values in motion)
         )
-    remarks = ["without the mass of held objects"] if scene.attachments else []
+    unknown = [name for name, thing in scene.attachments.items() if thing.mass is None and thing.arm in trajectory.arms]
+    remarks = [f"without the mass of {', '.join(unknown)}"] if unknown else []
     if any(scene.arms[arm].robot.links_of_assumed_mass for arm in trajectory.arms):
         remarks.append("masses estimated from shapes")
     return {
