@@ -662,6 +662,61 @@ def test_a_run_can_be_paused_and_paced(scene: rp.Scene) -> None:
         sim.run()
 
 
+def test_threads_share_a_simulation(scene: rp.Scene) -> None:
+    """Runs follow each other, and other calls take effect between two steps; anything else would crash MuJoCo."""
+    sim = rp.Simulation(scene.with_obstacle("ball", rp.Sphere(0.02), [0.4, 0.0, 0.5], mass=0.1))
+    begun = threading.Event()
+    sim.on_step(lambda s: begun.set())
+    runs = [threading.Thread(target=sim.run, kwargs={"duration": 0.2}) for _ in range(2)]
+    for run in runs:
+        run.start()
+    begun.wait(10.0)
+    hold = rp.ForwardPositionController(ARM)
+    while any(run.is_alive() for run in runs):
+        sim.place_body("ball", [0.4, 0.0, 0.5])
+        sim.activate(hold)
+        sim.deactivate(hold)
+    assert sim.steps == 200
+    assert not sim.controllers
+
+
+@pytest.mark.parametrize("call", [lambda s: s.step(), lambda s: s.run(duration=1.0)])
+def test_a_run_within_a_run_is_refused(scene: rp.Scene, call: Callable[[rp.Simulation], object]) -> None:
+    class Impatient(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            call(sim)
+            return rp.SetPoint(state.positions)
+
+    sim = rp.Simulation(scene)
+    stop = sim.on_step(call)
+    with pytest.raises(rp.InputError, match="called while the simulation runs, by a callback or a controller"):
+        sim.run(duration=0.1)
+    stop()
+    impatient = Impatient(ARM)
+    sim.activate(impatient)
+    with pytest.raises(rp.ControllerError, match=r"Impatient raised InputError at .*: step or run was called"):
+        sim.step()
+    sim.deactivate(impatient)
+    assert sim.run(until=0.1)
+    assert sim.steps == 50
+
+
+def test_a_reset_belongs_between_steps_and_ends_before_the_end_of_a_run(scene: rp.Scene) -> None:
+    class Restless(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            sim.reset()
+            return rp.SetPoint(state.positions)
+
+    sim = rp.Simulation(scene)
+    stop = sim.on_step(lambda s: s.reset() if s.steps == 5 else None)
+    assert sim.run(until=0.016) is False
+    assert sim.steps == 3
+    stop()
+    sim.activate(Restless(ARM))
+    with pytest.raises(rp.ControllerError, match="a controller called reset during a step; call it between steps"):
+        sim.step()
+
+
 def test_a_trajectory_ends_with_its_controller(scene: rp.Scene) -> None:
     """Waiting for its execution to end must not block forever."""
     follow, hold = rp.JointTrajectoryController(ARM), rp.ForwardPositionController(ARM)

@@ -24,6 +24,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import wraps
+from typing import Any, TypeVar, cast
 
 import mujoco
 import numpy as np
@@ -54,6 +56,7 @@ from rr1plan.playback.simulation.tiles import check_memory, tile_scenes
 from rr1plan.robot import Robot
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Arm, Scene
+from rr1plan.thread_locks import exclusive
 from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
 
 _MOST_STIFFNESS = 1e6  # [rad/s]
@@ -72,6 +75,23 @@ _STILL = 1e-6
 _commanded_by: weakref.WeakKeyDictionary[Controller, weakref.ref[Simulation]] = weakref.WeakKeyDictionary()
 
 StepCallback = Callable[["Simulation"], bool | None]
+_Method = TypeVar("_Method", bound=Callable[..., Any])
+
+
+def _between_steps(method: _Method) -> _Method:
+    """A method that other threads can call during a run, but controllers cannot call in their update."""
+
+    @wraps(method)
+    def locked(self: Simulation, *args: Any, **kwargs: Any) -> Any:
+        with self._lock:
+            if self._stepping:
+                raise InputError(
+                    f"a controller called {method.__name__} during a step; call it between steps, for example in a "
+                    "callback of on_step"
+                )
+            return method(self, *args, **kwargs)
+
+    return cast("_Method", locked)
 
 
 def step_count(seconds: float, dt: float) -> int:
@@ -95,6 +115,8 @@ class Simulation:
     Joint damping and friction of the description are omitted: they belong to a drive, whose controller compensates
     them. Obstacles with a mass are loose bodies. The scene is not changed. In models of four or more arms, MuJoCo does
     not search for contacts while these are proven impossible (`contact_proof`), which does not change any result.
+
+    Threads may share a simulation: one thread runs it at a time, and other methods take effect between two steps.
 
     Args:
         scene: The scene; arms start in their configurations.
@@ -151,6 +173,12 @@ class Simulation:
         # By a key for each registration, because a callback may be registered twice.
         self._callbacks: dict[object, StepCallback] = {}
         self._pause = threading.Event()
+        # Held during a step, and by methods that read or change the state of MuJoCo's data or the controllers.
+        self._lock = threading.RLock()
+        self._stepping = False
+        # Held during a run, by the thread `_runner`.
+        self._turn = threading.Lock()
+        self._runner: int | None = None
         self._contacts = ContactLog(1.5 * self.dt)
         self._deepest = 0.0
         self._wall = 0.0
@@ -264,6 +292,7 @@ class Simulation:
         return self._deepest
 
     @property
+    @exclusive
     def current_scene(self) -> Scene:
         """The scene with the present positions of planned and locked joints and poses of loose bodies, for planning."""
         moved = {name: replace(self.scene.obstacles[name], pose=self.body_pose(name)) for name in self.body_names}
@@ -281,6 +310,7 @@ class Simulation:
                 values[name] = present
         return robot.with_locked_joints(values) if values else robot
 
+    @exclusive
     def body_pose(self, name: str) -> Array:
         """T_world_body of a loose body, shape (4, 4).
 
@@ -292,6 +322,7 @@ class Simulation:
         pose[:3, 3], pose[:3, :3] = position[:3], rotation_from_quaternion(position[3:])
         return pose
 
+    @exclusive
     def body_coordinates(self, name: str) -> Array:
         """Position [m] and quaternion (wxyz) of a loose body, shape (7,).
 
@@ -300,6 +331,7 @@ class Simulation:
         """
         return self._body(name).body_state(name)[0].copy()
 
+    @exclusive
     def body_velocity(self, name: str) -> Array:
         """Linear velocity of a loose body's origin [m/s] and its angular velocity [rad/s], in world axes, shape (6,).
 
@@ -309,6 +341,7 @@ class Simulation:
         _, velocity = self._body(name).body_state(name)
         return np.concatenate([velocity[:3], self.body_pose(name)[:3, :3] @ velocity[3:]])
 
+    @_between_steps
     def place_body(self, name: str, pose: ArrayLike, velocity: ArrayLike | None = None) -> None:
         """Set the pose of a loose body between two steps; the clock continues.
 
@@ -329,6 +362,7 @@ class Simulation:
         with self._collect_warnings():
             tile.refresh()
 
+    @_between_steps
     def update_scene(self, scene: Scene) -> None:
         """Continue in another scene of the same arms, with objects added, moved, removed, grasped or released.
 
@@ -376,6 +410,7 @@ class Simulation:
         """The active controllers."""
         return tuple(self._set_points.active)
 
+    @exclusive
     def activate(self, controller: Controller, *, replace: bool = False) -> None:
         """Let a controller command its joints, from the next step on.
 
@@ -426,6 +461,7 @@ class Simulation:
         for other in replaced:
             other.deactivate()
 
+    @exclusive
     def deactivate(self, controller: Controller) -> None:
         """Stop a controller; its joints hold their last set-points.
 
@@ -465,7 +501,7 @@ class Simulation:
         """Take steps as fast as possible, fewer if a callback pauses the simulation.
 
         Raises:
-            InputError: a count below one.
+            InputError: a count below one, or a call from a callback or controller of this simulation.
             ControllerError: a controller raised something or returned no set-points; nothing has moved in that step.
             BackendError: the simulation became unstable.
         """
@@ -480,10 +516,11 @@ class Simulation:
             speed: Upper bound on the real-time factor: 1 is real time (default: as fast as possible).
 
         Returns:
-            Whether the end was reached; False if the simulation was paused.
+            Whether the end was reached; False if the simulation was paused or restarted.
 
         Raises:
-            InputError: neither or both of `until` and `duration`, a time that has passed, a speed not above zero.
+            InputError: neither or both of `until` and `duration`, a time that has passed, a speed not above zero, or a
+                call from a callback or controller of this simulation.
             ControllerError: a controller raised something or returned no set-points; nothing has moved in that step.
             BackendError: the simulation became unstable.
         """
@@ -499,7 +536,8 @@ class Simulation:
             speed = positive_number("speed", speed)
         if end - self.time > _MOST_STEPS * self.dt:
             raise InputError(f"{end - self.time:g} s are more than {_MOST_STEPS} steps; run it in parts")
-        return self._run(math.ceil((end - self.time) / self.dt - 1e-9), float(speed))
+        reached = self._run(math.ceil((end - self.time) / self.dt - 1e-9), float(speed))
+        return reached and self.time >= end - 0.5 * self.dt
 
     def pause(self) -> None:
         """End the running `run` or `step` after the current step; for callbacks and other threads.
@@ -508,6 +546,7 @@ class Simulation:
         """
         self._pause.set()
 
+    @_between_steps
     def reset(self) -> None:
         """Return exactly to the initial state and scene; active controllers are activated again."""
         self.scene, self.tiles = self._origin
@@ -516,6 +555,7 @@ class Simulation:
                 tile.restore(state)
         self._set_off()
 
+    @_between_steps
     def place(self, joint_names: Sequence[str], positions: ArrayLike, velocities: ArrayLike | None = None) -> None:
         """Set positions of joints without physics and restart from there at time zero; `reset` returns to this state.
 
@@ -588,33 +628,55 @@ class Simulation:
         for controller in self.controllers:
             self.activate(controller)
 
-    def _run(self, count: int, speed: float) -> bool:
-        self._pause.clear()
-        began = time.perf_counter()
-        with self._collect_warnings() as warnings:
+    @contextmanager
+    def _running(self) -> Iterator[None]:
+        """One thread runs the simulation at a time, and not from within a run."""
+        if self._runner == threading.get_ident():
+            raise InputError(
+                "step or run was called while the simulation runs, by a callback or a controller of it; take more "
+                "steps when it has ended"
+            )
+        with self._turn:
+            self._runner, began = threading.get_ident(), time.perf_counter()
             try:
-                done = 0
-                while done < count:
-                    # Callbacks and waiting for real time follow each single step.
-                    alone = bool(self._callbacks) or speed < math.inf
-                    done += self._take_steps(1 if alone else count - done)
-                    if any(tile.is_unstable() for tile in self.tiles):
-                        raise BackendError(
-                            f"MuJoCo's simulation became unstable at {self.time:.3f} s"
-                            f"{f' ({warnings[-1]})' if warnings else ''}; try a smaller time step or a slower motion"
-                        )
-                    self._note_contacts()
-                    for callback in list(self._callbacks.values()):
-                        if callback(self) is False:
-                            self._pause.set()
-                    ahead = done * self.dt / speed - (time.perf_counter() - began)
-                    if speed < math.inf and ahead > _AHEAD:
-                        time.sleep(ahead)
-                    if self._pause.is_set():
-                        break
+                yield
             finally:
                 self._wall += time.perf_counter() - began
+                self._runner = None
+
+    def _run(self, count: int, speed: float) -> bool:
+        with self._running(), self._collect_warnings() as warnings:
+            self._pause.clear()
+            began, done = time.perf_counter(), 0
+            while done < count:
+                # Callbacks and waiting for real time follow each single step.
+                alone = bool(self._callbacks) or speed < math.inf
+                done += self._advance(1 if alone else count - done, warnings)
+                for callback in list(self._callbacks.values()):
+                    if callback(self) is False:
+                        self._pause.set()
+                ahead = done * self.dt / speed - (time.perf_counter() - began)
+                if speed < math.inf and ahead > _AHEAD:
+                    time.sleep(ahead)
+                if self._pause.is_set():
+                    break
         return not self._pause.is_set()
+
+    @exclusive
+    def _advance(self, most: int, warnings: list[str]) -> int:
+        """Take one step or several, and note contacts; returns the number of steps."""
+        self._stepping = True
+        try:
+            done = self._take_steps(most)
+        finally:
+            self._stepping = False
+        if any(tile.is_unstable() for tile in self.tiles):
+            raise BackendError(
+                f"MuJoCo's simulation became unstable at {self.time:.3f} s"
+                f"{f' ({warnings[-1]})' if warnings else ''}; try a smaller time step or a slower motion"
+            )
+        self._note_contacts()
+        return done
 
     def _take_steps(self, most: int) -> int:
         """Take one step, or several if controllers preview their set-points; returns how many."""
