@@ -86,6 +86,14 @@ def test_a_motion_at_its_limits_is_within_them_when_it_is_read(
     np.testing.assert_allclose(back, there, rtol=0.0, atol=2e-4)
 
 
+def test_a_message_of_a_motion_that_begins_late_is_within_the_limits(
+    motion: rp.Trajectory, scene: rp.Scene, tmp_path: Path
+) -> None:
+    late = motion.shifted(1e6)
+    file = rp.save_joint_trajectory(tmp_path / "late.yaml", late, rename={name: name for name in late.joint_names})
+    limit_report(scene, rp.load_joint_trajectory(file))
+
+
 def test_a_motion_file_is_the_motion_itself(motion: rp.Trajectory, scene: rp.Scene, tmp_path: Path) -> None:
     read = rp.load_motion(save_trajectory(tmp_path / "t.json", motion, scene)).trajectory
     np.testing.assert_array_equal(read.breaks, motion.breaks)
