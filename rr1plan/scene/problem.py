@@ -312,9 +312,15 @@ def _check_moving(what: str, given: Mapping[str, Any], scene: Scene, arms: tuple
             )
 
 
+def goal_alternatives(goal: object) -> tuple[object, ...]:
+    """The alternatives of a goal of one arm, as given."""
+    if isinstance(goal, Sequence) and not isinstance(goal, str) and not _is_numbers(goal):
+        return tuple(goal)
+    return (goal,)
+
+
 def _alternatives(robot: Robot, arm: str, goal: Any) -> tuple[Goal, ...]:
-    several = isinstance(goal, Sequence) and not isinstance(goal, str) and not _is_numbers(goal)
-    alternatives = tuple(_one_goal(robot, arm, g) for g in (goal if several else [goal]))
+    alternatives = tuple(_one_goal(robot, arm, g) for g in goal_alternatives(goal))
     if not alternatives:
         raise InputError(f"the goal of {arm!r} is an empty list, expected at least one goal")
     return alternatives

@@ -22,7 +22,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import InputError
 from rr1plan.scene import Pair, pair
-from rr1plan.scene.problem import Goal, GoalLike, JointGoal, PoseGoal
+from rr1plan.scene.problem import Goal, GoalLike, JointGoal, PoseGoal, goal_alternatives
 
 # Longest pause and gripper motion [s].
 _LONGEST = 3600.0
@@ -72,7 +72,7 @@ class FreeMotion(Value):
         """What it is, in a few words."""
         if isinstance(self.goal, Mapping):
             return f"free motion of {' and '.join(map(str, self.goal))}"
-        goals = alternatives(self.goal)
+        goals = goal_alternatives(self.goal)
         return f"free motion to {_place(goals[0])}" if len(goals) == 1 else f"free motion to one of {len(goals)} goals"
 
 
@@ -115,7 +115,7 @@ class StraightLine(Value):
     def __post_init__(self) -> None:
         _check_arm_and_pairs(self)
         true_or_false("stop", self.stop)
-        goals = () if self.goal is None else alternatives(self.goal)
+        goals = () if self.goal is None else goal_alternatives(self.goal)
         if bool(goals) == (self.offset is not None):
             raise InputError("StraightLine takes either a goal or an offset")
         check_text("axes", self.axes)
@@ -288,14 +288,6 @@ class Pause(Value):
 Segment = FreeMotion | StraightLine | MoveGripper | Attach | Detach | Pause
 
 
-def alternatives(goal: object) -> tuple[object, ...]:
-    """The alternatives of a goal of one arm, as given."""
-    if isinstance(goal, str | Goal) or not isinstance(goal, Sequence):
-        return (goal,)
-    several = any(isinstance(one, str | Goal | Sequence) for one in goal)
-    return tuple(goal) if several or not goal else (goal,)
-
-
 def _check_arm_and_pairs(segment: Any) -> None:
     if segment.arm is not None:
         check_text("arm", segment.arm)
@@ -322,7 +314,7 @@ def _place(goal: object) -> str:
     if isinstance(goal, PoseGoal):
         return f"{goal.frame!r} at {_vector(goal.position)} m"
     if isinstance(goal, str):
-        return repr(goal)
+        return f"{str(goal)!r}"
     return "a configuration" if not isinstance(goal, Goal) or isinstance(goal, JointGoal) else "a region"
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rr1plan.checks import Value, counted, items_of, known_name, of_kind, shown
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
-from rr1plan.scene.problem import PoseGoal, Problem
+from rr1plan.scene.problem import PoseGoal, Problem, goal_alternatives
 from rr1plan.sequences.grippers import gripper_joints, gripper_values, only_gripper_joint
 from rr1plan.sequences.segments import (
     Attach,
@@ -19,7 +19,6 @@ from rr1plan.sequences.segments import (
     Pause,
     Segment,
     StraightLine,
-    alternatives,
 )
 from rr1plan.transforms import inverse, pose
 
@@ -147,8 +146,8 @@ def goals_by_arm(segment: FreeMotion, scene: Scene) -> dict[str, tuple[Any, ...]
     if isinstance(segment.goal, Mapping):
         if not segment.goal:
             raise InputError("no goals are given, expected one for each arm that moves")
-        return {name: alternatives(segment.goal[name]) for name in scene.arm_names(list(segment.goal))}
-    return {scene.only_arm(segment.arm): alternatives(segment.goal)}
+        return {name: goal_alternatives(segment.goal[name]) for name in scene.arm_names(list(segment.goal))}
+    return {scene.only_arm(segment.arm): goal_alternatives(segment.goal)}
 
 
 def _check_goals(scene: Scene, arm: str, goals: tuple[Any, ...], holders: Mapping[str, str]) -> None:

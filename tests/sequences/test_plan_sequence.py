@@ -324,3 +324,16 @@ def test_a_gripper_that_is_nearly_at_its_position_moves_for_its_least_duration(t
     plan = plan_of(table, rp.Pause(1.0), rp.MoveGripper(1e-13, seconds=0.3))
     assert plan, plan
     assert plan.trajectory.duration == pytest.approx(1.3)
+
+
+def test_alternatives_may_be_arrays(table: rp.Scene) -> None:
+    robot = table.arms["arm"].robot
+    beyond, near = robot.home.copy(), robot.home.copy()
+    beyond[0], near[0] = 9.0, 0.3
+    goals = [beyond, near]
+    assert rp.FreeMotion(goals).label == "free motion to one of 2 goals"
+    assert len(rp.Problem(table, None, {"arm": goals}).goal["arm"]) == 2
+    for goal in (goals, {"arm": goals}):
+        plan = plan_of(table, rp.FreeMotion(goal))
+        assert plan, plan
+        np.testing.assert_allclose(plan.trajectory(plan.trajectory.end_time), near, atol=1e-9)
