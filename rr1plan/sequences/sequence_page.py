@@ -64,6 +64,10 @@ def page_parts(
         # Held objects and allowed contacts change from stage to stage, so each stage has its planner.
         options=replace(options, clearances=False, planner=False),
     )
+    torque = document["samples"]["torque"]
+    if names and torque is not None:
+        # Torques are those of the scene at the beginning, without the objects.
+        torque["remark"] = ", ".join(filter(None, [f"without the mass of {', '.join(names)}", torque["remark"]]))
     if replay is None and names:
         times = trajectory.sample_times(_FRAME)
         poses = {name: np.array([_coordinates(T) for T in motion.object_poses(name, times)]) for name in names}

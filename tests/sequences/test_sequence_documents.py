@@ -32,6 +32,7 @@ def test_the_page_moves_the_block_with_the_hand(moved: rp.SequencePlan) -> None:
     assert np.ptp(poses[:, 0, :3], axis=0).max() > 0.1
     assert options.panels[0].name == "stages"
     assert [row["label"] for row in options.panels[0].data] == [stage.label for stage in moved.stages]
+    assert document["samples"]["torque"]["remark"] == "without the mass of block"
 
 
 def test_with_a_replay_the_block_is_where_the_simulation_had_it(moved: rp.SequencePlan, tmp_path: Path) -> None:
@@ -48,6 +49,7 @@ def test_a_sequence_without_objects_has_a_page_too(table: rp.Scene, tmp_path: Pa
     plan = rp.plan_sequence(rp.Sequence(table, [rp.FreeMotion("raised")]), rng=0)
     document, _ = page_parts(staged(plan), None, None)
     assert {thing["name"] for thing in document["obstacles"]} == {"table", "block"}
+    assert document["samples"]["torque"]["remark"] == ""
     assert plan.save_html(tmp_path / "page.html").stat().st_size > 100_000
 
 
