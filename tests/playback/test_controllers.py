@@ -656,6 +656,10 @@ def test_a_run_can_be_paused_and_paced(scene: rp.Scene) -> None:
     assert time.perf_counter() - began > 0.09
     threading.Timer(0.05, sim.pause).start()
     assert sim.run(until=1000.0, speed=1.0) is False
+    # A pause also ends the wait for the next step of a slow run, here of hours.
+    for slow in (1e-7, 1e-300):
+        threading.Timer(0.05, sim.pause).start()
+        assert sim.run(duration=1.0, speed=slow) is False
     with pytest.raises(rp.InputError, match="it cannot run to 0 s; reset it first"):
         sim.run(until=0.0)
     with pytest.raises(rp.InputError, match="either until or duration"):

@@ -657,7 +657,7 @@ class Simulation:
                         self._pause.set()
                 ahead = done * self.dt / speed - (time.perf_counter() - began)
                 if speed < math.inf and ahead > _AHEAD:
-                    time.sleep(ahead)
+                    self._pause.wait(min(ahead, threading.TIMEOUT_MAX))
                 if self._pause.is_set():
                     break
         return not self._pause.is_set()
