@@ -684,6 +684,27 @@ def test_threads_share_a_simulation(scene: rp.Scene) -> None:
     assert not sim.controllers
 
 
+def test_a_trajectory_can_be_canceled_by_another_thread_while_it_is_sent(scene: rp.Scene) -> None:
+    """The other thread waits for the end of `send`, so that no execution is lost."""
+    sim, follow = rp.Simulation(scene), rp.JointTrajectoryController(ARM)
+    sim.activate(follow)
+    canceling = threading.Thread(target=follow.cancel)
+
+    class Interrupted(rp.Trajectory):
+        def __call__(self, *args: object, **options: object) -> np.ndarray:
+            if canceling.ident is None:
+                canceling.start()
+                canceling.join(0.05)
+            return super().__call__(*args, **options)
+
+    rest = rp.Trajectory.rest(ARM, sim.configuration(), duration=1.0)
+    execution = follow.send(Interrupted(rest.joint_names, rest.breaks, rest.coefficients))
+    canceling.join(10.0)
+    assert execution.status is rp.ExecutionStatus.CANCELED
+    sim.step()
+    assert not execution
+
+
 @pytest.mark.parametrize("call", [lambda s: s.step(), lambda s: s.run(duration=1.0)])
 def test_a_run_within_a_run_is_refused(scene: rp.Scene, call: Callable[[rp.Simulation], object]) -> None:
     class Impatient(rp.Controller):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -14,6 +15,7 @@ from rr1plan.checks import Array, counted, finite_number, number_array, of_kind,
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
+from rr1plan.thread_locks import exclusive
 from rr1plan.trajectory import Trajectory, locate
 
 # Number of updates whose set-points are evaluated at once; small enough for the cache with many arms.
@@ -91,6 +93,7 @@ class JointTrajectoryController(Controller):
     Between trajectories the controller holds its last set-point. A trajectory that violates a tolerance is aborted; the
     controller then holds the measured position (path tolerance) or the goal (goal tolerance), or continues what it did
     before (start tolerance). Zero is a tolerance like any other here; in ROS it means any error, or to wait forever.
+    Trajectories may be sent and canceled from any thread.
 
     Args:
         joint_names: The joints to claim, "arm/joint".
@@ -130,7 +133,9 @@ class JointTrajectoryController(Controller):
         self.goal_tolerance = _tolerance("goal_tolerance", goal_tolerance)
         self.goal_time = _tolerance("goal_time", goal_time)
         self._active, self._queued = None, []
+        self._lock = threading.RLock()
 
+    @exclusive
     def activate(self, joints: JointInfo, state: JointState) -> None:
         """Hold the present positions, and cancel the current trajectory."""
         super().activate(joints, state)
@@ -140,6 +145,7 @@ class JointTrajectoryController(Controller):
         self._hold = SetPoint(state.positions.copy())
         self._last = self._hold
 
+    @exclusive
     def deactivate(self) -> None:
         """Release the joints, and cancel the current trajectory."""
         super().deactivate()
@@ -154,6 +160,7 @@ class JointTrajectoryController(Controller):
             _end(execution, ExecutionStatus.CANCELED, time, message)
         self._queued = []
 
+    @exclusive
     def send(self, trajectory: Trajectory, *, at: float | None = None) -> Execution:
         """Execute a trajectory; the current one is preempted when the new one begins.
 
@@ -195,10 +202,12 @@ class JointTrajectoryController(Controller):
         self._queued.append(execution)
         return execution
 
+    @exclusive
     def cancel(self) -> None:
         """Cancel all trajectories, and hold the position at the next update."""
         self._end_all(self._next, "by its caller")
 
+    @exclusive
     def update(self, state: JointState) -> SetPoint:
         """The point of the trajectory at this time, or the position to hold."""
         point = self._follow(state)
@@ -228,6 +237,7 @@ class JointTrajectoryController(Controller):
             return self._stop(SetPoint(state.positions.copy()))
         return point
 
+    @exclusive
     def preview(self, times: Array) -> SetPoint | None:
         """Set-points up to the end of a trajectory without a path tolerance, or the position to hold.
 
@@ -244,6 +254,7 @@ class JointTrajectoryController(Controller):
             return None
         return SetPoint(*self._points(float(since[0]), count))
 
+    @exclusive
     def passed(self, times: Array, positions: Array) -> None:
         """Record the tracking errors at points of the trajectory."""
         self._next = float(times[-1]) + self.joints.dt
