@@ -336,6 +336,23 @@ def test_own_controllers_may_preview(monkeypatch: pytest.MonkeyPatch) -> None:
     assert max(steps.counts) == 9
 
 
+def test_a_controller_that_fails_after_previewed_steps_leaves_a_true_clock() -> None:
+    class Fails(Foreseen):
+        def passed(self, times: np.ndarray, positions: np.ndarray) -> None:
+            raise ValueError("too late")
+
+    scene = ring(4, 1.2)
+    sim, other = rp.Simulation(scene), rp.Simulation(scene)
+    sim.activate(Fails(scene.joint_names(["a0"])))
+    other.activate(Foreseen(scene.joint_names(["a0"])))
+    with pytest.raises(rp.ControllerError, match=r"Fails raised ValueError at .*: too late"):
+        sim.step(10)
+    assert sim.steps > 0
+    other.step(sim.steps)
+    np.testing.assert_array_equal(sim.positions, other.positions)
+    np.testing.assert_array_equal(sim.set_points, other.set_points)
+
+
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

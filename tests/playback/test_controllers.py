@@ -851,6 +851,10 @@ def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> N
         def update(self, state: rp.JointState) -> rp.SetPoint:
             return rp.SetPoint(["home"] * 6)
 
+    class NoPositions(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            return rp.SetPoint(None)
+
     class Ragged(rp.Controller):
         def update(self, state: rp.JointState) -> rp.SetPoint:
             return rp.SetPoint([[0.0], [0.0, 1.0]])
@@ -863,7 +867,7 @@ def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> N
     messages = {Raises: "Raises raised ZeroDivisionError at 0.000 s: no gain", Nothing: "returned a NoneType"}
     messages |= {NotFinite: "velocities that are not finite", TooFew: r"positions of shape \(5,\).*expected \(6,\)"}
     messages |= {Words: "positions that are no numbers", Overwrites: "no matter"}
-    messages |= {Ragged: "positions that are no numbers"}
+    messages |= {Ragged: "positions that are no numbers", NoPositions: r"positions of shape \(\)"}
     for kind, message in messages.items():
         sim = rp.Simulation(scene)
         sim.activate(kind(ARM))

@@ -138,6 +138,8 @@ class Controller(ABC):
     def passed(self, times: Array, positions: Array) -> None:  # noqa: B027  (most controllers have nothing to note)
         """Called after set-points of the last `preview` were commanded without calls of `update`.
 
+        An exception ends the run after these steps.
+
         Args:
             times: Simulated times of these updates [s], shape (m,); there may be fewer than in the preview.
             positions: Positions of the joints at these times, in the order of `joint_names`, shape (m, n).

@@ -122,10 +122,16 @@ class SetPoints:
             times: Start times of their steps [s], shape (k,).
             desired: The set-points, shape (k, 4, n).
             positions: Positions of all joints at these times, shape (k, n).
+
+        Raises:
+            ControllerError: a controller raised something.
         """
-        for controller, indices in self.active.items():
-            controller.passed(times, positions[:, indices])
         self.desired = desired[-1].copy()
+        for controller, indices in list(self.active.items()):
+            try:
+                controller.passed(times, positions[:, indices])
+            except Exception as error:
+                raise _failure(controller, error, float(times[-1])) from error
 
 
 def as_slice(indices: NDArray[np.int64]) -> NDArray[np.int64] | slice:
@@ -147,18 +153,22 @@ def _call(controller: Controller, method: Callable[[_Argument], _Point], argumen
     try:
         point = method(argument)
     except Exception as error:
-        raise ControllerError(f"{name} raised {type(error).__name__} at {time:.3f} s: {error}") from error
+        raise _failure(controller, error, time) from error
     if not isinstance(point, SetPoint) and not (point is None and method == controller.preview):
         raise ControllerError(f"{name} returned a {type(point).__name__} at {time:.3f} s, expected a SetPoint")
     return point
 
 
+def _failure(controller: Controller, error: Exception, time: float) -> ControllerError:
+    return ControllerError(f"{type(controller).__name__} raised {type(error).__name__} at {time:.3f} s: {error}")
+
+
 def _checked(controller: Controller, point: SetPoint, shape: tuple[int, ...], time: float) -> list[Array | float]:
-    """The arrays of set-points, checked; 0 for missing ones."""
+    """The arrays of set-points, checked; 0 for missing rates and efforts."""
     name = type(controller).__name__
     rows: list[Array | float] = []
     for field, values in zip(SetPoint._fields, point, strict=True):
-        if values is None:
+        if values is None and field != "positions":
             rows.append(0.0)
             continue
         try:

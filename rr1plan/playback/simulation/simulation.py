@@ -703,11 +703,11 @@ class Simulation:
                     tile.settle(valid, valid_states)
 
         self._distribute(settle, len(tiles) > 1)
-        if previewed is not None:
-            self._set_points.pass_over(times[:taken], valid, states[:taken, 0])
         self.steps += taken
         self._measured = valid_states[-1].copy()
         self._now = JointState(self.time, *self._measured)
+        if previewed is not None:
+            self._set_points.pass_over(times[:taken], valid, states[:taken, 0])
         return taken
 
     def _distribute(self, work: Callable[[int], None], shared: bool) -> None:
