@@ -174,10 +174,11 @@ def _stop(work: Work) -> list[Pieces]:
 def _time(work: Work, sizes: Array) -> list[Pieces]:
     if work.inverse_dynamics is None:
         return [time_polyline(work.points, sizes, work.limits)]
-    return [part for curve in curves(work.points, sizes) for part in _time_with_torque(work, curve)]
+    return [part for curve in curves(work.points, sizes) for part in _time_with_torque(work, sizes, curve)]
 
 
-def _time_with_torque(work: Work, curve: Curve) -> list[Pieces]:
+def _time_with_torque(work: Work, sizes: Array, curve: Curve) -> list[Pieces]:
+    """Time a curve; if TOPPRA fails, with a stop at its middle waypoint."""
     from rr1plan.retiming.toppra_retiming import time_curve_with_torque
 
     assert work.inverse_dynamics is not None
@@ -185,12 +186,18 @@ def _time_with_torque(work: Work, curve: Curve) -> list[Pieces]:
     try:
         return [time_curve_with_torque(curve, work.limits, work.inverse_dynamics).within(work.limits)]
     except RetimingError as error:
-        logger.info("stopping at waypoints %d to %d: %s", begin, end, error)
+        logger.info("one more stop from waypoint %d to %d: %s", begin, end, error)
     points = work.points[begin : end + 1]
     if end - begin == 1:
         # Stretched to the torque limits by `within_torque`.
         return [time_polyline(points, np.zeros(2), work.limits)]
-    return [part for line in curves(points, np.zeros(len(points))) for part in _time_with_torque(work, line)]
+    sizes = sizes.copy()
+    sizes[(begin + end) // 2] = 0.0
+    parts: list[Pieces] = []
+    for half in curves(points, sizes[begin : end + 1]):
+        first, last = half.corners
+        parts += _time_with_torque(work, sizes, replace(half, corners=(begin + first, begin + last)))
+    return parts
 
 
 def _ruckig(work: Work) -> list[Pieces]:

@@ -199,7 +199,35 @@ def test_a_failing_solver_falls_back_to_stops(tools, monkeypatch, caplog):
     with caplog.at_level(logging.INFO, logger="rr1plan"):
         trajectory = tools.retime_points(points, torque_limits=True)
     assert trajectory.allclose(stops)
-    assert "stopping at waypoints 0 to 2" in caplog.text
+    assert "one more stop from waypoint 0 to 2" in caplog.text
+
+
+def test_a_failing_solver_costs_few_stops_and_keeps_the_path(tools, monkeypatch):
+    from rr1plan.retiming import toppra_retiming
+
+    time_curve = toppra_retiming.time_curve_with_torque
+    rng = np.random.default_rng(0)
+    points = np.cumsum(rng.uniform(0.2, 1.0, (9, 2)) * [1.0, -1.0], axis=0)
+
+    def fail(curve, limits, inverse_dynamics):
+        begin, end = curve.corners
+        np.testing.assert_allclose(curve.coefficients[0, 0], points[begin], atol=1e-12)
+        if begin <= 6 < end:
+            raise rp.RetimingError("no speed")
+        return time_curve(curve, limits, inverse_dynamics)
+
+    smooth = tools.retime_points(points, torque_limits=True)
+    stops = tools.retime_points(points, method="stop", torque_limits=True)
+    monkeypatch.setattr(toppra_retiming, "time_curve_with_torque", fail)
+    trajectory = tools.retime_points(points, torque_limits=True)
+    tools.check_motion(trajectory, points, tools.limits_of(2))
+    assert smooth.duration < trajectory.duration < 0.9 * stops.duration
+    # The line that fails is timed without the solver, from rest to rest.
+    times = np.linspace(0.0, trajectory.end_time, 2001)
+    at_rest = np.abs(trajectory(times, 1)).max(axis=1) < 0.02
+    for index in (6, 7):
+        gaps = np.abs(trajectory(times) - points[index]).max(axis=1)
+        assert at_rest[np.argmin(gaps)]
 
 
 def test_corners_that_are_faster_from_rest_to_rest_get_a_stop_and_the_others_none(tools):
