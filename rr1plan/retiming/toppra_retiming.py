@@ -120,10 +120,36 @@ def solve_speeds(curve: Curve, grid: Grid, rows: ConstraintRows) -> Array:
         _, speed, _, _ = algorithm.compute_parameterization(0.0, 0.0, return_data=True)
     if speed is None or not np.isfinite(speed).all():
         raise _failure(curve, grid, algorithm)
-    x = np.asarray(speed) ** 2
+    x = _within_rows(np.asarray(speed) ** 2, np.diff(points), scaled)
     if not ((x[:-1] + x[1:]) > 0.0).all():
         raise _failure(curve, grid, algorithm, int(np.argmin(x[:-1] + x[1:])))
     return np.asarray(x * unit)
+
+
+def _within_rows(x: Array, delta: Array, rows: ConstraintRows) -> Array:
+    """Squared speeds lowered until every interval satisfies its rows, shape (n + 1,).
+
+    TOPPRA's speeds are accurate to about 1e-8, which is a large acceleration on short intervals.
+    """
+    x = x.copy()
+    n = len(delta)
+    for order, ahead in ((range(n), True), (range(n - 1, -1, -1), False)):
+        for i in order:
+            low, high = _accelerations(rows.a[i], rows.b[i] * x[i] + rows.c[i])
+            if not low <= high:
+                continue
+            if ahead:
+                x[i + 1] = min(x[i + 1], x[i] + 2.0 * delta[i] * max(high, 0.0))
+            else:
+                x[i] = min(x[i], x[i + 1] - 2.0 * delta[i] * min(low, 0.0))
+    return x
+
+
+def _accelerations(a: Array, rest: Array) -> tuple[float, float]:
+    """The lowest and the highest u with |a u + rest| <= 1, shape (rows,) each."""
+    moving = np.abs(a) > 0.0
+    one, other = (1.0 - rest[moving]) / a[moving], (-1.0 - rest[moving]) / a[moving]
+    return float(np.minimum(one, other).max(initial=-np.inf)), float(np.maximum(one, other).min(initial=np.inf))
 
 
 def _failure(curve: Curve, grid: Grid, algorithm: Any, stage: int | None = None) -> RetimingError:

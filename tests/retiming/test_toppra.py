@@ -282,3 +282,17 @@ def test_a_first_motion_without_torque_limits_loads_no_toppra():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
     assert done.stdout.split() == []
+
+
+@pytest.mark.parametrize("uneven", [1e-8, 1e-7, 1e-6, 1e-5])
+def test_short_intervals_do_not_slow_a_motion_down(uneven):
+    """Blends of edges of nearly the same length leave lines that are shorter than what TOPPRA's speeds resolve."""
+    angles = np.cumsum(0.02 * (1.0 + uneven * np.arange(60)))
+    points = 0.3 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    limits = limits_of(2, 1.0, 2.0)
+    (curve,) = curves(points, blend_sizes(points, 1.0, None))
+    assert curve.lengths.min() < 1e-4 * curve.lengths.max()
+    grid = make_grid(curve, limits, curve.lengths)
+    fastest = timed(curve, grid, fastest_speeds(curve, grid, limits)).duration
+    pieces = time_curve_with_torque(curve, limits, no_torque).within(limits)
+    assert pieces.duration < 1.01 * fastest
