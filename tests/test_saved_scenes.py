@@ -12,6 +12,7 @@ import trimesh
 
 import rr1plan as rp
 from rr1plan.export.plan_files import read_plan_file, save_motion
+from rr1plan.scene.model_library import robot_folder
 
 ARM = """<robot name="crane">
 <link name="base"/>
@@ -80,6 +81,26 @@ def test_an_installed_robot_with_options_is_saved_by_its_file(tmp_path: Path, fo
     file = rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", other))
     assert 'robot = "ur5"\n' in file.read_text()
     assert rp.load_scene(file).arms["a"].robot.tool == "forearm_link"
+    few = rp.load_robot("ur5", joints=["elbow_joint", "shoulder_lift_joint"])
+    file = rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", few))
+    assert 'robot = "ur5"\n' in file.read_text()
+    read = rp.load_scene(file).arms["a"].robot
+    assert (read.content_hash, read.joint_names) == (few.content_hash, few.joint_names)
+
+
+@pytest.mark.parametrize("part", ["collision", "visual"])
+def test_a_changed_copy_of_a_shipped_robot_is_saved_by_its_file(tmp_path: Path, part: str) -> None:
+    folder = tmp_path / "planar2r"
+    shutil.copytree(robot_folder("planar2r"), folder)
+    file = folder / "planar2r.urdf"
+    before, opening, after = file.read_text().partition(f"<{part}>")
+    file.write_text(before + opening + after.replace('radius="0.12"', 'radius="0.13"', 1))
+    robot = rp.load_robot(file)
+    saved = rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", robot))
+    assert f'robot = "{file}"' in saved.read_text()
+    read = rp.load_scene(saved).arms["a"].robot
+    assert read.content_hash == robot.content_hash
+    assert [shape.shape for shape in read.links[0].visuals] == [shape.shape for shape in robot.links[0].visuals]
 
 
 def test_tool_and_planning_joints_of_a_shipped_robot_are_in_the_scene_file(tmp_path: Path, rr1: rp.Robot) -> None:

@@ -394,11 +394,9 @@ def _values(robot: Robot) -> dict[str, list[float]]:
 
 def _robot_entry(arm: str, robot: Robot) -> str:
     """Entry of a robot in a scene file: its name if it ships with rr1plan or is installed, else its file."""
-    if robot.name in robot_names():
-        return robot.name
     source = Path(robot.source)
-    named = next((name for name, files in installed_robots().items() if files.urdf == source), None)
-    if named is not None and _is_default(robot, named):
+    named = next((name for name in (*robot_names(), *installed_robots()) if _locate(name)[1] == source), None)
+    if named is not None and (named in robot_names() or _is_default(robot, named)):
         return named
     if not robot.source or not source.is_file():
         raise InputError(
@@ -409,11 +407,14 @@ def _robot_entry(arm: str, robot: Robot) -> str:
 
 
 def _is_default(robot: Robot, name: str) -> bool:
-    """Whether `load_robot` makes this robot from its name, up to what scene files hold: tool, limits, locked joints."""
+    """Whether `load_robot` makes this robot from its name, up to what scene files hold.
+
+    That is tool, planning joints, limits and locked joints.
+    """
     options: dict[str, Any] = dict(robot.load_options)
     made = load_robot(name, tool=robot.tool, **options)
     if made.joint_names != robot.joint_names:
-        return False
+        made = load_robot(name, tool=robot.tool, joints=robot.joint_names, **options)
     made = replace(made, limits=robot.limits, locked_joints=robot.locked_joints)
     # The configurations are not in the hash, but decide what goals and `q` of the file mean.
     return (made.content_hash, _values(made)) == (robot.content_hash, _values(robot))
