@@ -34,6 +34,8 @@ log = logging.getLogger(__name__)
 BASE = "world"
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _CONNECTS = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
+_TENDONS = int(mujoco.mjtEq.mjEQ_TENDON)
+_WRAPS_JOINT, _WRAPS_SITE = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,7 +331,7 @@ class _Reader:
                 self.file,
                 _listed([self.link_of[b] for b in assumed]),
             )
-        self._warn_of_loops()
+        self._warn_of_couplings()
         hidden = [b for b in self.bodies if any(self.compiled.uses[g].switched_off for g in self.shapes.geoms(b))]
         if hidden:
             log.info(
@@ -338,18 +340,42 @@ class _Reader:
                 _listed([self.link_of[b] for b in hidden]),
             )
 
-    def _warn_of_loops(self) -> None:
-        """Warn of closed loops and tendons, whose coupling of joints is not modeled."""
+    def _warn_of_couplings(self) -> None:
+        """Warn of closed loops, and of tendons that couple joints or limit them together, which are not modeled."""
         model = self.model
+        active = [e for e in range(model.neq) if model.eq_active0[e]]
         loops = [
             model.eq(e).name or f"equality {e}"
-            for e in range(model.neq)
-            if int(model.eq_type[e]) in _CONNECTS and model.eq_active0[e] and self._is_of_robot(e)
+            for e in active
+            if int(model.eq_type[e]) in _CONNECTS and self._is_of_robot(e)
         ]
         if loops:
             log.warning(
                 "%s: closed loops are not modelled, their passive joints are held: %s", self.file, _listed(loops)
             )
+        equal = {
+            t for e in active if int(model.eq_type[e]) == _TENDONS for t in (model.eq_obj1id[e], model.eq_obj2id[e])
+        }
+        tendons = [
+            model.tendon(t).name or f"tendon {t}"
+            for t in range(model.ntendon)
+            if (t in equal or model.tendon_limited[t]) and self._is_on_robot(t)
+        ]
+        if tendons:
+            log.warning(
+                "%s: lengths and limits of tendons are not modeled, their joints move independently: %s",
+                self.file,
+                _listed(tendons),
+            )
+
+    def _is_on_robot(self, tendon: int) -> bool:
+        model = self.model
+        start, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
+        wraps = range(start, start + count)
+        joints = [int(model.wrap_objid[w]) for w in wraps if int(model.wrap_type[w]) == _WRAPS_JOINT]
+        sites = [int(model.wrap_objid[w]) for w in wraps if int(model.wrap_type[w]) == _WRAPS_SITE]
+        bodies = [*model.jnt_bodyid[joints].tolist(), *model.site_bodyid[sites].tolist()]
+        return any(body in self.bodies for body in bodies)
 
     def _is_of_robot(self, equality: int) -> bool:
         model = self.model

@@ -502,6 +502,23 @@ def test_a_loop_is_named_and_its_joints_held(folder: Path, caplog: pytest.LogCap
     assert "closed loops are not modelled, their passive joints are held: closed" in caplog.text
 
 
+def test_tendons_that_couple_joints_of_a_robot_are_named(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    tendons = """<tendon>
+      <fixed name="equal"><joint joint="first" coef="1"/><joint joint="second" coef="-1"/></fixed>
+      <fixed name="limited" range="0 1"><joint joint="third" coef="1"/><joint joint="second" coef="2"/></fixed>
+      <spatial name="rope" range="0 1"><site site="grasp_site"/><site site="hook"/></spatial>
+      <spatial name="slack"><site site="grasp_site"/><site site="hook"/></spatial>
+      <fixed name="off"><joint joint="first" coef="1"/></fixed>"""
+    text = GRIPPER.replace("<tendon>", tendons).replace(
+        "<equality>", '<equality><tendon tendon1="equal"/><tendon tendon1="off" active="false"/>'
+    )
+    load(folder, text.replace("<worldbody>", '<worldbody><site name="hook"/>'))
+    assert "their joints move independently: equal, limited, rope\n" in caplog.text
+    caplog.clear()
+    load(folder, GRIPPER)
+    assert "move independently" not in caplog.text
+
+
 def test_a_joint_that_follows_a_door_is_held(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
     text = CASES["a passive door"].replace(
         "</worldbody>", '</worldbody><equality><joint joint1="k" joint2="hinge"/></equality>'
