@@ -112,6 +112,48 @@ def test_a_joint_keeps_the_limits_of_those_that_follow_it(
     assert bool(robot.continuous[0]) == np.isinf(expected[1])
 
 
+@pytest.mark.parametrize("suffix", ["urdf", "xml"])
+def test_limits_that_no_configuration_reaches_make_a_joint_continuous(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, suffix: str
+) -> None:
+    """SDF, and what is converted from it, writes ±1e16 for a joint without limits."""
+    file = tmp_path / f"arm.{suffix}"
+    joints = [("a", -1e16, 1e16), ("b", -1, 1), ("c", -170, 170)]
+    text = arm_text(*joints)
+    if suffix == "xml":
+        bodies = "".join(
+            f'<body pos="0 0 1"><geom size="0.1"/><joint name="{name}" range="{lower} {upper}"/>'
+            for name, lower, upper in joints
+        )
+        text = f'<mujoco model="arm"><compiler angle="radian"/><worldbody>{bodies}{"</body>" * 3}</worldbody></mujoco>'
+    file.write_text(text)
+    robot = rp.load_robot(file)
+    assert robot.continuous.tolist() == [1, 0, 0]
+    assert robot.limits.upper.tolist() == [np.inf, 1, 170]
+    assert "arm: joint 'a' has limits -1e+16 to 1e+16 rad, it is taken as continuous" in caplog.text
+    assert "arm: joint 'c' has limits -170 to 170 rad (angles are in radians: are these degrees?)" in caplog.text
+    assert "joint 'b' has" not in caplog.text
+
+
+def test_a_planning_joint_with_an_endless_limit_on_one_side_or_of_a_slide_is_refused(arm: Path) -> None:
+    text = arm_text(("a", -1, 1), ("b", 0, 1e16))
+    for urdf, limits in ((text, "0 to 1e"), (text.replace("revolute", "prismatic").replace('"0"', '"-1e16"'), "-1e")):
+        arm.write_text(urdf)
+        with pytest.raises(InputError, match=rf"arm.urdf: joint 'b' has limits {limits}\+16.*expected at most ±10000"):
+            rp.load_robot(arm)
+        assert rp.load_robot(arm, joints=["a"]).joint_names == ("a",)
+
+
+def test_the_default_tool_is_behind_joints_that_mimic_planning_joints(tmp_path: Path) -> None:
+    """The wrist of a palletizer is level because it mimics the joints before it."""
+    text = arm_text(("a", -1, 1), ("b", -1, 1), ("level", -1, 1)).replace(
+        "</joint></robot>", '<mimic joint="b" multiplier="-1"/></joint></robot>'
+    )
+    (tmp_path / "arm.urdf").write_text(text)
+    assert rp.load_robot(tmp_path / "arm.urdf").tool == "l3"
+    assert rp.load_robot(tmp_path / "arm.urdf", joints=["a"]).tool == "l1"
+
+
 def test_chosen_joints_keep_their_order_and_the_others_are_held_near_zero(arm: Path) -> None:
     robot = rp.load_robot(arm, joints=["b", "a"], tool="l1")
     assert robot.joint_names == ("b", "a")

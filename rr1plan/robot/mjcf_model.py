@@ -34,10 +34,10 @@ MAX_FACES = 5_000_000
 _SEEN_GROUPS = 3
 # MuJoCo's default density, that of water [kg/m³].
 _DENSITY = 1000.0
-_LENGTHS = ("body_pos", "body_ipos", "jnt_pos", "jnt_range", "site_pos", "qpos0", "key_qpos", "eq_data")
+_LENGTHS = ("body_pos", "body_ipos", "jnt_pos", "site_pos", "qpos0", "key_qpos", "eq_data")
 _NUMBERS = (
-    "body_quat", "body_iquat", "body_mass", "body_inertia", "jnt_axis", "dof_damping", "dof_frictionloss", "geom_pos",
-    "geom_quat", "geom_size", "geom_rgba", "site_quat",
+    "body_quat", "body_iquat", "body_mass", "body_inertia", "jnt_axis", "jnt_range", "dof_damping", "dof_frictionloss",
+    "geom_pos", "geom_quat", "geom_size", "geom_rgba", "site_quat",
 )  # fmt: skip
 _LINE = re.compile(r"line (\d+)")
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.checks import Array, check_text, items_of, known_name, shown
+from rr1plan.checks import DEGREES, FARTHEST, Array, check_text, items_of, known_name, shown
 from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Robot
 from rr1plan.robot.arm_finder import ArmFinder
@@ -27,6 +27,7 @@ SECONDS_TO_VELOCITY = 0.25
 SECONDS_TO_ACCELERATION = 0.1
 _TOOL_NAMES = ("tool", "tool0", "tcp", "ee_link")
 _SAME_LIMIT = 1e-9  # limits that differ by less are the same [rad or m]
+_WIDEST = 8.0 * np.pi  # farthest limit of a revolute joint that is taken as an angle without a warning [rad]
 
 
 @dataclass(frozen=True)
@@ -63,9 +64,10 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
             "%s: group %r is planned for, not %s; option groups takes several", tree.name, first, ", ".join(others)
         )
     groups, names = _planning_joints(tree, known, chosen, choice.joints)
-    tree = _limited_by_followers(tree, names)
+    tree = _limited_by_followers(_without_endless_ranges(tree), names)
     joints = {joint.name: joint for joint in tree.joints}
     limits = urdf_limits([joints[n] for n in names])
+    _check_ranges(tree, names, limits)
     locked = {
         j.name: float(np.clip(known.default_positions.get(j.name, 0.0), j.lower, j.upper))
         for j in tree.joints
@@ -140,6 +142,35 @@ def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robo
 
 def _listed(pairs: Iterable[frozenset[str]]) -> str:
     return ", ".join(sorted(" - ".join(sorted(pair)) for pair in pairs))
+
+
+def _without_endless_ranges(tree: Tree) -> Tree:
+    """The tree with revolute joints whose limits no configuration can reach as continuous joints.
+
+    SDF, and URDFs converted from it, write limits of ±1e16 for a joint without limits.
+    """
+    joints = []
+    for joint in tree.joints:
+        is_endless = joint.kind == "revolute" and joint.lower <= -FARTHEST and joint.upper >= FARTHEST
+        if is_endless:
+            text = "%s: joint %r has limits %g to %g rad, it is taken as continuous: without limits"
+            log.warning(text, tree.name, joint.name, joint.lower, joint.upper)
+            joint = replace(joint, kind="continuous", lower=-np.inf, upper=np.inf)
+        elif joint.kind == "revolute" and max(-joint.lower, joint.upper) > _WIDEST:
+            text = "%s: joint %r has limits %g to %g rad %s"
+            log.warning(text, tree.name, joint.name, joint.lower, joint.upper, DEGREES)
+        joints.append(joint)
+    return replace(tree, joints=tuple(joints))
+
+
+def _check_ranges(tree: Tree, names: Sequence[str], limits: Limits) -> None:
+    """Reject a planning joint with a limit that no configuration can reach; planners sample the whole range."""
+    for name, lower, upper, travel in zip(names, limits.lower, limits.upper, limits.travel, strict=True):
+        if FARTHEST < travel < np.inf:
+            raise InputError(
+                f"{tree.source}: joint {name!r} has limits {lower:g} to {upper:g}, expected at most ±{FARTHEST:g}; "
+                "give it limits, or leave it out with option joints or groups"
+            )
 
 
 def _limited_by_followers(tree: Tree, names: Sequence[str]) -> Tree:
@@ -328,7 +359,11 @@ def _locked_states(known: Semantics, locked: Mapping[str, float]) -> dict[str, d
 
 
 def _tool(tree: Tree, known: Semantics, groups: tuple[str, ...], names: tuple[str, ...], chosen: str | None) -> str:
-    """The chosen link, the tip of the first group's chain, or the last link after its last joint."""
+    """The chosen link, the tip of the first group's chain, or the last link after its last joint.
+
+    The links after a joint are those that are fixed to it or move by joints that mimic a planning joint.
+    """
+    moved = _followers(tree, names)
     links = [link.name for link in tree.links]
     if chosen is not None:
         return known_name("link", chosen, links)
@@ -344,8 +379,21 @@ def _tool(tree: Tree, known: Semantics, groups: tuple[str, ...], names: tuple[st
             return known.chains[group][1]
     link = next(j.child for j in tree.joints if j.name == names[-1])
     while True:
-        below = [j.child for j in tree.joints if j.parent == link and j.kind == "fixed"]
+        below = [j.child for j in tree.joints if j.parent == link and (j.kind == "fixed" or j.name in moved)]
         named = [name for name in _TOOL_NAMES if name in below]
         if not named and len(below) != 1:
             return link
         link = (named or below)[0]
+
+
+def _followers(tree: Tree, names: Sequence[str]) -> set[str]:
+    """Names of the joints that mimic one of the named joints, directly or through others."""
+    mimics = {joint.name: joint.mimic.joint for joint in tree.joints if joint.mimic is not None}
+    found: set[str] = set()
+    for name in mimics:
+        leader = name
+        while leader in mimics:
+            leader = mimics[leader]
+        if leader in names:
+            found.add(name)
+    return found

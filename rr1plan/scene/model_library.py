@@ -97,6 +97,7 @@ def load_robot(
 
     URDF has no acceleration and jerk limits: the defaults reach the velocity limit in 0.25 s and the acceleration limit
     in 0.1 s. A missing velocity limit becomes 1 rad/s or 0.25 m/s. Set known limits with `robot.with_limits`.
+    A revolute joint with limits of ±10000 rad or more, such as SDF's ±1e16, is continuous.
 
     "home" is the SRDF's state of that name, moved to the limits if it is outside them, else "ready", else its first
     state within them; without an SRDF, zero or the middle of the range if that is free of self-collision, else a free
@@ -120,16 +121,16 @@ def load_robot(
             with meshes in addition to the file's own.
         convex: Replacement of non-convex collision meshes: their "hull", or convex "pieces" (slow the first time, with
             a progress bar on a terminal; then cached on disk).
-        tool: The link that pose goals mean when they name none; by default the tip of the group's
-            chain, or the last link of the subtree of the last planning joint. In MJCF files it is a body or a site, and
-            the joints between the base and the tool are planned for; by default a site with a tool's name, or the body
-            that holds the fingers.
+        tool: The link that pose goals mean when they name none; by default the tip of the group's chain, or the last
+            link after the last planning joint, through fixed joints and joints that mimic planning joints. In MJCF
+            files it is a body or a site, and the joints between the base and the tool are planned for; by default a
+            site with a tool's name, or the body that holds the fingers.
         xacro_arguments: Values of a xacro file's arguments; if given, even {}, a .urdf is expanded as well.
 
     Raises:
         UnknownNameError: no such robot, group, joint or link.
         FormatError: a file that is not in its format.
-        InputError: joints that cannot be planned for.
+        InputError: joints that cannot be planned for, or that have limits beyond ±10000 rad or m.
         MissingPackageError: a xacro file, and xacrodoc is not installed.
     """
     if tool is not None:
