@@ -239,6 +239,34 @@ def first_attributes(data: bytes, tag: str, file: str | Path | None = None) -> d
     return found[0] if found else {}
 
 
+def first_text(data: bytes, tag: str, file: str | Path | None = None) -> str:
+    """The text of the first element with a tag, up to its first child, without white space around it; "" without one.
+
+    Raises:
+        FormatError: not well-formed, or a DOCTYPE.
+    """
+    texts: list[str] = []
+    is_open = False
+
+    def start(name: str, _attributes: dict[str, str]) -> None:
+        nonlocal is_open
+        is_open = name == tag and not texts
+        texts.extend([""] * is_open)
+
+    def end(_name: str) -> None:
+        nonlocal is_open
+        is_open = False
+
+    def read(content: str) -> None:
+        if is_open:
+            texts[0] += content
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, read
+    _run(parser, _Builder(parser, None if file is None else str(file)), data)
+    return "".join(texts).strip()
+
+
 def parse_xml_file(file: Path, root: str) -> Element:
     """Parse a file.
 

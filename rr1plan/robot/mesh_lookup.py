@@ -1,9 +1,9 @@
 """Lookup of a URDF's meshes, restricted to folders of the robot.
 
-`package://name/rest` is `rest` in the package's folder: one of the given `package_dirs` or of
-ROS_PACKAGE_PATH (either the package itself or the folder that holds it), or a folder of that name
-next to the URDF or above it. A plain or `file://` name is relative to the URDF. Files outside
-these folders are rejected, also through symbolic links.
+`package://name/rest` is `rest` in the package's folder: one of the given `package_dirs` or of ROS_PACKAGE_PATH (either
+the package itself or the folder that holds it), or a folder next to the URDF or above it. A package's folder has the
+package's name, or a package.xml with that name, as in ROS: downloads are often named otherwise. A plain or `file://`
+name is relative to the URDF. Files outside these folders are rejected, also through symbolic links.
 """
 
 from __future__ import annotations
@@ -15,10 +15,12 @@ from urllib.parse import unquote
 
 from rr1plan.checks import file_path, items_of, resolved_path
 from rr1plan.errors import FormatError, InputError
-from rr1plan.files.file_access import is_regular
+from rr1plan.files.file_access import is_regular, read_bytes
+from rr1plan.files.xml_reader import first_text
 from rr1plan.shapes.mesh_files import SUFFIXES
 
 _LEVELS = 5
+_PACKAGE, _MAX_BYTES = "package.xml", 1024 * 1024
 
 
 class MeshLookup:
@@ -101,12 +103,14 @@ class MeshLookup:
             raise FormatError(f"mesh 'package://{rest}' leads out of its package")
         for folder in self._packages:
             yield folder / package / inside
-            if folder.name == package or (folder / "package.xml").is_file():
+            if folder.name == package or (folder / _PACKAGE).is_file():
                 yield folder / inside
         for folder in self._above:
             yield folder / package / inside
-            if folder.name == package:
+            if package in (folder.name, package_name(folder)):
                 yield folder / inside
+        for folder in (*self._packages, *self._above):
+            yield from (child / inside for child in folders_in(folder) if package_name(child) == package)
 
 
 def check_suffix(name: str, suffixes: Sequence[str]) -> None:
@@ -123,6 +127,23 @@ def check_suffix(name: str, suffixes: Sequence[str]) -> None:
         raise FormatError(f"mesh {name!r} has an unknown suffix, expected one of {', '.join(suffixes)}")
 
 
+def folders_in(folder: Path) -> list[Path]:
+    """The folders in a folder, sorted; none if it cannot be listed."""
+    try:
+        return sorted(child for child in folder.iterdir() if child.is_dir())
+    except OSError:
+        return []
+
+
+def package_name(folder: Path) -> str | None:
+    """The name in a folder's package.xml, ROS's description of a package; None without a readable one."""
+    file = folder / _PACKAGE
+    try:
+        return first_text(read_bytes(file, _MAX_BYTES), "name", file) if is_regular(file) else None
+    except FormatError:
+        return None
+
+
 def _folders_above(folder: Path) -> list[Path]:
     """The URDF's folder and those above it that may hold its meshes.
 
@@ -134,7 +155,7 @@ def _folders_above(folder: Path) -> list[Path]:
     for parent in list(folder.parents)[:_LEVELS]:
         if len(parent.parts) <= 2 or home.is_relative_to(parent):
             break
-        inside_package = (found[-1] / "package.xml").is_file()
+        inside_package = (found[-1] / _PACKAGE).is_file()
         found.append(parent)
         if inside_package:
             break

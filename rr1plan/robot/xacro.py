@@ -21,6 +21,7 @@ from rr1plan.checks import file_path, positive_number, resolved_path, shown
 from rr1plan.errors import BackendError, FormatError, InputError, MissingPackageError
 from rr1plan.files.file_access import read_bytes
 from rr1plan.files.xml_reader import MAX_BYTES
+from rr1plan.robot.mesh_lookup import folders_in, package_name
 
 log = logging.getLogger(__name__)
 
@@ -78,13 +79,15 @@ def expand_xacro(
 
 
 def _packages(package_dirs: Sequence[str | Path]) -> dict[str, str]:
-    """The given folders, and the folders in them, by their names."""
+    """The given folders, and the folders in them, by their names, or rather those in their package.xml."""
     known: dict[str, str] = {}
-    for folder in map(resolved_path, package_dirs):
-        known[folder.name] = str(folder)
-        if folder.is_dir():
-            known.update({child.name: str(child) for child in folder.iterdir() if child.is_dir()})
-    return known
+    named: dict[str, str] = {}
+    for given in map(resolved_path, package_dirs):
+        for folder in (given, *folders_in(given)):
+            known[folder.name] = str(folder)
+            if name := package_name(folder):
+                named[name] = str(folder)
+    return known | named
 
 
 def _texts(arguments: Mapping[str, str] | None) -> dict[str, str]:

@@ -274,6 +274,27 @@ def test_given_folders_and_ros_package_path_are_searched(
     assert MeshLookup((), elsewhere / "r.urdf").find(name).is_file()
 
 
+def test_a_package_has_the_name_in_its_package_xml_too(
+    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A download of a repository often has another name than the package in it."""
+    names = "<package><!-- <name>pkg</name> --><description><name/></description><name>\n arm </name></package>"
+    (package / "package.xml").write_text(names.replace("<description><name/></description>", ""))
+    name, found = "package://arm/meshes/a.stl", package / "meshes" / "a.stl"
+    assert MeshLookup((), package / "urdf" / "r.urdf").find(name).samefile(found)
+    hand = package.parent / "hand-main" / "urdf"
+    hand.mkdir(parents=True)
+    (hand.parent / "package.xml").write_text("<package><name>hand</name></package>")
+    assert MeshLookup((), hand / "r.urdf").find(name).samefile(found)
+    assert MeshLookup([package.parent], None).find(name).samefile(found)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(package.parent))
+    assert MeshLookup((), tmp_path / "r.urdf").find(name).samefile(found)
+    for text in ("<package>", '<!DOCTYPE a [<!ENTITY b "arm">]><package><name>&b;</name></package>', names):
+        (package / "package.xml").write_text(text)
+        with pytest.raises(FormatError, match="is not there"):
+            MeshLookup((), hand / "r.urdf").find(name)
+
+
 def test_the_error_lists_every_place_that_was_tried(package: Path, tmp_path: Path) -> None:
     given = tmp_path / "given"
     with pytest.raises(FormatError) as caught:

@@ -62,6 +62,9 @@ def test_includes_from_packages_are_found_in_the_given_folders(tmp_path: Path) -
     )
     assert 'name="base"' in expand_xacro(file, package_dirs=[package.parent])
     assert 'name="base"' in expand_xacro(file, package_dirs=[package])
+    download = package.rename(package.with_name("my_arm-main"))
+    (download / "package.xml").write_text("<package><name>my_arm</name></package>")
+    assert 'name="base"' in expand_xacro(file, package_dirs=[package.parent])
     with pytest.raises(FormatError, match="my_arm"):
         expand_xacro(file)
 
