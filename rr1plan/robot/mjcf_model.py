@@ -22,7 +22,7 @@ from rr1plan.robot.mesh_lookup import MeshLookup, check_suffix
 from rr1plan.robot.mjcf_document import Document, MeshFile
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.shapes import Mesh
-from rr1plan.shapes.mesh_files import joined_mesh, read_mesh
+from rr1plan.shapes.mesh_files import joined_mesh, read_mesh, warn_of_millimeters
 from rr1plan.transforms import rotation_from_quaternion
 
 log = logging.getLogger(__name__)
@@ -239,7 +239,9 @@ class _Meshes:
             raise file.element.error(f"the meshes have more than {MAX_FACES} triangles; try decimated ones")
         asset.uservert = mesh.vertices.ravel()
         asset.userface = mesh.faces.ravel()
-        return _placed(mesh, np.array(asset.refpos), np.array(asset.refquat), np.array(asset.scale))
+        placed = _placed(mesh, np.array(asset.refpos), np.array(asset.refquat), np.array(asset.scale))
+        warn_of_millimeters("{}:{}".format(*file.element.at), [placed])
+        return placed
 
 
 def _matters(geom: mujoco.MjsGeom, use: GeomUse) -> bool:

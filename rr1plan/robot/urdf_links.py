@@ -14,7 +14,7 @@ from rr1plan.robot.mesh_lookup import MeshLookup
 from rr1plan.robot.urdf_joints import read_origin
 from rr1plan.shapes import Box, Capsule, Color, Cylinder, Shape, Sphere
 from rr1plan.shapes.convex_decomposition import Convexity, convex_shapes
-from rr1plan.shapes.mesh_files import GLTF, MeshPart, read_mesh
+from rr1plan.shapes.mesh_files import GLTF, MeshPart, read_mesh, warn_of_millimeters
 
 log = logging.getLogger(__name__)
 
@@ -99,6 +99,7 @@ class LinkReader:
                 self._meshes[key] = read_mesh(self._lookup.find(key[0]), key[1])
             except InputError as error:
                 raise element.error(str(error)) from error
+            warn_of_millimeters("{}:{}".format(*element.at), [part.mesh for part in self._meshes[key]])
         return self._meshes[key]
 
     # ---- colors -----------------------------------------------------------------------

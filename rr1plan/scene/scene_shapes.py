@@ -24,7 +24,7 @@ from rr1plan.robot import Geometry
 from rr1plan.shapes import Box, Capsule, Color, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, convex_shapes
 from rr1plan.shapes.convex_hulls import bounds_its_hull
-from rr1plan.shapes.mesh_files import joined_mesh, read_mesh
+from rr1plan.shapes.mesh_files import load_mesh
 from rr1plan.shapes.point_cloud_files import read_points
 from rr1plan.transforms import pose, quaternion_from_rotation, rotation_from_quaternion
 
@@ -191,7 +191,8 @@ def _mesh_from_file(entry: Table, folder: Path) -> tuple[Shape, ...]:
     convex = entry.string("convex", "")
     entry.finish()
     x, y, z = factors.tolist()
-    mesh = joined_mesh([part.mesh for part in read_mesh(path, (x, y, z))])
+    with entry.blame("scale"):
+        mesh = load_mesh(path, scale=(x, y, z))
     if not convex:
         return (mesh,)
     return tuple(convex_shapes([mesh], "hull" if known_name("convex", convex, CONVEXITIES) == "hull" else "pieces"))

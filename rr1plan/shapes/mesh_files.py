@@ -10,6 +10,7 @@ descriptions (many exporters write a wrong one). glTF's y axis is up and becomes
 from __future__ import annotations
 
 import io
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,10 +26,14 @@ from rr1plan.shapes import Color, Mesh
 from rr1plan.shapes.convex_hulls import convex_hull
 from rr1plan.shapes.gltf_checks import Z_UP, external_buffers
 
+log = logging.getLogger(__name__)
+
 MAX_FACES = 1_000_000
 MAX_BYTES = 256 * 1024 * 1024
 MAX_COORDINATE = 1e9
 SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".gltf", ".glb")
+# Wider meshes are probably in millimeters [m].
+_WIDEST = 50.0
 # Read without colors: these files have none, or one for each vertex.
 _COLORLESS = (".stl", ".obj", ".ply")
 GLTF = (".gltf", ".glb")
@@ -79,7 +84,7 @@ def read_mesh(file: str | Path, scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> t
         groups.setdefault(_color(mesh) if kind not in _COLORLESS else None, []).append(mesh)
     faces = sum(len(mesh.faces) for meshes in groups.values() for mesh in meshes)
     if faces == 0:
-        raise FormatError("has no triangle", file)
+        raise FormatError("has no triangle" + (_stl_size(data) if kind == ".stl" else ""), file)
     if faces > MAX_FACES:
         raise FormatError(f"has {faces} triangles, expected at most {MAX_FACES}; try a decimated mesh", file)
     return tuple(MeshPart(_join(file, meshes, factors), color) for color, meshes in groups.items())
@@ -107,9 +112,22 @@ def load_mesh(file: str | Path, *, scale: float | tuple[float, float, float] = 1
     true_or_false("hull", hull)
     x, y, z = factors.tolist()
     parts = [part.mesh for part in read_mesh(file, (x, y, z))]
+    warn_of_millimeters(str(file), parts)
     if hull:
         return convex_hull(np.concatenate([mesh.vertices for mesh in parts]))
     return joined_mesh(parts)
+
+
+def warn_of_millimeters(place: str, meshes: Sequence[Mesh]) -> None:
+    """Log that meshes are so wide that their file seems to be in millimeters.
+
+    Args:
+        place: The file, or the place that names it, for the message.
+        meshes: The meshes with their scale.
+    """
+    width = max(float(np.ptp(mesh.vertices, axis=0).max()) for mesh in meshes)
+    if width > _WIDEST:
+        log.warning("%s: the mesh is %.4g m wide; if it is in millimeters, scale it by 0.001", place, width)
 
 
 def joined_mesh(parts: Sequence[Mesh]) -> Mesh:
@@ -137,6 +155,15 @@ def _is_binary_stl(data: bytes) -> bool:
     """Whether it has the length of a binary STL with its number of triangles, unlike ASCII files that begin alike."""
     count = int.from_bytes(data[80:84], "little")
     return count > 0 and len(data) == 84 + _TRIANGLE.itemsize * count
+
+
+def _stl_size(data: bytes) -> str:
+    """The length of a binary STL with its number of triangles, for the message; "" for a file that may be ASCII."""
+    if b"\0" not in data[80:84]:
+        return ""
+    count = int.from_bytes(data[80:84], "little")
+    size = 84 + _TRIANGLE.itemsize * count
+    return f"; a binary STL of {count} triangles, as its head says, has {size} bytes, but it has {len(data)}"
 
 
 def _binary_stl(data: bytes) -> list[Any]:

@@ -18,8 +18,9 @@ import trimesh
 from rr1plan.errors import FormatError
 from rr1plan.robot.mesh_lookup import MeshLookup
 from rr1plan.robot.urdf import read_urdf
+from rr1plan.scene.model_library import load_scene
 from rr1plan.shapes import Mesh, mesh_files
-from rr1plan.shapes.mesh_files import read_mesh
+from rr1plan.shapes.mesh_files import load_mesh, read_mesh
 
 
 def binary_stl(mesh: Mesh, count: int | None = None) -> bytes:
@@ -182,7 +183,7 @@ def test_a_bad_mesh_is_a_format_error_with_the_files_name(tmp_path: Path, name: 
 
 def test_a_cut_stl_is_refused(tmp_path: Path, block: Mesh) -> None:
     (tmp_path / "cut.stl").write_bytes(binary_stl(block)[:-70])
-    with pytest.raises(FormatError, match=r"cut\.stl"):
+    with pytest.raises(FormatError, match=r"cut\.stl: .*of 12 triangles, .* has 684 bytes, but it has 614"):
         read_mesh(tmp_path / "cut.stl")
 
 
@@ -368,6 +369,23 @@ def test_a_urdf_places_scales_and_hulls_its_meshes(package: Path) -> None:
         assert isinstance(g.shape, Mesh)
         assert np.allclose(g.shape.vertices.max(axis=0), [0.1, 0.2, 0.3])
     assert link.collisions[0].shape.convex
+
+
+def test_a_mesh_that_seems_to_be_in_millimeters_is_said(package: Path, caplog: pytest.LogCaptureFixture) -> None:
+    mesh = '<mesh filename="../meshes/a.stl" scale="{0} {0} {0}"/>'
+    text = f'<robot name="r"><link name="a">\n<collision><geometry>{mesh}</geometry></collision></link></robot>'
+    urdf, cell = package / "urdf" / "r.urdf", package / "cell.toml"
+    for scale, width in ((1.0, ""), (-100.0, "300")):
+        read_urdf(text.format(scale), file=urdf)
+        load_mesh(package / "meshes" / "a.stl", scale=scale)
+        cell.write_text(f'[obstacles.a]\nmesh = {{ file = "meshes/a.stl", scale = {scale} }}')
+        load_scene(cell)
+        said = f"the mesh is {width} m wide; if it is in millimeters, scale it by 0.001"
+        places = (f"{urdf}:2", f"{package / 'meshes' / 'a.stl'}", f"{package / 'meshes' / 'a.stl'}")
+        assert caplog.messages == ([f"{place}: {said}" for place in places] if width else [])
+    cell.write_text(cell.read_text().replace("-100.0", "[1, 0, 1]"))
+    with pytest.raises(FormatError, match=r"obstacles.a.mesh.scale: scale is .*expected factors other than zero"):
+        load_scene(cell)
 
 
 def test_a_flat_collision_mesh_is_refused_with_the_line(package: Path) -> None:
