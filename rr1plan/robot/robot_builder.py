@@ -73,7 +73,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         for j in tree.joints
         if j.kind != "fixed" and j.mimic is None and j.name not in names
     }
-    states = _states(known, groups, names)
+    states = _states(tree.name, known, groups, names)
     configurations = _configurations(tree.name, names, states, limits)
     robot = Robot(
         name=tree.name,
@@ -304,13 +304,18 @@ def _is_below(tree: Tree, names: Sequence[str], link: str) -> bool:
     return all(joint.parent in links for joint in tree.joints if joint.name in names)
 
 
-def _states(known: Semantics, groups: tuple[str, ...], names: tuple[str, ...]) -> dict[str, Array]:
+def _states(name: str, known: Semantics, groups: tuple[str, ...], names: tuple[str, ...]) -> dict[str, Array]:
     """The named states that define every planning joint, each (nq,): of one group, or of all chosen groups together."""
     own_first = sorted(known.states.items(), key=lambda item: item[0][0] not in groups)
     together: dict[str, dict[str, float]] = {}
     for (group, state), values in known.states.items():
         if group in groups:
             together[state] = {**together.get(state, {}), **values}
+    for group, state in known.states:
+        missing = [n for n in known.groups.get(group, ()) if n in names and n not in together.get(state, {})]
+        if group in groups and missing:
+            text = "%s: the state %r of group %r is left out, it has no value of %s"
+            log.warning(text, name, state, group, ", ".join(missing))
     found: dict[str, Array] = {}
     for state, values in (*((state, values) for (_, state), values in own_first), *together.items()):
         if state not in found and set(names) <= set(values):

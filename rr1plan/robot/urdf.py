@@ -71,7 +71,7 @@ def read_urdf(
         file = file_path(source)
         root = parse_xml_file(file, "robot")
     name = root.text("name")
-    _refuse_xacro(root)
+    refuse_xacro(root, "if you trust it, name the file .xacro, or set option xacro_arguments")
     link_elements = _by_name(root, "link")
     joint_elements = _by_name(root, "joint")
     if not link_elements:
@@ -88,13 +88,22 @@ def read_urdf(
     return Tree(name, tuple(with_fitting_axes(links, reader.gltf, source)), tuple(order), source)
 
 
-def _refuse_xacro(root: Element) -> None:
-    for element in root.children:
+def refuse_xacro(root: Element, advice: str) -> None:
+    """Reject a document with macros, which a reader would skip.
+
+    Args:
+        root: The document.
+        advice: How to expand them, for the message.
+
+    Raises:
+        FormatError: an element of xacro.
+    """
+    waiting = [root]
+    while waiting:
+        element = waiting.pop()
         if element.tag.startswith("xacro:"):
-            raise element.error(
-                f"<{element.tag}> has to be expanded first; "
-                "if you trust it, name the file .xacro, or set option xacro_arguments"
-            )
+            raise element.error(f"<{element.tag}> has to be expanded first; {advice}")
+        waiting.extend(reversed(element.children))
 
 
 def _by_name(root: Element, tag: str) -> dict[str, Element]:

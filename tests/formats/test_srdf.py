@@ -68,6 +68,7 @@ BAD = {
     ),
     "state twice": (ARM + '<group_state name="s" group="arm"/><group_state name="s" group="arm"/>', "twice"),
     "doctype": ("<!DOCTYPE x>", "well-formed"),
+    "xacro left in": ('<xacro:include filename="arm.xacro"/>', "<xacro:include> has to be expanded first"),
 }
 
 STRANGE = {
@@ -214,6 +215,18 @@ def test_a_state_outside_the_limits_is_kept_with_a_warning_but_is_no_home(
     assert robot.configurations["far"].tolist() == [9, 9, 9]
     assert robot.home.tolist() == [0, 0, 0]
     assert "'far'" in caplog.text
+
+
+def test_a_state_without_values_of_all_joints_of_its_group_is_left_out_with_a_warning(
+    chain: Tree, caplog: pytest.LogCaptureFixture
+) -> None:
+    state = '<group_state name="home" group="arm"><joint name="j2" value="0.5"/></group_state>'
+    robot = assemble(chain, read_srdf(srdf_text(ARM, state), chain), Choice())
+    assert robot.home.tolist() == [0, 0, 0]
+    assert "chain: the state 'home' of group 'arm' is left out, it has no value of j1, j3\n" in caplog.text
+    caplog.clear()
+    assert assemble(chain, read_srdf(srdf_text(ARM, state), chain), Choice(joints=["j2"])).home.tolist() == [0.5]
+    assert "is left out" not in caplog.text
 
 
 def test_the_arm_that_carries_the_gripper_is_planned_for_and_the_gripper_held(chain: Tree) -> None:

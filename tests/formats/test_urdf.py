@@ -148,6 +148,10 @@ BAD = {
         '<robot name="r" xmlns:xacro="http://x"><link name="a"/><xacro:property name="p"/></robot>',
         "xacro_arguments",
     ),
+    "xacro in a link": (
+        '<robot name="r" xmlns:xacro="http://x"><link name="a"><xacro:inertia mass="1"/></link></robot>',
+        "<xacro:inertia> has to be expanded first",
+    ),
 }
 
 
