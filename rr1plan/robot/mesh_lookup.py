@@ -1,9 +1,10 @@
 """Lookup of a URDF's meshes, restricted to folders of the robot.
 
 `package://name/rest` is `rest` in the package's folder: one of the given `package_dirs` or of ROS_PACKAGE_PATH (either
-the package itself or the folder that holds it), or a folder next to the URDF or above it. A package's folder has the
-package's name, or a package.xml with that name, as in ROS: downloads are often named otherwise. A plain or `file://`
-name is relative to the URDF. Files outside these folders are rejected, also through symbolic links.
+the package itself or the folder that holds it), a folder next to the URDF or above it, or an installed package in
+AMENT_PREFIX_PATH (ROS 2). A package's folder has the package's name, or a package.xml with that name, as in ROS:
+downloads are often named otherwise. A plain or `file://` name is relative to the URDF. Files outside these folders are
+rejected, also through symbolic links.
 """
 
 from __future__ import annotations
@@ -36,11 +37,12 @@ class MeshLookup:
 
     def __init__(self, package_dirs: Sequence[str | Path], file: str | Path | None) -> None:
         given = [file_path(folder) for folder in items_of("package_dirs", package_dirs, "folders")]
-        path = os.environ.get("ROS_PACKAGE_PATH", "")
-        self._packages = given + [Path(folder) for folder in path.split(os.pathsep) if folder]
+        self._packages = [*given, *_path_variable("ROS_PACKAGE_PATH")]
         self._beside = None if file is None else resolved_path(file).parent
-        self._above = [] if self._beside is None else _folders_above(self._beside)
-        self._allowed = [resolved_path(folder) for folder in (*self._packages, *self._above)]
+        self._above = [] if self._beside is None else folders_above(self._beside)
+        # Installed packages of ROS 2 are in folders with their names.
+        self._installed = [prefix / "share" for prefix in _path_variable("AMENT_PREFIX_PATH")]
+        self._allowed = [resolved_path(folder) for folder in (*self._packages, *self._above, *self._installed)]
 
     def find(self, name: str) -> Path:
         """The file that a URDF refers to as `name`.
@@ -109,6 +111,7 @@ class MeshLookup:
             yield folder / package / inside
             if package in (folder.name, package_name(folder)):
                 yield folder / inside
+        yield from (folder / package / inside for folder in self._installed)
         for folder in (*self._packages, *self._above):
             yield from (child / inside for child in folders_in(folder) if package_name(child) == package)
 
@@ -125,6 +128,11 @@ def check_suffix(name: str, suffixes: Sequence[str]) -> None:
         raise FormatError(f"a mesh's {error}") from error
     if suffix not in suffixes:
         raise FormatError(f"mesh {name!r} has an unknown suffix, expected one of {', '.join(suffixes)}")
+
+
+def _path_variable(variable: str) -> list[Path]:
+    """The folders in an environment variable."""
+    return [Path(folder) for folder in os.environ.get(variable, "").split(os.pathsep) if folder]
 
 
 def folders_in(folder: Path) -> list[Path]:
@@ -144,7 +152,7 @@ def package_name(folder: Path) -> str | None:
         return None
 
 
-def _folders_above(folder: Path) -> list[Path]:
+def folders_above(folder: Path) -> list[Path]:
     """The URDF's folder and those above it that may hold its meshes.
 
     Up to the folder that contains the URDF's package (its package.xml), or five levels without one, but never the home

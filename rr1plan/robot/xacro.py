@@ -21,7 +21,7 @@ from rr1plan.checks import file_path, positive_number, resolved_path, shown
 from rr1plan.errors import BackendError, FormatError, InputError, MissingPackageError
 from rr1plan.files.file_access import read_bytes
 from rr1plan.files.xml_reader import MAX_BYTES
-from rr1plan.robot.mesh_lookup import folders_in, package_name
+from rr1plan.robot.mesh_lookup import folders_above, folders_in, package_name
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +43,8 @@ def expand_xacro(
 
     Args:
         file: The xacro file. It is trusted code.
-        package_dirs: Folders of packages, or folders that contain them, for `$(find package)`.
+        package_dirs: Folders of packages, or folders that contain them, in which `$(find package)` searches before the
+            folders around the file.
         arguments: Values of its `xacro:arg`.
         seconds: Time limit [s].
 
@@ -60,7 +61,7 @@ def expand_xacro(
     read_bytes(file, MAX_BYTES)
     request = {
         "file": str(file),
-        "packages": _packages(package_dirs),
+        "packages": _packages((*package_dirs, *folders_above(resolved_path(file).parent))),
         "arguments": _texts(arguments),
         "bytes": _MEMORY,
         "seconds": seconds,
@@ -78,15 +79,18 @@ def expand_xacro(
     return str(answer["urdf"])
 
 
-def _packages(package_dirs: Sequence[str | Path]) -> dict[str, str]:
-    """The given folders, and the folders in them, by their names, or rather those in their package.xml."""
+def _packages(folders: Sequence[str | Path]) -> dict[str, str]:
+    """The given folders and the folders in them by the names in their package.xml, else by their own names.
+
+    Of folders with the same name, the first one is meant.
+    """
     known: dict[str, str] = {}
     named: dict[str, str] = {}
-    for given in map(resolved_path, package_dirs):
+    for given in map(resolved_path, folders):
         for folder in (given, *folders_in(given)):
-            known[folder.name] = str(folder)
+            known.setdefault(folder.name, str(folder))
             if name := package_name(folder):
-                named[name] = str(folder)
+                named.setdefault(name, str(folder))
     return known | named
 
 

@@ -14,7 +14,8 @@ from rr1plan.shapes import Mesh
 def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path_factory.mktemp("cache") / "inner"
     monkeypatch.setenv("RR1PLAN_CACHE", str(folder))
-    monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
+    for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
+        monkeypatch.delenv(variable, raising=False)
     return folder
 
 

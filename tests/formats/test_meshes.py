@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import re
 import struct
 import subprocess
@@ -273,6 +274,11 @@ def test_given_folders_and_ros_package_path_are_searched(
     assert MeshLookup([package.parent], None).find(name).is_file()
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(package.parent))
     assert MeshLookup((), elsewhere / "r.urdf").find(name).is_file()
+    monkeypatch.delenv("ROS_PACKAGE_PATH")
+    (elsewhere / "install" / "share").mkdir(parents=True)
+    package.rename(elsewhere / "install" / "share" / "pkg")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", os.pathsep.join([str(tmp_path / "none"), str(elsewhere / "install")]))
+    assert MeshLookup((), tmp_path / "urdf" / "r.urdf").find(name).is_file()
 
 
 def test_a_package_has_the_name_in_its_package_xml_too(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -65,6 +66,10 @@ def test_includes_from_packages_are_found_in_the_given_folders(tmp_path: Path) -
     download = package.rename(package.with_name("my_arm-main"))
     (download / "package.xml").write_text("<package><name>my_arm</name></package>")
     assert 'name="base"' in expand_xacro(file, package_dirs=[package.parent])
+    hand = package.with_name("hand") / "urdf"
+    hand.mkdir(parents=True)
+    (hand.parent / "package.xml").write_text("<package><name>hand</name></package>")
+    assert 'name="base"' in expand_xacro(Path(shutil.copy(file, hand)))
     with pytest.raises(FormatError, match="my_arm"):
         expand_xacro(file)
 
