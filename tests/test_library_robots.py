@@ -12,6 +12,7 @@ import rr1plan as rp
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import model_library
+from rr1plan.scene.unlocked_joints import unlocked_robot
 
 LIMIT = '<limit lower="{}" upper="{}" velocity="2" effort="3"/>'
 
@@ -214,6 +215,24 @@ def test_what_urdf_does_not_know_is_taken_carefully(arm: Path, caplog: pytest.Lo
     limits = rp.load_robot(arm).limits
     assert (limits.velocity[0], limits.acceleration[0], limits.effort[0]) == (1.0, 4.0, np.inf)
     assert "no velocity limit for a: 1 rad/s (0.25 m/s) is taken; set others by robot.with_limits" in caplog.text
+
+
+def test_limits_of_acceleration_and_jerk_of_urdf_1_2_are_kept(arm: Path, caplog: pytest.LogCaptureFixture) -> None:
+    limit = LIMIT.replace("/>", ' acceleration="5" deceleration="4" jerk="50"/>')
+    text = arm_text(("a", -1, 1), ("b", -1, 1), ("c", -1, 1), limit=limit)
+    follows = '<mimic joint="b" multiplier="-2"/></joint></robot>'
+    arm.write_text(text.replace("</joint></robot>", follows).replace("acceleration", "none", 1))
+    robot = rp.load_robot(arm)
+    assert robot.joint_names == ("a", "b")
+    assert robot.limits.acceleration.tolist() == [4.0, 2.0]
+    assert robot.limits.jerk.tolist() == [50.0, 25.0]
+    assert unlocked_robot(rp.load_robot(arm, joints=["a"]), ("b",)).limits.acceleration.tolist() == [4.0, 4.0]
+    arm.write_text(text.replace('jerk="50"', 'jerk="0"'))
+    assert rp.load_robot(arm).limits.jerk.tolist() == [40.0, 40.0, 40.0]
+    assert "joint 'a' has jerk 0, it is taken as unknown" in caplog.text
+    arm.write_text(text.replace('deceleration="4"', 'deceleration="-4"'))
+    with pytest.raises(FormatError, match=r"arm.urdf:1: joint 'a' has deceleration -4.0, expected a number above zero"):
+        rp.load_robot(arm)
 
 
 STATE = """

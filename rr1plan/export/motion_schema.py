@@ -128,6 +128,8 @@ class Joint(Entry):
     damping: NotNegative
     friction: NotNegative
     mimic: Mimic | None
+    acceleration: Bound = "inf"
+    jerk: Bound = "inf"
 
 
 class Limits(Entry):

@@ -260,6 +260,8 @@ def _joint(entry: schema.Joint) -> Joint:
         damping=entry.damping,
         friction=entry.friction,
         mimic=mimic,
+        acceleration=float(entry.acceleration),
+        jerk=float(entry.jerk),
     )
 
 

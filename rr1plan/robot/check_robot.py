@@ -78,8 +78,9 @@ def _check_joint(joint: Joint) -> None:
     axis = finite_array(f"axis of {name}", joint.axis, (3,))
     if abs(float(np.linalg.norm(axis)) - 1.0) > _ROUNDING:
         raise InputError(f"axis of {name} is {axis.tolist()}, expected a unit vector")
-    if not (joint.lower <= joint.upper and joint.velocity > 0.0 and joint.effort > 0.0):
-        raise InputError(f"{name} has limits that leave it no motion: {joint.lower}, {joint.upper}, {joint.velocity}")
+    rates = (joint.velocity, joint.acceleration, joint.jerk, joint.effort)
+    if not (joint.lower <= joint.upper and all(rate > 0.0 for rate in rates)):
+        raise InputError(f"{name} has limits that leave it no motion: {joint.lower}, {joint.upper}, {rates}")
     if joint.kind in ("revolute", "prismatic"):
         finite_array(f"position limits of {name}", [joint.lower, joint.upper], (2,))
     for quantity in ("damping", "friction"):

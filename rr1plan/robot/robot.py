@@ -33,6 +33,9 @@ from rr1plan.robot.robot_parts import Joint, Link
 from rr1plan.shapes import Mesh
 from rr1plan.shapes.content_digest import feed_digest
 
+# Of a planning joint they are in the robot's limits; hashes of files from before joints had them stay valid.
+_IN_LIMITS = ("acceleration", "jerk")
+
 
 @dataclass(frozen=True, eq=False)
 class Robot(Value, NotebookView):
@@ -202,7 +205,7 @@ class Robot(Value, NotebookView):
         )
         feed_digest(digest, [[getattr(self.limits, n) for n in self.limits.__dataclass_fields__]])
         for joint in self.joints:
-            feed_digest(digest, [getattr(joint, n) for n in joint.__dataclass_fields__])
+            feed_digest(digest, [getattr(joint, n) for n in joint.__dataclass_fields__ if n not in _IN_LIMITS])
         for link in self.links:
             inertial = link.inertial
             feed_digest(

@@ -26,6 +26,7 @@ UNKNOWN_VELOCITY = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.25}
 SECONDS_TO_VELOCITY = 0.25
 SECONDS_TO_ACCELERATION = 0.1
 _TOOL_NAMES = ("tool", "tool0", "tcp", "ee_link")
+_RATES = ("velocity", "acceleration", "jerk")
 _SAME_LIMIT = 1e-9  # limits that differ by less are the same [rad or m]
 _WIDEST = 8.0 * np.pi  # farthest limit of a revolute joint that is taken as an angle without a warning [rad]
 
@@ -186,7 +187,7 @@ def _limited_by_followers(tree: Tree, names: Sequence[str]) -> Tree:
             continue
         low, high = sorted(((follower.lower - offset) / gain, (follower.upper - offset) / gain))
         before = limited[leader.name]
-        joint = replace(before, velocity=min(before.velocity, follower.velocity / abs(gain)))
+        joint = replace(before, **{n: min(getattr(before, n), getattr(follower, n) / abs(gain)) for n in _RATES})
         if low > before.lower + _SAME_LIMIT or high < before.upper - _SAME_LIMIT:
             joint = replace(joint, lower=max(low, before.lower), upper=min(high, before.upper))
         if not joint.lower < joint.upper:
@@ -196,17 +197,17 @@ def _limited_by_followers(tree: Tree, names: Sequence[str]) -> Tree:
             # Not equivalent after a turn.
             turns = max(joint.lower, -2.0 * np.pi), min(joint.upper, 2.0 * np.pi)
             joint = replace(joint, kind="revolute", lower=turns[0], upper=turns[1])
-        if (joint.lower, joint.upper, joint.velocity) != (before.lower, before.upper, before.velocity):
+        if any(getattr(joint, n) != getattr(before, n) for n in ("lower", "upper", *_RATES)):
             limited[leader.name] = joint
             log.warning("%s: joint %r is limited by %r, which follows it", tree.name, leader.name, follower.name)
     return replace(tree, joints=tuple(limited.values()))
 
 
 def urdf_limits(joints: Sequence[Joint]) -> Limits:
-    """The limits of joints, with conservative defaults for those that URDF lacks.
+    """The limits of joints, with conservative defaults for unknown ones.
 
-    A missing velocity limit becomes 1 rad/s (0.25 m/s); the acceleration limit reaches the velocity in 0.25 s, the jerk
-    limit reaches this acceleration in 0.1 s.
+    A missing velocity limit becomes 1 rad/s (0.25 m/s); a missing acceleration limit reaches the velocity in 0.25 s, a
+    missing jerk limit reaches the acceleration in 0.1 s.
     """
     velocity = np.array([j.velocity if np.isfinite(j.velocity) else UNKNOWN_VELOCITY[j.kind] for j in joints])
     unknown = [j.name for j in joints if not np.isfinite(j.velocity)]
@@ -214,15 +215,20 @@ def urdf_limits(joints: Sequence[Joint]) -> Limits:
         log.warning(
             "no velocity limit for %s: 1 rad/s (0.25 m/s) is taken; set others by robot.with_limits", ", ".join(unknown)
         )
-    acceleration = velocity / SECONDS_TO_VELOCITY
+    acceleration = _known([j.acceleration for j in joints], velocity / SECONDS_TO_VELOCITY)
     return Limits(
         lower=np.array([j.lower for j in joints]),
         upper=np.array([j.upper for j in joints]),
         velocity=velocity,
         acceleration=acceleration,
-        jerk=acceleration / SECONDS_TO_ACCELERATION,
+        jerk=_known([j.jerk for j in joints], acceleration / SECONDS_TO_ACCELERATION),
         effort=np.array([j.effort for j in joints]),
     )
+
+
+def _known(values: Sequence[float], default: Array) -> Array:
+    """The values, those of `default` for infinite ones, shape (n,)."""
+    return np.where(np.isfinite(values), values, default)
 
 
 def _chosen_groups(

@@ -102,6 +102,8 @@ class Joint(_ReadOnlyArrays):
         damping: Viscous friction [Nm s/rad].
         friction: Coulomb friction [Nm].
         mimic: The leading joint and the relation to it, or None.
+        acceleration: Highest acceleration [rad/s² or m/s²]; inf if unknown.
+        jerk: Highest jerk [rad/s³ or m/s³]; inf if unknown.
     """
 
     name: str
@@ -117,6 +119,8 @@ class Joint(_ReadOnlyArrays):
     damping: float = 0.0
     friction: float = 0.0
     mimic: Mimic | None = None
+    acceleration: float = np.inf
+    jerk: float = np.inf
 
     def motion(self, value: float) -> Array:
         """T_joint_child at a joint value [rad or m], shape (4, 4)."""

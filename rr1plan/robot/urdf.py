@@ -5,8 +5,8 @@ joint) raise an error with file, line and name. Defects that do not affect kinem
 visual shape or color, a physically impossible inertia, a mobile base. Elements that do not describe the arm
 (transmission, gazebo, sensor, ...) are skipped.
 
-Beyond URDF 1.0 the reader supports `<capsule radius length>` (the length of the segment, without the
-round ends) and `<origin quat_xyzw>`, like urdfdom from version 1.1.
+Beyond URDF 1.0 the reader supports `<capsule radius length>` (the length of the segment, without the round ends) and
+`<origin quat_xyzw>` of version 1.1, and `<limit acceleration deceleration jerk>` of version 1.2, like urdfdom.
 """
 
 from __future__ import annotations

@@ -42,6 +42,7 @@ def read_joint(element: Element) -> Joint:
     if kind == "fixed":
         return Joint(name, kind, parent, child, origin)
     lower, upper, velocity, effort = _limit(element, name, kind)
+    acceleration, jerk = _rates(element, name)
     dynamics = element.child("dynamics")
     damping, friction = (0.0, 0.0) if dynamics is None else (_coefficient(dynamics, n) for n in ("damping", "friction"))
     joint = Joint(
@@ -58,6 +59,8 @@ def read_joint(element: Element) -> Joint:
         damping=damping,
         friction=friction,
         mimic=_mimic(element),
+        acceleration=acceleration,
+        jerk=jerk,
     )
     if lower < upper:
         return joint
@@ -114,12 +117,7 @@ def _limit(element: Element, name: str, kind: JointKind) -> tuple[float, float, 
         if kind != "continuous":
             raise element.error(f"{kind} joint {name!r} has no <limit>")
         return -np.inf, np.inf, np.inf, np.inf
-    velocity = limit.number("velocity", np.inf)
-    if velocity == 0.0:
-        log.warning("%s:%d: joint %r has velocity 0, it is taken as unknown", *limit.at, name)
-        velocity = np.inf
-    elif velocity < 0.0:
-        raise limit.error(f"joint {name!r} has velocity {velocity}, expected a number above zero")
+    velocity = _rate(limit, name, "velocity")
     effort = limit.number("effort", np.inf)
     if effort < 0.0:
         log.warning("%s:%d: joint %r has effort %g, it is taken as unknown: no limit", *limit.at, name, effort)
@@ -130,6 +128,26 @@ def _limit(element: Element, name: str, kind: JointKind) -> tuple[float, float, 
     if lower > upper:
         raise limit.error(f"joint {name!r} has lower limit {lower} and upper limit {upper}, expected lower < upper")
     return lower, upper, velocity, effort or np.inf
+
+
+def _rates(element: Element, name: str) -> tuple[float, float]:
+    """Limits of acceleration, the same in both directions here, and of jerk; URDF has them from version 1.2 on."""
+    limit = element.child("limit")
+    if limit is None:
+        return np.inf, np.inf
+    acceleration, deceleration, jerk = (_rate(limit, name, rate) for rate in ("acceleration", "deceleration", "jerk"))
+    return min(acceleration, deceleration), jerk
+
+
+def _rate(limit: Element, name: str, rate: str) -> float:
+    """A limit of a joint's velocity or of a derivative of it; files use 0 for an unknown one."""
+    value = limit.number(rate, np.inf)
+    if value == 0.0:
+        log.warning("%s:%d: joint %r has %s 0, it is taken as unknown", *limit.at, name, rate)
+        return np.inf
+    if value < 0.0:
+        raise limit.error(f"joint {name!r} has {rate} {value}, expected a number above zero")
+    return value
 
 
 def _coefficient(dynamics: Element, name: str) -> float:
