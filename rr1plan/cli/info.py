@@ -28,7 +28,9 @@ _OPTIONAL = {
     "rosbags": "ros",
     "pyserial": "serial",
     "example-robot-data": "robots",
-    "playwright": "dev",
+    "playwright": "video",
+    "av": "video",
+    "distributed": "batch",
 }
 
 

@@ -12,7 +12,8 @@ from rr1plan.cli.arguments import Parser, Show
 
 _EXIT_CODES = "exit codes: 0 done, 2 bad input, 3 no plan, 4 invalid plan or failed replay, 130 interrupted"
 
-_MOTION = "a motion: a file that plan wrote, a trajectory (.json, .csv), a ROS JointTrajectory (.yaml), or a ROS bag"
+_FILE = "a file that plan wrote, a trajectory (.json, .csv), a ROS JointTrajectory (.yaml), or a ROS bag"
+_MOTION = f"a motion: {_FILE}"
 
 
 def build_parser() -> tuple[Parser, dict[str, Parser]]:
@@ -228,7 +229,7 @@ def _mirror(parser: Parser) -> None:
         help="joint states: udp://HOST:PORT, serial:PORT of a control box, a file (.jsonl), or a ROS bag",
     )
     parser.add_argument("--calibration", metavar="FILE", help="with serial: calibration of the arm and its channels")
-    parser.add_argument("--plan", metavar="MOTION", help=f"the planned motion: {_MOTION}")
+    parser.add_argument("--plan", metavar="MOTION", help=f"the planned motion: {_FILE}")
     parser.add_argument("--scene", help="the scene (default: the one that the motion's file holds)")
     parser.add_argument("--topic", help="the topic of a bag (default: the only one that holds such messages)")
     parser.add_argument(
