@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, finite_array, finite_number, near_array, read_only, shape_of, turn_angles
+from rr1plan.checks import Array, finite_array, finite_number, near_array, number_array, read_only, turn_angles
 from rr1plan.errors import InputError
 
 
@@ -77,7 +77,7 @@ def rotation_from_quaternion(wxyz: ArrayLike) -> Array:
     )
 
 
-def quaternion_from_rotation(R: Array) -> Array:
+def quaternion_from_rotation(R: ArrayLike) -> Array:
     """Unit quaternion wxyz with w >= 0 of a rotation matrix (3, 3) (Shepperd 1978), shape (4,).
 
     Raises:
@@ -138,9 +138,12 @@ def as_pose(value: ArrayLike | None, name: str = "pose") -> Array:
     """
     if value is None:
         return identity()
-    if shape_of(value) == (3,):
-        return pose(near_array(name, value, (3,)))
-    T = finite_array(name, value, (4, 4))
+    T = number_array(name, value)
+    if T.shape == (3,):
+        return pose(near_array(name, T, (3,)))
+    if T.shape != (4, 4):
+        raise InputError(f"{name} has shape {T.shape}, expected a position (3,) or a pose (4, 4)")
+    T = finite_array(name, T, (4, 4))
     R = T[:3, :3]
     if not _is_rotation(R) or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-9:
         raise InputError(f"{name} is not a rigid transform: its rotation part is not a rotation matrix")
@@ -153,7 +156,7 @@ def _is_rotation(R: Array) -> bool:
     return bool(np.abs(R).max() < 2.0 and np.abs(R @ R.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(R) > 0.0)
 
 
-def inverse(T: Array) -> Array:
+def inverse(T: ArrayLike) -> Array:
     """The inverse of a rigid transform, shape (4, 4).
 
     Raises:
@@ -166,7 +169,7 @@ def inverse(T: Array) -> Array:
     return out
 
 
-def rotation_angle(R: Array) -> float:
+def rotation_angle(R: ArrayLike) -> float:
     """The angle [rad], 0..pi, of a rotation matrix (3, 3).
 
     Raises:

@@ -91,7 +91,7 @@ def test_a_pose_does_not_change_with_what_it_was_made_from() -> None:
         (lambda: pose((True, False, True)), "not an array of numbers"),
         (lambda: as_pose(np.diag([1.0, 1, -1, 1])), "not a rigid transform"),
         (lambda: as_pose(2 * np.eye(4)), "not a rigid transform"),
-        (lambda: as_pose(np.eye(3)), "shape"),
+        (lambda: as_pose(np.eye(3)), r"shape \(3, 3\), expected a position \(3,\) or a pose \(4, 4\)"),
         (lambda: as_pose("here"), "not an array of numbers"),
         (lambda: as_pose(np.full((4, 4), np.inf)), "is inf"),
     ],

@@ -16,4 +16,6 @@ def cache_folder() -> Path:
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "rr1plan" / "cache"
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Caches" / "rr1plan"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rr1plan"
+    shared = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    # The XDG specification has relative folders ignored.
+    return (shared if shared.is_absolute() else Path.home() / ".cache") / "rr1plan"

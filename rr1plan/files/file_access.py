@@ -126,7 +126,9 @@ def make_folder(folder: str | Path, file: str) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"cannot make the folder {path}: {error.strerror}") from error
+        there = next(part for part in (path, *path.parents) if part.exists())
+        why = error.strerror if there.is_dir() else f"{there} is a file, expected a folder or a new name"
+        raise InputError(f"cannot make the folder {path}: {why}") from error
     check_writable(path / file)
     return path
 

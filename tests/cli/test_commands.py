@@ -103,6 +103,7 @@ def test_questions_may_be_asked_in_many_ways(
         (["cspace", "planar2r_path", "--joints", "joint1", "joint9", "--resolution", "8"], "joint9"),
         (["cspace", "planar2r_path", "--resolution", "3"], "resolution is 3"),
         (["demo", "--output", "/proc/nowhere"], "cannot make the folder"),
+        (["demo", "--output", __file__], "test_commands.py is a file, expected a folder or a new name"),
     ],
 )
 def test_mistakes_are_named_and_exit_with_2(

@@ -392,6 +392,8 @@ def test_the_folder_is_the_environments_or_the_platforms(
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert cache_folder() == tmp_path / "rr1plan"
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")  # ignored, as the specification demands
+    assert cache_folder() == Path.home() / ".cache" / "rr1plan"
     monkeypatch.setattr("sys.platform", "darwin")
     assert cache_folder().parts[-3:] == ("Library", "Caches", "rr1plan")
     monkeypatch.setattr("sys.platform", "win32")
