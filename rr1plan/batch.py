@@ -22,7 +22,7 @@ from itertools import chain
 from multiprocessing import get_context
 from multiprocessing.sharedctypes import RawArray
 from multiprocessing.synchronize import Event
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, overload
 
 import numpy as np
 
@@ -91,6 +91,36 @@ Answer = MotionPlan | PlanResult | PlanFailure
 """The result of `plan_many` for one problem."""
 
 
+@overload
+def plan_many(
+    problems: Iterable[Problem],
+    *,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    full: Literal[True] = True,
+    planner: str | Planner | None = None,
+    retiming: str = "blend",
+    budget: Budget | None = None,
+    rng: Seed = None,
+    progress: ProgressCallback | None = None,
+) -> list[MotionPlan | PlanFailure]: ...
+
+
+@overload
+def plan_many(
+    problems: Iterable[Problem],
+    *,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    full: Literal[False],
+    planner: str | Planner | None = None,
+    retiming: str = "blend",
+    budget: Budget | None = None,
+    rng: Seed = None,
+    progress: ProgressCallback | None = None,
+) -> list[PlanResult | PlanFailure]: ...
+
+
 def plan_many(
     problems: Iterable[Problem],
     *,
@@ -102,7 +132,7 @@ def plan_many(
     budget: Budget | None = None,
     rng: Seed = None,
     progress: ProgressCallback | None = None,
-) -> list[Answer]:
+) -> list[MotionPlan | PlanFailure] | list[PlanResult | PlanFailure]:
     """Solve many problems in parallel, each like `plan_motion` (or `plan`).
 
     Without an executor this spawns processes, so a script has to guard its main part with
@@ -188,13 +218,15 @@ def _sent_planner(planner: str | Planner | None, executor: Executor | None) -> s
     return chosen
 
 
-def _checked(problems: Iterable[Problem], executor: Executor | None, workers: int | None) -> list[Problem]:
+def _checked(problems: Iterable[Problem], executor: object, workers: int | None) -> list[Problem]:
     questions = list(items_of("problems", problems, "Problem"))
     for i, problem in enumerate(questions):
         if not isinstance(problem, Problem):
             raise InputError(f"problems[{i}] is {type(problem).__name__}, expected a Problem")
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise InputError(f"executor is {type(executor).__name__}, expected a concurrent.futures.Executor")
+    if executor is not None and not isinstance(executor, Executor):
+        has_one = callable(getattr(executor, "get_executor", None))
+        hint = "; pass its get_executor()" if has_one else ""
+        raise InputError(f"executor is {type(executor).__name__}, expected a concurrent.futures.Executor{hint}")
     if workers is not None:
         whole_number("workers", workers, 1, _MOST_WORKERS)
     return questions
@@ -245,7 +277,7 @@ class _Board:
             done = self._reported / len(self.problems)
             self.cancelled = self.progress(Progress("plan_many", seconds, done)) is False
 
-    def answers(self) -> list[Answer]:
+    def answers(self) -> list[Any]:
         """All results in order; problems without one were cancelled."""
         none = Raised("Cancelled", "the batch was cancelled before this problem was done")
         return [self._answers[i] if i in self._answers else PlanFailure(p, *none) for i, p in enumerate(self.problems)]

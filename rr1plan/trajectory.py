@@ -96,7 +96,7 @@ class Trajectory(Value, NotebookView):
         return made
 
     @staticmethod
-    def rest(joint_names: tuple[str, ...], q: ArrayLike, *, start: float = 0.0, duration: float = 0.0) -> Trajectory:
+    def rest(joint_names: Sequence[str], q: ArrayLike, *, start: float = 0.0, duration: float = 0.0) -> Trajectory:
         """A stationary motion at q (nq,) for `duration` [s].
 
         Raises:

@@ -21,6 +21,16 @@ from rr1plan.batch import PlanFailure, problem_seeds
 BUDGET = rp.Budget(float("inf"), iterations=20_000)
 
 
+class DaskLikeClient:
+    """Submits tasks, but is no executor: its futures are not those of `concurrent.futures`."""
+
+    def submit(self, function, *arguments):
+        return object()
+
+    def get_executor(self):
+        return InLine()
+
+
 class InLine(Executor):
     """Runs tasks in this process on request, and records how many tasks were submitted at once."""
 
@@ -218,6 +228,7 @@ def test_no_problems_are_no_answers():
         ({"workers": 0}, rp.InputError, "workers"),
         ({"workers": True}, rp.InputError, "workers"),
         ({"executor": 4}, rp.InputError, "executor"),
+        ({"executor": DaskLikeClient()}, rp.InputError, r"executor is DaskLikeClient.*pass its get_executor\(\)"),
         ({"planner": "rrt_conect"}, rp.UnknownNameError, "rrt_connect"),
         ({"retiming": "blended"}, rp.UnknownNameError, "blend"),
         ({"rng": -1}, rp.InputError, "rng"),

@@ -137,7 +137,9 @@ def test_tool_means_the_robot_s_tool_unless_a_link_has_that_name(rr1: Robot, pla
         ("home", RegionGoal("hand_lnk", [0, 0, 0], [1, 1, 1]), "Did you mean 'hand_link'"),
         ({"amr": Q}, "home", "unknown arm 'amr'. Did you mean 'arm'"),
         ("home", {"ram": "home"}, "unknown arm 'ram'"),
-        ("home", {}, "at least one"),
+        ("home", {}, "goal is an empty mapping"),
+        ("home", None, "goal of 'arm' is None, expected a JointGoal"),
+        ("home", {"zero"}, "goal of 'arm' is {'zero'}, expected a JointGoal"),
     ],
 )
 def test_wrong_starts_and_goals_are_refused(one: Scene, start: Any, goal: Any, message: str) -> None:

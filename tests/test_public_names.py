@@ -147,6 +147,15 @@ motion: rp.MotionPlan = rp.plan_motion(problem, planner=rp.RrtConnect(range=0.5)
 waypoints: rp.Array = rp.Path(("arm/joint",), [[0.0], [1.0]]).waypoints
 free: bool = rp.CollisionChecker(scene).is_free([0.0] * 6)
 several = rp.Problem(scene, None, {"rr1": [rp.JointGoal("zero"), rp.JointGoal(np.zeros(6))]})
+either = rp.Problem(scene, "home", [rp.JointGoal("zero"), "home", rp.PoseGoal("tool", [-0.30, 0.25, 0.20])])
+for answer in rp.plan_many([either], rng=0):
+    print(answer.trajectory.duration if isinstance(answer, rp.MotionPlan) else answer.reason)
+paths: list[rp.PlanResult | rp.PlanFailure] = rp.plan_many([either], full=False)
+late = rp.ArmDelay(start=0.3, pauses=[(0.5, 1.0)])
+crate = rp.Obstacle([rp.Geometry("crate", rp.Sphere(0.1))], [0.1, 0.2, 0.3], mass=0.2)
+rest = rp.Trajectory.rest(["arm/joint"], [0.0])
+back = rp.transforms.inverse([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+rp.add_motion(rp.plan_many_arms(several), "rr1", [0.0] * 6, at=0.4)
 
 
 class Mine(rp.Planner):

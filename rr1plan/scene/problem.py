@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -186,6 +186,27 @@ class Problem(Value, NotebookView):
     arms: tuple[str, ...]
     margin: float = field(default=0.0, init=False)
 
+    # A type checker infers the type of a list of different goals only from a signature that takes a list.
+    @overload
+    def __init__(
+        self,
+        scene: Scene,
+        start: ArrayLike | Mapping[str, ArrayLike] | None,
+        goal: Sequence[Goal | str],
+        *,
+        arms: str | Sequence[str] | None = None,
+    ) -> None: ...
+
+    @overload
+    def __init__(
+        self,
+        scene: Scene,
+        start: ArrayLike | Mapping[str, ArrayLike] | None,
+        goal: GoalLike | Mapping[str, GoalLike],
+        *,
+        arms: str | Sequence[str] | None = None,
+    ) -> None: ...
+
     def __init__(
         self,
         scene: Scene,
@@ -262,6 +283,8 @@ def _moving_arms(scene: Scene, goal: object, arms: object) -> tuple[str, ...]:
             raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
         return scene.arm_names([arms] if isinstance(arms, str) else list(arms))
     if isinstance(goal, Mapping):
+        if not goal:
+            raise InputError("goal is an empty mapping, expected a goal of at least one arm")
         return scene.arm_names(list(goal))
     if len(scene.arms) > 1:
         names = ", ".join(scene.arms)
@@ -335,6 +358,11 @@ def _one_goal(robot: Robot, arm: str, goal: Any) -> Goal:
     if isinstance(goal, PoseGoal | RegionGoal):
         robot.link(frame_link(robot, goal.frame))
         return goal
+    if not isinstance(goal, JointGoal | str) and not shape_of(goal):
+        raise InputError(
+            f"goal of {arm!r} is {shown(goal)}, expected a JointGoal, PoseGoal or RegionGoal, a configuration's name "
+            "or its numbers, or a list of these"
+        )
     q = goal.q if isinstance(goal, JointGoal) else goal
     return JointGoal(robot.configuration(q, f"goal of {arm!r}"))
 

@@ -33,12 +33,27 @@ class Scene(SceneContent):
     """
 
     def with_arm(self, name: str, robot: Robot, base: ArrayLike | None = None, *, q: str | ArrayLike = "home") -> Scene:
-        """A scene with one more arm (or another one of that name)."""
+        """A scene with one more arm (or another one of that name).
+
+        Args:
+            name: Its name, without "/".
+            robot: The robot.
+            base: T_world_base: (4, 4), or a position (3,) [m] (default: the origin of the world).
+            q: Its configuration: a name, or numbers [rad or m], shape (nq,).
+
+        Raises:
+            UnknownNameError: no configuration of that name.
+            InputError: a name that is in use or invalid, not a robot, not a pose, or numbers that do not fit the robot.
+        """
         check_text("name", name)
         return replace(self, arms={**self.arms, name: Arm(robot, as_pose(base, "base"), q)})
 
     def without_arm(self, name: str) -> Scene:
-        """A scene without that arm and its attached objects."""
+        """A scene without that arm and its attached objects.
+
+        Raises:
+            UnknownNameError: no such arm.
+        """
         self.arm(name)
         gone = {n for n, held in self.attachments.items() if held.arm == name}
         return self._keep(
@@ -47,12 +62,22 @@ class Scene(SceneContent):
         )
 
     def with_configuration(self, name: str, q: str | ArrayLike) -> Scene:
-        """A scene with that arm at q: a configuration's name or numbers (nq,)."""
+        """A scene with that arm at q: a configuration's name or numbers [rad or m], shape (nq,).
+
+        Raises:
+            UnknownNameError: no such arm or configuration.
+            InputError: numbers that do not fit the arm.
+        """
         arm = self.arm(name)
         return replace(self, arms={**self.arms, name: Arm(arm.robot, arm.base, q)})
 
     def with_robot(self, name: str, robot: Robot) -> Scene:
-        """A scene with another robot for that arm (e.g. other limits or gripper)."""
+        """A scene with another robot for that arm (e.g. other limits or gripper), in the same configuration.
+
+        Raises:
+            UnknownNameError: no such arm.
+            InputError: not a robot, or one with another number of joints.
+        """
         return replace(self, arms={**self.arms, name: replace(self.arm(name), robot=robot)})
 
     def with_obstacle(

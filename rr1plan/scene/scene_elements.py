@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
@@ -60,6 +61,16 @@ class Obstacle(Value):
     pose: Array = field(default_factory=identity)
     mass: float | None = None
     friction: float = 1.0
+
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
+
+        def __init__(
+            self,
+            geometries: Iterable[Geometry],
+            pose: ArrayLike | None = None,
+            mass: float | None = None,
+            friction: float = 1.0,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "geometries", posed_shapes(self.geometries))

@@ -14,7 +14,7 @@ together.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -43,7 +43,7 @@ from rr1plan.path import Path
 from rr1plan.planners.goal_configurations import GoalSearch, check_start
 from rr1plan.planning import Budget
 from rr1plan.report import Report
-from rr1plan.scene.problem import Goal, Problem
+from rr1plan.scene.problem import GoalLike, Problem
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
 
@@ -58,7 +58,6 @@ _LATEST = 1e7  # later times are rounded to more than a nanosecond [s]
 _RESERVE, _MOST_RESERVE = 0.2, 0.1
 # Share of the budget for a motion that changes no other arm, and share of the rest for one to which single arms yield.
 _SHARE, _SHARE_OF_YIELDING = 0.3, 0.6
-_GoalLike = Goal | Array | str | Sequence[Goal | Array]
 # The referee begins this long before the change, so that it checks the transition between the motions [s].
 _LEAD = 0.01
 
@@ -104,7 +103,7 @@ class AddedMotion(Value):
 def add_motion(
     plan: RunningPlan | ManyArmsResult,
     arm: str,
-    goal: Goal | Array | str | Sequence[Goal | Array],
+    goal: GoalLike,
     *,
     at: float,
     freeze: float = _FREEZE,
@@ -199,7 +198,7 @@ class _Change:
         self._reason = ""
         self._blockers: set[str] = set()
 
-    def run(self, arm: str, goal: _GoalLike) -> AddedMotion:
+    def run(self, arm: str, goal: GoalLike) -> AddedMotion:
         """Wait, go around, or make others yield, in this order."""
         attempt = _Attempt()
         for new in self._motions(arm, goal, attempt, _SHARE):
@@ -228,11 +227,11 @@ class _Change:
 
     # ---- one arm ---------------------------------------------------------------------------
 
-    def _by_itself(self, arm: str, goal: _GoalLike) -> _NewMotion | None:
+    def _by_itself(self, arm: str, goal: GoalLike) -> _NewMotion | None:
         """A motion among those of the others, or None."""
         return next(self._motions(arm, goal, _Attempt()), None)
 
-    def _motions(self, arm: str, goal: _GoalLike, attempt: _Attempt, share: float = 1.0) -> Iterator[_NewMotion]:
+    def _motions(self, arm: str, goal: GoalLike, attempt: _Attempt, share: float = 1.0) -> Iterator[_NewMotion]:
         """Motions among those of the others, the best one from each stop from which there is one.
 
         Args:
@@ -325,7 +324,7 @@ class _Change:
                     return False
         return True
 
-    def _agent(self, arm: str, q: Array, goal: _GoalLike) -> Agent:
+    def _agent(self, arm: str, q: Array, goal: GoalLike) -> Agent:
         """An arm that moves from a configuration to a goal, without the others of the plan."""
         starts = {name: self.plan.configuration(name, self.now) for name in self.plan.arms}
         problem = Problem(self.plan.scene, {**starts, arm: q}, {arm: goal}, arms=self.plan.arms)
@@ -411,7 +410,7 @@ class _Change:
 
     # ---- others yield --------------------------------------------------------------------------
 
-    def _by_yielding(self, arm: str, goal: _GoalLike, attempt: _Attempt) -> dict[str, _NewMotion] | None:
+    def _by_yielding(self, arm: str, goal: GoalLike, attempt: _Attempt) -> dict[str, _NewMotion] | None:
         """Motions of the arm and of others that are retimed after it, or step aside for it and continue afterwards."""
         in_the_way: dict[str, None] = {}
         for stop, path in attempt.paths:
@@ -454,7 +453,7 @@ class _Change:
                 self._use(victim, found)
             return changed
 
-    def _stepping_aside(self, arm: str, goal: _GoalLike, victim: str) -> dict[str, _NewMotion] | None:
+    def _stepping_aside(self, arm: str, goal: GoalLike, victim: str) -> dict[str, _NewMotion] | None:
         """Another arm steps aside, the arm goes to its goal, and the other one to its own."""
         with self._trying():
             stop = stops_of(self.plan, arm, self.now)[0]
@@ -475,7 +474,7 @@ class _Change:
             whole = _joined(away.trajectory, back.trajectory)
             return {arm: new, victim: _NewMotion((*away.parts[:-1], *back.parts), whole, back.arrival)}
 
-    def _after_all(self, arm: str, goal: _GoalLike) -> dict[str, _NewMotion] | None:
+    def _after_all(self, arm: str, goal: GoalLike) -> dict[str, _NewMotion] | None:
         """Motions that begin when all arms are at their goals, planned together: others step aside and return."""
         plan, start = self.plan, max(self.now, self.plan.trajectory.end_time)
         ends = {name: plan.goal(name) for name in plan.arms}

@@ -7,11 +7,11 @@ stop there. When that step is released it continues, from its current speed.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rr1plan.checks import Value, items_of, known_name, number_from_zero, of_kind, shown
 from rr1plan.errors import InputError
@@ -38,6 +38,12 @@ class ArmDelay(Value):
     start: float = 0.0
     slowdown: float = 0.0
     pauses: tuple[tuple[float, float], ...] = ()
+
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
+
+        def __init__(
+            self, start: float = 0.0, slowdown: float = 0.0, pauses: Iterable[Iterable[float]] = ()
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         for name in ("start", "slowdown"):
