@@ -428,7 +428,7 @@ def _scene_file(name_or_file: str | Path) -> Path:
     if file.suffix.lower() in _SCENE_SUFFIXES:
         return file
     name = str(name_or_file)
-    if not isinstance(name_or_file, str) or len(file.parts) > 1 or (name not in scene_names() and file.is_file()):
+    if not isinstance(name_or_file, str) or len(file.parts) > 1 or (name not in scene_names() and file.exists()):
         expected = ", ".join(_SCENE_SUFFIXES)
         raise InputError(f"scene file {str(file)!r} has the suffix {file.suffix!r}, expected one of {expected}")
     return models_folder() / "scenes" / f"{known_name('scene', name, scene_names())}.toml"
