@@ -36,7 +36,6 @@ from rr1plan.files.documents import parse_toml
 from rr1plan.files.file_access import read_text
 from rr1plan.files.toml_writer import to_toml
 from rr1plan.robot import Robot
-from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.robot_packages import installed_robots
 from rr1plan.scene import Arm, Attachment, Obstacle, Pair, Scene, pair
 from rr1plan.scene.problem import Problem
@@ -270,17 +269,18 @@ def _is_file(robot: str) -> bool:
 
 
 def _with_limits(robot: Robot, entry: Table) -> Robot:
+    """The robot under a preset's limits, or with those limits replaced that the file gives."""
     if isinstance(entry.raw("limits"), str):
         with entry.blame("limits"):
             return robot.with_limits(entry.string("limits"))
     table = entry.table("limits")
-    values = {name: table.required(name) for name in _LIMITS}
+    values = {name: table.raw(name) for name in _LIMITS if name in table}
     for name, value in values.items():
         if not isinstance(value, list) or len(value) != robot.nq or not all(is_number(v) for v in value):
             raise table.error(f"expected {robot.nq} numbers", name)
     table.finish()
     with entry.blame("limits"):
-        return robot.with_limits(Limits(**values))
+        return robot.with_limits(replace(robot.limits, **values))
 
 
 def _locked_key(entry: Table) -> str:

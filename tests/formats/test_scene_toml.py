@@ -202,6 +202,13 @@ def test_everything_a_scene_holds_survives_the_round_trip(tmp_path: Path) -> Non
     assert isinstance(read.problems["both"].goal["right"][0], RegionGoal)
 
 
+def test_a_file_may_give_some_limits_and_keep_the_others(tmp_path: Path) -> None:
+    read = read_text(tmp_path, SIMPLE + "limits = { acceleration = [2, 3] }\n").scene.arms["arm"].robot.limits
+    assert read.acceleration.tolist() == [2.0, 3.0]
+    kept = load_robot("planar2r").limits
+    assert all(np.array_equal(getattr(read, n), getattr(kept, n)) for n in ("lower", "upper", "velocity", "jerk"))
+
+
 def test_limits_that_no_preset_has_are_written_out(tmp_path: Path) -> None:
     robot = load_robot("planar2r")
     scene = Scene().with_arm("arm", robot.with_limits(robot.limits.scaled(velocity=0.25)))
@@ -315,7 +322,8 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         (SIMPLE + "quaternion = [0, 0, 0, 0]\n", "norm 0"),
         (SIMPLE + "rotation = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]\n", "expected the rows of a rotation matrix"),
         (SIMPLE + 'limits = "fast"\n', "unknown limit preset 'fast'"),
-        (SIMPLE + "limits = { lower = [0, 0] }\n", "has no 'upper'"),
+        (SIMPLE + "limits = { lowr = [0, 0] }\n", "Did you mean 'lower'"),
+        (SIMPLE + "limits = { velocity = [0, 1] }\n", "velocity"),
         (SIMPLE + "locked_joints = { finger = 1.0 }\n", "unknown locked joint 'finger'"),
         (SIMPLE + "held = { finger = 1.0 }\n", "unknown locked joint 'finger'"),
         (SIMPLE + "locked_joints = {}\nheld = {}\n", "unknown key 'held'"),
