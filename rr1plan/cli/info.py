@@ -15,6 +15,7 @@ import numpy as np
 import rr1plan
 from rr1plan.checks import counted
 from rr1plan.cli.console import Console
+from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.robot.robot_packages import PACKAGE, installed_robots
 from rr1plan.scene.model_library import load_robot, load_scene_file, robot_names, scene_names
@@ -37,6 +38,10 @@ _OPTIONAL = {
 def robots(options: Namespace, console: Console) -> int:
     """List the robots, or describe one."""
     if options.robot is not None:
+        if options.robot in scene_names():
+            raise InputError(
+                f"{options.robot} is a scene, expected a robot; to describe the scene: rr1plan scenes {options.robot}"
+            )
         with console.progress(f"loading {options.robot}"):
             robot = load_robot(options.robot)
         _say_robot(robot, console)
@@ -111,6 +116,9 @@ def _say_robot(robot: Robot, console: Console) -> None:
 def scenes(options: Namespace, console: Console) -> int:
     """List the scenes, or describe one."""
     if options.scene is not None:
+        from rr1plan.cli.plan import check_scene_name  # imports the planners, which the list does not need
+
+        check_scene_name(options.scene)
         with console.progress(f"loading {options.scene}"):
             values = _scene_values(options.scene)
         console.say(f"{values['name']}: {values['description']}")

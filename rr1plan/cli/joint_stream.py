@@ -6,6 +6,7 @@ from argparse import Namespace
 
 import rr1plan as rp
 from rr1plan.cli.console import Console
+from rr1plan.cli.plan import check_scene_name
 from rr1plan.cli.saved_motions import single_motion
 from rr1plan.cli.served_page import announce, live_options
 from rr1plan.errors import InputError
@@ -60,6 +61,7 @@ def _scene_and_plan(options: Namespace, console: Console) -> tuple[rp.Scene, rp.
     if options.plan is None:
         if options.scene is None:
             raise InputError("a mirror needs a motion or a scene: use option plan or option scene")
+        check_scene_name(options.scene)
         return load_scene(options.scene), None
     motion, trajectory = single_motion(options.plan, options, console, "mirrored")
     return motion.scene, trajectory

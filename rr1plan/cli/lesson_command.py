@@ -9,7 +9,7 @@ import rr1plan as rp
 from rr1plan.checks import known_name
 from rr1plan.cli.console import Console
 from rr1plan.cli.picture_files import film
-from rr1plan.cli.plan import named_query
+from rr1plan.cli.plan import check_scene_name, named_query
 from rr1plan.cli.served_page import live_options, serve
 from rr1plan.errors import InputError
 from rr1plan.files.file_access import check_writable
@@ -67,6 +67,8 @@ def figures(options: Namespace, console: Console) -> int:
 
 def _own(options: Namespace) -> tuple[rp.Scene | None, rp.Problem | None]:
     """The scene and the query named by the options."""
+    if options.scene is not None:
+        check_scene_name(options.scene)
     if options.query is not None:
         return None, named_query(options.scene, options.query)
     return (None if options.scene is None else load_scene(options.scene)), None

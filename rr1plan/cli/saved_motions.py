@@ -8,7 +8,7 @@ from typing import Any
 import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds
 from rr1plan.cli.picture_files import write_replay
-from rr1plan.cli.plan import told_to
+from rr1plan.cli.plan import check_scene_name, told_to
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.files.file_access import check_writable
 from rr1plan.motion_plan import MotionPlan
@@ -67,6 +67,7 @@ def saved_motion(
     """A motion or a sequence from a file of any kind, validated in a given scene, that of the options, or its own."""
     with console.progress("loading the scene"):
         if scene is None and options.scene is not None:
+            check_scene_name(options.scene)
             scene = load_scene(options.scene)
     with console.progress("checking") as advance:
         if options.topic is None and holds_sequence(file):

@@ -47,6 +47,7 @@ _TREE_RANGE = 0.15
 def demo(options: Namespace, console: Console) -> int:
     """From a problem to a certified, replayed, visible motion, with a report of the steps and their times."""
     look, watch = page_options(options), console.watch
+    check_scene_name(options.scene)
     with watch.stage("load the scene"), console.progress("loading the scene"):
         problem = named_query(options.scene, options.query)
     folder = make_folder(options.output, "motion.json")
