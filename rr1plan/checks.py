@@ -185,11 +185,18 @@ def of_kind(name: str, value: Any, kind: type, *, optional: bool = False) -> Non
     """
     if isinstance(value, kind) or (optional and value is None):
         return
-    attribute = kind.__name__.lower()
-    is_ours = type(value).__module__.startswith("rr1plan.")
-    has_one = is_ours and isinstance(getattr(value, attribute, None), kind)
-    hint = f"; pass its attribute {attribute!r}" if has_one else ""
+    attribute = _attribute_of_kind(value, kind) if type(value).__module__.startswith("rr1plan.") else None
+    hint = f"; pass its attribute {attribute!r}" if attribute else ""
     raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}{hint}")
+
+
+def _attribute_of_kind(value: object, kind: type) -> str | None:
+    """Name of an attribute that holds a value of a type: a property named after it, or a public field."""
+    named = kind.__name__.lower()
+    if isinstance(getattr(value, named, None), kind):
+        return named
+    fields = getattr(value, "__dict__", {})
+    return next((name for name, one in fields.items() if isinstance(one, kind) and not name.startswith("_")), None)
 
 
 def whole_number(name: str, value: Any, least: int, most: int) -> int:

@@ -197,3 +197,12 @@ def test_a_motion_of_nothing_is_solved_at_once(scene: rp.Scene) -> None:
     motion = rp.plan_motion(rp.Problem(scene, np.zeros(2), np.zeros(2)), rng=0)
     assert motion.valid
     assert motion.trajectory.duration == 0.0
+
+
+def test_an_error_names_the_attribute_that_holds_the_wanted_value() -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    motion = rp.plan_motion(rp.Problem(scene, [0.0, 0.5], [1.0, 1.0]), planner="many_arms", rng=0)
+    with pytest.raises(rp.InputError, match="expected Trajectory; pass its attribute 'trajectory'"):
+        rp.validate(motion, scene)  # type: ignore[arg-type]
+    with pytest.raises(rp.InputError, match="expected ManyArmsResult; pass its attribute 'many_arms'"):
+        rp.plan_graph(motion)  # type: ignore[arg-type]
