@@ -74,13 +74,13 @@ def is_regular(path: Path) -> bool:
 
 
 def read_text(file: str | Path, max_bytes: int = MAX_BYTES) -> str:
-    """A UTF-8 file's text; see `read_bytes`.
+    """A UTF-8 file's text without a byte order mark, which spreadsheets and editors may write; see `read_bytes`.
 
     Raises:
         FormatError: as `read_bytes`, or not UTF-8.
     """
     try:
-        return read_bytes(file, max_bytes).decode("utf-8")
+        return read_bytes(file, max_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FormatError(f"is not UTF-8 text (byte {error.start})", file) from error
 

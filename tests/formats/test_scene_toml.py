@@ -202,6 +202,10 @@ def test_everything_a_scene_holds_survives_the_round_trip(tmp_path: Path) -> Non
     assert isinstance(read.problems["both"].goal["right"][0], RegionGoal)
 
 
+def test_a_file_with_a_byte_order_mark_and_lines_of_windows_is_read(tmp_path: Path) -> None:
+    assert list(read_text(tmp_path, "\ufeff" + SIMPLE.replace("\n", "\r\n")).scene.arms) == ["arm"]
+
+
 def test_a_file_may_give_some_limits_and_keep_the_others(tmp_path: Path) -> None:
     read = read_text(tmp_path, SIMPLE + "limits = { acceleration = [2, 3] }\n").scene.arms["arm"].robot.limits
     assert read.acceleration.tolist() == [2.0, 3.0]
