@@ -165,7 +165,7 @@ def doctor(options: Namespace, console: Console) -> int:
         for name, version in optional.items()
     ]
     console.table(("package", "version"), rows)
-    console.say(f"browser for screenshots: {browser or 'none found (optional)'}")
+    console.say(f"browser for screenshots: {browser or 'none found (optional: install the system package chromium)'}")
     kernels = {} if missing else _kernels()
     if kernels:
         console.say("compiled kernels: " + ", ".join(f"{name} {variant}" for name, variant in kernels.items()))
