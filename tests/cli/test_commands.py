@@ -159,13 +159,14 @@ def test_a_motion_in_place_of_a_scene_is_named_with_the_commands_that_take_it(
 ) -> None:
     shutil.copy(motion, "m.json")
     Path("r.jsonl").touch()
-    for command in ("plan", "cspace"):
+    Path("notes.txt").touch()
+    for command in ("plan", "cspace", "scenes"):
         assert run([command, "m.json"]) == BAD_INPUT
         assert "m.json holds a motion, expected a scene; to see it: rr1plan view m.json" in capsys.readouterr().err
         assert run([command, "r.jsonl"]) == BAD_INPUT
         assert "r.jsonl is a recording, expected a scene; to see it: rr1plan mirror" in capsys.readouterr().err
-    assert run(["scenes", "m.json"]) == BAD_INPUT
-    assert "scene file 'm.json' has the suffix '.json', expected one of .toml" in capsys.readouterr().err
+        assert run([command, "notes.txt"]) == BAD_INPUT
+        assert "scene file 'notes.txt' has the suffix '.txt', expected one of .toml" in capsys.readouterr().err
 
 
 def test_a_moment_after_the_end_of_a_motion_is_refused(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
