@@ -38,11 +38,17 @@ static int time_curve(const PathCurve *curve, const Grid *grid, const RateLimits
     for (int64_t i = 0; i < n; i++) {
         const double *piece = piece_of(curve, grid->piece[i]);
         double delta = grid->delta[i], start = 0.0;
+        double ramp = 0.0;
         Profile profile = {delta, delta, speeds[i + 1]};
-        if (!is_bent(piece, nq)) profile = bang_bang_profile(piece, nq, delta, limits, speeds[i], speeds[i + 1]);
+        if (!is_bent(piece, nq)) {
+            profile = bang_bang_profile(piece, nq, delta, limits, speeds[i], speeds[i + 1]);
+            ramp = profile.peak / speed_gain(piece, nq, limits->inverse_acceleration);
+        }
         double ends[3] = {profile.rise, profile.fall, delta}, tops[3] = {profile.peak, profile.peak, speeds[i + 1]};
+        // Shorter parts are left out: on them, speeds change by no more than their rounding errors.
+        double least = 1e-12 * max_number(delta, ramp);
         for (int k = 0; k < 3; k++) {
-            if (!(ends[k] - start > 1e-12 * delta)) continue;
+            if (!(ends[k] - start > least)) continue;
             parts.piece[count] = grid->piece[i];
             parts.offset[count] = grid->offset[i] + start;
             parts.delta[count] = ends[k] - start;

@@ -35,6 +35,17 @@ def method(request):
     return request.param
 
 
+@pytest.mark.parametrize("count", [1000, 1500, 3000])
+def test_a_finely_sampled_path_is_as_fast_as_a_coarse_one(tools, count):
+    limits = tools.limits_of(3, velocity=3.0, acceleration=[4.0, 9.0, 15.0])
+    durations = []
+    for n in (300, count):
+        s = np.linspace(0.0, 20.0, n)
+        points = 0.3 * np.sin(s[:, None] + np.arange(3.0))
+        durations.append(tools.retime_points(points, limits, max_blend=1.0).duration)
+    assert durations[1] == pytest.approx(durations[0], rel=0.02)
+
+
 def test_the_names_are_all_there_is():
     assert retiming_names() == METHODS
 
