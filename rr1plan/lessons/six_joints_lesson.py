@@ -202,7 +202,7 @@ def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple
             "many",
             "Why nobody fills the grid",
             f"""<p>There are 15 pairs of joints, and for each pair a slice for every value of four others. At 360 cells
-            per joint two joints have 129 600 cells, which takes the page a few milliseconds. Six joints have
+            per joint two joints have 129,600 cells, which takes the page a few milliseconds. Six joints have
             360⁶ = 2.2 · 10¹⁵; at 50 µs each that is {years:,.0f} years.</p>
             <p>So planners for six joints never compute the configuration space. They check single configurations and
             edges, and store the results as a tree or a roadmap.</p>""",
@@ -235,7 +235,7 @@ def _steps(solutions: tuple[InverseSolution, ...], share: FreeShare, home: tuple
                 math(root("p", "(", "1", "−", "p", ")", "/", "n"))
             }, in <b>any</b> number of dimensions. Press
             <b>Sample 500</b> until the interval is narrow enough; four times the samples halve it.</p>
-            <p>10 000 samples in Python give {100 * share.share:.1f} % ({100 * share.low:.1f} to {
+            <p>10,000 samples in Python give {100 * share.share:.1f} % ({100 * share.low:.1f} to {
                 100
                 * share.high:.1f} %). That says how often a sample is free, not whether a narrow passage exists.</p>""",
         ),

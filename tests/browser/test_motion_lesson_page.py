@@ -123,3 +123,25 @@ def test_rejected_shortcuts_are_told_from_those_that_are_taken(page: Any, lesson
         length = float(np.linalg.norm(np.diff(shortcut.path, axis=0), axis=1).sum())
         assert f"{length:.2f} rad" in said
     page.ask("RR1.timing.set('tries', 60)")
+
+
+def test_the_legend_of_the_cost_covers_no_other_text(tab: Any, page_file: Path) -> None:
+    tab.page.set_viewport_size({"width": 1024, "height": 768})
+    tab.page.add_init_script("""
+        const usual = CanvasRenderingContext2D.prototype.fillText;
+        window.texts = [];
+        CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+            const wide = this.measureText(text).width, left = x - wide * { left: 0, center: 0.5, right: 1 }[this.textAlign];
+            window.texts.push([text, left, y - 9, left + wide, y + 2]);
+            usual.call(this, text, x, y);
+        };
+    """)
+    tab.open(page_file, "Boolean(window.RR1 && RR1.ready && RR1.steps)")
+    tab.ask("(RR1.steps.go(RR1.steps.articles.length - 1), window.texts = [], RR1.timing.drawChart(), 0)")
+    texts = tab.ask("window.texts")
+    legend = [box for text, *box in texts if "jerk limit" in text and "[" not in text]
+    others = [box for text, *box in texts if "jerk limit" not in text or "[" in text]
+    assert len({tuple(box) for box in legend}) == 3
+    for a in legend:
+        for b in others:
+            assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], (a, b)

@@ -416,7 +416,7 @@ class Timing {
     pen.textAlign = "center"; pen.fillStyle = INK;
     jerks.forEach((j, k) => { if (k % 2 === 0) pen.fillText(durations.smooth[k].toFixed(2), Math.max(x(j), box.left + 14), y(durations.smooth[k]) - 9); });
     const rows = [[colors.short, [], "stops, jerk limit"], [INK, [6, 4], "stops, no jerk limit"], [colors.blend, [8, 3, 2, 3], "blends, no jerk limit"]];
-    rows.forEach((row, k) => this.legend(pen, { ...box, top: box.bottom - 32 + 16 * k }, [row]));
+    rows.forEach((row, k) => this.legendRow(pen, box.right, box.bottom + 16 * (k - rows.length) + 6, [row]));
   }
 
   /** Speeds of both joints over time. */
@@ -442,16 +442,20 @@ class Timing {
 
   /** Legend of the lines, at the top right. */
   legend(pen, { left, right, top: up }, rows) {
-    let x = right;
-    // Below the axis title if it leaves no room.
     const wide = rows.reduce((sum, [, , text]) => sum + pen.measureText(text).width + 57, 0);
-    if (wide > right - left - 130) up += 17;
+    // Below the axis title if it leaves no room.
+    this.legendRow(pen, right, up + (wide > right - left - 130 ? 10 : -7), rows);
+  }
+
+  /** One line of a legend, which ends at the right. */
+  legendRow(pen, right, baseline, rows) {
+    let x = right;
     pen.textAlign = "right";
     for (const [color, dash, text] of [...rows].reverse()) {
-      pen.fillStyle = INK; pen.fillText(text, x, up - 7);
+      pen.fillStyle = INK; pen.fillText(text, x, baseline);
       x -= pen.measureText(text).width + 5;
       pen.strokeStyle = color; pen.lineWidth = 2.6; pen.setLineDash(dash);
-      pen.beginPath(); pen.moveTo(x - 20, up - 11); pen.lineTo(x, up - 11); pen.stroke(); pen.setLineDash([]);
+      pen.beginPath(); pen.moveTo(x - 20, baseline - 4); pen.lineTo(x, baseline - 4); pen.stroke(); pen.setLineDash([]);
       x -= 32;
     }
   }
