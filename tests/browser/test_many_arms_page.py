@@ -228,6 +228,19 @@ def test_contacts_of_a_simulation_are_marked_while_they_last(tab: Any, planar2r:
     assert tab.complaints == []
 
 
+def test_a_contact_in_a_short_motion_is_not_red_throughout(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r).with_obstacle("box", rp.Box((0.1, 0.1, 0.1)), [0.3, 0.0, 0.0])
+    motion, link = wander(scene).stretched(0.05), f"arm/{planar2r.links[1].name}"
+    end = motion.end_time
+    report = rp.Report((rp.Violation("collision", (link, "box"), 0.5 * end, -0.01, 0.0, "contact"),), {}, (), {}, end)
+    options = rp.ViewOptions(play=False)
+    tab.open(save_html(tmp_path / "page.html", scene, trajectory=motion, report=report, options=options))
+    shares = [0.0, 0.3, 0.5, 0.7, 1.0]
+    red = [tab.ask("t => (RR1.seek(t), RR1.conflicts.elements().length > 0)", share * end) for share in shares]
+    assert red == [False, False, True, False, False]
+    assert tab.complaints == []
+
+
 def test_a_mesh_of_many_triangles_is_drawn_coarsely_from_afar(calm: Any) -> None:
     before, rows = calm.ask(
         """() => {

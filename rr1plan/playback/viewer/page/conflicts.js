@@ -1,10 +1,10 @@
 // Violations of the report and contacts of the simulation: red links, and red marks on the time line.
 
-const LEAST_SHOWN = 0.1; // [s] shown before and after a contact whose duration is unknown
+const LEAST_SHOWN = 0.1; // [s] shown before and after a contact whose duration is unknown, in a motion of a second or longer
 
 class Conflicts {
   constructor(doc, player, kinematics) {
-    const { start, end } = player, half = Math.max(LEAST_SHOWN, 0.01 * (end - start));
+    const { start, end } = player, long = end - start, half = Math.max(Math.min(LEAST_SHOWN, 0.1 * long), 0.01 * long);
     const violations = doc.report ? doc.report.violations.map((v, i) => ({ ...v, place: doc.samples.places[i] || null })) : [];
     const found = violations.filter((v) => v.time !== null);
     const simulated = doc.replay ? doc.replay.summary.contacts : [];
