@@ -122,3 +122,23 @@ def test_arms_that_turn_and_slide_are_dragged_by_the_tool(kinds: str, tab: Any, 
     tab.page.mouse.up()
     np.testing.assert_allclose(tab.ask("Array.from(RR1.q)"), end, atol=0.03)
     assert tab.complaints == []
+
+
+def test_the_numbers_cover_no_obstacle_on_a_projector(tab: Any, tmp_path: Path) -> None:
+    tab.page.set_viewport_size({"width": 1024, "height": 768})
+    tab.open(rp.lesson("workspace").save_html(tmp_path / "a.html"), READY)
+    wait_until(tab.page, "RR1.frames > 2")
+    tops = tab.ask("""() => {
+        const { camera, pane } = RR1.stage;
+        return RR1.document.obstacles.map(({ name }) => {
+            const { min, max } = RR1.world.boxAround(name);
+            const corners = [min, max].flatMap((a) => [min, max].map((b) => [a.x, b.y, max.z]));
+            return Math.min(...corners.map(([x, y, z]) => {
+                const p = RR1.world.root.localToWorld(new RR1.THREE.Vector3(x, y, z)).project(camera);
+                return ((1 - p.y) / 2) * pane.clientHeight;
+            }));
+        });
+    }""")
+    bottom = tab.ask("document.querySelector('.readout').getBoundingClientRect().bottom")
+    assert len(tops) == 2
+    assert min(tops) > bottom > 0

@@ -118,3 +118,25 @@ def test_a_small_window_leaves_the_arms_room_while_they_are_moved(opened: Any) -
         opened.ask("RR1.editing.open(false)")
         assert opened.page.is_visible(CANVAS)
     opened.page.set_viewport_size(size)
+
+
+def test_cards_beside_a_panel_do_not_overlap_on_a_projector(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
+    scene = rp.place_grid(planar2r, 10, 1, spacing=6.0)
+    start = scene.configuration()
+    trajectory = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1.0], [start, start + 0.2])
+    report = rp.validate(trajectory, scene)
+    line = rp.timeline(trajectory, scene, report=report)
+    options = rp.ViewOptions(title="Ten arms in a row on a table", panels=[line.panel()], play=False)
+    tab.page.set_viewport_size({"width": 1024, "height": 768})
+    tab.open(rp.save_html(tmp_path / "page.html", scene, trajectory=trajectory, report=report, options=options))
+    tab.next_frames()
+    boxes = tab.ask("""() => {
+        const box = (node) => { const b = node.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; };
+        const shown = [...document.querySelectorAll("#headline, #side, #bar, #bar > *")].filter((n) => n.checkVisibility());
+        return Object.fromEntries(shown.map((node) => [node.id || node.className, box(node)]));
+    }""")
+    head, side, bar = boxes.pop("headline"), boxes.pop("side", None), boxes.pop("bar")
+    assert side is None or head[2] <= side[0]
+    assert len(boxes) > 5
+    assert all(bar[0] <= box[0] and box[2] <= bar[2] for box in boxes.values())
+    assert tab.complaints == []

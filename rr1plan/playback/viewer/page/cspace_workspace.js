@@ -143,10 +143,11 @@ class Workspace {
     const box = make("dl", undefined, "readout"), bar = make("i"), values = [];
     box.setAttribute("aria-label", "Tool, links and manipulability");
     for (const name of ["tool x", "tool y", "manipulability", "links"]) {
-      const out = make("dd");
+      const out = make("dd"), row = make("div");
       values.push(out);
       out.className = name;
-      box.append(make("dt", name, name), out);
+      row.append(make("dt", name, name), out);
+      box.append(row);
       if (name === "manipulability") {
         out.title = "|det J|, Yoshikawa’s measure: 0 where the arm is stretched or folded, most with the elbow at a right angle";
         const meter = make("dd", undefined, "meter");

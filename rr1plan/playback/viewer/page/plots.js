@@ -2,7 +2,7 @@
 
 const EDGES = { left: 46, right: 12, top: 15, bottom: 19 }; // [px]
 const BAD = "#c2255c", SOFT = "#667080", INK = "#1b2430", GRID = "#e3e7ec";
-const WIDE = 1000; // [px] width of the window from which two curves are shown initially
+const WIDE = 1000; // [px] width of the picture from which two curves are shown initially
 /** The quantity in whose chart violations of a kind are marked across the whole height. */
 const KINDS = { collision: "clearance", undecided: "clearance", torque: "torque", velocity: "velocity", acceleration: "acceleration", jerk: "jerk", position: "position" };
 
@@ -87,7 +87,7 @@ class Plots {
   firstChoice() {
     const wanted = [...this.viewer.conflicts.all.map(({ kind }) => KINDS[kind]), "velocity", "clearance", ...this.offered];
     const known = [...new Set(wanted)].filter((key) => this.offered.includes(key));
-    return known.slice(0, window.innerWidth >= WIDE ? 2 : 1);
+    return known.slice(0, find("stage").clientWidth >= WIDE ? 2 : 1);
   }
 
   /** The chips, a chart for each chosen quantity, and the legend. */
