@@ -131,7 +131,8 @@ def test_the_legend_of_the_cost_covers_no_other_text(tab: Any, page_file: Path) 
         const usual = CanvasRenderingContext2D.prototype.fillText;
         window.texts = [];
         CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
-            const wide = this.measureText(text).width, left = x - wide * { left: 0, center: 0.5, right: 1 }[this.textAlign];
+            const wide = this.measureText(text).width, share = { left: 0, center: 0.5, right: 1 }[this.textAlign];
+            const left = x - share * wide;
             window.texts.push([text, left, y - 9, left + wide, y + 2]);
             usual.call(this, text, x, y);
         };

@@ -132,7 +132,8 @@ def test_cards_beside_a_panel_do_not_overlap_on_a_projector(tab: Any, planar2r: 
     tab.next_frames()
     boxes = tab.ask("""() => {
         const box = (node) => { const b = node.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; };
-        const shown = [...document.querySelectorAll("#headline, #side, #bar, #bar > *")].filter((n) => n.checkVisibility());
+        const parts = [...document.querySelectorAll("#headline, #side, #bar, #bar > *")];
+        const shown = parts.filter((node) => node.checkVisibility());
         return Object.fromEntries(shown.map((node) => [node.id || node.className, box(node)]));
     }""")
     head, side, bar = boxes.pop("headline"), boxes.pop("side", None), boxes.pop("bar")
