@@ -70,6 +70,7 @@ class LivePage:
         self._lock = threading.Lock()
         self._version = 0
         self._document = ""
+        self._panels: dict[str, dict[str, object]] = {}  # updates of panels since the document was set
         self._frame: bytes | None = None
 
     @property
@@ -84,13 +85,15 @@ class LivePage:
 
     # ---- called by the program -----------------------------------------------------------
 
-    def set_document(self, document: dict[str, object]) -> None:
+    def set_document(self, document: dict[str, Any]) -> None:
         """Replace what the page shows."""
         with self._lock:
             self._version += 1
             self._frame = None
             message = {"type": "document", "version": self._version, "value": document}
             self._document = text = json.dumps(message, allow_nan=False)
+            for name in document.get("panels", ()):  # new data, which earlier updates do not concern
+                self._panels.pop(name, None)
         self._run(lambda: self.tell(text))
 
     def set_frame(self, frame: bytes) -> None:
@@ -100,15 +103,17 @@ class LivePage:
         self._run(self._spread)
 
     def update_panel(self, name: str, data: dict[str, Any]) -> None:
-        """Put new entries into the data of a panel.
+        """Put new entries into the data of a panel, also on pages that are opened later.
 
         Raises:
             InputError: data that JSON cannot represent.
         """
         try:
-            text = json.dumps({"type": "panels", "value": {name: data}}, allow_nan=False)
+            text = _panels_message({name: data})
         except (TypeError, ValueError, RecursionError) as error:
             raise InputError(f"the page cannot hold this data: {error}") from error
+        with self._lock:
+            self._panels.setdefault(name, {}).update(json.loads(text)["value"][name])
         self._run(lambda: self.tell(text))
 
     def command(self, name: str, value: float | None = None) -> None:
@@ -146,14 +151,17 @@ class LivePage:
         return secrets.compare_digest(token.encode(), self.token.encode())
 
     def welcome(self, client: UpdatesHandler, version: str) -> None:
-        """Connect a browser: it gets the document if it has an older one, and the latest configuration."""
+        """Connect a browser: it gets the document if it has an older one, data of panels, and the configuration."""
         self._clients.add(client)
         self.visits += 1
         with self._lock:
             late = version != str(self._version)
             document, frame = self._document, self._frame
+            panels = _panels_message(self._panels) if self._panels else None
         if late:
             client.tell(document)
+        if panels is not None:
+            client.tell(panels)
         if frame is not None:
             client.spread()
 
@@ -176,6 +184,10 @@ class LivePage:
             self._hear(json.loads(message[:_LONGEST_MESSAGE]))
         except Exception:  # a user's callback must not end the server
             logger.exception("a message of a page could not be handled")
+
+
+def _panels_message(panels: dict[str, dict[str, Any]]) -> str:
+    return json.dumps({"type": "panels", "value": panels}, allow_nan=False)
 
 
 class PageHandler(RequestHandler):
