@@ -52,6 +52,40 @@ def test_all_browsers_follow_and_each_is_heard(browser: Any, flat: rp.Scene) -> 
         tab.close()
 
 
+def test_pages_that_open_later_have_the_latest_data_of_panels(browser: Any, flat: rp.Scene) -> None:
+    script = "const show = () => { root.title = JSON.stringify(data); }; show(); viewer.on('data', show);"
+    panel = rp.Panel("numbers", "Numbers", script=script, data={"first": 0, "second": 0})
+    tabs = [Tab(browser.new_page()).page for _ in range(2)]
+    with rp.show(flat, options=rp.ViewOptions(port=0, quiet=True, panels=[panel])) as viewer:
+        for tab, number in zip(tabs, (1, 2), strict=True):
+            viewer.update_panel("numbers", {"first": number})  # no page follows yet, or the other one does
+            tab.goto(viewer.url)
+            for shown in tabs[:number]:
+                wait_until(shown, f"{CONNECTED} && document.getElementById('panel-numbers').title[9] === '{number}'")
+        assert tabs[1].evaluate("document.getElementById('panel-numbers').title") == '{"first":2,"second":0}'
+    for tab in tabs:
+        tab.close()
+
+
+def test_the_menu_shows_a_speed_set_by_the_program(browser: Any, flat: rp.Scene) -> None:
+    still = rp.Trajectory.from_samples(flat.joint_names(), [0.0, 1.0], [[0.0, 0.0], [0.1, 0.1]])
+    tab, menu = Tab(browser.new_page()).page, "document.getElementById('speed')"
+    with rp.show(flat, trajectory=still, options=rp.ViewOptions(port=0, quiet=True)) as viewer:
+        tab.goto(viewer.url)
+        wait_until(tab, CONNECTED)
+        usual = tab.evaluate(f"{menu}.options.length")
+        for speed, text in ((3.0, "3×"), (0.75, "0.75×"), (2.0, "2×")):
+            viewer.set_speed(speed)
+            wait_until(tab, f"RR1.player.speed === {speed}")
+            assert tab.evaluate(f"{menu}.selectedOptions[0].text") == text
+            assert tab.evaluate(f"{menu}.options.length") == usual + (speed != 2.0)
+        viewer.set_speed(3.0)
+        wait_until(tab, "RR1.player.speed === 3")
+        tab.keyboard.press("ArrowUp")
+        assert tab.evaluate("RR1.player.speed") == 5
+    tab.close()
+
+
 PROGRAM = """
 import sys, rr1plan as rp
 robot = rp.load_robot("planar2r")

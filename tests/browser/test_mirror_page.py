@@ -42,6 +42,25 @@ def test_the_panel_shows_deviations_and_turns_red_outside_the_corridor(tab: Any)
     assert tab.complaints == []
 
 
+def test_deviations_of_slides_are_lengths(tab: Any) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("PR"))
+    names, q = scene.joint_names(), scene.configuration()
+    still = rp.Trajectory.from_samples(names, [0.0, 1.0], [q, q])
+    with rp.Mirror(scene, still) as mirror:
+        viewer = mirror.show(options=rp.ViewOptions(quiet=True, port=0))
+        tab.page.goto(viewer.url)
+        wait_until(tab.page, "window.RR1 && RR1.ready && RR1.live.socket && RR1.live.socket.readyState === 1")
+        mirror.receive(rp.StateMessage(0.0, names, np.add(q, [0.0125, -0.1]), received=0.0))
+        wait_until(tab.page, "document.querySelector('#panel-mirror .facts').textContent.startsWith('0.00 s')")
+        rows = "[...document.querySelectorAll('#panel-mirror .deviation')].slice(1)"
+        shown = [text.split()[1] for text in tab.ask(f"{rows}.map((row) => row.innerText)")]
+        assert shown == ["12.50", "-5.73°"]
+        assert "12.50 mm" in tab.ask(f"{rows}[0].innerText")
+        # Each bar is as long as the largest deviation of its kind.
+        assert tab.ask(f"{rows}.map((row) => row.querySelector('b').style.width)") == ["50%", "50%"]
+    assert tab.complaints == []
+
+
 def test_a_slider_moves_a_simulated_joint(tab: Any) -> None:
     scene = rp.load_scene("rr1_table")
     sim, page = rp.Simulation(scene), tab.page

@@ -238,6 +238,21 @@ def test_the_simulated_shadow_is_where_the_replay_was(calm: Any, two_arms: rp.Sc
     np.testing.assert_allclose(np.reshape(at, (4, 4)).T, expected, atol=1e-5)
 
 
+@pytest.mark.parametrize(("error", "unit"), [((0.02, 0.001), "m"), ((0.001, 0.02), "rad")])
+def test_the_error_of_a_replay_has_the_unit_of_its_joint(
+    tab: Any, tmp_path: FilePath, error: tuple[float, float], unit: str
+) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm("PR"))
+    names, q = scene.joint_names(), scene.configuration()
+    motion = rp.Trajectory.from_samples(names, [0.0, 1.0], [q, q + 0.1])
+    times, zeros = np.linspace(0, 1, 5), np.zeros(2)
+    record = rp.ReplayRecord(times, motion(times), motion(times) + error)
+    replay = Replay("dynamic", names, record, np.array(error), zeros, zeros, (), 1, 0.1, 1.0)
+    tab.open(save_html(tmp_path / "page.html", scene, trajectory=motion, replay=replay))
+    assert f"off by 2.0e-2 {unit} at most" in tab.page.inner_text("#facts")
+    assert tab.complaints == []
+
+
 def test_a_violation_leads_to_its_moment_and_pair(calm: Any) -> None:
     assert calm.page.inner_text("#badge") == "Invalid: 1 found"
     facts = calm.page.inner_text("#facts")

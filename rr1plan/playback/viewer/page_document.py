@@ -314,6 +314,7 @@ def _summary(replay: Replay) -> dict[str, object]:
     return {
         "mode": replay.mode,
         "worst_error": replay.worst_error,
+        "worst_joint": replay.joint_names[int(np.argmax(replay.max_error))] if replay.joint_names else None,
         "tracked": replay.tracked,
         "contacts": [{"pair": list(c.pair), "first": c.first, "last": c.last} for c in replay.contacts],
     }

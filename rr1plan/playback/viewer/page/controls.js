@@ -158,8 +158,9 @@ class Controls {
     if (around) rows.push(["Spheres", around]);
     for (const other of doc.compare) rows.push([other.name, seconds(this.viewer.others.get("compare").end - this.viewer.others.get("compare").start)]);
     if (doc.replay) {
-      const { worst_error: worst, tracked, contacts, mode } = doc.replay.summary;
-      rows.push(["MuJoCo", `${mode === "dynamic" ? `${tracked ? "" : "motion not followed, "}off by ${worst.toExponential(1)} rad at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contact${contacts.length > 1 ? "s" : ""}` : "no contact"}`]);
+      const { worst_error: worst, worst_joint: joint, tracked, contacts, mode } = doc.replay.summary;
+      const unit = this.viewer.slides[this.viewer.joints.indexOf(joint)] ? "m" : "rad";
+      rows.push(["MuJoCo", `${mode === "dynamic" ? `${tracked ? "" : "motion not followed, "}off by ${worst.toExponential(1)} ${unit} at most` : "kinematic"}, ${contacts.length ? `${contacts.length} contact${contacts.length > 1 ? "s" : ""}` : "no contact"}`]);
     }
     facts.replaceChildren(...rows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
   }
@@ -311,14 +312,27 @@ class Controls {
       find("play").setAttribute("aria-label", player.playing ? "Pause" : "Play");
     }
     find("loop").setAttribute("aria-pressed", String(player.loop));
-    const menu = find("speed");
-    if (Number(menu.value) !== player.speed) menu.value = String(player.speed);
+    this.showSpeed(player.speed);
     const { conflicts } = this.viewer, words = conflicts.words();
     if (find("conflict").textContent !== words) {
       find("conflict").textContent = words;
       find("conflict").hidden = !words;
     }
     this.refreshJoints();
+  }
+
+  /** Selects a speed in the menu, which has a row for it while it is none of the usual ones. */
+  showSpeed(speed) {
+    const menu = find("speed");
+    if (Number(menu.value) === speed) return;
+    if (this.ownSpeed) this.ownSpeed.remove();
+    this.ownSpeed = null;
+    const rows = [...menu.options];
+    if (!rows.some(({ value }) => Number(value) === speed)) {
+      this.ownSpeed = new Option(`${Number(speed.toPrecision(3))}×`, speed);
+      menu.add(this.ownSpeed, rows.find(({ value }) => Number(value) > speed) || null);
+    }
+    menu.value = String(speed);
   }
 
   /** Number of arms, frame rate and real-time factor; only for many arms, and a few times a second. */

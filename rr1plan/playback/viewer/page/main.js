@@ -1,6 +1,7 @@
 // The viewer: the interface for panels and tests, as `viewer` in a panel's script and `RR1` on the page.
 //
 //   viewer.q  viewer.joints  viewer.limits       the configuration shown, its columns ("arm/joint"), [low, high]
+//   viewer.slides                                whether each column is a prismatic joint, in meters
 //   viewer.setQ(q)  viewer.setJoint(column, v)    show a configuration; the clock stops
 //   viewer.time  viewer.duration  viewer.playing  the clock [s]
 //   viewer.play()  .pause()  .toggle()  .seek(t)  .setSpeed(s)  .setLoop(on)
@@ -63,6 +64,7 @@ class Viewer {
     this.stage.setQuality(settings.play ? this.pace.least() : this.pace.full);
     this.joints = doc.columns;
     this.limits = this.kinematics.arms.flatMap((a) => a.robot.limits);
+    this.slides = this.kinematics.arms.flatMap((a) => a.robot.kinds.map((kind) => kind === "prismatic"));
     this.takeMotion();
     this.lastDirection = this.preferred || doc.camera.direction;
     this.q = this.kinematics.rest();

@@ -4,8 +4,10 @@ const part = (name) => root.querySelector(name);
 const verdict = part(".verdict"), facts = part(".facts"), canvas = part(".use"), event = part(".event");
 const pen = canvas.getContext("2d"), LASTS = 20, uses = [];
 const inSeconds = (t) => `${t.toFixed(2)} s`;
+const slides = data.joints.map((name) => viewer.slides[viewer.joints.indexOf(name)]);
 // Without the sign of zero.
-const degrees = (v) => `${((180 / Math.PI) * v).toFixed(2).replace(/^-(0\.00)$/, "$1")}°`;
+const hundredths = (v) => v.toFixed(2).replace(/^-(0\.00)$/, "$1");
+const deviation = (v, i) => (slides[i] ? `${hundredths(1000 * v)} mm` : `${hundredths((180 / Math.PI) * v)}°`);
 const oneArm = new Set(data.joints.map((name) => name.split("/")[0])).size === 1;
 
 const rows = data.joints.map((name) => {
@@ -79,13 +81,13 @@ function show() {
   facts.textContent = `${inSeconds(state.time)} · ${state.rate.toFixed(0)} messages/s · delay ${(1000 * state.delay).toFixed(1)} ms`;
   event.textContent = state.event || "";
   if (state.deviation) {
-    const scale = Math.max(1e-3, ...state.most);
     rows.forEach(({ bar, now, most }, i) => {
-      const off = state.deviation[i] / scale;
+      // Bars of angles and of lengths have scales of their own.
+      const off = state.deviation[i] / Math.max(1e-3, ...state.most.filter((_, k) => slides[k] === slides[i]));
       bar.style.left = `${50 + 50 * Math.min(off, 0)}%`;
       bar.style.width = `${50 * Math.abs(off)}%`;
-      now.textContent = degrees(state.deviation[i]);
-      most.textContent = degrees(state.most[i]);
+      now.textContent = deviation(state.deviation[i], i);
+      most.textContent = deviation(state.most[i], i);
     });
   }
   if (state.use !== null && (!uses.length || state.time !== uses[uses.length - 1].time)) {
