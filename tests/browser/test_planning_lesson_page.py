@@ -134,3 +134,13 @@ def test_the_trees_are_drawn_in_their_planner_s_color(page: Any) -> None:
         counts.append(int(orange.sum()))
     assert counts[0] < counts[1] < counts[2]
     assert counts[2] > 300
+
+
+def test_walking_through_the_steps_keeps_no_graphics_memory(page: Any) -> None:
+    used = "(({ geometries, textures }) => [geometries, textures])(RR1.stage.renderer.info.memory)"
+    counts = []
+    for index in (1, 2, 3, 4, 1, 2):
+        page.ask(f"RR1.steps.go({index})")
+        page.next_frames()
+        counts.append(page.ask(used))
+    assert counts[-2:] == counts[:2]

@@ -20,7 +20,7 @@
 //   viewer.look(direction, whole)                 frame the arms (or everything), seen from a world direction
 //   viewer.films.push(f)                          f() returns the current animation of a panel, {start, end, show(t)} [s], or null
 //   viewer.keys.add(title, rows)                  keys of a panel, which the list of "?" shows: see keys.js
-//   viewer.add(name, object3d)  viewer.redraw()   add an object of three.js (viewer.THREE) to the world, z up
+//   viewer.add(name, object3d)  viewer.redraw()   add an object of three.js (viewer.THREE) to the world, z up, in place of the last of that name
 //   viewer.setMotion({track, ...})                replace the fields of the document that define the motion
 //   viewer.editing                                drags, jogs, start and goal by hand, undo, `plan()`: see editing.js
 //   viewer.planner                                plans in the page (`planner.js`); null before it is loaded and without one
@@ -36,6 +36,7 @@ class Viewer {
     this.listeners = { change: [], load: [], data: [], planner: [], obstacle: [] };
     this.panelData = {};
     this.films = [];
+    this.added = new Map();
     this.hidden = new Set(["collisions", "replay", "linkspheres", "bodyspheres", ...OVERLAYS]);
     this.byArm = true;
     this.stage = makeStage(find("pane"));
@@ -304,7 +305,13 @@ class Viewer {
     if (this.framed && !this.stage.turned) this.look(null, this.framed === "whole"); else this.sideBySide.place();
   }
 
-  add(name, object) { this.stage.show(`panel-${name}`, object); }
+  add(name, object) {
+    const last = this.added.get(name);
+    if (last && last !== object) disposeTree(last);
+    this.added.set(name, object);
+    this.stage.show(`panel-${name}`, object);
+  }
+
   redraw() { this.meshcat.set_dirty(); }
   on(event, listener) { this.listeners[event].push(listener); }
 

@@ -558,7 +558,10 @@ class World {
 function disposeTree(root) {
   root.traverse((o) => {
     if (o.geometry && !Object.values(unit).includes(o.geometry)) o.geometry.dispose();
-    if (o.material) o.material.dispose();
+    if (o.material) {
+      if (o.material.map) o.material.map.dispose();
+      o.material.dispose();
+    }
     if (o.isInstancedMesh) o.dispose();
   });
 }
