@@ -150,6 +150,7 @@ class SixJointsLesson(Lesson):
         )
         axes.plot(counts, [r.share for r in rows], color="#2f66c8", linewidth=2)
         axes.set(xscale="log", ylim=(0.5, 1.0), xlabel="samples", ylabel="free share")
+        axes.set_xticks([100, 1000], ["100", "1000"])
         axes.spines[["top", "right"]].set_visible(False)
         axes.set_box_aspect(1)
 

@@ -40,6 +40,9 @@ class Look(NamedTuple):
     conflict: str
 
 
+# Names may contain "$", which would otherwise start a formula; and the same figure gives the same bytes.
+PLAIN_TEXT: dict[str, object] = {"text.parse_math": False, "svg.hashsalt": "rr1plan"}
+
 _LIGHT = Look("#ffffff", "#22262b", "#667080", "#e9edf1", "#c9ced6", "#d1003f")
 _DARK = Look("#161b22", "#eef1f4", "#9aa5b3", "#262d37", "#4a5361", "#ff5c86")
 
@@ -56,7 +59,7 @@ def style_of(look: Look) -> dict[str, object]:
         "font.size": 13,
         "axes.titlesize": 15,
         "axes.labelsize": 13,
-        "svg.hashsalt": "rr1plan",
+        **PLAIN_TEXT,
         "axes.edgecolor": look.soft,
         "axes.labelcolor": look.ink,
         "text.color": look.ink,
@@ -95,6 +98,6 @@ def save_figure(file: str | FilePath, draw: Callable[[], Figure], dpi: int = 150
     from matplotlib import rc_context
 
     buffer = io.BytesIO()
-    with rc_context({"svg.hashsalt": "rr1plan"}):
+    with rc_context(PLAIN_TEXT):
         figure.savefig(buffer, format=kind, dpi=dpi, metadata=_NO_DATES.get(kind, {}))
     return write_bytes(target, buffer.getvalue())

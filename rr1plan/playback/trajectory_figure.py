@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rr1plan.playback.figure_files import PLAIN_TEXT
 from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ def trajectory_svg(trajectory: Trajectory) -> str:
     from matplotlib import rc_context
 
     buffer = io.StringIO()
-    with rc_context({"font.family": "DejaVu Sans", "font.size": 10, "svg.hashsalt": "rr1plan"}):
+    with rc_context({"font.family": "DejaVu Sans", "font.size": 10, **PLAIN_TEXT}):
         _figure(trajectory).savefig(buffer, format="svg", metadata={"Date": None})
     text = buffer.getvalue()
     return text[text.index("<svg") :].replace("<svg ", '<svg style="width:100%;height:auto" ', 1)

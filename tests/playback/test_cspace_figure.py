@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from matplotlib.text import Text
 import rr1plan as rp
 from rr1plan.playback.cspace.cspace_grid import LIMITS
 from rr1plan.playback.cspace.cspace_lines import place_names, write_name
+from rr1plan.playback.trajectory_figure import trajectory_svg
 from rr1plan.scene.model_library import load_problems
 
 SLICES = {
@@ -187,3 +189,15 @@ def test_a_name_moves_to_a_free_spot_or_goes() -> None:
     box = left["edge"].text.get_window_extent()
     assert box.x1 <= axes.get_window_extent().x1
     assert place_names(axes, left) == left
+
+
+def test_names_are_text_not_formulas(planar2r: rp.Robot, tmp_path: Path) -> None:
+    name = r"$\nothing{$"
+    scene = rp.Scene(name=name).with_arm(name, planar2r).with_arm("other", planar2r, [9.0, 0.0, 0.0])
+    motion = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 1.0], np.array([[0.0], [0.1]]) * np.ones(4))
+    line = rp.timeline(motion, scene).save(tmp_path / "line.svg")
+    alone = scene.without_arm("other").with_obstacle(name[::-1], rp.Sphere(0.1), [0.5, 0.5, 0.0])
+    space = rp.cspace(alone, resolution=24).save_svg(tmp_path / "space.svg")
+    assert line.stat().st_size > 1000
+    assert space.stat().st_size > 1000
+    assert trajectory_svg(motion)

@@ -30,12 +30,14 @@ from rr1plan.playback.cspace.cspace_lines import place_names
 from rr1plan.playback.cspace.cspace_torus import draw_torus, drawn_layers
 from rr1plan.playback.cspace.cspace_verdict import headline
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
+from rr1plan.playback.figure_files import PLAIN_TEXT
 
 if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
 
 # Text that is readable from the last row when the picture fills a slide.
 STYLE = {
+    **PLAIN_TEXT,
     "font.family": "DejaVu Sans",
     "font.size": 14,
     "axes.titlesize": 15,

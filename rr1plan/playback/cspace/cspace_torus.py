@@ -107,7 +107,7 @@ def draw_torus(axes: Axes, cspace: CSpaceQuery, note: bool = True) -> dict[str, 
     _draw_ends(axes, cspace)
     _draw_seams(axes, grid, note)
     for k, (axis, name, turns) in enumerate(zip((axes.xaxis, axes.yaxis), grid.joint_names, grid.turns, strict=True)):
-        axis.set_label_text(rf"$\theta_{k + 1}$ {name} [rad]" if turns else rf"$d_{k + 1}$ {name} [m]")
+        axis.set_label_text(f"θ{'₁₂'[k]} {name} [rad]" if turns else f"d{'₁₂'[k]} {name} [m]")
         if turns:
             _pi_ticks(axis, *spans[k])
     return names
