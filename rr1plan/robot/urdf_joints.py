@@ -127,21 +127,7 @@ def _limit(element: Element, name: str, kind: JointKind) -> tuple[float, float, 
     lower, upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
     if lower > upper:
         raise limit.error(f"joint {name!r} has lower limit {lower} and upper limit {upper}, expected lower < upper")
-    return *_within_soft_limits(element, name, lower, upper), velocity, effort or np.inf
-
-
-def _within_soft_limits(element: Element, name: str, lower: float, upper: float) -> tuple[float, float]:
-    """Position limits within those at which the robot's controller stops the joint, as in MoveIt."""
-    safety = element.child("safety_controller")
-    if safety is None:
-        return lower, upper
-    soft_lower = max(lower, safety.number("soft_lower_limit", -np.inf))
-    soft_upper = min(upper, safety.number("soft_upper_limit", np.inf))
-    if soft_lower < soft_upper:
-        return soft_lower, soft_upper
-    if lower < upper:
-        log.warning("%s:%d: joint %r has soft limits that leave it no range, they are ignored", *safety.at, name)
-    return lower, upper
+    return lower, upper, velocity, effort or np.inf
 
 
 def _rates(element: Element, name: str) -> tuple[float, float]:

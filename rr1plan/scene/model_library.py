@@ -98,7 +98,7 @@ def load_robot(
     URDF has acceleration and jerk limits from version 1.2 on. For a file without them the defaults reach the velocity
     limit in 0.25 s and the acceleration limit in 0.1 s. A missing velocity limit becomes 1 rad/s or 0.25 m/s. Set known
     limits with `robot.with_limits`. A revolute joint with limits of ±10000 rad or more, such as SDF's ±1e16, is
-    continuous. Soft limits of a URDF's `<safety_controller>` narrow position limits, as in MoveIt.
+    continuous.
 
     "home" is the SRDF's state of that name, moved to the limits if it is outside them, else "ready", else its first
     state within them; without an SRDF, zero or the middle of the range if that is free of self-collision, else a free

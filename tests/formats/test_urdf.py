@@ -241,25 +241,6 @@ def test_a_joint_without_a_range_is_fixed_where_it_is(kind: str, caplog: pytest.
     assert "'j' has no range but 0.5" in caplog.text
 
 
-@pytest.mark.parametrize(
-    ("soft", "expected"),
-    [
-        ('soft_lower_limit="-0.5" soft_upper_limit="0.6"', (-0.5, 0.6)),
-        ('soft_lower_limit="-3" soft_upper_limit="0.6"', (-1.0, 0.6)),
-        ('soft_upper_limit="0.6"', (-1.0, 0.6)),
-        ("", (-1.0, 1.0)),
-        ('soft_lower_limit="0" soft_upper_limit="0"', (-1.0, 1.0)),
-    ],
-)
-def test_soft_limits_of_the_controller_narrow_those_of_a_joint(
-    soft: str, expected: tuple[float, float], caplog: pytest.LogCaptureFixture
-) -> None:
-    limit = '<limit lower="-1" upper="1" velocity="1" effort="1"/>'
-    joint = read_urdf(one_joint(f'{limit}<safety_controller k_velocity="10" {soft}/>', "revolute")).joints[0]
-    assert (joint.lower, joint.upper) == expected
-    assert ("'j' has soft limits that leave it no range" in caplog.text) == ('"0"' in soft)
-
-
 @pytest.mark.parametrize("text", [one_mass(moments=(1, -1, 1)), one_mass(moments=(1, -1e-8, 1)), one_mass(cross="5")])
 def test_an_inertia_that_is_not_definite_makes_the_link_a_point(text: str, caplog: pytest.LogCaptureFixture) -> None:
     inertial = read_urdf(text).links[0].inertial
