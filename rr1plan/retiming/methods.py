@@ -102,9 +102,10 @@ def retime(
     if len(points) == 1:
         return Trajectory.rest(path.joint_names, points[0])
     check_limits(path.joint_names, points, limits, jerk=method in _JERK_LIMITED)
-    with np.errstate(over="ignore"):
+    is_steep = limits.acceleration * _SHORTEST_RAMP > limits.velocity
+    if is_steep.any():
         steepest = limits.velocity / _SHORTEST_RAMP
-    limits = replace(limits, acceleration=np.minimum(limits.acceleration, steepest))
+        limits = replace(limits, acceleration=np.where(is_steep, steepest, limits.acceleration))
     dynamics = Kinematics(scene, arms).inverse_dynamics if torque_limits else None
     work = Work(points, limits, max_blend, lambda: checker or _certifier(scene, arms), dynamics)
     _, time_pieces = _METHODS[method]
