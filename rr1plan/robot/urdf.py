@@ -20,7 +20,7 @@ from rr1plan.files.xml_reader import Element, parse_xml, parse_xml_file
 from rr1plan.robot import Joint, Link
 from rr1plan.robot.gltf_axes import with_fitting_axes
 from rr1plan.robot.mesh_lookup import MeshLookup
-from rr1plan.robot.urdf_joints import read_joint
+from rr1plan.robot.urdf_joints import read_joint, with_constant_joints_fixed
 from rr1plan.robot.urdf_links import LinkReader
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity
 
@@ -79,8 +79,9 @@ def read_urdf(
     if len(link_elements) > MAX_LINKS:
         raise root.error(f"robot {name!r} has {len(link_elements)} links, expected at most {MAX_LINKS}")
     joints = {n: read_joint(e) for n, e in joint_elements.items()}
-    order = _order(root, link_elements, joint_elements, joints)
     _check_mimics(joint_elements, joints)
+    joints = with_constant_joints_fixed(joint_elements, joints)
+    order = _order(root, link_elements, joint_elements, joints)
     reader = LinkReader(root, MeshLookup(package_dirs, file), convex)
     base = (set(link_elements) - {j.child for j in order}).pop()
     source = name if file is None else str(file)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -27,7 +28,9 @@ _KINDS: dict[str, JointKind] = {
 
 
 def read_joint(element: Element) -> Joint:
-    """One joint; floating and planar joints and those without a range become fixed, with a warning.
+    """One joint; floating and planar joints become fixed, with a warning.
+
+    A joint whose two limits are equal keeps them; see `with_constant_joints_fixed`.
 
     Raises:
         FormatError: an unknown type, a missing or inverted limit, a zero axis, or a rate that is not positive.
@@ -45,7 +48,7 @@ def read_joint(element: Element) -> Joint:
     acceleration, jerk = _rates(element, name)
     dynamics = element.child("dynamics")
     damping, friction = (0.0, 0.0) if dynamics is None else (_coefficient(dynamics, n) for n in ("damping", "friction"))
-    joint = Joint(
+    return Joint(
         name=name,
         kind=kind,
         parent=parent,
@@ -62,10 +65,31 @@ def read_joint(element: Element) -> Joint:
         acceleration=acceleration,
         jerk=jerk,
     )
-    if lower < upper:
-        return joint
-    log.warning("%s:%d: joint %r has no range but %g alone, it is taken as fixed", *element.at, name, lower)
-    return Joint(name, "fixed", parent, child, read_only(origin @ joint.motion(lower)))
+
+
+def with_constant_joints_fixed(elements: Mapping[str, Element], joints: Mapping[str, Joint]) -> dict[str, Joint]:
+    """The joints; those without a range, and those that mimic one of these, become fixed, with a warning.
+
+    Args:
+        elements: The element of each joint.
+        joints: The joints by name; chains of mimic joints end at a joint among them.
+    """
+    fixed = dict(joints)
+    for name, joint in joints.items():
+        leader, gain, offset = joint, 1.0, 0.0
+        while leader.lower < leader.upper and leader.mimic is not None:
+            gain, offset = gain * leader.mimic.multiplier, offset + gain * leader.mimic.offset
+            leader = joints[leader.mimic.joint]
+        if leader.lower < leader.upper:
+            continue
+        value = gain * leader.lower + offset
+        if leader is joint:
+            log.warning("%s:%d: joint %r has no range but %g alone, it is taken as fixed", *elements[name].at, name, value)
+        else:
+            text = "%s:%d: joint %r follows %r, which has no range, it is taken as fixed at %g"
+            log.warning(text, *elements[name].at, name, leader.name, value)
+        fixed[name] = Joint(name, "fixed", joint.parent, joint.child, read_only(joint.origin @ joint.motion(value)))
+    return fixed
 
 
 def read_origin(element: Element) -> Array:

@@ -241,6 +241,22 @@ def test_a_joint_without_a_range_is_fixed_where_it_is(kind: str, caplog: pytest.
     assert "'j' has no range but 0.5" in caplog.text
 
 
+def test_a_joint_that_follows_one_without_a_range_is_fixed_at_its_value(caplog: pytest.LogCaptureFixture) -> None:
+    limit = '<axis xyz="0 0 1"/><limit lower="-2" upper="2" velocity="1" effort="1"/>'
+    text = robot_text(
+        *map(link_text, "abcde"),
+        joint_text("j1", "a", "b", limit.replace("2", "0.5").replace("-", "")),
+        joint_text("j2", "b", "c", limit + '<mimic joint="j1" multiplier="2" offset="0.1"/>'),
+        joint_text("j3", "c", "d", limit + '<mimic joint="j2" multiplier="-1"/>'),
+        joint_text("j4", "d", "e", limit),
+    )
+    joints = read_urdf(text).joints
+    assert [joint.kind for joint in joints] == ["fixed", "fixed", "fixed", "revolute"]
+    angles = [np.arctan2(joint.origin[1, 0], joint.origin[0, 0]) for joint in joints]
+    np.testing.assert_allclose(angles, [0.5, 1.1, -1.1, 0.0])
+    assert "'j2' follows 'j1', which has no range, it is taken as fixed at 1.1" in caplog.text
+
+
 @pytest.mark.parametrize("text", [one_mass(moments=(1, -1, 1)), one_mass(moments=(1, -1e-8, 1)), one_mass(cross="5")])
 def test_an_inertia_that_is_not_definite_makes_the_link_a_point(text: str, caplog: pytest.LogCaptureFixture) -> None:
     inertial = read_urdf(text).links[0].inertial
