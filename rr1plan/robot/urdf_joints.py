@@ -84,7 +84,9 @@ def with_constant_joints_fixed(elements: Mapping[str, Element], joints: Mapping[
             continue
         value = gain * leader.lower + offset
         if leader is joint:
-            log.warning("%s:%d: joint %r has no range but %g alone, it is taken as fixed", *elements[name].at, name, value)
+            log.warning(
+                "%s:%d: joint %r has no range but %g alone, it is taken as fixed", *elements[name].at, name, value
+            )
         else:
             text = "%s:%d: joint %r follows %r, which has no range, it is taken as fixed at %g"
             log.warning(text, *elements[name].at, name, leader.name, value)

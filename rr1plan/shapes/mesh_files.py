@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import io
 import logging
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,6 +38,9 @@ _WIDEST = 50.0
 # Read without colors: these files have none, or one for each vertex.
 _COLORLESS = (".stl", ".obj", ".ply")
 GLTF = (".gltf", ".glb")
+# A face of an OBJ with a vertex that is not counted from 1 on, and the vertices of a face.
+_RELATIVE_FACE = re.compile(rb"^[ \t]*f[ \t](?:[^\n]*[ \t])?(?:-\d+|0+)(?![^/\s])", re.MULTILINE)
+_CORNER = re.compile(rb"(?<=[ \t])(-?\d{1,15})(?![^/\s])(?:/\S*)?")
 # A triangle of a binary STL.
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -177,12 +181,41 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
     import trimesh
 
     buffers = external_buffers(data, file) if file.suffix.lower() in GLTF else None
+    data = _with_absolute_indices(data, file) if kind == "obj" else data
     try:
         scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=buffers, process=False)
         meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
         return meshes if buffers is None else [_Triangles(m.vertices @ Z_UP.T, m.faces, m.visual) for m in meshes]
     except Exception as error:  # trimesh's parsers raise many types of errors
         raise FormatError(f"cannot be read as {kind.upper()}: {error}", file) from error
+
+
+def _with_absolute_indices(data: bytes, file: Path) -> bytes:
+    """The OBJ with all vertices of faces counted from 1 on.
+
+    A negative index counts back from the face's own line. Trimesh counts it from the end of the file, and takes 0 for
+    the last vertex.
+    """
+    data = data.replace(b"\\\n", b" ").replace(b"\\\r\n", b" ")
+    if not _RELATIVE_FACE.search(data):
+        return data
+    lines, count = data.split(b"\n"), 0
+
+    def absolute(corner: re.Match[bytes]) -> bytes:
+        index = int(corner[1])
+        if index > 0:
+            return corner[1]
+        if not -count <= index < 0:
+            why = "OBJ counts vertices from 1 on" if index == 0 else f"there are {count} vertices before it"
+            raise FormatError(f"has a face with the vertex {index}, but {why}", file)
+        return b"%d" % (count + 1 + index)
+
+    for number, line in enumerate(lines):
+        kind = line.split(maxsplit=1)[:1]
+        count += kind == [b"v"]
+        if kind == [b"f"]:
+            lines[number] = _CORNER.sub(absolute, line)
+    return b"\n".join(lines)
 
 
 def _color(mesh: Any) -> Color | None:

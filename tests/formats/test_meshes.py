@@ -182,6 +182,25 @@ def test_a_bad_mesh_is_a_format_error_with_the_files_name(tmp_path: Path, name: 
         read_mesh(tmp_path / name)
 
 
+def test_relative_indices_of_an_obj_count_back_from_their_line(tmp_path: Path, block: Mesh) -> None:
+    faces = "".join(f"f {a}/1/2 {b} {c}//-1\n" for a, b, c in (block.faces - 8).tolist())
+    first = "".join(f"v {x} {y} {z}\n" for x, y, z in block.vertices.tolist())
+    second = "".join(f"v {x + 5.0} {y} {z}\n" for x, y, z in block.vertices.tolist())
+    (tmp_path / "a.obj").write_text(first + faces + second + faces)
+    (part,) = read_mesh(tmp_path / "a.obj")
+    assert len(part.mesh.vertices) == 16
+    assert trimesh.Trimesh(part.mesh.vertices, part.mesh.faces).volume == pytest.approx(12.0)
+
+
+@pytest.mark.parametrize("face", ["f 0 1 2", "f 2 1 0", "  f 1/1/1 0//3 2", "f 1 2 \\\n 0", "f 00 1 2", "f -1 -2 -9"])
+def test_an_obj_with_an_index_that_no_vertex_has_is_refused(tmp_path: Path, block: Mesh, face: str) -> None:
+    (tmp_path / "a.obj").write_bytes(obj(block) + face.encode() + b"\n")
+    with pytest.raises(
+        FormatError, match=r"a\.obj: has a face with the vertex (0, but OBJ counts .* from 1|-9, but .* 8)"
+    ):
+        read_mesh(tmp_path / "a.obj")
+
+
 def test_a_cut_stl_is_refused(tmp_path: Path, block: Mesh) -> None:
     (tmp_path / "cut.stl").write_bytes(binary_stl(block)[:-70])
     with pytest.raises(FormatError, match=r"cut\.stl: .*of 12 triangles, .* has 684 bytes, but it has 614"):
