@@ -19,6 +19,7 @@ from rr1plan.checks import file_path, known_name, of_kind
 from rr1plan.errors import InputError, MissingPackageError
 from rr1plan.export.ros_trajectories import Duration, JointTrajectoryMessage, sampled_message
 from rr1plan.files.file_access import check_writable, write_text
+from rr1plan.robot import Robot
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
 
@@ -117,6 +118,10 @@ def _states(store: Any, message: JointTrajectoryMessage) -> list[Any]:
 def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
     """Write the scene's MuJoCo model as MJCF, with the servos that `simulate` uses.
 
+    In addition, joints have their position limits, and mimic joints the equality constraint that couples them to their
+    leaders. MJCF has no limits of velocity, acceleration and jerk: `load_robot` assumes them when it reads the file. It
+    has no named configurations of one arm, no tool, and, in this file, no visual shapes. Numbers have six digits.
+
     Args:
         file: The file, whose name ends in .xml or .mjcf.
         scene: The scene; in the file, arms are at zero, and their configurations are a keyframe "configuration".
@@ -128,4 +133,28 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
 
     of_kind("scene", scene, Scene)
     path = check_writable(file, ".xml", ".mjcf")
-    return write_text(path, build_mujoco(scene).to_xml())
+    world = build_mujoco(scene)
+    for name, arm in scene.arms.items():
+        _add_ranges(world.spec, name, arm.robot)
+    return write_text(path, world.to_xml())
+
+
+def _add_ranges(spec: Any, arm: str, robot: Robot) -> None:
+    """Add the position limits of a robot's joints and the couplings of its mimic joints to an `MjSpec`."""
+    import mujoco
+
+    limits = zip(robot.limits.lower.tolist(), robot.limits.upper.tolist(), strict=True)
+    planned = dict(zip(robot.joint_names, limits, strict=True))
+    for joint in robot.joints:
+        if joint.kind == "fixed":
+            continue
+        lower, upper = planned.get(joint.name, (joint.lower, joint.upper))
+        if lower < upper and np.isfinite(upper - lower):
+            written = spec.joint(f"{arm}/{joint.name}")
+            written.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+            angular = joint.kind != "prismatic" and spec.compiler.degree
+            written.range = np.degrees([lower, upper]) if angular else [lower, upper]
+        if joint.mimic is not None:
+            equality = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT)
+            equality.name1, equality.name2 = f"{arm}/{joint.name}", f"{arm}/{joint.mimic.joint}"
+            equality.data[:5] = [joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0]

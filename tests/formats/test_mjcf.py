@@ -9,6 +9,7 @@ import random
 import struct
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -471,6 +472,23 @@ def test_the_file_that_we_write_reads_back(rr1: rp.Robot, tmp_path: Path) -> Non
     for link in rr1.links:
         if link.inertial is not None:
             assert mass[f"arm/{link.name}"] == pytest.approx(link.inertial.mass)
+
+
+def test_the_file_that_we_write_has_the_ranges_and_the_followers_of_joints(tmp_path: Path) -> None:
+    panda = rp.load_robot("panda")
+    narrow = replace(panda.limits, upper=panda.limits.upper - 0.5)
+    scene = rp.Scene().with_arm("a", panda.with_limits(narrow)).with_arm("b", rp.load_robot("planar2r"), [0, 2, 0])
+    robot = rp.load_robot(rp.save_mjcf(tmp_path / "two.xml", scene), groups=[("world", f"a/{panda.tool}")])
+    np.testing.assert_allclose(robot.limits.lower, narrow.lower, atol=1e-5)
+    np.testing.assert_allclose(robot.limits.upper, narrow.upper, atol=1e-5)
+    for joint in panda.joints:
+        again = robot.joint(f"a/{joint.name}") if joint.kind != "fixed" else joint
+        assert again.kind == joint.kind
+        if joint.mimic is not None:
+            assert again.mimic == replace(joint.mimic, joint=f"a/{joint.mimic.joint}")
+            assert (again.lower, again.upper) == (joint.lower, joint.upper)
+    free = {joint.name for joint in scene.arms["b"].robot.joints if joint.kind == "continuous"}
+    assert {joint.name for joint in robot.joints if joint.kind == "continuous"} == {f"b/{name}" for name in free}
 
 
 def test_the_same_file_has_the_same_hash_and_another_one_not(folder: Path) -> None:
