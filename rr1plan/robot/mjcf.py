@@ -351,7 +351,9 @@ class _Reader:
         ]
         if loops:
             log.warning(
-                "%s: closed loops are not modelled, their passive joints are held: %s", self.file, _listed(loops)
+                "%s: closed loops are not modeled, their joints are held or, if planned for, move independently: %s",
+                self.file,
+                _listed(loops),
             )
         equal = {
             t for e in active if int(model.eq_type[e]) == _TENDONS for t in (model.eq_obj1id[e], model.eq_obj2id[e])
