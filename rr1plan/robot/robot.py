@@ -295,6 +295,8 @@ class Robot(Value, NotebookView):
 
 def _is_joint_value(value: object) -> bool:
     try:
-        return isinstance(value, numbers.Real) and abs(float(value)) <= FARTHEST
-    except OverflowError:
+        # Rows of tensors have elements that are arrays without dimensions.
+        number = value if isinstance(value, numbers.Real) else finite_number("joint value", value)
+        return abs(float(number)) <= FARTHEST
+    except (InputError, OverflowError):
         return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Iterator
 from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
@@ -63,6 +64,27 @@ def test_a_configuration_comes_from_its_name_or_its_numbers(rr1: rp.Robot) -> No
     assert np.array_equal(rr1.configuration([1, 2, 3, 4, 5, 6]), [1, 2, 3, 4, 5, 6])
     with pytest.raises(UnknownNameError, match="'home'"):
         rr1.configuration("hoem")
+
+
+class Tensor:
+    """An array as of other libraries: its elements are arrays without dimensions."""
+
+    def __init__(self, values: object) -> None:
+        self.values = np.array(values)
+
+    def __array__(self, dtype: object = None, copy: bool | None = None) -> np.ndarray:
+        return np.array(self.values, dtype=dtype)
+
+    def __iter__(self) -> Iterator[Tensor]:
+        return map(Tensor, self.values)
+
+
+def test_a_configuration_comes_from_the_arrays_of_other_libraries(rr1: rp.Robot) -> None:
+    values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    for array in (Tensor(values), list(map(np.array, values))):
+        assert np.array_equal(rr1.configuration(array), values)
+    with pytest.raises(InputError, match="elbow_joint"):
+        rr1.configuration(Tensor([0, 0, np.nan, 0, 0, 0]))
 
 
 @pytest.mark.parametrize("bad", [[0.0] * 5, [0.0] * 7, [[0.0] * 6], 3.0])
