@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -67,25 +68,28 @@ def test_an_installed_robot_is_saved_by_its_name(tmp_path: Path, name: str) -> N
     assert rp.load_scene(file).content_hash == scene.content_hash
 
 
-def test_an_installed_robot_with_options_is_saved_by_its_file(tmp_path: Path, foreign_robots: Path) -> None:
-    """Its name would give it the pairs of its SRDF."""
+def test_an_installed_robot_with_options_is_saved_by_its_name(tmp_path: Path, foreign_robots: Path) -> None:
     robot = rp.load_robot("ur5", srdf=False)
+    assert robot.content_hash != rp.load_robot("ur5").content_hash
     for other in (robot, rp.load_robot("ur5", srdf=False, tool="forearm_link")):
-        file = rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", other))
-        assert str(foreign_robots) in file.read_text()
-        read = rp.load_scene(file).arms["a"].robot
-        assert (read.content_hash, read.tool) == (other.content_hash, other.tool)
+        for robots in (None, {"a": "ur5"}):
+            file = rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", other), robots=robots)
+            assert 'robot = "ur5"\nsrdf = false\n' in file.read_text().replace('tool = "forearm_link"\n', "")
+            read = rp.load_scene(file).arms["a"].robot
+            assert (read.content_hash, read.tool) == (other.content_hash, other.tool)
+    robot = replace(robot, disabled_collisions=frozenset())
     with pytest.raises(rp.InputError, match=r"robot of arm 'a' differs from .*'ur5'.*robots={'a': NAME_OR_FILE}"):
         rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", robot), robots={"a": "ur5"})
     other = rp.load_robot("ur5", tool="forearm_link")
     file = rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", other))
     assert 'robot = "ur5"\n' in file.read_text()
     assert rp.load_scene(file).arms["a"].robot.tool == "forearm_link"
-    few = rp.load_robot("ur5", joints=["elbow_joint", "shoulder_lift_joint"])
-    file = rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", few))
-    assert 'robot = "ur5"\n' in file.read_text()
-    read = rp.load_scene(file).arms["a"].robot
-    assert (read.content_hash, read.joint_names) == (few.content_hash, few.joint_names)
+    for tool in (None, other.tool, "tool0"):
+        few = rp.load_robot("ur5", joints=["elbow_joint", "shoulder_lift_joint"], tool=tool)
+        file = rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("a", few))
+        assert 'robot = "ur5"\n' in file.read_text()
+        read = rp.load_scene(file).arms["a"].robot
+        assert (read.content_hash, read.joint_names, read.tool) == (few.content_hash, few.joint_names, few.tool)
 
 
 @pytest.mark.parametrize("part", ["collision", "visual"])
@@ -137,6 +141,29 @@ def test_named_configurations_of_several_groups_survive(tmp_path: Path, crane: P
     assert robot.configurations["rest"].tolist() == [0.5, -0.5]
     read = rp.load_scene(rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("crane", robot)))
     assert read.arms["crane"].robot.configurations["rest"].tolist() == [0.5, -0.5]
+
+
+@pytest.mark.parametrize("srdf", [False, "other.srdf", "crane.srdf", None])
+def test_the_srdf_with_which_a_robot_was_loaded_is_in_the_scene_file(
+    tmp_path: Path, crane: Path, srdf: str | Literal[False] | None
+) -> None:
+    for name, value in (("crane", 0.5), ("other", -0.5)):
+        rest = f'<group_state name="rest" group="all"><joint name="turn" value="{value}"/></group_state>'
+        text = f'<robot name="crane"><group name="all"><joint name="turn"/></group>{rest}</robot>'
+        (tmp_path / f"{name}.srdf").write_text(text)
+    robot = rp.load_robot(crane, srdf=tmp_path / srdf if srdf else srdf)
+    file = rp.save_scene(tmp_path / "cell.toml", rp.Scene().with_arm("crane", robot))
+    read = rp.load_scene(file).arms["crane"].robot
+    assert dict(read.configurations).keys() == dict(robot.configurations).keys()
+    assert all(np.array_equal(read.configurations[name], q) for name, q in robot.configurations.items())
+    assert ("srdf = " in file.read_text()) == (srdf in (False, "other.srdf"))
+
+
+def test_an_srdf_in_a_scene_file_is_a_file_or_false(tmp_path: Path, crane: Path) -> None:
+    file = tmp_path / "cell.toml"
+    file.write_text(f'[arms.a]\nrobot = "{crane.name}"\nsrdf = true\n')
+    with pytest.raises(rp.FormatError, match="srdf: expected a file or false, got True"):
+        rp.load_scene(file)
 
 
 def test_the_margin_of_a_problem_is_in_files(tmp_path: Path, rr1_table: rp.Scene) -> None:

@@ -54,8 +54,8 @@ class Robot(Value, NotebookView):
         presets: Other limits by name, e.g. "sim" and "hardware".
         locked_joint_states: Named values of locked joints, e.g. {"open": {"finger_joint": 0.0}}.
         source: Origin of the description, for messages.
-        load_options: Options with which `load_robot` read the source, for scene files: `package_dirs`, `convex`,
-            `groups` and `xacro_arguments`, each unless it is the default.
+        load_options: Options with which `load_robot` read the source, for scene files: `srdf`, `package_dirs`,
+            `convex`, `groups` and `xacro_arguments`, each unless it is the default.
     """
 
     name: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -27,7 +28,7 @@ from rr1plan.scene import Arm, Obstacle, Scene
 from rr1plan.scene.motion_bench import read_bench_scene
 from rr1plan.scene.moveit_scene import read_moveit_scene
 from rr1plan.scene.problem import Problem
-from rr1plan.scene.scene_toml import SceneFile, parse_scene, read_scene, scene_text
+from rr1plan.scene.scene_toml import RobotLoader, SceneFile, parse_scene, read_scene, scene_text
 from rr1plan.shapes.convex_decomposition import Convexity
 
 _MJCF_SUFFIXES = (".xml", ".mjcf")
@@ -149,7 +150,7 @@ def load_robot(
     default_group = None if folder is None or folder.group is None else (folder.group,)
     robot = assemble(tree, semantics, Choice(default_group if groups is None else groups, joints, tool))
     robot = robot if folder is None else folder.apply(robot)
-    options: dict[str, object] = {}
+    options = _srdf_option(srdf, beside)
     folders = tuple(str(resolved_path(folder)) for folder in package_dirs)
     if folders:
         options["package_dirs"] = folders
@@ -160,6 +161,15 @@ def load_robot(
     if xacro_arguments is not None:
         options["xacro_arguments"] = {str(name): str(value) for name, value in xacro_arguments.items()}
     return _shared(replace(robot, load_options=options))
+
+
+def _srdf_option(srdf: str | Path | Literal[False] | None, beside: Path | None) -> dict[str, object]:
+    """The option of a scene file that selects this SRDF; none for the one beside the robot's file."""
+    if srdf is False:
+        return {"srdf": False}
+    if srdf is None or (beside is not None and resolved_path(srdf) == resolved_path(beside)):
+        return {}
+    return {"srdf": str(resolved_path(srdf))}
 
 
 # Loaded robots in use, by the SHA-256 of their whole content.
@@ -333,9 +343,9 @@ def save_scene(
         The file.
 
     Raises:
-        InputError: a robot that was not loaded from a file, a scene that would read back differently (a robot that
-            was loaded with another SRDF, or has other named configurations) or not at all, another suffix, or a file
-            that cannot be written.
+        InputError: a robot that was not loaded from a file, a scene that would read back differently (a robot that was
+            changed after loading, or has other named configurations) or not at all, another suffix, or a file that
+            cannot be written.
         UnknownNameError: a name in `robots` is not an arm.
     """
     of_kind("scene", scene, Scene)
@@ -350,12 +360,13 @@ def save_scene(
     # One entry for each robot: the many arms of a scene often share one.
     entries: dict[Robot, str] = {}
     names = dict(robots or {})
+    load = _once_for_each(load_robot)
     for name, arm in scene.arms.items():
         if not names.get(name):
-            names[name] = entries.get(arm.robot) or entries.setdefault(arm.robot, _robot_entry(name, arm.robot))
+            names[name] = entries.get(arm.robot) or entries.setdefault(arm.robot, _robot_entry(name, arm.robot, load))
     try:
-        text = scene_text(scene, problems, names, load_robot)
-        again = parse_scene(text, path, load_robot).scene
+        text = scene_text(scene, problems, names, load)
+        again = parse_scene(text, path, load).scene
     except (FormatError, UnknownNameError) as error:
         raise InputError(f"{path} would not read back: {error}") from error
     for name, arm in scene.arms.items():
@@ -394,11 +405,25 @@ def _values(robot: Robot) -> dict[str, list[float]]:
     return {name: q.tolist() for name, q in robot.configurations.items()}
 
 
-def _robot_entry(arm: str, robot: Robot) -> str:
+def _once_for_each(load: RobotLoader) -> RobotLoader:
+    """The loader, called once for the same arguments."""
+    loaded: dict[str, Robot] = {}
+
+    def once(name_or_file: str, **options: Any) -> Robot:
+        given = {name: value for name, value in options.items() if value not in (None, (), "hull")}
+        key = json.dumps((name_or_file, given), sort_keys=True)  # lists are equal to tuples
+        if key not in loaded:
+            loaded[key] = load(name_or_file, **options)
+        return loaded[key]
+
+    return once
+
+
+def _robot_entry(arm: str, robot: Robot, load: RobotLoader) -> str:
     """Entry of a robot in a scene file: its name if it ships with rr1plan or is installed, else its file."""
     source = Path(robot.source)
     named = next((name for name in (*robot_names(), *installed_robots()) if _locate(name)[1] == source), None)
-    if named is not None and (named in robot_names() or _is_default(robot, named)):
+    if named is not None and (named in robot_names() or _is_default(robot, named, load)):
         return named
     if not robot.source or not source.is_file():
         raise InputError(
@@ -408,15 +433,17 @@ def _robot_entry(arm: str, robot: Robot) -> str:
     return str(source.absolute())
 
 
-def _is_default(robot: Robot, name: str) -> bool:
-    """Whether `load_robot` makes this robot from its name, up to what scene files hold.
+def _is_default(robot: Robot, name: str, load: RobotLoader) -> bool:
+    """Whether the loader makes this robot from its name, up to what scene files hold.
 
     That is tool, planning joints, limits and locked joints.
     """
     options: dict[str, Any] = dict(robot.load_options)
-    made = load_robot(name, tool=robot.tool, **options)
+    made = load(name, **options)
     if made.joint_names != robot.joint_names:
-        made = load_robot(name, tool=robot.tool, joints=robot.joint_names, **options)
+        made = load(name, tool=robot.tool, joints=robot.joint_names, **options)
+    elif made.tool != robot.tool:
+        made = load(name, tool=robot.tool, **options)
     made = replace(made, limits=robot.limits, locked_joints=robot.locked_joints)
     # The configurations are not in the hash, but decide what goals and `q` of the file mean.
     return (made.content_hash, _values(made)) == (robot.content_hash, _values(robot))

@@ -3,8 +3,9 @@
     description = "An RR1 on a table."
 
     [arms.rr1]
-    robot = "rr1"                      # a name, or a file relative to this one (and srdf, group, groups, joints, tool,
-                                       # package_dirs, convex, xacro_arguments: the options of `load_robot`)
+    robot = "rr1"                      # a name, or a file relative to this one (and srdf (a file or false), group,
+                                       # groups, joints, tool, package_dirs, convex, xacro_arguments: the options of
+                                       # `load_robot`)
     xyz = [0, 0, 0]                    # and rpy, quaternion (wxyz) or rotation (rows)
     q = "home"                         # or numbers
 
@@ -26,7 +27,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -51,7 +52,7 @@ class RobotLoader(Protocol):
         self,
         name_or_file: str,
         *,
-        srdf: str | None = None,
+        srdf: str | Literal[False] | None = None,
         groups: Sequence[str | Sequence[str]] | None = None,
         joints: Sequence[str] | None = None,
         tool: str | None = None,
@@ -206,7 +207,7 @@ class _Reference(NamedTuple):
     """The source of a robot."""
 
     name_or_file: str
-    srdf: str | None
+    srdf: str | Literal[False] | None
     groups: tuple[str | tuple[str, ...], ...] | None
     joints: tuple[str, ...] | None
     tool: str | None
@@ -217,19 +218,17 @@ class _Reference(NamedTuple):
 
 def _robot_reference(entry: Table, folder: Path) -> _Reference:
     """The source of an arm's robot; a name with a suffix or a slash is a file."""
-    name, srdf = entry.string("robot"), entry.string("srdf", "")
+    name = entry.string("robot")
     with entry.blame("robot"):
         if _is_file(name):
             name = str(resolved_path(folder / name))
-    with entry.blame("srdf"):
-        srdf = str(resolved_path(folder / srdf)) if srdf else ""
     groups = tuple(g if isinstance(g, str) else _chain(entry, g) for g in entry.rows("groups"))
     group = entry.string("group", "")
     if group and groups:
         raise entry.error("expected one of group and groups, got both", "group")
     return _Reference(
         name,
-        srdf or None,
+        _srdf(entry, folder),
         (group,) if group else groups or None,
         entry.strings("joints") or None,
         entry.string("tool", "") or None,
@@ -237,6 +236,16 @@ def _robot_reference(entry: Table, folder: Path) -> _Reference:
         _convexity(entry),
         _xacro_arguments(entry),
     )
+
+
+def _srdf(entry: Table, folder: Path) -> str | Literal[False] | None:
+    given = entry.raw("srdf", "")
+    if given is False:
+        return False
+    if not isinstance(given, str):
+        raise entry.error(f"expected a file or false, got {shown(given)}", "srdf")
+    with entry.blame("srdf"):
+        return str(resolved_path(folder / given)) if given else None
 
 
 def _convexity(entry: Table) -> Convexity:
@@ -382,13 +391,14 @@ def _arm_entries(arm: Arm, robot: str, made: Robot | None) -> dict[str, object]:
     other_joints = is_file or default.joint_names != arm.robot.joint_names
     if other_joints:
         entries["joints"] = list(arm.robot.joint_names)
-    if is_file or default.tool != arm.robot.tool:
+    if other_joints or default.tool != arm.robot.tool:
         entries["tool"] = arm.robot.tool
     named = [name for name, q in default.configurations.items() if np.array_equal(q, arm.q) and not other_joints]
-    # Another file, such as the expanded URDF, is read without the arguments of xacro, and may have other groups.
+    # Another file, such as the expanded URDF, is read without the arguments of xacro, and may have other groups and
+    # another SRDF.
     same = not is_file or Path(robot) == Path(arm.robot.source).absolute()
     for name, value in arm.robot.load_options.items():
-        if same or name not in ("xacro_arguments", "groups"):
+        if same or name not in ("xacro_arguments", "groups", "srdf"):
             entries[name] = list(value) if isinstance(value, tuple) else value
     entries["q"] = named[0] if named else arm.q.tolist()
     entries["limits"] = _limits_entry(arm.robot)
