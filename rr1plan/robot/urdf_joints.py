@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rr1plan.checks import Array, read_only
+from rr1plan.checks import FARTHEST, Array, read_only
 from rr1plan.errors import InputError
 from rr1plan.files.xml_reader import Element
 from rr1plan.robot import Joint, JointKind, Mimic
@@ -73,6 +73,9 @@ def with_constant_joints_fixed(elements: Mapping[str, Element], joints: Mapping[
     Args:
         elements: The element of each joint.
         joints: The joints by name; chains of mimic joints end at a joint among them.
+
+    Raises:
+        FormatError: a value that no joint can have.
     """
     fixed = dict(joints)
     for name, joint in joints.items():
@@ -83,10 +86,11 @@ def with_constant_joints_fixed(elements: Mapping[str, Element], joints: Mapping[
         if leader.lower < leader.upper:
             continue
         value = gain * leader.lower + offset
+        if not abs(value) <= FARTHEST:
+            raise elements[name].error(f"joint {name!r} is fixed at {value:g}, expected at most ±{FARTHEST:g}")
         if leader is joint:
-            log.warning(
-                "%s:%d: joint %r has no range but %g alone, it is taken as fixed", *elements[name].at, name, value
-            )
+            text = "%s:%d: joint %r has no range but %g alone, it is taken as fixed; if it moves, give it other limits"
+            log.warning(text, *elements[name].at, name, value)
         else:
             text = "%s:%d: joint %r follows %r, which has no range, it is taken as fixed at %g"
             log.warning(text, *elements[name].at, name, leader.name, value)

@@ -113,6 +113,14 @@ BAD = {
         ),
         "fixed",
     ),
+    "mimic of a constant joint, out of reach": (
+        robot_text(
+            *map(link_text, "abc"),
+            joint_text("k", "a", "b", '<limit lower="1" upper="1"/>'),
+            joint_text("j", "b", "c", LIMIT + '<mimic joint="k" multiplier="1e300"/>'),
+        ),
+        "joint 'j' is fixed at 1e+300",
+    ),
     "mimic by nan": (one_joint(LIMIT + '<mimic joint="j" multiplier="nan"/>'), "finite"),
     "box of nan": (one_shape('<box size="nan 1 1"/>'), "finite"),
     "box of inf": (one_shape('<box size="inf 1 1"/>'), "finite"),
