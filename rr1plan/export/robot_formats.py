@@ -134,13 +134,21 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
     of_kind("scene", scene, Scene)
     path = check_writable(file, ".xml", ".mjcf")
     world = build_mujoco(scene)
+    joints = {joint.name: joint for joint in world.spec.joints}
     for name, arm in scene.arms.items():
-        _add_ranges(world.spec, name, arm.robot)
+        _add_ranges(world.spec, joints, name, arm.robot)
     return write_text(path, world.to_xml())
 
 
-def _add_ranges(spec: Any, arm: str, robot: Robot) -> None:
-    """Add the position limits of a robot's joints and the couplings of its mimic joints to an `MjSpec`."""
+def _add_ranges(spec: Any, joints: Mapping[str, Any], arm: str, robot: Robot) -> None:
+    """Add the position limits of a robot's joints and the couplings of its mimic joints to an `MjSpec`.
+
+    Args:
+        spec: The model.
+        joints: Its joints by name; `spec.joint` searches all of them.
+        arm: The robot's name in the scene.
+        robot: The robot.
+    """
     import mujoco
 
     limits = zip(robot.limits.lower.tolist(), robot.limits.upper.tolist(), strict=True)
@@ -150,7 +158,7 @@ def _add_ranges(spec: Any, arm: str, robot: Robot) -> None:
             continue
         lower, upper = planned.get(joint.name, (joint.lower, joint.upper))
         if lower < upper and np.isfinite(upper - lower):
-            written = spec.joint(f"{arm}/{joint.name}")
+            written = joints[f"{arm}/{joint.name}"]
             written.limited = mujoco.mjtLimited.mjLIMITED_TRUE
             angular = joint.kind != "prismatic" and spec.compiler.degree
             written.range = np.degrees([lower, upper]) if angular else [lower, upper]
