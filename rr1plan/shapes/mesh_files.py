@@ -38,9 +38,10 @@ _WIDEST = 50.0
 # Read without colors: these files have none, or one for each vertex.
 _COLORLESS = (".stl", ".obj", ".ply")
 GLTF = (".gltf", ".glb")
-# A face of an OBJ with a vertex that is not counted from 1 on, and the vertices of a face.
-_RELATIVE_FACE = re.compile(rb"^[ \t]*f[ \t](?:[^\n]*[ \t])?(?:-\d+|0+)(?![^/\s])", re.MULTILINE)
-_CORNER = re.compile(rb"(?<=[ \t])(-?\d{1,15})(?![^/\s])(?:/\S*)?")
+# Before a vertex or face of an OBJ; a face with a vertex that is not counted from 1 on; the vertices of a face.
+_INDENTATION = re.compile(rb"^ +(?=[vf] )", re.MULTILINE)
+_RELATIVE_FACE = re.compile(rb"^f (?:[^\n]* )?(?:-\d+|0+)(?![^/\s])", re.MULTILINE)
+_CORNER = re.compile(rb"(?<= )(-?\d{1,15})(?![^/\s])(?:/\S*)?")
 # A triangle of a binary STL.
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -181,7 +182,7 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
     import trimesh
 
     buffers = external_buffers(data, file) if file.suffix.lower() in GLTF else None
-    data = _with_absolute_indices(data, file) if kind == "obj" else data
+    data = _regular_obj(data, file) if kind == "obj" else data
     try:
         scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=buffers, process=False)
         meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
@@ -190,13 +191,14 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
         raise FormatError(f"cannot be read as {kind.upper()}: {error}", file) from error
 
 
-def _with_absolute_indices(data: bytes, file: Path) -> bytes:
-    """The OBJ with all vertices of faces counted from 1 on.
+def _regular_obj(data: bytes, file: Path) -> bytes:
+    """The OBJ with one line for each element, without indentation, and with all vertices of faces counted from 1 on.
 
-    A negative index counts back from the face's own line. Trimesh counts it from the end of the file, and takes 0 for
-    the last vertex.
+    Trimesh skips indented lines. A negative index counts back from the face's own line; trimesh counts it from the end
+    of the file, and takes 0 for the last vertex.
     """
-    data = data.replace(b"\\\n", b" ").replace(b"\\\r\n", b" ")
+    data = data.replace(b"\\\n", b" ").replace(b"\\\r\n", b" ").replace(b"\t", b" ")
+    data = _INDENTATION.sub(b"", data)
     if not _RELATIVE_FACE.search(data):
         return data
     lines, count = data.split(b"\n"), 0

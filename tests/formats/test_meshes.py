@@ -192,6 +192,17 @@ def test_relative_indices_of_an_obj_count_back_from_their_line(tmp_path: Path, b
     assert trimesh.Trimesh(part.mesh.vertices, part.mesh.faces).volume == pytest.approx(12.0)
 
 
+@pytest.mark.parametrize("number", [1, 3, 12])
+@pytest.mark.parametrize(("plain", "written"), [("f ", "  f "), ("f ", "f\t"), ("v ", "\tv "), ("v ", "v\t")])
+def test_tabs_and_indentation_of_an_obj_do_not_matter(
+    tmp_path: Path, block: Mesh, plain: str, written: str, number: int
+) -> None:
+    (tmp_path / "a.obj").write_text(obj(block).decode().replace(plain, written, number))
+    (part,) = read_mesh(tmp_path / "a.obj")
+    assert len(part.mesh.faces) == 12
+    assert trimesh.Trimesh(part.mesh.vertices, part.mesh.faces).volume == pytest.approx(6.0)
+
+
 @pytest.mark.parametrize("face", ["f 0 1 2", "f 2 1 0", "  f 1/1/1 0//3 2", "f 1 2 \\\n 0", "f 00 1 2", "f -1 -2 -9"])
 def test_an_obj_with_an_index_that_no_vertex_has_is_refused(tmp_path: Path, block: Mesh, face: str) -> None:
     (tmp_path / "a.obj").write_bytes(obj(block) + face.encode() + b"\n")
