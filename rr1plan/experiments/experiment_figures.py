@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from matplotlib import axes as mpl_axes
-from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, NullFormatter
 
 from rr1plan.experiments.measuring_process import Row
 from rr1plan.experiments.thesis_figures import GAZEBO_FACTORS, TOWER_FACTORS
-from rr1plan.playback.figure_files import look_of, style_of
+from rr1plan.playback.figure_files import drawing, look_of, style_of
 
 _SIZE = (12.0, 4.8)  # [inch]
 _OURS, _SECOND, _THESIS = "#1f6fb2", "#3aa17e", "#d9730d"
@@ -24,7 +23,7 @@ def _figure(left: Panel, right: Panel) -> Callable[[Sequence[Row]], Figure]:
     """A function that draws the rows of an experiment in two panels."""
 
     def draw(rows: Sequence[Row]) -> Figure:
-        with rc_context(style_of(_LOOK)):
+        with drawing(style_of(_LOOK)):
             figure = Figure(figsize=_SIZE, layout="constrained", facecolor=_LOOK.paper)
             FigureCanvasAgg(figure)
             for panel, plot in zip((left, right), figure.subplots(1, 2), strict=True):

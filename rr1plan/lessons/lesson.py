@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rr1plan.files.file_access import check_writable
 from rr1plan.lessons.lesson_content import LessonContent
 from rr1plan.lessons.lesson_content import LessonStep as LessonStep
-from rr1plan.playback.figure_files import check_width, save_figure
+from rr1plan.playback.figure_files import check_width, drawing, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,14 +38,13 @@ class Lesson(LessonContent):
         Raises:
             InputError: another width.
         """
-        from matplotlib import rc_context
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
         from rr1plan.playback.cspace.cspace_figure import STYLE
 
         width = check_width(width)
-        with rc_context(STYLE):
+        with drawing(STYLE):
             figure = Figure(figsize=(width, self._aspect * width), layout="constrained", facecolor="white")
             FigureCanvasAgg(figure)
             self._draw(figure)

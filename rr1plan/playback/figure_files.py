@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path as FilePath
+from threading import RLock
 from typing import TYPE_CHECKING, NamedTuple
 
 from rr1plan.checks import positive_number
@@ -18,6 +20,8 @@ _WIDEST = 100.0  # [inch]
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 # The same figure gives the same bytes.
 _NO_DATES: dict[str, dict[str, object]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+# All threads share Matplotlib's settings and its parsers of text.
+_DRAWING = RLock()
 
 
 class Look(NamedTuple):
@@ -69,6 +73,19 @@ def style_of(look: Look) -> dict[str, object]:
     }
 
 
+@contextmanager
+def drawing(style: Mapping[str, object]) -> Iterator[None]:
+    """Matplotlib with the settings of a style; other threads that draw our figures wait.
+
+    Args:
+        style: The settings, restored at the end.
+    """
+    from matplotlib import rc_context
+
+    with _DRAWING, rc_context(dict(style)):
+        yield
+
+
 def check_width(width: float) -> float:
     """A figure's width [inch].
 
@@ -95,9 +112,7 @@ def save_figure(file: str | FilePath, draw: Callable[[], Figure], dpi: int = 150
     target = check_writable(file, *FIGURE_SUFFIXES)
     kind = target.suffix.lower()[1:]
     figure = draw()
-    from matplotlib import rc_context
-
     buffer = io.BytesIO()
-    with rc_context(PLAIN_TEXT):
+    with drawing(PLAIN_TEXT):
         figure.savefig(buffer, format=kind, dpi=dpi, metadata=_NO_DATES.get(kind, {}))
     return write_bytes(target, buffer.getvalue())

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rr1plan.playback.figure_files import PLAIN_TEXT
+from rr1plan.playback.figure_files import PLAIN_TEXT, drawing
 from rr1plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -24,10 +24,8 @@ _ROWS = {"position": "rad or m", "velocity": "rad/s or m/s", "acceleration": "ra
 
 def trajectory_svg(trajectory: Trajectory) -> str:
     """The curves as SVG text for embedding in a page; equal trajectories give equal text."""
-    from matplotlib import rc_context
-
     buffer = io.StringIO()
-    with rc_context({"font.family": "DejaVu Sans", "font.size": 10, **PLAIN_TEXT}):
+    with drawing({"font.family": "DejaVu Sans", "font.size": 10, **PLAIN_TEXT}):
         _figure(trajectory).savefig(buffer, format="svg", metadata={"Date": None})
     text = buffer.getvalue()
     return text[text.index("<svg") :].replace("<svg ", '<svg style="width:100%;height:auto" ', 1)

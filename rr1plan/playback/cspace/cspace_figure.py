@@ -6,7 +6,6 @@ import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -30,7 +29,7 @@ from rr1plan.playback.cspace.cspace_lines import place_names
 from rr1plan.playback.cspace.cspace_torus import draw_torus, drawn_layers
 from rr1plan.playback.cspace.cspace_verdict import headline
 from rr1plan.playback.cspace.cspace_workspace import draw_workspace
-from rr1plan.playback.figure_files import PLAIN_TEXT
+from rr1plan.playback.figure_files import PLAIN_TEXT, drawing
 
 if TYPE_CHECKING:
     from rr1plan.playback.cspace.cspace_query import CSpaceQuery
@@ -51,7 +50,7 @@ _MOST_PASSES = 20  # of the layout
 
 def draw(cspace: CSpaceQuery, width: float) -> Figure:
     """The whole picture as a matplotlib figure."""
-    with rc_context(STYLE):
+    with drawing(STYLE):
         figure = Figure(figsize=(width, 0.56 * width), layout="constrained", facecolor="white")
         FigureCanvasAgg(figure)
         left, right = figure.subplots(1, 2)

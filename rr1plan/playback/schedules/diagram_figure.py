@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import axes as mpl_axes
-from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PatchCollection
@@ -16,7 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from rr1plan.checks import Array
 from rr1plan.playback.arm_colors import arm_color
-from rr1plan.playback.figure_files import Look, look_of, style_of
+from rr1plan.playback.figure_files import Look, drawing, look_of, style_of
 
 if TYPE_CHECKING:
     from rr1plan.playback.schedules.pair_schedule import Axes, PairSchedule
@@ -31,7 +30,7 @@ _CLOSE = 0.05  # smallest distance between time labels, as a share of the pictur
 def draw(diagram: PairSchedule, axes: Axes, width: float, dark: bool) -> Figure:
     """The diagram as a matplotlib figure."""
     look = look_of(dark)
-    with rc_context(style_of(look)):
+    with drawing(style_of(look)):
         figure = Figure(figsize=(width, _HEIGHT * width), layout="constrained", facecolor=look.paper)
         FigureCanvasAgg(figure)
         plot = figure.subplots()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -14,7 +13,7 @@ from matplotlib.patches import Patch
 
 from rr1plan.checks import counted
 from rr1plan.playback.arm_colors import arm_color
-from rr1plan.playback.figure_files import Look, look_of, style_of
+from rr1plan.playback.figure_files import Look, drawing, look_of, style_of
 
 if TYPE_CHECKING:
     from rr1plan.playback.schedules.timeline_rows import TimelineRows
@@ -28,7 +27,7 @@ _BAR, _REST = 0.62, 0.16  # heights of bars in rows
 def draw(line: TimelineRows, width: float, dark: bool) -> Figure:
     """The time line as a matplotlib figure."""
     look = look_of(dark)
-    with rc_context(style_of(look)):
+    with drawing(style_of(look)):
         rows = min(_TALLEST, _ROW * max(3, len(line.arms)))
         words = min(len(line.conflicts), _MOST_WORDS)
         figure = Figure(figsize=(width, rows + _FRAME + 0.24 * words), layout="constrained", facecolor=look.paper)
