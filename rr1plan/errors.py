@@ -137,11 +137,12 @@ class MissingPackageError(Rr1PlanError, ImportError):
         package: The missing package.
         extra: The extra of rr1plan that installs it, if there is one.
         purpose: The feature that needs it.
+        advice: How to install it (default: with pip).
     """
 
-    def __init__(self, package: str, purpose: str, extra: str | None = None) -> None:
-        requirement = f"rr1plan[{extra}]" if extra else package
-        super().__init__(f"{purpose} needs the package {package!r}; try: pip install '{requirement}'")
+    def __init__(self, package: str, purpose: str, extra: str | None = None, *, advice: str | None = None) -> None:
+        advice = advice or f"try: pip install '{f'rr1plan[{extra}]' if extra else package}'"
+        super().__init__(f"{purpose} needs the package {package!r}; {advice}")
 
 
 class InstallationError(Rr1PlanError, ImportError):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
-import shutil
 import sys
 from argparse import Namespace
 from textwrap import fill
@@ -152,12 +151,12 @@ def _scene_values(name: str) -> dict[str, Any]:
 
 def doctor(options: Namespace, console: Console) -> int:
     """Versions, the compiled kernels, and what is missing."""
+    from rr1plan.playback.viewer.page_capture import GET_BROWSER, find_browser
+
     required = {name: _version(name) for name in _REQUIRED}
     optional = {name: _version(name) for name in _OPTIONAL}
     missing = [name for name, version in required.items() if version is None]
-    browser = next(
-        (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
-    )
+    browser = find_browser()
     console.say(f"rr1plan {rr1plan.__version__}, Python {platform.python_version()}, {platform.platform()}")
     rows = [(name, version or "MISSING") for name, version in required.items()]
     rows += [
@@ -165,7 +164,7 @@ def doctor(options: Namespace, console: Console) -> int:
         for name, version in optional.items()
     ]
     console.table(("package", "version"), rows)
-    console.say(f"browser for screenshots: {browser or 'none found (optional: install the system package chromium)'}")
+    console.say(f"browser for screenshots: {browser or f'none found (optional: {GET_BROWSER})'}")
     kernels = {} if missing else _kernels()
     if kernels:
         console.say("compiled kernels: " + ", ".join(f"{name} {variant}" for name, variant in kernels.items()))

@@ -41,7 +41,7 @@ def test_a_page_that_does_not_come_up_is_named(tmp_path: FilePath, monkeypatch: 
 def test_a_missing_browser_is_named(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "page.html").write_text("")
     monkeypatch.setattr(page_capture, "find_browser", lambda: None)
-    with pytest.raises(rp.MissingPackageError, match="chromium"):
+    with pytest.raises(rp.MissingPackageError, match="'chromium'; install the system package chromium"):
         screenshot(tmp_path / "page.png", tmp_path / "page.html")
 
 

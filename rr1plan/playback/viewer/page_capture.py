@@ -24,6 +24,7 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+GET_BROWSER = "install the system package chromium, or Google Chrome"
 # A browser without a graphics card and without network access.
 _FLAGS = [
     "--headless=new",
@@ -73,7 +74,7 @@ def open_browser(size: tuple[int, int] = (1280, 800)) -> Iterator[Any]:
         raise MissingPackageError("playwright", "taking a picture of the page", "video") from error
     binary = find_browser()
     if binary is None:
-        raise MissingPackageError("chromium", "taking a picture of the page (a browser of the system)")
+        raise MissingPackageError("chromium", "taking a picture of the page", advice=GET_BROWSER)
     width, height = size
     with (
         tempfile.TemporaryDirectory(prefix="rr1plan-browser-", ignore_cleanup_errors=True) as folder,
