@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,6 +52,22 @@ def test_a_replay_is_true_if_nothing_touched(contacts: tuple[ReplayContact, ...]
     record = ReplayRecord(one[0], one, one)
     replay = Replay("dynamic", ("arm/joint",), record, one[0], one[0], one[0], contacts, 1, 0.002, 1.0)
     assert bool(replay) is not bool(contacts)
+
+
+SLIDE = """<robot name="slide"><link name="a"/><link name="b"/><joint name="j" type="prismatic">
+<parent link="a"/><child link="b"/><limit lower="-1" upper="1" velocity="1" effort="9"/></joint></robot>"""
+
+
+def test_a_replay_has_the_units_of_its_joints(tmp_path: Path) -> None:
+    names, two = ("arm/slide", "arm/hinge"), np.array([0.001, 0.02])
+    record = ReplayRecord(np.zeros(1), two[None], two[None])
+    replay = Replay("dynamic", names, record, two, two, two, (), 1, 0.002, 1.0, units=("m", "rad"))
+    assert "1.00e-03 m, 2.00e-02 rad" in repr(replay)
+    assert "1.00e-03 m at most (arm/slide), 2.00e-02 rad at most (arm/hinge)" in str(replay)
+    (tmp_path / "slide.urdf").write_text(SLIDE)
+    slide = rp.Scene().with_arm("arm", rp.load_robot(tmp_path / "slide.urdf"))
+    rest = rp.Trajectory.rest(slide.joint_names(), [0.0], duration=0.1)
+    assert rp.simulate(rest, slide, mode="kinematic").units == ("m",)
 
 
 def test_a_first_contact_is_none_where_there_is_none(problem: rp.Problem) -> None:

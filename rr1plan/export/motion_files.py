@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from rr1plan.checks import file_path
 from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.export.csv_files import load_csv
-from rr1plan.export.plan_files import SavedMotion, read_plan_file, units
+from rr1plan.export.plan_files import SavedMotion, read_plan_file
 from rr1plan.export.ros_trajectories import (
     BAG_SUFFIXES,
     YAML_SUFFIXES,
@@ -24,6 +24,7 @@ from rr1plan.export.ros_trajectories import (
 )
 from rr1plan.path import Path
 from rr1plan.scene import Scene, scene_differences
+from rr1plan.scene.joint_units import joint_units
 from rr1plan.trajectory import Trajectory
 
 SUFFIXES = (".json", ".csv", *YAML_SUFFIXES, *BAG_SUFFIXES)
@@ -51,6 +52,8 @@ def read_motion(file: _File, scene: Scene | None = None, topic: str | None = Non
     if path.suffix in (*YAML_SUFFIXES, *BAG_SUFFIXES) or path.is_dir():
         return SavedMotion(trajectory=load_joint_trajectory(path, topic=topic))
     refuse_topic(path, topic)
+    if not path.exists():
+        raise FormatError("there is no such file", file)
     raise FormatError(
         f"has the suffix {path.suffix!r}, expected a motion: {', '.join(SUFFIXES)}, or a bag's folder", file
     )
@@ -145,7 +148,7 @@ def check_units(saved: SavedMotion, joint_names: Sequence[str], scene: Scene) ->
     names, order = fit_joints(joint_names, scene)
     if saved.units is None:
         return
-    for name, unit, i in zip(names, units(names, scene), order, strict=True):
+    for name, unit, i in zip(names, joint_units(names, scene), order, strict=True):
         if saved.units[i] != unit:
             raise InputError(
                 f"the motion has the joint {joint_names[i]!r} in {saved.units[i]}, but {name!r} is in {unit}"

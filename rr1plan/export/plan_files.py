@@ -30,6 +30,7 @@ from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.path import Path
 from rr1plan.report import Report
 from rr1plan.scene import Scene
+from rr1plan.scene.joint_units import joint_units
 from rr1plan.scene.problem import Problem
 from rr1plan.shapes import Mesh, PointCloud
 from rr1plan.shapes.stored_shapes import FOLDER, read_shape, shape_hash, store_shapes
@@ -248,32 +249,18 @@ def _reference(scene: Scene) -> dict[str, object]:
 
 def _path_entry(path: Path, scene: Scene) -> dict[str, object]:
     of_kind("path", path, Path)
-    head = {"joint_names": list(path.joint_names), "units": units(path.joint_names, scene)}
+    head = {"joint_names": list(path.joint_names), "units": joint_units(path.joint_names, scene)}
     return head | {"waypoints": path.waypoints.tolist()}
 
 
 def _trajectory_entry(trajectory: Trajectory, scene: Scene) -> dict[str, object]:
     of_kind("trajectory", trajectory, Trajectory)
-    head = {"joint_names": list(trajectory.joint_names), "units": units(trajectory.joint_names, scene)}
+    head = {"joint_names": list(trajectory.joint_names), "units": joint_units(trajectory.joint_names, scene)}
     return head | {
         "time_unit": "s",
         "breaks": trajectory.breaks.tolist(),
         "coefficients": trajectory.coefficients.tolist(),
     }
-
-
-def units(joint_names: tuple[str, ...], scene: Scene) -> list[str]:
-    """The unit of each column, "m" for a prismatic joint and "rad" for others.
-
-    Raises:
-        UnknownNameError: a joint the scene does not have.
-    """
-    known = {
-        f"{arm}/{name}": "m" if placed.robot.joint(name).kind == "prismatic" else "rad"
-        for arm, placed in scene.arms.items()
-        for name in placed.robot.joint_names
-    }
-    return [known[known_name("joint", name, known)] for name in joint_names]
 
 
 # ---- reading -------------------------------------------------------------------------------
@@ -436,5 +423,5 @@ def _check_units(entry: schema.Path | schema.Trajectory, scene: Scene | None) ->
     """Require a unit for each column, that of its joint if the scene is known."""
     if len(entry.units) != len(entry.joint_names):
         raise InputError(f"has {len(entry.units)} units for {len(entry.joint_names)} joints")
-    if scene is not None and entry.units != (wanted := units(tuple(entry.joint_names), scene)):
+    if scene is not None and entry.units != (wanted := joint_units(entry.joint_names, scene)):
         raise InputError(f"units are {', '.join(entry.units)}, expected those of the joints: {', '.join(wanted)}")

@@ -93,7 +93,7 @@ class SequenceReplay(Value):
         lines = [
             f"replay: {counted(replay.steps, 'step')} of {replay.timestep * 1e3:g} ms, "
             f"{replay.real_time_factor:.1f} times real time",
-            f"  tracking error: {self.max_error:.2e} rad at most",
+            f"  tracking error: {self.max_error:.2e} rad or m at most",
         ]
         lines += [
             f"  {one.name}: at most {1e3 * one.max_offset:.2f} mm from its planned position, "

@@ -12,6 +12,7 @@ from rr1plan.errors import InputError
 from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayRecord
 from rr1plan.playback.simulation.simulation import Simulation
 from rr1plan.scene import Obstacle
+from rr1plan.scene.joint_units import joint_units
 
 _RESET = (
     "the simulation was reset, or its joints were placed, while it was recorded, so its record has no single clock; "
@@ -133,6 +134,7 @@ class Recorder:
             timestep=self._sim.dt,
             wall_seconds=time.perf_counter() - self._wall,
             settings={"mujoco": mujoco.__version__},
+            units=tuple(joint_units(self._names, self._sim.scene)),
         )
 
     def _note(self, sim: Simulation) -> None:

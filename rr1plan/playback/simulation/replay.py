@@ -57,8 +57,8 @@ class ReplayRecord(Value):
 
     Args:
         times: Instants [s], shape (n,).
-        desired: Set-points [rad], shape (n, nq).
-        actual: Measured positions [rad], shape (n, nq).
+        desired: Set-points [rad or m], shape (n, nq).
+        actual: Measured positions [rad or m], shape (n, nq).
         bodies: Poses of loose bodies; None if there are none, and in a kinematic replay.
     """
 
@@ -80,8 +80,8 @@ class Replay(Value):
         mode: "dynamic" (servos move the arms) or "kinematic" (the arms are placed at their set-points).
         joint_names: Columns of the arrays, "arm/joint", as in the trajectory.
         record: Set-points and positions over time, and the poses of loose bodies.
-        max_error: Largest tracking error of each joint over all steps [rad], shape (nq,).
-        rms_error: Root mean square tracking error of each joint over all steps [rad], shape (nq,).
+        max_error: Largest tracking error of each joint over all steps [rad or m], shape (nq,).
+        rms_error: Root mean square tracking error of each joint over all steps [rad or m], shape (nq,).
         peak_effort: Peak effort of each joint as a fraction of its limit, shape (nq,); above 1 only in arms with
             estimated masses, to which effort limits do not apply.
         contacts: Contacts that the scene does not allow, in order of time.
@@ -90,6 +90,7 @@ class Replay(Value):
         wall_seconds: Wall time of the replay [s].
         settings: Version and options, for reproduction.
         remarks: Notes on its accuracy: masses missing in the robot's file, a step that is too long, warnings of MuJoCo.
+        units: "rad" or "m" for each joint; empty if unknown.
     """
 
     mode: str
@@ -104,6 +105,7 @@ class Replay(Value):
     wall_seconds: float
     settings: dict[str, Any] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for array in (self.max_error, self.rms_error, self.peak_effort):
@@ -116,7 +118,7 @@ class Replay(Value):
 
     @property
     def worst_error(self) -> float:
-        """Largest tracking error of any joint [rad]."""
+        """Largest tracking error of any joint [rad or m]."""
         return float(self.max_error.max(initial=0.0))
 
     @property
@@ -135,7 +137,17 @@ class Replay(Value):
 
     def __repr__(self) -> str:
         seconds = self.steps * self.timestep
-        return f"Replay({self.mode}, {seconds:.3f} s, {self.worst_error:.2e} rad, {len(self.contacts)} contacts)"
+        return f"Replay({self.mode}, {seconds:.3f} s, {self._worst()}, {len(self.contacts)} contacts)"
+
+    def _worst(self, named: bool = False) -> str:
+        """The largest tracking error in each unit, and its joint."""
+        units = self.units or ("rad or m",) * len(self.joint_names)
+        parts = []
+        for unit in dict.fromkeys(units):
+            columns = [k for k, own in enumerate(units) if own == unit]
+            worst = columns[int(np.argmax(self.max_error[columns]))]
+            parts.append(f"{self.max_error[worst]:.2e} {unit}" + f" at most ({self.joint_names[worst]})" * named)
+        return ", ".join(parts) or "no joints"
 
     def __str__(self) -> str:
         lines = [
@@ -143,8 +155,7 @@ class Replay(Value):
             f"{self.real_time_factor:.0f} times real time"
         ]
         if self.mode == "dynamic" and self.joint_names:
-            worst = int(np.argmax(self.max_error))
-            lines.append(f"  tracking error: {self.worst_error:.2e} rad at most ({self.joint_names[worst]})")
+            lines.append(f"  tracking error: {self._worst(named=True)}")
             busiest = int(np.argmax(self.peak_effort))
             saturated = ((self.peak_effort > 0.999) & ~(self.max_error <= _TRACKED)).any()
             lines.append(
@@ -155,7 +166,7 @@ class Replay(Value):
             lost = int((~(self.max_error <= _TRACKED)).sum())
             lines.append(
                 f"  the motion was not followed: {counted(lost, 'joint')} of {len(self.joint_names)} more than "
-                f"{_TRACKED:g} rad or m from the set-point"
+                f"{_TRACKED:g} {' or '.join(dict.fromkeys(self.units)) or 'rad or m'} from the set-point"
             )
         lines += [f"  {remark}" for remark in self.remarks]
         lines += [

@@ -27,6 +27,7 @@ from rr1plan.playback.simulation.simulation import Simulation, step_count
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Scene
+from rr1plan.scene.joint_units import joint_units
 from rr1plan.trajectory import Trajectory
 
 # A joint that moves more than this in one step is not tracked well [rad or m].
@@ -113,6 +114,7 @@ def simulate(
         settings={"mujoco": mujoco.__version__, "integrator": "implicitfast", "stiffness": stiffness}
         | ({} if variation is None else asdict(variation)),
         remarks=seen.remarks,
+        units=tuple(joint_units(trajectory.joint_names, scene)),
     )
 
 
