@@ -177,16 +177,28 @@ def positive_length(name: str, value: Any) -> float:
     return positive_number(name, near_array(name, value, ()))
 
 
-def of_kind(name: str, value: Any, kind: type, *, optional: bool = False) -> None:
+def of_kind(name: str, value: Any, kind: type, *, optional: bool = False, method: str = "") -> None:
     """Require a value of a type, or None if it is optional.
 
+    Args:
+        name: The argument.
+        value: Its value.
+        kind: The type.
+        optional: Whether it may be None.
+        method: A method that does the same for values of some other types.
+
     Raises:
-        InputError: another type; the message says so if one of our own types has such a value as an attribute.
+        InputError: another type; the message says so if one of our own types has that method, or such a value as an
+            attribute.
     """
     if isinstance(value, kind) or (optional and value is None):
         return
-    attribute = _attribute_of_kind(value, kind) if type(value).__module__.startswith("rr1plan.") else None
-    hint = f"; pass its attribute {attribute!r}" if attribute else ""
+    hint = ""
+    if type(value).__module__.startswith("rr1plan."):
+        if method and callable(getattr(value, method, None)):
+            hint = f"; call its method {method!r} instead"
+        elif attribute := _attribute_of_kind(value, kind):
+            hint = f"; pass its attribute {attribute!r}"
     raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}{hint}")
 
 

@@ -78,9 +78,9 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "certify_number": (lambda s: rp.certify_path(3, s), rp.InputError, "expected Path"),
     "planner_of_text": (lambda s: rp.OmplPlanner("rrt").plan("x"), rp.InputError, "expected Problem"),
     "line_of_nothing": (lambda s: rp.CartesianPlanner().plan(None), rp.InputError, "expected Problem"),
-    "page_of_text": (lambda s: rp.save_html("a.html", "rr1"), rp.InputError, "expected Scene"),
+    "page_of_text": (lambda s: rp.save_html("a.html", "rr1"), rp.InputError, "'rr1' has no page, expected a scene"),
     "page_of_an_arm": (
-        lambda s: rp.save_html("a.html", rp.Problem(s, "home", "zero")),
+        lambda s: rp.show(rp.Problem(s, "home", "zero")),
         rp.InputError,
         "attribute 'scene'",
     ),
@@ -206,3 +206,25 @@ def test_an_error_names_the_attribute_that_holds_the_wanted_value() -> None:
         rp.validate(motion, scene)  # type: ignore[arg-type]
     with pytest.raises(rp.InputError, match="expected ManyArmsResult; pass its attribute 'many_arms'"):
         rp.plan_graph(motion)  # type: ignore[arg-type]
+
+
+def test_an_error_names_the_method_that_keeps_the_motion(tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    motion = rp.plan_motion(rp.Problem(scene, [0.0, 0.5], [1.0, 1.0]), rng=0)
+    with pytest.raises(rp.InputError, match="expected Scene; call its method 'save' instead"):
+        rp.save_motion(tmp_path / "a.json", motion)  # type: ignore[arg-type]
+    with pytest.raises(rp.InputError, match="expected Scene; call its method 'show' instead"):
+        rp.show(motion)  # type: ignore[arg-type]
+    with pytest.raises(rp.InputError, match="expected Scene; pass its attribute 'scene'"):
+        rp.simulate(motion.trajectory, motion)  # type: ignore[arg-type]
+
+
+def test_a_page_is_written_from_any_value_that_has_one(tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
+    motion = rp.plan_motion(rp.Problem(scene, [0.0, 0.5], [1.0, 1.0]), rng=0)
+    page = rp.save_html(tmp_path / "a.html", motion)
+    assert page.read_bytes() == motion.save_html(tmp_path / "b.html").read_bytes()
+    with pytest.raises(rp.InputError, match="trajectory is given together with a MotionPlan"):
+        rp.save_html(page, motion, trajectory=motion.trajectory)
+    with pytest.raises(rp.InputError, match="has no page"):
+        rp.save_html(page, motion.trajectory)  # type: ignore[arg-type]

@@ -134,6 +134,7 @@ def save_motion(
         InputError: a value that cannot be saved, a trajectory whose start or end differs from that of the path, another
             suffix, or the file cannot be written.
     """
+    of_kind("scene", scene, Scene, method="save")
     entries = _motion_entries(scene, path, trajectory, report, problem)
     if plan_graph is not None:
         if not isinstance(plan_graph, Mapping):

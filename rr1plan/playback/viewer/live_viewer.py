@@ -66,6 +66,7 @@ class Viewer:
         replay: Replay | None = None,
         options: ViewOptions | None = None,
     ) -> None:
+        of_kind("scene", scene, Scene, method="show")
         document = view_document(
             scene, trajectory=trajectory, path=path, problem=problem, report=report, replay=replay, options=options
         )
