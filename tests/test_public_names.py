@@ -155,6 +155,14 @@ late = rp.ArmDelay(start=0.3, pauses=[(0.5, 1.0)])
 crate = rp.Obstacle([rp.Geometry("crate", rp.Sphere(0.1))], [0.1, 0.2, 0.3], mass=0.2)
 rest = rp.Trajectory.rest(["arm/joint"], [0.0])
 back = rp.transforms.inverse([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+free_motion = rp.FreeMotion([rp.JointGoal("zero"), rp.PoseGoal("tool", [-0.30, 0.25, 0.20])])
+by_arm = rp.FreeMotion({"rr1": [rp.JointGoal("zero"), rp.PoseGoal("tool", [-0.30, 0.25, 0.20])]})
+both = rp.Problem(scene, None, {"rr1": [rp.JointGoal("zero"), rp.PoseGoal("tool", [-0.30, 0.25, 0.20])]})
+shapes = [rp.Box([0.1, 0.2, 0.3]), rp.HalfSpace([0, 0, 1]), rp.Box(size=np.ones(3))]
+lengths: tuple[float, float, float] = rp.Box(np.ones(3)).size
+picture = rp.cspace(scene, joints=["shoulder_joint", "elbow_joint"])
+fastest = rp.point_to_point(["arm/joint"], [0.0], [1.0], scene.limits())
+shelf = rp.dual_arm_shelf(rp.load_robot("rr1"), 0.5, front=[1, 0, 0])
 rp.add_motion(rp.plan_many_arms(several), "rr1", [0.0] * 6, at=0.4)
 
 

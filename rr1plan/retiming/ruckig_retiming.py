@@ -10,6 +10,7 @@ RSS 2021.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,7 @@ def time_state_to_state(start: Array, end: Array, limits: Limits, place: str = "
     return Pieces(durations, coefficients)
 
 
-def point_to_point(joint_names: tuple[str, ...], start: ArrayLike, end: ArrayLike, limits: Limits) -> Trajectory:
+def point_to_point(joint_names: Sequence[str], start: ArrayLike, end: ArrayLike, limits: Limits) -> Trajectory:
     """The fastest jerk-limited motion between two configurations, all joints arriving together.
 
     The motion leaves the straight line (each joint moves monotonically, so it stays in the bounding box

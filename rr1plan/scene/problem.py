@@ -154,6 +154,8 @@ Goal = JointGoal | PoseGoal | RegionGoal
 """Any goal of an arm."""
 # Accepted goals of an arm: a goal, a configuration's name or numbers, or a list of those.
 GoalLike = Goal | ArrayLike | Sequence[Goal | ArrayLike]
+# The type of mappings by arm to goals and lists of goals, which a type checker infers where it fails at GoalLike.
+GoalsByArm = Mapping[str, Goal | Sequence[Goal | str]]
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -186,13 +188,13 @@ class Problem(Value, NotebookView):
     arms: tuple[str, ...]
     margin: float = field(default=0.0, init=False)
 
-    # A type checker infers the type of a list of different goals only from a signature that takes a list.
+    # A type checker infers the type of lists of different goals only from a signature that takes few other types.
     @overload
     def __init__(
         self,
         scene: Scene,
         start: ArrayLike | Mapping[str, ArrayLike] | None,
-        goal: Sequence[Goal | str],
+        goal: Sequence[Goal | str] | GoalsByArm,
         *,
         arms: str | Sequence[str] | None = None,
     ) -> None: ...

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from numpy.typing import ArrayLike
 
@@ -22,7 +22,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import InputError
 from rr1plan.scene import Pair, pair
-from rr1plan.scene.problem import Goal, GoalLike, JointGoal, PoseGoal, goal_alternatives
+from rr1plan.scene.problem import Goal, GoalLike, GoalsByArm, JointGoal, PoseGoal, goal_alternatives
 
 # Longest pause and gripper motion [s].
 _LONGEST = 3600.0
@@ -52,6 +52,17 @@ class FreeMotion(Value):
 
     if TYPE_CHECKING:  # accepted types; the fields above have the stored types
 
+        @overload
+        def __init__(
+            self,
+            goal: Sequence[Goal | str] | GoalsByArm,
+            *,
+            arm: str | None = None,
+            allow: _Pairs = (),
+            stop: bool = True,
+        ) -> None: ...
+
+        @overload
         def __init__(
             self,
             goal: GoalLike | Mapping[str, GoalLike],
@@ -60,6 +71,8 @@ class FreeMotion(Value):
             allow: _Pairs = (),
             stop: bool = True,
         ) -> None: ...
+
+        def __init__(self, goal: Any, *, arm: str | None = None, allow: _Pairs = (), stop: bool = True) -> None: ...
 
     def __post_init__(self) -> None:
         _check_arm_and_pairs(self)

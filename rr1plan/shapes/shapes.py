@@ -30,6 +30,10 @@ class Box:
 
     size: tuple[float, float, float]
 
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
+
+        def __init__(self, size: ArrayLike) -> None: ...
+
     def __post_init__(self) -> None:
         size = finite_array("box size", self.size, (3,))
         x, y, z = (positive_length("box size", s) for s in size)
@@ -107,6 +111,10 @@ class HalfSpace:
 
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
     offset: float = 0.0
+
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
+
+        def __init__(self, normal: ArrayLike = (0.0, 0.0, 1.0), offset: float = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
         n = finite_array("half-space normal", self.normal, (3,))

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, Seed, as_generator, finite_array, of_kind
 from rr1plan.collision import CollisionChecker
@@ -287,7 +288,7 @@ def check_robot(robot: Robot) -> None:
             raise InputError(f"joint {name!r} has no position limits to draw configurations from; set some")
 
 
-def front_of(robot: Robot, front: Array | None = None) -> Array:
+def front_of(robot: Robot, front: ArrayLike | None = None) -> Array:
     """Direction of a robot's front in its base frame: as given, or the horizontal axis nearest to its tool at home.
 
     Args:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, Seed, as_generator, items_of, of_kind, positive_number, whole_number
 from rr1plan.collision.arm_groups import arms_in_reach
@@ -112,7 +113,7 @@ def _grid(robot: Robot | Sequence[Robot], count: int, spacing: float) -> Scene:
 
 
 def ring_swap(
-    robot: Robot, count: int, radius: float, step: int = 1, rng: Seed = None, *, front: Array | None = None
+    robot: Robot, count: int, radius: float, step: int = 1, rng: Seed = None, *, front: ArrayLike | None = None
 ) -> Problem:
     """Arms in a ring around a plank; the tool of each has to reach the start position of another arm's tool.
 
@@ -186,7 +187,7 @@ def _swap_across(scene: Scene, radius: float, step: int, rng: np.random.Generato
     )
 
 
-def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Array | None = None) -> Problem:
+def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: ArrayLike | None = None) -> Problem:
     """Two arms side by side in front of a shelf; each tool moves from one bay to another, which may be the other arm's.
 
     Args:

@@ -6,6 +6,7 @@ image on the torus of joint angles on the right, and the same path in both.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
@@ -160,7 +161,7 @@ def cspace(
     *,
     result: PlanResult | None = None,
     arm: str | None = None,
-    joints: tuple[str, str] | None = None,
+    joints: Sequence[str] | None = None,
     at: str | ArrayLike | None = None,
     resolution: int = 360,
     progress: ProgressCallback | None = None,

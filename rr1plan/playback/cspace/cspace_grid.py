@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -151,7 +151,7 @@ class CSpaceGrid(Value):
 def compute_grid(
     scene: Scene,
     arm: str | None = None,
-    joints: tuple[str, str] | None = None,
+    joints: Sequence[str] | None = None,
     resolution: int = 360,
     progress: Callable[[float], None] | None = None,
 ) -> CSpaceGrid:
@@ -188,7 +188,7 @@ def compute_grid(
     return CSpaceGrid(scene, arm, names, (axes[0], axes[1]), (periodic[0], periodic[1]), layers, labels)
 
 
-def two_joints(scene: Scene, arm: str, joints: tuple[str, str] | None) -> tuple[str, str]:
+def two_joints(scene: Scene, arm: str, joints: Sequence[str] | None) -> tuple[str, str]:
     """The names of two planning joints of an arm (default: its first two).
 
     Raises:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self, TypeVar
@@ -203,7 +204,7 @@ def compute_query(
     *,
     result: PlanResult | None = None,
     arm: str | None = None,
-    joints: tuple[str, str] | None = None,
+    joints: Sequence[str] | None = None,
     at: str | ArrayLike | None = None,
     resolution: int = 360,
     progress: ProgressCallback | None = None,
@@ -235,7 +236,7 @@ def compute_query(
     return picture if result is None else picture.with_result(result)
 
 
-def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: str | ArrayLike) -> Scene:
+def _slice_scene(scene: Scene, arm: str, joints: Sequence[str], at: str | ArrayLike) -> Scene:
     """The scene with all joints of an arm at `at` except the two that the picture shows."""
     robot, q = scene.arms[arm].robot, np.array(scene.arms[arm].q)
     others = [i for i, name in enumerate(robot.joint_names) if name not in joints]
@@ -251,7 +252,7 @@ def _slice_scene(scene: Scene, arm: str, joints: tuple[str, str], at: str | Arra
     return scene.with_configuration(arm, q)
 
 
-def _check_problem(problem: Problem, arm: str | None, joints: tuple[str, str] | None) -> None:
+def _check_problem(problem: Problem, arm: str | None, joints: Sequence[str] | None) -> None:
     if len(problem.arms) != 1 or problem.nq != 2:
         raise InputError(
             f"the problem moves {counted(problem.nq, 'joint')} of {counted(len(problem.arms), 'arm')}, expected two of "
