@@ -139,6 +139,18 @@ def test_what_nobody_sees_has_no_name(figures: dict[str, Figure]) -> None:
     assert not shown & {"floor", "table_legs"}
 
 
+def test_long_names_are_in_the_legend_inside_the_figure(planar2r: rp.Robot) -> None:
+    names = [letter * 30 for letter in "abcd"] + ["e" * 200]
+    scene = rp.Scene().with_arm("arm", planar2r)
+    for name, angle in zip(names, range(5), strict=True):
+        scene = scene.with_obstacle(name, rp.Sphere(0.1), [np.cos(angle), np.sin(angle), 0.0])
+    figure = rp.cspace(scene, resolution=24).figure()
+    assert legend_of(figure) == {*names[:4], "e" * 59 + "…"}
+    assert not {text.get_text() for axes in figure.axes for text in axes.texts} & set(names)
+    box = figure.legends[0].get_window_extent()
+    assert 0.0 <= box.x0 < box.x1 <= figure.bbox.width
+
+
 def test_a_start_outside_the_limits_is_in_the_picture() -> None:
     arm = rp.planar_arm("RR", limits=[(-2.0, 2.0), (-2.0, 2.0)])
     scene = rp.Scene().with_arm("arm", arm)

@@ -45,6 +45,7 @@ STYLE = {
     "hatch.linewidth": 1.6,
 }
 _MOST_COLUMNS = 5  # of the legend
+_LONGEST = 60  # name in the legend [characters]
 _MOST_PASSES = 20  # of the layout
 
 
@@ -62,9 +63,7 @@ def draw(cspace: CSpaceQuery, width: float) -> Figure:
             unnamed = {name for name in drawn if name not in images} | (shown - set(obstacles) - set(images))
             handles = _legend(cspace, unnamed)
             if handles:
-                rows = -(-len(handles) // _MOST_COLUMNS)
-                columns = -(-len(handles) // rows)
-                figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
+                _add_legend(figure, handles)
             _settle(figure)
             before = len(obstacles) + len(images)
             obstacles, images = place_names(left, obstacles), place_names(right, images)
@@ -73,6 +72,17 @@ def draw(cspace: CSpaceQuery, width: float) -> Figure:
             # Names without room move to the legend, which changes the layout.
             for legend in list(figure.legends):
                 legend.remove()
+
+
+def _add_legend(figure: Figure, handles: list[Artist]) -> None:
+    """Put a legend below the axes, in as many columns of equal length as fit into the figure's width."""
+    for most in range(_MOST_COLUMNS, 0, -1):
+        rows = -(-len(handles) // most)
+        columns = -(-len(handles) // rows)
+        legend = figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
+        if most == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return
+        legend.remove()
 
 
 def _settle(figure: Figure) -> None:
@@ -98,11 +108,17 @@ def swatch(color: str, pattern: int, **options: Any) -> Patch:
     return Patch(facecolor=color, edgecolor=ink_on(color), hatch=HATCHES[pattern], **options)
 
 
+def _shortened(name: str) -> str:
+    return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
+
+
 def _legend(cspace: CSpaceQuery, unnamed: set[str]) -> list[Artist]:
     """The symbols of layers without a name, of trees and of components."""
     colors, patterns = {**layer_colors(cspace.grid), LIMITS: LIMIT_COLOR}, layer_patterns(cspace.grid)
     handles: list[Artist] = [
-        swatch(color, patterns.get(name, 0), label=name) for name, color in colors.items() if name in unnamed
+        swatch(color, patterns.get(name, 0), label=_shortened(name))
+        for name, color in colors.items()
+        if name in unnamed
     ]
     tree = cspace.drawn_tree
     if tree is not None:

@@ -16,6 +16,7 @@ from rr1plan.checks import Array
 from rr1plan.playback.cspace.cspace_colors import INK, is_light
 
 _GAP = 2.0  # around a name [px]
+_WIDEST = 0.4  # longest name, as a share of the width of the axes; longer ones would cover other obstacles
 
 
 class ObstacleName(NamedTuple):
@@ -60,7 +61,7 @@ def write_name(axes: Axes, name: str, spots: Sequence[Array], color: str) -> Obs
 
 
 def place_names(axes: Axes, names: Mapping[str, ObstacleName]) -> dict[str, ObstacleName]:
-    """Move names to spots inside the axes where they overlap no other text, and remove those without such a spot.
+    """Move names to spots inside the axes where they overlap no other text; remove long ones, and those without a spot.
 
     Args:
         axes: The axes, in their final position.
@@ -83,7 +84,8 @@ def place_names(axes: Axes, names: Mapping[str, ObstacleName]) -> dict[str, Obst
             shift = np.maximum(low - np.array(box.min), 0.0) + np.minimum(high - np.array(box.max), 0.0)
             box = box.translated(*shift)
             pixel = axes.transData.transform(spot)
-            if frame.contains(*pixel) and not box.count_overlaps(taken):
+            fits = box.width <= _WIDEST * frame.width and frame.contains(*pixel)
+            if fits and not box.count_overlaps(taken):
                 x, y = axes.transData.inverted().transform(pixel + shift)
                 name.text.set_position((x, y))
                 taken.append(box)
