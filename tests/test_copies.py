@@ -84,3 +84,11 @@ def test_an_error_comes_back_with_its_message(error: rp.Rr1PlanError, way: str) 
     assert type(back) is type(error)
     assert str(back) == str(error)
     assert back.__dict__ == error.__dict__
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_simulation_is_not_copied_and_says_what_is_kept_instead(values: dict[str, Any], way: str) -> None:
+    sim = rp.Simulation(values["scene"])
+    with pytest.raises(rp.InputError, match="keep its current_scene"):
+        WAYS[way](sim)
+    assert rp.Simulation(WAYS[way](sim.current_scene)).scene.arms

@@ -29,6 +29,8 @@ def validate(options: Namespace, console: Console) -> int:
 
 def play(options: Namespace, console: Console) -> int:
     """Replay a saved motion in MuJoCo."""
+    from rr1plan.playback.simulation.simulation import LONGEST_STEP
+
     if options.html is not None:
         check_writable(options.html, ".html")
     if options.video is not None:
@@ -41,6 +43,8 @@ def play(options: Namespace, console: Console) -> int:
     say_changes(motion, console)
     if isinstance(motion, SequencePlan) and options.mode != "dynamic":
         raise InputError("a sequence is replayed with --mode dynamic only, where fingers hold objects")
+    if options.mode == "dynamic" and options.timestep > LONGEST_STEP:
+        raise InputError(f"--timestep is {options.timestep:g} s, expected at most {LONGEST_STEP:g} s")
     replay: rp.Replay | rp.SequenceReplay
     with console.progress("replaying") as advance:
         if isinstance(motion, SequencePlan):

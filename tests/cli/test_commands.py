@@ -594,6 +594,7 @@ def test_view_and_play_write_models_and_videos(motion: Path, capsys: pytest.Capt
         (["lesson", "planning", "--step", "2"], "--step has no effect without --video"),
         (["lesson", "planning", "--video", "a.gif", "--port", "7000"], "--port has no effect with --video"),
         (["play", str(motion), "--video", "nowhere/a.gif"], "cannot write"),
+        (["play", str(motion), "--timestep", "5"], "--timestep is 5 s, expected at most 1 s"),
     ):
         assert run(words) == BAD_INPUT
         assert said in capsys.readouterr().err

@@ -25,7 +25,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import wraps
-from typing import Any, TypeVar, cast
+from typing import Any, NoReturn, TypeVar, cast
 
 import mujoco
 import numpy as np
@@ -60,7 +60,7 @@ from rr1plan.thread_locks import exclusive
 from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
 
 _MOST_STIFFNESS = 1e6  # [rad/s]
-_LONGEST_STEP = 1.0  # [s]
+LONGEST_STEP = 1.0  # [s]
 # Largest number of steps in one call; more would take hours, and their replay more memory than there is.
 _MOST_STEPS = 5_000_000
 # Smallest number of steps of single arms without contact for which threads are faster than one.
@@ -157,8 +157,8 @@ class Simulation:
         self._variation = None if variation == ArmVariation() else variation
         self.scene = scene
         self.dt = positive_number("dt", dt)
-        if self.dt > _LONGEST_STEP:
-            raise InputError(f"dt is {dt:g} s, expected at most {_LONGEST_STEP:g} s")
+        if self.dt > LONGEST_STEP:
+            raise InputError(f"dt is {dt:g} s, expected at most {LONGEST_STEP:g} s")
         if positive_number("stiffness", stiffness) > _MOST_STIFFNESS:
             raise InputError(f"stiffness is {stiffness}, expected at most {_MOST_STIFFNESS:g} rad/s")
         self._stiffness = float(stiffness)
@@ -188,6 +188,17 @@ class Simulation:
     def __repr__(self) -> str:
         models = f", {len(self.tiles)} models" if len(self.tiles) > 1 else ""
         return f"Simulation({counted(len(self.scene.arms), 'arm')}, {self.time:.3f} s{models})"
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to pickle or copy: MuJoCo's models, threads and controllers belong to this process.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(
+            "a simulation cannot be pickled or copied; keep its current_scene and create a Simulation of that, "
+            "or keep Recorder(...).replay()"
+        )
 
     # ---- state -----------------------------------------------------------------------------------
 
