@@ -152,7 +152,7 @@ for answer in rp.plan_many([either], rng=0):
     print(answer.trajectory.duration if isinstance(answer, rp.MotionPlan) else answer.reason)
 paths: list[rp.PlanResult | rp.PlanFailure] = rp.plan_many([either], full=False)
 late = rp.ArmDelay(start=0.3, pauses=[(0.5, 1.0)])
-crate = rp.Obstacle([rp.Geometry("crate", rp.Sphere(0.1))], [0.1, 0.2, 0.3], mass=0.2)
+crate = rp.Obstacle([rp.Geometry("crate", rp.Sphere(0.1), [0, 0, 0.1], [1, 0, 0, 1])], [0.1, 0.2, 0.3], mass=0.2)
 rest = rp.Trajectory.rest(["arm/joint"], [0.0])
 back = rp.transforms.inverse([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 free_motion = rp.FreeMotion([rp.JointGoal("zero"), rp.PoseGoal("tool", [-0.30, 0.25, 0.20])])

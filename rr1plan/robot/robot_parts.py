@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, Value, finite_array, of_kind, read_only
 from rr1plan.errors import InputError
@@ -39,7 +40,7 @@ class Inertial(_ReadOnlyArrays):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Geometry(_ReadOnlyArrays):
-    """A shape at a pose (4, 4) in the frame of its link or obstacle, with a color (rgba, 0..1) or None.
+    """A shape at a pose (4, 4) or position (3,) in the frame of its link or obstacle, its color (rgba, 0..1) or None.
 
     Raises:
         InputError: a name, shape, transform or color of the wrong kind.
@@ -49,6 +50,12 @@ class Geometry(_ReadOnlyArrays):
     shape: Shape
     pose: Array = field(default_factory=identity)
     color: Color | None = None
+
+    if TYPE_CHECKING:  # accepted types; the fields above have the stored ones
+
+        def __init__(
+            self, name: str, shape: Shape, pose: ArrayLike | None = None, color: ArrayLike | None = None
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         of_kind("name of a shape", self.name, str)
