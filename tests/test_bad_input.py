@@ -203,20 +203,20 @@ def test_an_error_names_the_attribute_that_holds_the_wanted_value() -> None:
     scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
     motion = rp.plan_motion(rp.Problem(scene, [0.0, 0.5], [1.0, 1.0]), planner="many_arms", rng=0)
     with pytest.raises(rp.InputError, match="expected Trajectory; pass its attribute 'trajectory'"):
-        rp.validate(motion, scene)  # type: ignore[arg-type]
+        rp.validate(motion, scene)
     with pytest.raises(rp.InputError, match="expected ManyArmsResult; pass its attribute 'many_arms'"):
-        rp.plan_graph(motion)  # type: ignore[arg-type]
+        rp.plan_graph(motion)
 
 
 def test_an_error_names_the_method_that_keeps_the_motion(tmp_path: Path) -> None:
     scene = rp.Scene().with_arm("arm", rp.load_robot("planar2r"))
     motion = rp.plan_motion(rp.Problem(scene, [0.0, 0.5], [1.0, 1.0]), rng=0)
     with pytest.raises(rp.InputError, match="expected Scene; call its method 'save' instead"):
-        rp.save_motion(tmp_path / "a.json", motion)  # type: ignore[arg-type]
+        rp.save_motion(tmp_path / "a.json", motion)
     with pytest.raises(rp.InputError, match="expected Scene; call its method 'show' instead"):
-        rp.show(motion)  # type: ignore[arg-type]
+        rp.show(motion)
     with pytest.raises(rp.InputError, match="expected Scene; pass its attribute 'scene'"):
-        rp.simulate(motion.trajectory, motion)  # type: ignore[arg-type]
+        rp.simulate(motion.trajectory, motion)
 
 
 def test_a_page_is_written_from_any_value_that_has_one(tmp_path: Path) -> None:
@@ -227,4 +227,4 @@ def test_a_page_is_written_from_any_value_that_has_one(tmp_path: Path) -> None:
     with pytest.raises(rp.InputError, match="trajectory is given together with a MotionPlan"):
         rp.save_html(page, motion, trajectory=motion.trajectory)
     with pytest.raises(rp.InputError, match="has no page"):
-        rp.save_html(page, motion.trajectory)  # type: ignore[arg-type]
+        rp.save_html(page, motion.trajectory)
