@@ -132,7 +132,7 @@ def plan_many(
     budget: Budget | None = None,
     rng: Seed = None,
     progress: ProgressCallback | None = None,
-) -> list[MotionPlan | PlanFailure] | list[PlanResult | PlanFailure]:
+) -> Sequence[Answer]:
     """Solve many problems in parallel, each like `plan_motion` (or `plan`).
 
     Without an executor this spawns processes, so a script has to guard its main part with
@@ -277,7 +277,7 @@ class _Board:
             done = self._reported / len(self.problems)
             self.cancelled = self.progress(Progress("plan_many", seconds, done)) is False
 
-    def answers(self) -> list[Any]:
+    def answers(self) -> list[Answer]:
         """All results in order; problems without one were cancelled."""
         none = Raised("Cancelled", "the batch was cancelled before this problem was done")
         return [self._answers[i] if i in self._answers else PlanFailure(p, *none) for i, p in enumerate(self.problems)]
