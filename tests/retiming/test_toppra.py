@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 import toppra
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from toppra.algorithm import TOPPRA
 from toppra.constraint import DiscretizationType, JointAccelerationConstraint, JointVelocityConstraint
@@ -202,20 +202,50 @@ def uneven(seed, nq):
 random_paths = given(seed=st.integers(0, 2**32 - 1), nq=st.integers(2, 8), max_blend=st.sampled_from([0.003, 0.3, 2.0]))
 
 
+def vertices(first, second, top, high):
+    """Vertices (x, y) of |first x + second y| <= 1 for all rows, 0 <= x <= top, 0 <= y <= high, by enumeration."""
+    if high == 0.0:
+        steepest = np.abs(first).max()
+        return np.array([[min(top, 1.0 / steepest if steepest > 0.0 else np.inf), 0.0]])
+    one, two = first * top, second * high  # coefficients of x / top and y / high
+    a, b = np.concatenate([one, -one, [1.0, -1.0, 0.0, 0.0]]), np.concatenate([two, -two, [0.0, 0.0, 1.0, -1.0]])
+    c = np.concatenate([np.ones(2 * len(first)), [1.0, 0.0, 1.0, 0.0]])
+    with np.errstate(all="ignore"):
+        x, y = (np.outer(c, b) - np.outer(b, c), np.outer(a, c) - np.outer(c, a)) / (np.outer(a, b) - np.outer(b, a))
+    crossings = np.stack([x, y], axis=-1)[np.isfinite(x) & np.isfinite(y)]
+    rows, sizes = np.stack([a, b]), np.abs(np.stack([a, b]))
+    inside = crossings @ rows <= c + 1e-11 * (1.0 + np.abs(crossings) @ sizes)
+    return crossings[inside.all(axis=1)] * (top, high)
+
+
+def highest_speeds(grid, rows):
+    """Squared speeds at the gridpoints: controllable ones by vertices, then greedily the highest of them."""
+    second = rows.a / (2.0 * grid.delta[:, None])
+    first = rows.b - second
+    x = np.zeros(len(grid.delta) + 1)
+    for i in reversed(range(len(grid.delta))):
+        x[i] = vertices(first[i], second[i], rows.top[i], x[i + 1])[:, 0].max()
+    x[0] = 0.0
+    for i in range(len(grid.delta)):
+        signs = np.sign(second[i])
+        moves = signs != 0.0
+        bounds = (1.0 - (signs * first[i] * x[i])[moves]) / np.abs(second[i][moves])
+        x[i + 1] = max(0.0, min(x[i + 1], bounds.min(initial=np.inf)))
+    return x
+
+
 @random_paths
 @settings(deadline=None, max_examples=50)
-def test_the_compiled_passes_find_the_speeds_of_toppra(seed, nq, max_blend):
+@example(seed=185, nq=5, max_blend=0.003)  # the highest speed before a bend leaves almost none within it
+def test_the_compiled_passes_find_the_highest_speeds(seed, nq, max_blend):
     points, velocity, acceleration = uneven(seed, nq)
     limits = limits_of(nq, velocity, acceleration)
     for curve in curves(points, blend_sizes(points, max_blend, None)):
         if len(curve.lengths) == 1:  # one interval from rest to rest: nothing to find
             continue
         grid = make_grid(curve, limits, curve.lengths)
-        ours = fastest_speeds(curve, grid, limits)
-        toppras = solve_speeds(curve, grid, rate_rows(curve, grid, limits))
-        # TOPPRA keeps a little away from the bounds of its sets; what one interval lacks the next may have more of
-        np.testing.assert_allclose(ours, toppras, rtol=2e-2, atol=1e-5 * toppras.max())
-        assert timed(curve, grid, ours).duration == pytest.approx(timed(curve, grid, toppras).duration, rel=1e-3)
+        exact = highest_speeds(grid, rate_rows(curve, grid, limits))
+        np.testing.assert_allclose(fastest_speeds(curve, grid, limits), exact, rtol=1e-6, atol=1e-9 * exact.max())
 
 
 @random_paths
