@@ -310,7 +310,7 @@ def _search(a: _Body, b: _Body, most: Array) -> tuple[Mask, Mask]:
     # Shrinking the solids by the target depths has widened the gap between them.
     near = gap <= _AIM * _AIM * (a.travel(middle) + b.travel(middle)) + most[rows]
     # Projections onto a non-convex solid may end at a point although another part of the solid is nearer.
-    may[rows] = near | ~(a.side.interior.convex and b.side.interior.convex)
+    may[rows] = near if a.side.interior.convex and b.side.interior.convex else True
     return certain, may
 
 

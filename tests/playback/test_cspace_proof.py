@@ -279,6 +279,12 @@ def test_the_answers_of_planners_count(planner: str) -> None:
         assert rp.cspace(question.scene, question, result=result, resolution=24).path_fault == ""
 
 
+def test_a_ball_wider_than_its_slit_by_two_millimeters_is_proven_not_to_pass() -> None:
+    """Only cells around the slit are refined, because most others are seen to be free."""
+    picture = rp.cspace(before_a_wall(-0.002).scene, before_a_wall(-0.002), resolution=24)
+    assert picture.proves_no_path
+
+
 def test_a_closed_wall_is_a_proof_at_any_resolution() -> None:
     problem = before_a_wall(-0.01)
     for resolution in (8, 60):
