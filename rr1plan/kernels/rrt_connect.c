@@ -17,7 +17,8 @@
 // distances below d. Let a vertex be in the k-th ball, with a cost at most epsilon above the length of the path up to
 // there. Each sample has the same positive probability of falling into the next ball with a cost epsilon above that.
 // The nearest vertex that reaches it within its cost is no farther than that vertex, which is closer than d; so the
-// edge is free, and the new vertex is reached within its cost.
+// edge is free, and the new vertex is reached within its cost. The box of samples grows until it is the whole space, and
+// from then on this holds.
 //
 // The search stops after a given number of samples and can be resumed: its whole state is in `Trees`.
 #include "random.h"
@@ -28,6 +29,8 @@ enum { MAX_SKIPPED = 4 };
 #define WHOLE_TURN 6.283185307179586
 // Longest edge in joints that wrap: less than half a turn, so that its ends determine the direction.
 #define MAX_WRAPPED_STEP 3.0
+// Samples after which wide ranges are searched within two turns of the roots; then twice as far for twice as many.
+enum { FIRST_WIDENING = 1000 };
 
 // Whether an edge of a tree is free, checked in the direction of the path, so that a repeated check agrees.
 static int tree_edge_is_free(Trees *trees, int side, const double *from, const double *to, const SceneTables *scene,
@@ -77,6 +80,35 @@ static int connect_trees(Trees *trees, int side, int64_t index, double distance,
     return 0;
 }
 
+// Limit the sampling box in joints with a wide range to a distance from the roots that grows with the samples drawn.
+//
+// Returns the number of samples after which to call again. A revolute joint has the same poses in each turn, so that
+// hardly any path leads far beyond its ends, and a box of hundreds of turns would leave few samples between them.
+static int64_t limit_box(const Trees *trees, const TreeQuery *query, double *lower, double *extent) {
+    int64_t next = FIRST_WIDENING;
+    double margin = WHOLE_TURN;
+    for (; next <= trees->samples; next *= 2) margin *= 2.0;
+    for (int64_t j = 0; j < trees->column_count; j++) {
+        if (query->extent[j] == INFINITY || query->extent[j] <= WIDE_TURNS * WHOLE_TURN) continue;
+        double low = query->start[j], high = low;
+        for (int64_t k = 0; k < query->goal_count; k++) {
+            double goal = query->goals[k * trees->column_count + j];
+            low = min_number(low, goal);
+            high = max_number(high, goal);
+        }
+        lower[j] = max_number(query->lower[j], low - margin);
+        extent[j] = min_number(query->lower[j] + query->extent[j], high + margin) - lower[j];
+    }
+    return next;
+}
+
+// Largest number of vertices that one sample can add to a tree.
+static double most_new_vertices(const double *extent, int64_t nq, double step) {
+    double most = 3.0;
+    for (int64_t j = 0; j < nq; j++) most += extent[j] / step;
+    return most;
+}
+
 // Grow both trees until `samples` are drawn in all, or until they connect in a path no longer than the bound.
 //
 // Trees of size 0 begin with their roots. Returns SEARCH_GOING, SEARCH_SOLVED, or SEARCH_FULL if the arrays have to be
@@ -85,7 +117,8 @@ EXPORT int64_t rr1_grow_trees(Trees *trees, const TreeQuery *query, uint64_t *ra
                               const SceneTables *scene, Scratch *scratch) {
     int64_t nq = trees->column_count, capacity = trees->capacity;
     double *q = trees->scratch, *a = q + nq, *b = a + nq, *lower = b + nq, *extent = lower + nq, *turns = extent + nq;
-    double step = query->step, bound = query->bound, steps_across = 3.0;
+    double step = query->step, bound = query->bound, steps_across = 0.0;
+    int64_t next_widening = 0;
     for (int64_t j = 0; j < nq; j++) {
         int wraps = query->extent[j] == INFINITY;
         lower[j] = wraps ? -0.5 * WHOLE_TURN : query->lower[j];
@@ -94,10 +127,12 @@ EXPORT int64_t rr1_grow_trees(Trees *trees, const TreeQuery *query, uint64_t *ra
         if (wraps) step = min_number(step, MAX_WRAPPED_STEP);
     }
     SampleBox box = {lower, extent, turns, nq};
-    // Largest number of vertices that one sample can add.
-    for (int64_t j = 0; j < nq; j++) steps_across += extent[j] / step;
     if (trees->sides[START_SIDE].size == 0) init_trees(trees, query);
     while (trees->samples < samples) {
+        if (trees->samples >= next_widening) {
+            next_widening = limit_box(trees, query, lower, extent);
+            steps_across = most_new_vertices(extent, nq, step);
+        }
         int64_t sizes[2] = {trees->sides[START_SIDE].size, trees->sides[GOAL_SIDE].size};
         if ((double)(sizes[0] > sizes[1] ? sizes[0] : sizes[1]) + steps_across > (double)capacity) return SEARCH_FULL;
         int side = sizes[START_SIDE] <= sizes[GOAL_SIDE] ? START_SIDE : GOAL_SIDE;

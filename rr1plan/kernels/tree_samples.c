@@ -18,7 +18,8 @@ enum { SAMPLE_TRIES = 16 };
 // How far the box around a start and a goal extends beyond them, relative to their distance.
 #define BOX_MARGIN 0.25
 
-// The sampling box, with continuous joints limited to one turn; `turns`: 2 pi for joints that wrap, 0 for others.
+// The sampling box, with continuous joints limited to one turn and wide ranges to what is around the roots; `turns`:
+// 2 pi for joints that wrap, 0 for others.
 typedef struct {
     const double *lower, *extent, *turns;
     int64_t nq;

@@ -45,6 +45,9 @@ typedef struct {
 // Number of nearest goals to which the straight line is checked before planning.
 enum { STRAIGHT_LINES = 8 };
 
+// Joints with a range of more turns are searched near the roots first.
+enum { WIDE_TURNS = 4 };
+
 enum { SEARCH_GOING, SEARCH_SOLVED, SEARCH_FULL };
 
 #endif

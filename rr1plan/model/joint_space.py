@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, read_only
 from rr1plan.errors import InputError
-from rr1plan.model.joint_turns import rotary
+from rr1plan.kernels.planner_kernels import constants
+from rr1plan.model.joint_turns import TURN, rotary
 from rr1plan.robot import Robot
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
@@ -99,8 +100,10 @@ class Space:
 
     @cached_property
     def diagonal(self) -> float:
-        """Length of the space's diagonal [rad], with 2 pi for a continuous joint."""
-        extents = np.where(self.continuous, 2.0 * np.pi, self.extent)
+        """Length of the space's diagonal [rad], with 2 pi for a continuous joint and a wide range."""
+        # The longest edge follows from the diagonal; it must not grow with turns that hardly any path makes.
+        is_wide = self.extent > constants()["WIDE_TURNS"] * TURN
+        extents = np.where(self.continuous | is_wide, TURN, self.extent)
         return float(np.sqrt(extents.dot(extents)))
 
     def reduce(self, q: Array) -> Array:

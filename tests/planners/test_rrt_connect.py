@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -41,6 +42,31 @@ def test_neither_chunks_nor_room_change_the_path(cage, monkeypatch):
     assert len(first.path) > 2
     assert first.path.waypoints.tobytes() == again.path.waypoints.tobytes()
     assert (first.iterations, first.edges_checked) == (again.iterations, again.edges_checked)
+
+
+def test_ranges_of_a_thousand_turns_are_searched_near_the_start_and_the_goal():
+    named = load_problems("rr1_bin")["right_to_left"]
+    robot = named.scene.arms["rr1"].robot
+    turns = np.array([1000.0, 0.0, 0.0, 1000.0, 0.0, 1000.0]) * 2.0 * np.pi
+    limits = robot.limits
+    wide = replace(limits, lower=np.minimum(limits.lower, -turns), upper=np.maximum(limits.upper, turns))
+    problem = rp.Problem(named.scene.with_robot("rr1", robot.with_limits(wide)), named.start, named.goal)
+    # In boxes of a thousand turns these searches take 500 to 2,500 samples.
+    samples = [RrtConnect().plan(problem, budget=COUNTED, rng=seed).iterations for seed in range(5)]
+    assert max(samples) < 200
+
+
+def test_a_detour_far_beyond_the_start_and_the_goal_is_found(monkeypatch):
+    gantry = rp.planar_arm("PP", limits=[(-40.0, 40.0), (-3.0, 3.0)])
+    scene = rp.Scene().with_arm("gantry", gantry).with_obstacle("wall", rp.Box((60.0, 0.2, 0.2)))
+    problem = rp.Problem(scene, [0.0, -1.0], [0.0, 1.0])
+    result = RrtConnect().plan(problem, budget=COUNTED, rng=0)
+    assert abs(result.path.waypoints[:, 0]).max() > 30.0
+    # What is searched depends on the samples drawn, not on the clock.
+    monkeypatch.setattr("rr1plan.planners.planning_query._CHUNK", 1)
+    monkeypatch.setattr("rr1plan.planners.planning_query._LEAST", 0.0)
+    again = RrtConnect().plan(problem, budget=COUNTED, rng=0)
+    assert again.path.waypoints.tobytes() == result.path.waypoints.tobytes()
 
 
 def test_every_edge_of_both_trees_is_free_and_short(cage):
