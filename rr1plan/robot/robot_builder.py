@@ -279,7 +279,8 @@ def _planning_joints(
     if not names:
         where = f" in group {' or '.join(map(repr, groups))}" if groups else ""
         raise InputError(
-            f"{tree.source}: there is no joint to plan for{where}, expected at least one that moves by itself"
+            f"{tree.source}: there is no joint to plan for{where}, expected at least one with a range; joints that are "
+            "fixed, have two equal limits, mimic another one, or are passive in the SRDF are not planned for"
         )
     return groups, names
 
