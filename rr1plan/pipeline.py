@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
-from rr1plan.checks import Seed, as_generator, as_seed, finite_number, known_name, true_or_false
+from rr1plan.checks import Seed, as_generator, as_seed, known_name, number_from_zero, true_or_false
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.collision.convex.convex_bodies import cut_meshes
 from rr1plan.errors import CancelledError, InputError
@@ -253,9 +253,7 @@ def affordable_margin(problem: Problem, margin: float) -> float:
     Raises:
         InputError: negative or not finite.
     """
-    margin = finite_number("margin", margin)
-    if margin < 0.0:
-        raise InputError(f"margin is {margin}, expected a distance >= 0")
+    margin = number_from_zero("margin", margin)
     # The checker that will plan with the margin computes the clearance beyond it.
     with checker_from_pool(problem.scene, problem.arms, margin) as checker:
         checker.warm_up()

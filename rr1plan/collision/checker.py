@@ -22,11 +22,12 @@ from rr1plan.checks import (
     finite_array,
     finite_number,
     known_name,
+    number_from_zero,
     of_kind,
     positive_number,
     read_only,
 )
-from rr1plan.collision.coal_checker import CoalChecker, checked_margin, is_plain
+from rr1plan.collision.coal_checker import CoalChecker, is_plain
 from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry, geometry_distance
 from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
 from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
@@ -114,7 +115,7 @@ class CollisionChecker(CoalChecker):
         Raises:
             InputError: a negative margin, or one so different that the set of nearby elements changes.
         """
-        margin = checked_margin(margin)
+        margin = number_from_zero("margin", margin)
         if margin == self.margin:
             return
         if geometry_distance(self._scene, margin) != self.distance:

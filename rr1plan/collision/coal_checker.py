@@ -14,7 +14,16 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, finite_array, finite_number, items_of, of_kind, read_only, whole_number
+from rr1plan.checks import (
+    Array,
+    finite_array,
+    finite_number,
+    items_of,
+    number_from_zero,
+    of_kind,
+    read_only,
+    whole_number,
+)
 from rr1plan.collision.arm_geometry import Solid
 from rr1plan.collision.coal_pairs import CoalPairs, Contact, Nearest, StaticPairs, measure_static
 from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry, geometry_distance
@@ -22,7 +31,6 @@ from rr1plan.collision.edge_kernel import ExactKernel
 from rr1plan.collision.stationary_contacts import ROUNDING, stationary_contacts
 from rr1plan.collision.tables.exact_tables import ExactTables, arm_exact_struct, build_static_tables, build_tables
 from rr1plan.collision.tables.obstacle_tables import FixedSolids, fixed_links
-from rr1plan.errors import InputError
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
@@ -60,7 +68,7 @@ class CoalChecker:
         self._moved: dict[str, Array] = {}
         # The outer call is for scenes without arms.
         self.arms = scene.arm_names(scene.arm_names([arms] if isinstance(arms, str) else arms))
-        margin = checked_margin(margin)
+        margin = number_from_zero("margin", margin)
         self._use(collision_geometry(scene, self.arms, geometry_distance(scene, margin)), margin)
 
     def _use(self, geometry: CollisionGeometry, margin: float) -> None:
@@ -400,18 +408,6 @@ class CoalChecker:
         things = CoalPairs(self.model, self.solids, index, padding)
         things.place(np.zeros(self.nq))
         return measure_static(things, self.pairs, owner, padding)
-
-
-def checked_margin(margin: float) -> float:
-    """A margin [m].
-
-    Raises:
-        InputError: negative or not finite.
-    """
-    margin = finite_number("margin", margin)
-    if margin < 0.0:
-        raise InputError(f"margin is {margin}, expected a distance >= 0")
-    return margin
 
 
 def is_plain(given: ArrayLike, shape: tuple[int, ...]) -> TypeGuard[Array]:

@@ -16,8 +16,7 @@ import math
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, finite_number
-from rr1plan.errors import InputError
+from rr1plan.checks import Array, Seed, number_from_zero
 from rr1plan.kernels.random_state import draw_uniform
 from rr1plan.path import Path
 from rr1plan.planners.planning_query import NO_LIMIT, Query
@@ -50,9 +49,7 @@ class AnytimePlanner(Planner):
     optimizing = True
 
     def __init__(self, *, range: float = 0.0) -> None:
-        self.range = finite_number("range", range)
-        if self.range < 0.0:
-            raise InputError(f"range is {self.range}, expected a length >= 0")
+        self.range = number_from_zero("range", range)
 
     def __repr__(self) -> str:
         return f"AnytimePlanner(range={self.range})"

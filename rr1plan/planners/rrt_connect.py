@@ -6,8 +6,7 @@ milliseconds, for the clock, Ctrl-C and progress.
 
 from __future__ import annotations
 
-from rr1plan.checks import Seed, finite_number, true_or_false
-from rr1plan.errors import InputError
+from rr1plan.checks import Seed, number_from_zero, true_or_false
 from rr1plan.planners.planning_query import STRAIGHT_LINES, Query
 from rr1plan.planners.tree_search import TreeSearch
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
@@ -31,9 +30,7 @@ class RrtConnect(Planner):
     optimizing = False
 
     def __init__(self, *, range: float = 0.0, tree: bool = False) -> None:
-        self.range = finite_number("range", range)
-        if self.range < 0.0:
-            raise InputError(f"range is {self.range}, expected a length >= 0")
+        self.range = number_from_zero("range", range)
         self.tree = true_or_false("tree", tree)
 
     def __repr__(self) -> str:

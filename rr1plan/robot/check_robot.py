@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from rr1plan.checks import FARTHEST, finite_array, known_name, near_array
+from rr1plan.checks import FARTHEST, finite_array, known_name, near_array, number_from_zero
 from rr1plan.errors import InputError
 from rr1plan.robot.robot import Robot
 from rr1plan.robot.robot_parts import Inertial, Joint
@@ -84,8 +84,7 @@ def _check_joint(joint: Joint) -> None:
     if joint.kind in ("revolute", "prismatic"):
         finite_array(f"position limits of {name}", [joint.lower, joint.upper], (2,))
     for quantity in ("damping", "friction"):
-        if finite_array(f"{quantity} of {name}", getattr(joint, quantity), ()) < 0.0:
-            raise InputError(f"{quantity} of {name} is {getattr(joint, quantity)}, expected a number not below zero")
+        number_from_zero(f"{quantity} of {name}", getattr(joint, quantity))
 
 
 def _check_mimic(robot: Robot, joint: Joint) -> None:

@@ -15,9 +15,9 @@ from rr1plan.checks import (
     Value,
     check_text,
     finite_array,
-    finite_number,
     known_name,
     near_array,
+    number_from_zero,
     of_kind,
     positive_number,
     read_only,
@@ -246,9 +246,7 @@ class Problem(Value, NotebookView):
         Raises:
             InputError: negative or not finite.
         """
-        distance = finite_number("margin", distance)
-        if distance < 0.0:
-            raise InputError(f"margin is {distance}, expected a distance >= 0")
+        distance = number_from_zero("margin", distance)
         other = object.__new__(type(self))
         for name in ("scene", "start", "goal", "arms"):
             object.__setattr__(other, name, getattr(self, name))

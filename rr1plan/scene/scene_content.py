@@ -17,9 +17,9 @@ from rr1plan.checks import (
     Value,
     check_text,
     finite_array,
-    finite_number,
     items_of,
     known_name,
+    number_from_zero,
     of_kind,
     read_only,
     shown,
@@ -62,8 +62,7 @@ class SceneContent(Value, NotebookView):
         object.__setattr__(self, "allowed", frozenset(_checked_pair("allowed", both) for both in pairs))
         self._check_names()
         for value in (self.padding, *self.pair_padding.values()):
-            if finite_number("padding", value) < 0.0:
-                raise InputError(f"padding is {value}, expected a distance >= 0")
+            number_from_zero("padding", value)
 
     def _check_names(self) -> None:
         names = [*self.arms, *self.obstacles, *self.attachments]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, Value, finite_number, positive_number, shown
+from rr1plan.checks import Array, Value, number_from_zero, positive_number, shown
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Robot
 from rr1plan.shapes import HalfSpace, Mesh, PointCloud
@@ -82,9 +82,7 @@ class Obstacle(Value):
 
 def _check_loose_body(thing: Obstacle | Attachment) -> None:
     """Check mass and friction, and convert them to floats."""
-    if finite_number("friction", thing.friction) < 0.0:
-        raise InputError(f"friction is {thing.friction}, expected a coefficient >= 0")
-    object.__setattr__(thing, "friction", float(thing.friction))
+    object.__setattr__(thing, "friction", number_from_zero("friction", thing.friction))
     if thing.mass is None:
         return
     object.__setattr__(thing, "mass", positive_number("mass", thing.mass))
