@@ -144,9 +144,17 @@ class MotionPlan(NotebookView):
         return ", ".join(parts)
 
     def show(self, *, replay: Replay | None = None, options: ViewOptions | None = None) -> Viewer:
-        """Open the motion in a live Meshcat page and print its address; the arguments are those of `rr1plan.show`.
+        """Open the motion in a live Meshcat page and print its address.
 
         End a script with `motion.show().wait()`, which keeps the page until it is closed.
+
+        Args:
+            replay: A replay of the motion, shown with it.
+            options: Appearance of the page.
+
+        Raises:
+            NoPlanError: there is neither a path nor a timed motion.
+            InputError: as `rr1plan.show`.
         """
         from rr1plan.playback.viewer import show
 
@@ -155,7 +163,20 @@ class MotionPlan(NotebookView):
     def save_html(
         self, file: str | FilePath, *, replay: Replay | None = None, options: ViewOptions | None = None
     ) -> FilePath:
-        """Write one self-contained page that plays the motion offline; arguments as in `rr1plan.save_html`."""
+        """Write one self-contained page that plays the motion offline.
+
+        Args:
+            file: The file, written atomically.
+            replay: A replay of the motion, shown with it.
+            options: Appearance of the page.
+
+        Returns:
+            The file.
+
+        Raises:
+            NoPlanError: there is neither a path nor a timed motion.
+            InputError: as `rr1plan.save_html`.
+        """
         from rr1plan.playback.viewer import save_html
 
         return save_html(file, self.scene, **self._content(), replay=replay, options=self._page_options(options))
@@ -236,13 +257,21 @@ class MotionPlan(NotebookView):
         Args:
             file: The file.
             embed: Put large meshes into the file instead of the folder "geometry" beside it; see `save_motion`.
+
+        Raises:
+            NoPlanError: there is neither a path nor a timed motion.
+            InputError: a file that cannot be written.
         """
         from rr1plan.export.plan_files import save_motion
 
         return save_motion(file, self.scene, **self._content(), embed=embed)
 
     def to_json(self) -> str:
-        """Text of a self-contained motion file."""
+        """Text of a self-contained motion file.
+
+        Raises:
+            NoPlanError: there is neither a path nor a timed motion.
+        """
         from rr1plan.export.plan_files import motion_text
 
         return motion_text(self.scene, **self._content())

@@ -103,7 +103,7 @@ class Path(Value):
         return math.fsum(map(math.dist, points[1:], points))
 
     def allclose(self, other: Path, atol: float = 1e-12) -> bool:
-        """Whether joints are the same and waypoints agree within `atol` [rad]."""
+        """Whether joints are the same and waypoints of `other` agree within `atol` [rad or m]."""
         of_kind("other", other, Path)
         atol = finite_number("atol", atol)
         return (
@@ -113,7 +113,11 @@ class Path(Value):
         )
 
     def sample(self, step: float) -> Array:
-        """Configurations along the path, at most `step` [rad] apart in any joint, shape (m, nq)."""
+        """Configurations along the path, at most `step` [rad or m] apart in any joint, shape (m, nq).
+
+        Raises:
+            InputError: not a number above zero, or more than ten million configurations.
+        """
         step = positive_number("step", step)
         if np.abs(np.diff(self.waypoints, axis=0)).sum() > MOST_SAMPLES * step:
             raise InputError(f"a step of {step} makes more than {MOST_SAMPLES} configurations, take a longer one")

@@ -165,7 +165,7 @@ class Report(Value):
 
     @staticmethod
     def from_dict(data: object) -> Report:
-        """Inverse of `to_dict`.
+        """The report of which `data` is the `to_dict`.
 
         Raises:
             FormatError: a key that is missing, unknown or of the wrong type, a number that is not

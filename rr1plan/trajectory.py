@@ -97,7 +97,13 @@ class Trajectory(Value, NotebookView):
 
     @staticmethod
     def rest(joint_names: Sequence[str], q: ArrayLike, *, start: float = 0.0, duration: float = 0.0) -> Trajectory:
-        """A stationary motion at q (nq,) for `duration` [s].
+        """A motion that rests at one configuration.
+
+        Args:
+            joint_names: Name of each column, "arm/joint", length nq.
+            q: The configuration [rad or m], shape (nq,).
+            start: First instant [s].
+            duration: Time from start to end [s].
 
         Raises:
             InputError: inconsistent shapes, not finite, a negative duration.
@@ -182,14 +188,22 @@ class Trajectory(Value, NotebookView):
         return Trajectory(tuple(self.joint_names[i] for i in columns), self.breaks, self.coefficients[:, :, columns])
 
     def stretched(self, factor: float) -> Trajectory:
-        """The same motion, `factor` times as long (derivatives are divided by factor, factor², factor³)."""
+        """The same motion, `factor` times as long (derivatives are divided by factor, factor², factor³).
+
+        Raises:
+            InputError: not a number above zero.
+        """
         factor = positive_number("factor", factor)
         powers = factor ** -np.arange(self.coefficients.shape[1])
         start = self.breaks[0]
         return self._with_rounded(start + (self.breaks - start) * factor, self.coefficients * powers[None, :, None])
 
     def shifted(self, seconds: float) -> Trajectory:
-        """The same motion, `seconds` later."""
+        """The same motion, `seconds` [s] later (earlier if negative).
+
+        Raises:
+            InputError: not finite.
+        """
         return self._with_rounded(self.breaks + finite_number("seconds", seconds), self.coefficients)
 
     def cut(self, begin: float, end: float) -> Trajectory:
@@ -246,6 +260,9 @@ class Trajectory(Value, NotebookView):
 
         Returns:
             Shape (*t.shape, nq) [rad/s^derivative].
+
+        Raises:
+            InputError: a time that is not finite, or another derivative.
         """
         whole_number("derivative", derivative, 0, 3)
         times = number_array("t", t)
@@ -276,7 +293,11 @@ class Trajectory(Value, NotebookView):
         return _derived(self.coefficients, derivative)
 
     def sample_times(self, dt: float) -> Array:
-        """Times start, start + dt, ..., and the end [s]."""
+        """Times start, start + dt, ..., and the end [s], shape (n,).
+
+        Raises:
+            InputError: not a number above zero, or more than ten million times.
+        """
         dt = positive_number("dt", dt)
         if self.duration > MOST_SAMPLES * dt:
             raise InputError(f"dt of {dt} s makes more than {MOST_SAMPLES} samples, take a longer one")
@@ -285,12 +306,16 @@ class Trajectory(Value, NotebookView):
         return times if self.end_time - times[-1] < 1e-9 * max(1.0, dt) else np.append(times, self.end_time)
 
     def sample(self, dt: float) -> tuple[Array, Array]:
-        """Times (n,) [s] every dt and at the end, and positions (n, nq) there."""
+        """Times (n,) [s] every dt [s] and at the end, and positions (n, nq) [rad or m] there.
+
+        Raises:
+            InputError: as `sample_times`.
+        """
         times = self.sample_times(dt)
         return times, self(times)
 
     def allclose(self, other: Trajectory, atol: float = 1e-12) -> bool:
-        """Whether joints are the same, and breaks and coefficients agree within `atol`."""
+        """Whether joints are the same, and breaks and coefficients of `other` agree within `atol`."""
         of_kind("other", other, Trajectory)
         atol = finite_number("atol", atol)
         return (

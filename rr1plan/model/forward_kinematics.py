@@ -161,7 +161,7 @@ class Kinematics:
     # ---- velocities ------------------------------------------------------------------------
 
     def jacobian(self, q: ArrayLike, frame: str = "tool") -> Array:
-        """Jacobian from qd to the frame's twist (linear; angular) in world axes, shape (6, nq).
+        """Jacobian at q (nq,) from qd to the frame's twist (linear; angular) in world axes, shape (6, nq).
 
         Raises:
             UnknownNameError: no such frame.
@@ -172,7 +172,11 @@ class Kinematics:
 
     @exclusive
     def pose_and_jacobian(self, q: ArrayLike, index: int) -> tuple[Array, Array, Array]:
-        """Position (3,), rotation (3, 3) and Jacobian (6, nq) of a frame by Pinocchio's index.
+        """Position (3,), rotation (3, 3) and Jacobian (6, nq) of a frame.
+
+        Args:
+            q: A configuration [rad or m], shape (nq,).
+            index: Pinocchio's index of the frame (`scene_model.frame_id`).
 
         Raises:
             InputError: wrong shape or not finite, or no frame of that index.
@@ -192,6 +196,10 @@ class Kinematics:
 
         For fewer than six joints it is sqrt(det(J^T J)).
         Source: Yoshikawa, Manipulability of robotic mechanisms, IJRR 1985.
+
+        Args:
+            q: A configuration [rad or m], shape (nq,).
+            frame: The frame.
 
         Raises:
             UnknownNameError: no such frame.

@@ -71,7 +71,7 @@ class Limits(Value):
 
     @property
     def travel(self) -> Array:
-        """Largest absolute value of each joint [rad or m], shape (nq,)."""
+        """Largest absolute value of each joint [rad or m], shape (n,)."""
         return np.maximum(np.abs(self.lower), np.abs(self.upper))
 
     def scaled(self, *, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
@@ -95,8 +95,11 @@ class Limits(Value):
     def stack(parts: list[Limits]) -> Limits:
         """The concatenated limits of several arms.
 
+        Args:
+            parts: The limits of each arm; without any, the result has no joints.
+
         Raises:
-            InputError: an empty list, or something other than limits.
+            InputError: something other than limits.
         """
         parts = list(items_of("parts", parts, "Limits"))
         for part in parts:

@@ -173,6 +173,10 @@ class Robot(Value, NotebookView):
     def configuration(self, value: str | ArrayLike, name: str = "configuration") -> Array:
         """A configuration from its name or its numbers, shape (nq,), read-only.
 
+        Args:
+            value: Its name, or its numbers [rad or m], shape (nq,).
+            name: Name of the argument, for messages.
+
         Raises:
             UnknownNameError: no configuration of that name.
             InputError: wrong shape, not finite, or too large.
@@ -231,7 +235,10 @@ class Robot(Value, NotebookView):
         return replace(self, limits=limits)
 
     def with_locked_joints(self, values: Mapping[str, float] | str) -> Robot:
-        """The same robot with other values of its locked joints, by joint or by the name of a state, e.g. "open".
+        """The same robot with other values of its locked joints.
+
+        Args:
+            values: Values [rad or m] by joint; or the name of a state in `locked_joint_states`, e.g. "open".
 
         Raises:
             UnknownNameError: no such state or no such locked joint.
@@ -252,7 +259,14 @@ class Robot(Value, NotebookView):
     # ---- plain kinematics ---------------------------------------------------------------
 
     def joint_values(self, q: Array) -> dict[str, float]:
-        """The value of every movable joint [rad or m]: planned, locked and mimicking."""
+        """The value of every movable joint [rad or m] by name: of planning joints, locked joints and mimic joints.
+
+        Args:
+            q: A configuration [rad or m], shape (nq,).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
         values = dict(zip(self.joint_names, finite_array("q", q, (self.nq,)).tolist(), strict=True)) | dict(
             self.locked_joints
         )
@@ -273,9 +287,13 @@ class Robot(Value, NotebookView):
         return joint.mimic.multiplier * leader + joint.mimic.offset
 
     def link_poses(self, q: str | ArrayLike) -> dict[str, Array]:
-        """T_base_link of every link, by plain numpy, at q: a configuration's name or numbers (nq,).
+        """T_base_link of every link by name, each (4, 4), computed in plain NumPy.
+
+        Args:
+            q: A configuration: its name, or its numbers [rad or m], shape (nq,).
 
         Raises:
+            UnknownNameError: no configuration of that name.
             InputError: wrong shape or not finite.
         """
         values = self.joint_values(self.configuration(q))

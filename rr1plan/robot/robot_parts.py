@@ -27,9 +27,13 @@ class _ReadOnlyArrays(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Inertial(_ReadOnlyArrays):
-    """Mass [kg], center of mass (3,) [m] in the link frame, inertia (3, 3) [kg m²] about it in link axes.
+    """Mass properties of a link.
 
-    `assumed` is True if it was computed from the link's shapes, not read from the robot's file.
+    Args:
+        mass: Mass [kg].
+        com: Center of mass in the link frame [m], shape (3,).
+        inertia: Inertia about the center of mass, in link axes [kg m²], shape (3, 3).
+        assumed: Whether it was computed from the link's shapes, not read from the robot's file.
     """
 
     mass: float
@@ -40,7 +44,13 @@ class Inertial(_ReadOnlyArrays):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Geometry(_ReadOnlyArrays):
-    """A shape at a pose (4, 4) or position (3,) in the frame of its link or obstacle, its color (rgba, 0..1) or None.
+    """A shape of a link or an obstacle, at a pose.
+
+    Args:
+        name: Name of the shape.
+        shape: The shape.
+        pose: T_parent_shape, in the frame of its link or obstacle: (4, 4), or a position (3,) [m].
+        color: Its color (rgba, 0..1), or None.
 
     Raises:
         InputError: a name, shape, transform or color of the wrong kind.
@@ -71,7 +81,14 @@ class Geometry(_ReadOnlyArrays):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Link(Value):
-    """A rigid body: inertial, visual and collision properties."""
+    """A rigid body.
+
+    Args:
+        name: Name of the link.
+        inertial: Mass properties, or None if the link has no mass.
+        visuals: Shapes to draw.
+        collisions: Shapes to check for collision.
+    """
 
     name: str
     inertial: Inertial | None = None
@@ -85,7 +102,13 @@ class Link(Value):
 
 @dataclass(frozen=True)
 class Mimic:
-    """This joint's value is multiplier * (value of `joint`) + offset."""
+    """The relation of a mimic joint to the joint that leads it: multiplier * (value of `joint`) + offset.
+
+    Args:
+        joint: Name of the leading joint.
+        multiplier: Factor of its value.
+        offset: Value of the mimic joint where the leading joint is at zero [rad or m].
+    """
 
     joint: str
     multiplier: float = 1.0

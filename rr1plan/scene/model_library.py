@@ -277,6 +277,9 @@ def load_scene(name_or_file: str | Path) -> Scene:
 def load_scene_file(name_or_file: str | Path) -> SceneFile:
     """Load a scene like `load_scene`, together with the named queries of the file.
 
+    Args:
+        name_or_file: A name of `scene_names`, or a scene file.
+
     Raises:
         UnknownNameError: no shipped scene of that name.
         FormatError: the file is not a scene.
@@ -314,7 +317,10 @@ def _read_mjcf_scene(file: Path) -> Scene:
 
 
 def load_problems(name_or_file: str | Path) -> Mapping[str, Problem]:
-    """The named queries of a scene that ships with rr1plan, or of a scene file, as problems; only .toml files have any.
+    """The named queries of a scene as problems.
+
+    Args:
+        name_or_file: A name of `scene_names`, or a scene file; only .toml files have queries.
 
     Raises:
         UnknownNameError: no shipped scene of that name.

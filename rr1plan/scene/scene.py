@@ -74,6 +74,10 @@ class Scene(SceneContent):
     def with_robot(self, name: str, robot: Robot) -> Scene:
         """A scene with another robot for that arm (e.g. other limits or gripper), in the same configuration.
 
+        Args:
+            name: The arm.
+            robot: Its new robot.
+
         Raises:
             UnknownNameError: no such arm.
             InputError: not a robot, or one with another number of joints.
@@ -135,12 +139,25 @@ class Scene(SceneContent):
         return other
 
     def without_obstacle(self, name: str) -> Scene:
-        """A scene without that obstacle."""
+        """A scene without that obstacle.
+
+        Raises:
+            UnknownNameError: no such obstacle.
+        """
         known_name("obstacle", name, self.obstacles)
         return self._keep(obstacles={n: o for n, o in self.obstacles.items() if n != name})
 
     def allow(self, a: str, b: str) -> Scene:
-        """A scene in which two elements (or all links of an arm, by the arm's name) may touch."""
+        """A scene in which two elements may touch.
+
+        Args:
+            a: An element ("arm/link", an obstacle or an attached object), or an arm for all its links.
+            b: Another one.
+
+        Raises:
+            UnknownNameError: no such element or arm.
+            InputError: the same name twice.
+        """
         check_text("a", a)
         check_text("b", b)
         if a == b:
@@ -148,7 +165,17 @@ class Scene(SceneContent):
         return replace(self, allowed=self.allowed | {pair(a, b)})
 
     def with_padding(self, distance: float, a: str | None = None, b: str | None = None) -> Scene:
-        """A scene that keeps `distance` [m] between every pair, or between a and b only."""
+        """A scene that keeps another distance between the elements of every pair, or of one pair.
+
+        Args:
+            distance: The distance, zero or more [m].
+            a: An element or an arm (default: the distance is that of every pair without a padding set by names).
+            b: Another one; the same arm again stands for the pairs of that arm.
+
+        Raises:
+            UnknownNameError: no such element or arm.
+            InputError: a negative distance, or one name only.
+        """
         if (a is None) != (b is None):
             raise InputError("with_padding takes a distance, or a distance and two names")
         for one in (a, b):
@@ -159,7 +186,11 @@ class Scene(SceneContent):
         return self._padded(self.padding, {**self.pair_padding, pair(a, b): distance})
 
     def with_margin(self, distance: float) -> Scene:
-        """A scene that keeps `distance` [m] more between every pair than this one."""
+        """A scene that keeps `distance` [m] more between the elements of every pair than this one.
+
+        Raises:
+            InputError: not finite, or a padding that would become negative.
+        """
         distance = finite_number("margin", distance)
         return self._padded(self.padding + distance, {both: d + distance for both, d in self.pair_padding.items()})
 
@@ -205,7 +236,11 @@ class Scene(SceneContent):
         return replace(self, obstacles=rest, attachments={**self.attachments, obstacle: held})
 
     def detach(self, name: str) -> Scene:
-        """A scene in which an attached object is an obstacle at its pose in the arm's configuration."""
+        """A scene in which an attached object is an obstacle at its pose in the arm's configuration.
+
+        Raises:
+            UnknownNameError: no such attached object.
+        """
         held = self.attachments[known_name("attached object", name, self.attachments)]
         T = self.link_poses()[f"{held.arm}/{held.link}"] @ held.pose
         rest = {n: a for n, a in self.attachments.items() if n != name}
