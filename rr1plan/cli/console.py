@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.console import Console as RichConsole
 from rich.markup import escape
@@ -19,6 +19,11 @@ from rich.table import Table
 from rr1plan.errors import InputError
 from rr1plan.progress_bar import Advance, no_progress, progress_bar
 
+if TYPE_CHECKING:
+    from rr1plan.planning import ProgressCallback
+
+# What a progress bar calls the stages of planning.
+_STAGES = {"set up": "preparing the scene", "shorten": "shortening", "retime": "retiming", "validate": "proving"}
 # Width of a table that is not shown on a terminal.
 _WIDEST = 10_000
 
@@ -40,7 +45,7 @@ class Console:
     def __init__(self, as_json: bool = False, quiet: bool = False) -> None:
         self.as_json = as_json
         self.quiet = quiet
-        self.watch = Stopwatch()
+        self.watch = StageTimes()
         self.spelled: Callable[[str], str] = str
         self._out = RichConsole(highlight=False, soft_wrap=True)
         if not self._out.is_terminal:
@@ -172,7 +177,7 @@ class _WarningPrinter(logging.Handler):
         self._console.warn(self._console.spelled(record.getMessage()))
 
 
-class Stopwatch:
+class StageTimes:
     """Wall time of named stages, in order."""
 
     def __init__(self) -> None:
@@ -186,6 +191,11 @@ class Stopwatch:
             yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - started
+
+
+def progress_callback(advance: Advance) -> ProgressCallback:
+    """A callback for the progress of a library function that advances a progress bar."""
+    return lambda progress: advance(progress.fraction, _STAGES.get(progress.stage, ""))
 
 
 def milliseconds(seconds: float) -> str:

@@ -115,7 +115,9 @@ def _say_robot(robot: Robot, console: Console) -> None:
 def scenes(options: Namespace, console: Console) -> int:
     """List the scenes, or describe one."""
     if options.scene is not None:
-        from rr1plan.cli.plan import check_scene_name  # imports the planners, which the list does not need
+        from rr1plan.cli.scene_options import (
+            check_scene_name,
+        )  # imports readers of motions, which the list does not need
 
         check_scene_name(options.scene)
         with console.progress(f"loading {options.scene}"):

@@ -6,8 +6,8 @@ from argparse import Namespace
 
 import rr1plan as rp
 from rr1plan.cli.console import Console
-from rr1plan.cli.plan import check_scene_name
 from rr1plan.cli.saved_motions import single_motion
+from rr1plan.cli.scene_options import check_scene_name
 from rr1plan.cli.served_page import announce, live_options
 from rr1plan.errors import InputError
 from rr1plan.scene.model_library import load_scene

@@ -9,7 +9,7 @@ import rr1plan as rp
 from rr1plan.checks import known_name
 from rr1plan.cli.console import Console
 from rr1plan.cli.picture_files import film
-from rr1plan.cli.plan import check_scene_name, named_query
+from rr1plan.cli.scene_options import check_scene_name, named_query
 from rr1plan.cli.served_page import live_options, serve
 from rr1plan.errors import InputError
 from rr1plan.files.file_access import check_writable

@@ -40,7 +40,7 @@ def check_figures(options: Namespace, problem: Problem) -> None:
         known_name("moving arm", name, problem.arms)
 
 
-def save_figures(motion: MotionPlan, options: Namespace, console: Console) -> dict[str, str]:
+def draw_figures(motion: MotionPlan, options: Namespace, console: Console) -> dict[str, str]:
     """Draw the requested figures that the plan has; returns the files."""
     files = {}
     if options.timeline is not None:

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import rr1plan as rp
-from rr1plan.cli.console import Console
-from rr1plan.cli.plan import told_to
+from rr1plan.cli.console import Console, progress_callback
 from rr1plan.files.file_access import check_writable
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.sequences.sequence_plan import SequencePlan
@@ -53,21 +52,25 @@ def write_files(
     for name, text in _VIEW_FILES.items():
         if getattr(options, name) is not None:
             console.say(f"{text}: {getattr(options, name)}")
-    console.result(
-        {text: str(file) for name, text in _VIEW_FILES.items() if (file := getattr(options, name)) is not None}
-    )
+    written = {text: getattr(options, name) for name, text in _VIEW_FILES.items()}
+    console.result({"files": {text: file for text, file in written.items() if file is not None}})
 
 
 def write_replay(
     motion: MotionPlan | SequencePlan, replay: rp.Replay | rp.SequenceReplay, options: Namespace, console: Console
-) -> None:
-    """Write the page of a motion and its simulation, and a video: of both side by side, or of the simulation alone."""
+) -> dict[str, str]:
+    """Write the page of a motion and its simulation, and a video: of both side by side, or of the simulation alone.
+
+    Returns the files.
+    """
     both: Any = motion.save_html
     look = rp.ViewOptions(side_by_side=options.side_by_side)
+    files = {}
     if options.html is not None:
-        console.say(f"page: {both(options.html, replay=replay, options=look)}")
+        files["page"] = str(both(options.html, replay=replay, options=look))
+        console.say(f"page: {files['page']}")
     if options.video is None:
-        return
+        return files
     with tempfile.TemporaryDirectory(prefix="rr1plan-page-") as folder:
         target = Path(folder) / "page.html"
         if options.side_by_side or isinstance(replay, SequenceReplay):
@@ -76,6 +79,7 @@ def write_replay(
             page = rp.save_html(target, motion.scene, replay=replay)
         film(page, options, console)
     console.say(f"video: {options.video}")
+    return {**files, "video": options.video}
 
 
 def film(page: Any, options: Namespace, console: Console, **how: Any) -> None:
@@ -88,7 +92,7 @@ def film(page: Any, options: Namespace, console: Console, **how: Any) -> None:
             fps=options.fps,
             speed=options.speed,
             bare=options.bare,
-            progress=told_to(advance),
+            progress=progress_callback(advance),
             **how,
         )
 

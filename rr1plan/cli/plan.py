@@ -1,36 +1,21 @@
-"""`plan`, `validate` and `play`."""
+"""`plan` for a motion in a scene."""
 
 from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import rr1plan as rp
-from rr1plan.cli.console import Console
-from rr1plan.cli.many_arms_output import check_figures, many_values, save_figures, say_groups, say_many
+from rr1plan.cli.console import Console, progress_callback
+from rr1plan.cli.many_arms_output import check_figures, draw_figures, many_values, say_groups, say_many
+from rr1plan.cli.scene_options import check_scene_name, chosen_problem, page_options, with_limits
 from rr1plan.errors import InputError
 from rr1plan.export.csv_files import csv_text, save_csv
-from rr1plan.export.motion_files import is_motion_file
 from rr1plan.files.file_access import check_writable
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.pipeline import plan_motion
-from rr1plan.planning import ProgressCallback
-from rr1plan.progress_bar import Advance
-from rr1plan.scene.model_library import (
-    installed_robot_names,
-    load_problems,
-    load_scene_file,
-    robot_names,
-    scene_names,
-)
-from rr1plan.scene.problem import Problem
-from rr1plan.scene.scene_toml import SceneFile
-
-ROBOT_SUFFIXES = (".urdf", ".xacro")
-"""Suffixes of files that hold a robot and no scene; MJCF files hold both."""
+from rr1plan.scene.model_library import load_scene_file
 
 
 def plan(options: Namespace, console: Console) -> int:
@@ -41,7 +26,7 @@ def plan(options: Namespace, console: Console) -> int:
     check_outputs(options)
     check_scene_name(options.scene)
     with console.watch.stage("load the scene"), console.progress("loading the scene"):
-        problem = question(options, load_scene_file(options.scene))
+        problem = chosen_problem(options, load_scene_file(options.scene))
         if options.limits is not None:
             problem = with_limits(problem, options.limits)
     check_figures(options, problem)
@@ -56,10 +41,10 @@ def plan(options: Namespace, console: Console) -> int:
             torque_limits=options.torque_limits,
             budget=budget,
             rng=options.seed,
-            progress=told_to(advance),
+            progress=progress_callback(advance),
         )
     if not motion.result.found:
-        return _no_plan(motion, console)
+        return report_no_plan(motion, console)
     if "-" in (options.output, options.csv):
         console.leave_stdout()
     files: Mapping[str, str] = {}
@@ -82,112 +67,6 @@ def with_stages(motion: MotionPlan, stages: Mapping[str, float]) -> MotionPlan:
     return replace(motion, seconds={**first, **planning, **last})
 
 
-def check_scene_name(name: str) -> None:
-    """Reject robots, motions and recordings in place of a scene; the message names the commands that take them.
-
-    Raises:
-        InputError: not a scene.
-    """
-    file = Path(name)
-    if name in scene_names():
-        return
-    if name in (*robot_names(), *installed_robot_names()) or file.suffix.lower() in ROBOT_SUFFIXES:
-        raise InputError(
-            f"{name} is a robot, expected a scene: a file with the lines [arms.NAME] and robot = {name!r}; to see the "
-            f"robot: rr1plan view {name}"
-        )
-    if file.is_file() and file.suffix == ".jsonl":
-        raise InputError(f"{name} is a recording, expected a scene; to see it: rr1plan mirror {name}")
-    if file.is_file() and is_motion_file(name):
-        raise InputError(
-            f"{name} holds a motion, expected a scene; to see it: rr1plan view {name}, to check it: rr1plan validate "
-            f"{name}"
-        )
-
-
-def question(options: Namespace, file: SceneFile) -> Problem:
-    """The problem given by the options, or the scene's first query.
-
-    Raises:
-        InputError: a scene without queries and no goal.
-    """
-    if options.goal is None and options.position is None:
-        problem = _chosen(options.scene, file.problems, options.query)
-        return problem if options.start is None else rp.Problem(problem.scene, words(options.start), dict(problem.goal))
-    arm = file.scene.only_arm(options.arm)
-    if options.goal is not None:
-        goal: Any = words(options.goal)
-    else:
-        goal = rp.PoseGoal(options.frame or "tool", options.position, options.quaternion)
-    start = None if options.start is None else {arm: words(options.start)}
-    return rp.Problem(file.scene, start, {arm: goal})
-
-
-def named_query(scene: str, name: str | None) -> Problem:
-    """A query of a scene by name, or its first.
-
-    Raises:
-        UnknownNameError: no query of that name.
-        InputError: the scene has no queries.
-    """
-    return _chosen(scene, load_problems(scene), name)
-
-
-def _chosen(scene: str, queries: Mapping[str, Problem], name: str | None) -> Problem:
-    """The query of that name, or the first."""
-    if not queries:
-        raise InputError(f"scene {scene!r} has no queries; give a goal (option goal, option position)")
-    if name is None:
-        name = next(iter(queries))
-    elif name not in queries:
-        raise rp.UnknownNameError("query", name, queries)
-    return queries[name]
-
-
-def page_options(options: Namespace) -> rp.ViewOptions | None:
-    """The view options of the command line; None if it gives none, so that no viewer is loaded.
-
-    Raises:
-        UnknownNameError: no such view.
-        InputError: numbers that are neither angles nor a direction.
-    """
-    spheres = getattr(options, "spheres", False)
-    if options.view is None and not spheres:
-        return None
-    view = None if options.view is None else words(options.view, "a view's name")
-    return rp.ViewOptions(view=view, spheres=spheres)
-
-
-def words(values: list[str], name: str = "a configuration's name") -> Any:
-    """The values of an option: a name, or numbers.
-
-    Raises:
-        InputError: several words that are not numbers.
-    """
-    try:
-        return [float(value) for value in values]
-    except ValueError:
-        if len(values) == 1:
-            return values[0]
-        raise InputError(f"{' '.join(values)!r} is neither {name} nor numbers") from None
-
-
-def with_limits(problem: Problem, preset: str) -> Problem:
-    """The problem with every arm under a limit preset of its robot."""
-    scene = problem.scene
-    for name, arm in scene.arms.items():
-        scene = scene.with_robot(name, arm.robot.with_limits(preset))
-    return rp.Problem(scene, problem.start, dict(problem.goal), arms=problem.arms)
-
-
-_STAGES = {"set up": "preparing the scene", "shorten": "shortening", "retime": "retiming", "validate": "proving"}
-
-
-def told_to(advance: Advance) -> ProgressCallback:
-    """A planner's progress callback that advances a progress bar."""
-    return lambda progress: advance(progress.fraction, _STAGES.get(progress.stage, ""))
-
-
 def summary(motion: MotionPlan) -> dict[str, object]:
     """A motion plan as plain values, for JSON."""
     result, many = motion.result, motion.many_arms
@@ -205,7 +84,8 @@ def summary(motion: MotionPlan) -> dict[str, object]:
     }
 
 
-def _no_plan(motion: MotionPlan, console: Console) -> int:
+def report_no_plan(motion: MotionPlan, console: Console) -> int:
+    """Print why there is no plan, and return the exit code."""
     if console.as_json:
         result = motion.result
         said = {"status": motion.status.value, "reason": result.reason, "planner": result.planner}
@@ -243,5 +123,5 @@ def _save(motion: MotionPlan, options: Namespace, look: rp.ViewOptions | None, c
         files["csv"] = str(save_csv(options.csv, motion.trajectory))
     if options.html is not None:
         files["page"] = str(motion.save_html(options.html, options=look))
-    files |= save_figures(motion, options, console)
+    files |= draw_figures(motion, options, console)
     return files

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import rr1plan as rp
-from rr1plan.cli.console import Console
-from rr1plan.cli.plan import check_outputs, page_options, plan, told_to
+from rr1plan.cli.console import Console, progress_callback
+from rr1plan.cli.plan import check_outputs, plan
+from rr1plan.cli.scene_options import page_options
 from rr1plan.errors import InputError
 from rr1plan.export.csv_files import csv_text, save_csv
 from rr1plan.sequences.sequence_toml import is_sequence_file
@@ -43,7 +44,7 @@ def plan_any(options: Namespace, console: Console) -> int:
             retiming=options.retiming,
             budget=rp.Budget(options.seconds, options.iterations),
             rng=options.seed,
-            progress=told_to(advance),
+            progress=progress_callback(advance),
         )
     if not found.found:
         if console.as_json:

@@ -6,9 +6,9 @@ from argparse import Namespace
 from typing import Any
 
 import rr1plan as rp
-from rr1plan.cli.console import Console, milliseconds
+from rr1plan.cli.console import Console, milliseconds, progress_callback
 from rr1plan.cli.picture_files import write_replay
-from rr1plan.cli.plan import check_scene_name, told_to
+from rr1plan.cli.scene_options import check_scene_name
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.files.file_access import check_writable
 from rr1plan.motion_plan import MotionPlan
@@ -48,16 +48,16 @@ def play(options: Namespace, console: Console) -> int:
     replay: rp.Replay | rp.SequenceReplay
     with console.progress("replaying") as advance:
         if isinstance(motion, SequencePlan):
-            replay = rp.simulate_sequence(motion, dt=options.timestep, progress=told_to(advance))
+            replay = rp.simulate_sequence(motion, dt=options.timestep, progress=progress_callback(advance))
         else:
             replay = rp.simulate(
-                trajectory, motion.scene, mode=options.mode, dt=options.timestep, progress=told_to(advance)
+                trajectory, motion.scene, mode=options.mode, dt=options.timestep, progress=progress_callback(advance)
             )
     console.say(str(replay))
     said = replay.to_dict()
     console.say(f"  it took {milliseconds(said['wall_seconds'])}")
-    write_replay(motion, replay, options, console)
-    console.result({**said, **about(motion)})
+    files = write_replay(motion, replay, options, console)
+    console.result({**said, **about(motion), "files": files})
     return 0 if replay else 4
 
 
@@ -75,8 +75,8 @@ def saved_motion(
             scene = load_scene(options.scene)
     with console.progress("checking") as advance:
         if options.topic is None and holds_sequence(file):
-            return load_sequence(file, scene, **(checks or {}), progress=told_to(advance))
-        return rp.load_motion(file, scene, topic=options.topic, **(checks or {}), progress=told_to(advance))
+            return load_sequence(file, scene, **(checks or {}), progress=progress_callback(advance))
+        return rp.load_motion(file, scene, topic=options.topic, **(checks or {}), progress=progress_callback(advance))
 
 
 def single_motion(file: str, options: Namespace, console: Console, use: str) -> tuple[MotionPlan, rp.Trajectory]:

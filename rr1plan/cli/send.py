@@ -5,8 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 
 from rr1plan.calibration.joint_calibration import load_calibration
-from rr1plan.cli.console import Console
-from rr1plan.cli.plan import told_to
+from rr1plan.cli.console import Console, progress_callback
 from rr1plan.cli.saved_motions import about, single_motion
 from rr1plan.hardware.box_emulator import EmulatedSerialLine
 from rr1plan.hardware.command_plan import plan_commands
@@ -41,7 +40,7 @@ def send(options: Namespace, console: Console) -> int:
             port: SerialPort = EmulatedSerialLine(box, start)
         else:
             port = open_serial_port(options.port)
-        end = send_commands(plan, port, progress=told_to(advance))
+        end = send_commands(plan, port, progress=progress_callback(advance))
     if options.port is None:
         console.say("dry run: an emulated control box has executed all commands; --port sends them to a real one")
     else:

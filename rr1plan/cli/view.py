@@ -8,18 +8,17 @@ from pathlib import Path
 
 import rr1plan as rp
 from rr1plan.checks import counted, known_name
-from rr1plan.cli.console import Console, milliseconds
+from rr1plan.cli.console import Console, milliseconds, progress_callback
 from rr1plan.cli.picture_files import check_files, film, write_files
-from rr1plan.cli.plan import (
+from rr1plan.cli.plan import report_no_plan, summary
+from rr1plan.cli.saved_motions import saved_motion, say_changes
+from rr1plan.cli.scene_options import (
     ROBOT_SUFFIXES,
     check_scene_name,
+    name_or_numbers,
     named_query,
     page_options,
-    summary,
-    told_to,
-    words,
 )
-from rr1plan.cli.saved_motions import saved_motion, say_changes
 from rr1plan.cli.served_page import live_options, serve
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.export.csv_files import save_csv
@@ -40,6 +39,13 @@ from rr1plan.scene.model_library import (
 
 # Durations are printed to this digit [s].
 _MILLISECOND = 1e-3
+# What the files of a demo contain.
+_CONTENTS = {
+    "page": "the page that plays it, offline",
+    "motion": "the motion",
+    "trajectory": "the trajectory",
+    "csv": "the trajectory as a table",
+}
 # Short edges [rad] show how the tree grew.
 _TREE_RANGE = 0.15
 
@@ -55,20 +61,19 @@ def demo(options: Namespace, console: Console) -> int:
     console.say("rr1plan demo")
     console.say(f"  scene {scene.name}: {', '.join(scene.arms)} among {counted(len(scene.obstacles), 'obstacle')}")
     with watch.stage("plan, shorten, retime, validate"), console.progress("planning") as advance:
-        motion = plan_motion(problem, rng=options.seed, progress=told_to(advance))
+        motion = plan_motion(problem, rng=options.seed, progress=progress_callback(advance))
     if not motion.result.found:
-        console.error(str(motion), 3)
-        return 3
+        return report_no_plan(motion, console)
     console.say(f"  {str(motion).replace(chr(10), chr(10) + '  ')}")
     with watch.stage("replay in MuJoCo"), console.progress("replaying") as advance:
-        replay = rp.simulate(motion.trajectory, scene, progress=told_to(advance))
+        replay = rp.simulate(motion.trajectory, scene, progress=progress_callback(advance))
     console.say(f"  {str(replay).replace(chr(10), chr(10) + '  ')}")
     with watch.stage("write the files"):
         files = {
-            "the page that plays it, offline": motion.save_html(folder / "motion.html", options=look),
-            "the motion": motion.save(folder / "motion.json"),
-            "the trajectory": save_trajectory(folder / "trajectory.json", motion.trajectory, scene),
-            "the trajectory as a table": save_csv(folder / "trajectory.csv", motion.trajectory),
+            "page": motion.save_html(folder / "motion.html", options=look),
+            "motion": motion.save(folder / "motion.json"),
+            "trajectory": save_trajectory(folder / "trajectory.json", motion.trajectory, scene),
+            "csv": save_csv(folder / "trajectory.csv", motion.trajectory),
         }
     console.say("how long each step took")
     steps = {**watch.seconds}
@@ -76,8 +81,8 @@ def demo(options: Namespace, console: Console) -> int:
     for name, seconds in steps.items():
         console.say(f"  {name}: {milliseconds(seconds)}{inner if name.startswith('plan') else ''}")
     console.say("wrote")
-    for content, file in files.items():
-        console.say(f"  {content}: {file}")
+    for kind, file in files.items():
+        console.say(f"  {_CONTENTS[kind]}: {file}")
     console.result(
         {**summary(motion), "replay": replay.to_dict(), "steps": steps, "files": {k: str(v) for k, v in files.items()}}
     )
@@ -183,9 +188,9 @@ def cspace(options: Namespace, console: Console) -> int:
             problem,
             arm=options.arm,
             joints=None if options.joints is None else (options.joints[0], options.joints[1]),
-            at=None if options.at is None else words(options.at),
+            at=None if options.at is None else name_or_numbers(options.at),
             resolution=options.resolution,
-            progress=told_to(advance),
+            progress=progress_callback(advance),
         )
     result = None
     if problem is not None:
@@ -194,7 +199,7 @@ def cspace(options: Namespace, console: Console) -> int:
         budget = rp.Budget(options.seconds, _HOPELESS_ITERATIONS if hopeless else None)
         with console.progress("planning") as advance:
             result = _with_tree(options.planner).plan(
-                problem, budget=budget, rng=options.seed, progress=told_to(advance)
+                problem, budget=budget, rng=options.seed, progress=progress_callback(advance)
             )
         picture = picture.with_result(result)
     with console.progress("drawing"):

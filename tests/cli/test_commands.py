@@ -578,7 +578,7 @@ def test_a_stream_is_mirrored_beside_its_plan(motion: Path, tmp_path: Path, caps
 
 def test_view_and_play_write_models_and_videos(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["view", str(motion), "--glb", "motion.glb", "--html", "motion.html", "--json"]) == OK
-    assert json.loads(capsys.readouterr().out) == {"page": "motion.html", "3-D model": "motion.glb"}
+    assert json.loads(capsys.readouterr().out) == {"files": {"page": "motion.html", "3-D model": "motion.glb"}}
     assert Path("motion.glb").read_bytes().startswith(b"glTF")
     for words, said in (
         (["view", str(motion), "--glb", "motion.gltf"], ".glb"),

@@ -1,0 +1,118 @@
+"""The scene, query and view of a command, from its options."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import rr1plan as rp
+from rr1plan.errors import InputError
+from rr1plan.export.motion_files import is_motion_file
+from rr1plan.scene.model_library import installed_robot_names, load_problems, robot_names, scene_names
+from rr1plan.scene.problem import Problem
+from rr1plan.scene.scene_toml import SceneFile
+
+ROBOT_SUFFIXES = (".urdf", ".xacro")
+"""Suffixes of files that hold a robot and no scene; MJCF files hold both."""
+
+
+def check_scene_name(name: str) -> None:
+    """Reject robots, motions and recordings in place of a scene; the message names the commands that take them.
+
+    Raises:
+        InputError: not a scene.
+    """
+    file = Path(name)
+    if name in scene_names():
+        return
+    if name in (*robot_names(), *installed_robot_names()) or file.suffix.lower() in ROBOT_SUFFIXES:
+        raise InputError(
+            f"{name} is a robot, expected a scene: a file with the lines [arms.NAME] and robot = {name!r}; to see the "
+            f"robot: rr1plan view {name}"
+        )
+    if file.is_file() and file.suffix == ".jsonl":
+        raise InputError(f"{name} is a recording, expected a scene; to see it: rr1plan mirror {name}")
+    if file.is_file() and is_motion_file(name):
+        raise InputError(
+            f"{name} holds a motion, expected a scene; to see it: rr1plan view {name}, to check it: rr1plan validate "
+            f"{name}"
+        )
+
+
+def chosen_problem(options: Namespace, file: SceneFile) -> Problem:
+    """The problem given by the options, or the scene's first query.
+
+    Raises:
+        InputError: a scene without queries and no goal.
+    """
+    if options.goal is None and options.position is None:
+        problem = _chosen_query(options.scene, file.problems, options.query)
+        if options.start is None:
+            return problem
+        return rp.Problem(problem.scene, name_or_numbers(options.start), dict(problem.goal))
+    arm = file.scene.only_arm(options.arm)
+    if options.goal is not None:
+        goal: Any = name_or_numbers(options.goal)
+    else:
+        goal = rp.PoseGoal(options.frame or "tool", options.position, options.quaternion)
+    start = None if options.start is None else {arm: name_or_numbers(options.start)}
+    return rp.Problem(file.scene, start, {arm: goal})
+
+
+def named_query(scene: str, name: str | None) -> Problem:
+    """A query of a scene by name, or its first.
+
+    Raises:
+        UnknownNameError: no query of that name.
+        InputError: the scene has no queries.
+    """
+    return _chosen_query(scene, load_problems(scene), name)
+
+
+def _chosen_query(scene: str, queries: Mapping[str, Problem], name: str | None) -> Problem:
+    """The query of that name, or the first."""
+    if not queries:
+        raise InputError(f"scene {scene!r} has no queries; give a goal (option goal, option position)")
+    if name is None:
+        name = next(iter(queries))
+    elif name not in queries:
+        raise rp.UnknownNameError("query", name, queries)
+    return queries[name]
+
+
+def page_options(options: Namespace) -> rp.ViewOptions | None:
+    """The view options of the command line; None if it gives none, so that no viewer is loaded.
+
+    Raises:
+        UnknownNameError: no such view.
+        InputError: numbers that are neither angles nor a direction.
+    """
+    spheres = getattr(options, "spheres", False)
+    if options.view is None and not spheres:
+        return None
+    view = None if options.view is None else name_or_numbers(options.view, "a view's name")
+    return rp.ViewOptions(view=view, spheres=spheres)
+
+
+def name_or_numbers(values: list[str], name: str = "a configuration's name") -> Any:
+    """The values of an option: a name, or numbers.
+
+    Raises:
+        InputError: several words that are not numbers.
+    """
+    try:
+        return [float(value) for value in values]
+    except ValueError:
+        if len(values) == 1:
+            return values[0]
+        raise InputError(f"{' '.join(values)!r} is neither {name} nor numbers") from None
+
+
+def with_limits(problem: Problem, preset: str) -> Problem:
+    """The problem with every arm under a limit preset of its robot."""
+    scene = problem.scene
+    for name, arm in scene.arms.items():
+        scene = scene.with_robot(name, arm.robot.with_limits(preset))
+    return rp.Problem(scene, problem.start, dict(problem.goal), arms=problem.arms)
