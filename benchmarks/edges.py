@@ -48,7 +48,7 @@ def main() -> int:
         kernel = EdgeKernel(tables, checker.exact_kernel, checker.nq)
         free = kernel.certify_edges(begins, ends) == FREE
         # Counted in one round, including the configurations of the exact kernel.
-        done = kernel.done
+        done = kernel.counters
         lines = np.stack([begins, ends - begins], axis=1)
         exact = _certify_exactly(kernel, lines) == FREE
         agree &= bool((free == exact).all())

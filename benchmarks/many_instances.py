@@ -186,12 +186,12 @@ def _time_edge(task: Mapping[str, Any]) -> dict[str, Any]:
     halved = 0
     while not checker.edge_is_free(q0, q1):
         q1, halved = 0.5 * (q0 + q1), halved + 1
-    times, before = [], checker.done.configurations
+    times, before = [], checker.counters.configurations
     for _ in range(_TIMED):
         begin = time.perf_counter()
         checker.edge_is_free(q0, q1)
         times.append(time.perf_counter() - begin)
-    configurations = (checker.done.configurations - before) / _TIMED
+    configurations = (checker.counters.configurations - before) / _TIMED
     owners = ({scene.owner(a), scene.owner(b)} for a, b in checker.pairs)
     near = {frozenset(both) for both in owners if len(both) == 2}
     return {

@@ -22,7 +22,7 @@ from rr1plan.import_clock import import_clock
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from rr1plan import transforms as transforms
-    from rr1plan.batch import Answer as Answer
+    from rr1plan.batch import BatchResult as BatchResult
     from rr1plan.batch import PlanFailure as PlanFailure
     from rr1plan.batch import plan_many as plan_many
     from rr1plan.calibration.calibrate import calibrate as calibrate
@@ -292,7 +292,7 @@ __version__ = "0.1.0"
 
 # A test checks that these names and the imports above agree.
 _EXPORTS = {
-    "rr1plan.batch": ("Answer", "PlanFailure", "plan_many"),
+    "rr1plan.batch": ("BatchResult", "PlanFailure", "plan_many"),
     "rr1plan.calibration.calibrate": ("calibrate",),
     "rr1plan.calibration.joint_calibration": (
         "Calibration",

@@ -87,7 +87,7 @@ class PlanFailure(Value):
         return False
 
 
-Answer = MotionPlan | PlanResult | PlanFailure
+BatchResult = MotionPlan | PlanResult | PlanFailure
 """The result of `plan_many` for one problem."""
 
 
@@ -132,7 +132,7 @@ def plan_many(
     budget: Budget | None = None,
     rng: Seed = None,
     progress: ProgressCallback | None = None,
-) -> Sequence[Answer]:
+) -> Sequence[BatchResult]:
     """Solve many problems in parallel, each like `plan_motion` (or `plan`).
 
     Without an executor this spawns processes, so a script has to guard its main part with
@@ -174,10 +174,10 @@ def plan_many(
     check_callback("progress", progress)
     of_kind("budget", budget, Budget, optional=True)
     true_or_false("full", full)
-    questions = _checked(problems, executor, workers)
-    tasks = [Task(i, p, s) for i, (p, s) in enumerate(zip(questions, problem_seeds(rng, len(questions)), strict=True))]
+    checked = _checked(problems, executor, workers)
+    tasks = [Task(i, p, s) for i, (p, s) in enumerate(zip(checked, problem_seeds(rng, len(checked)), strict=True))]
     chunks = _chunks(tasks, workers or _processors())
-    board = _Board(questions, progress)
+    board = _Board(checked, progress)
     if not chunks:
         return []
     if executor is not None:
@@ -185,9 +185,9 @@ def plan_many(
         lost = _work_off(executor, left, settings, board, len(chunks))
         for task in [*lost, *chain.from_iterable(left)] if lost else []:
             board.note(task.number, Raised("BrokenExecutor", "the executor broke before this problem was done"))
-        return board.answers()
+        return board.results()
     _work_in_processes(chunks, settings, board, min(workers or _processors(), len(chunks)))
-    return board.answers()
+    return board.results()
 
 
 def problem_seeds(rng: Seed, count: int) -> list[int]:
@@ -219,8 +219,8 @@ def _sent_planner(planner: str | Planner | None, executor: Executor | None) -> s
 
 
 def _checked(problems: Iterable[Problem], executor: object, workers: int | None) -> list[Problem]:
-    questions = list(items_of("problems", problems, "Problem"))
-    for i, problem in enumerate(questions):
+    checked = list(items_of("problems", problems, "Problem"))
+    for i, problem in enumerate(checked):
         if not isinstance(problem, Problem):
             raise InputError(f"problems[{i}] is {type(problem).__name__}, expected a Problem")
     if executor is not None and not isinstance(executor, Executor):
@@ -229,7 +229,7 @@ def _checked(problems: Iterable[Problem], executor: object, workers: int | None)
         raise InputError(f"executor is {type(executor).__name__}, expected a concurrent.futures.Executor{hint}")
     if workers is not None:
         whole_number("workers", workers, 1, _MOST_WORKERS)
-    return questions
+    return checked
 
 
 def _processors() -> int:
@@ -255,16 +255,16 @@ class _Board:
         self.cancelled = False
         self.ended = RawArray("b", len(problems))
         self._reported = 0
-        self._answers: dict[int, Answer] = {}
+        self._results: dict[int, BatchResult] = {}
         self._started = time.perf_counter()
 
-    def note(self, index: int, answer: Any) -> None:
+    def note(self, index: int, result: Any) -> None:
         """Store the result of a problem, with its pickled copy of the problem replaced by the original."""
-        if isinstance(answer, MotionPlan):
-            answer = replace(answer, problem=self.problems[index])
-        elif isinstance(answer, Raised):
-            answer = PlanFailure(self.problems[index], *answer)
-        self._answers[index] = answer
+        if isinstance(result, MotionPlan):
+            result = replace(result, problem=self.problems[index])
+        elif isinstance(result, Raised):
+            result = PlanFailure(self.problems[index], *result)
+        self._results[index] = result
         self.ended[index] = 1
         self.report()
 
@@ -277,10 +277,10 @@ class _Board:
             done = self._reported / len(self.problems)
             self.cancelled = self.progress(Progress("plan_many", seconds, done)) is False
 
-    def answers(self) -> list[Answer]:
+    def results(self) -> list[BatchResult]:
         """All results in order; problems without one were cancelled."""
         none = Raised("Cancelled", "the batch was cancelled before this problem was done")
-        return [self._answers[i] if i in self._answers else PlanFailure(p, *none) for i, p in enumerate(self.problems)]
+        return [self._results[i] if i in self._results else PlanFailure(p, *none) for i, p in enumerate(self.problems)]
 
 
 def _work_off(
@@ -320,15 +320,15 @@ def _keep_ended(pending: dict[Future[list[object]], list[Task]], board: _Board) 
     for future, chunk in pending.items():
         with suppress(Exception):  # a chunk without results: it was not started, or its process died
             if not future.cancel():
-                for task, answer in zip(chunk, future.result(), strict=True):
+                for task, result in zip(chunk, future.result(), strict=True):
                     if board.ended[task.number]:
-                        board.note(task.number, answer)
+                        board.note(task.number, result)
 
 
 def _take(future: Future[list[object]], chunk: list[Task], chunks: deque[list[Task]], board: _Board) -> list[Task]:
     """Store the results of a chunk; return its tasks if they were lost."""
     try:
-        answers = future.result()
+        results = future.result()
     except BrokenExecutor:
         return chunk
     except Exception as error:
@@ -337,8 +337,8 @@ def _take(future: Future[list[object]], chunk: list[Task], chunks: deque[list[Ta
         else:
             board.note(chunk[0].number, raised(error))
         return []
-    for task, answer in zip(chunk, answers, strict=True):
-        board.note(task.number, answer)
+    for task, result in zip(chunk, results, strict=True):
+        board.note(task.number, result)
     return []
 
 

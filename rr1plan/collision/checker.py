@@ -29,7 +29,7 @@ from rr1plan.checks import (
 )
 from rr1plan.collision.coal_checker import CoalChecker, is_plain
 from rr1plan.collision.collision_geometry import CollisionGeometry, collision_geometry, geometry_distance
-from rr1plan.collision.edge_kernel import CONTACT, FREE, Answer, EdgeCounters, EdgeKernel, ExactKernel
+from rr1plan.collision.edge_kernel import CONTACT, FREE, EdgeCounters, EdgeKernel, EdgeResult, ExactKernel
 from rr1plan.collision.reach_broad_phase import FEW_OBSTACLES
 from rr1plan.collision.tables.edge_tables import build_edge_tables, padded_pairs
 from rr1plan.errors import InputError
@@ -101,9 +101,9 @@ class CollisionChecker(CoalChecker):
         return _rebuild, (self.scene, self.arms, self.margin, self.tolerance)
 
     @property
-    def done(self) -> EdgeCounters:
+    def counters(self) -> EdgeCounters:
         """Counters of the work so far, including that of compiled planners."""
-        return self._kernel.done
+        return self._kernel.counters
 
     @exclusive
     def keep_margin(self, margin: float) -> None:
@@ -444,13 +444,13 @@ class CollisionChecker(CoalChecker):
         _check_reach(curve, duration)
         return curve, duration
 
-    def _certify(self, q0: Array, q1: Array) -> Answer:
+    def _certify(self, q0: Array, q1: Array) -> EdgeResult:
         """Status, fraction (0..1) and pair of solids (-1: a stationary one) of an edge whose shape was checked."""
         if not self.static_is_free:
             return CONTACT, 0.0, -1
         return self._kernel.certify_edge(q0, q1)
 
-    def _certify_exactly(self, curve: Array, duration: float) -> Answer:
+    def _certify_exactly(self, curve: Array, duration: float) -> EdgeResult:
         """Likewise for a curve, by the exact kernel alone."""
         self.edges_checked += 1
         if not self.static_is_free:

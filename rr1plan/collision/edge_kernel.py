@@ -28,7 +28,7 @@ from rr1plan.kernels.wasm_core import memory_image
 
 # Memory for lists, a block for each thread: page faults of new memory cost as much as an edge check.
 _threads = threading.local()
-Answer = tuple[int, float, int]
+EdgeResult = tuple[int, float, int]
 
 FREE, CONTACT = constants()["EDGE_FREE"], constants()["EDGE_CONTACT"]
 """Results for an edge; grazing edges are neither."""
@@ -138,7 +138,7 @@ class EdgeKernel:
         self._thread = get_ident()
 
     @property
-    def done(self) -> EdgeCounters:
+    def counters(self) -> EdgeCounters:
         """Counters of the work so far."""
         done = self._scratch.value.done
         return EdgeCounters(done.edges, done.exact_edges, done.configurations, done.gaps)
@@ -167,7 +167,7 @@ class EdgeKernel:
         """
         self._library.rr1_move_objects(*self.context, number, 1, pose)
 
-    def certify_edge(self, q0: Array, q1: Array) -> Answer:
+    def certify_edge(self, q0: Array, q1: Array) -> EdgeResult:
         """Certify the straight line between two configurations; shapes and values have been checked.
 
         Args:
@@ -180,9 +180,9 @@ class EdgeKernel:
         self._ends[0], self._ends[1] = q0, q1
         if self._thread != get_ident():
             self._take_lists()
-        return self._answer(self._certify_edge())
+        return self._edge_result(self._certify_edge())
 
-    def certify_parabola(self, curve: Array, duration: float) -> Answer:
+    def certify_parabola(self, curve: Array, duration: float) -> EdgeResult:
         """Certify a curve q(t) = sum_k curve[k] t^k, 0 <= t <= duration, of one to three terms.
 
         Args:
@@ -193,9 +193,9 @@ class EdgeKernel:
             See `certify_edge`.
         """
         curve = np.ascontiguousarray(curve)
-        return self._answer(self._library.rr1_certify_parabola(*self.context, curve, len(curve), duration))
+        return self._edge_result(self._library.rr1_certify_parabola(*self.context, curve, len(curve), duration))
 
-    def certify_curve(self, curve: Array, duration: float) -> Answer:
+    def certify_curve(self, curve: Array, duration: float) -> EdgeResult:
         """Certify a curve of any number of terms by the exact kernel alone.
 
         Args:
@@ -209,7 +209,7 @@ class EdgeKernel:
         scratch = self._exact.scratch
         if len(curve) > scratch.value.coefficient_rows:
             scratch.set(coefficients=np.zeros_like(curve), coefficient_rows=len(curve))
-        return self._answer(self._library.rr1_certify_curve(*self.context, curve, len(curve), duration))
+        return self._edge_result(self._library.rr1_certify_curve(*self.context, curve, len(curve), duration))
 
     def certify_edges(self, begins: Array, ends: Array) -> NDArray[np.int64]:
         """The statuses of many edges.
@@ -245,5 +245,5 @@ class EdgeKernel:
         parts = {**self._scratch.targets, **self._exact.scratch.targets}
         return b"".join(part.tobytes() for name, part in parts.items() if name not in (*self._lists, "queue", "exact"))
 
-    def _answer(self, status: int) -> Answer:
+    def _edge_result(self, status: int) -> EdgeResult:
         return status, self._result.fraction, self._result.pair

@@ -27,7 +27,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from rr1plan.checks import Array, finite_number, known_name
 from rr1plan.errors import BackendError, InputError
-from rr1plan.planners.ompl_query import Answer, Question, Watch, interrupts_kept
+from rr1plan.planners.ompl_query import OmplQuery, OmplResult, Watch, interrupts_kept
 from rr1plan.planning import SearchTree
 
 # A path longer than the straight line by at most this share counts as optimal. Without it informed
@@ -46,13 +46,13 @@ def setting_names(planner: str) -> tuple[str, ...]:
 
 
 def solve(
-    planner: str, question: Question, watch: Watch, seed: int, settings: Mapping[str, Any], *, tree: bool = False
-) -> Answer:
+    planner: str, query: OmplQuery, watch: Watch, seed: int, settings: Mapping[str, Any], *, tree: bool = False
+) -> OmplResult:
     """Run a planner of OMPL.
 
     Args:
         planner: OMPL's name of the planner.
-        question: The query.
+        query: The query.
         watch: Budget and counters; the counters are updated.
         seed: Seed of OMPL's generators, 1 .. 2^32 - 1.
         settings: Values by OMPL's names; `range` 0 selects OMPL's default edge length.
@@ -65,38 +65,38 @@ def solve(
     """
     if not 1 <= seed < 2**32:
         raise InputError(f"seed is {seed}, expected 1 .. 2^32 - 1")
-    question = question.checked()
+    query = query.checked()
     with interrupts_kept(watch):
         try:
-            answer = _search(planner, question, watch, seed, settings, tree)
+            result = _search(planner, query, watch, seed, settings, tree)
             before = 0
-            while planner == "BFMT" and answer.waypoints is None and not watch.over and watch.checks > before:
+            while planner == "BFMT" and result.waypoints is None and not watch.over and watch.checks > before:
                 before = watch.checks
                 settings = {**settings, "num_samples": 2 * settings.get("num_samples", 1000)}
-                answer = _search(planner, question, watch, seed, settings, tree)
+                result = _search(planner, query, watch, seed, settings, tree)
         except (RuntimeError, TypeError) as error:
             if watch.error is None:
                 raise BackendError(f"OMPL's {planner} failed: {error}") from error
-            answer = Answer(None)
+            result = OmplResult(None)
     kept, watch.error = watch.error, None
     try:
         if kept is not None:
             raise kept
     finally:
         del kept  # its traceback refers to this frame: a cycle would keep OMPL's objects alive
-    return answer
+    return result
 
 
 def _search(
-    planner: str, question: Question, watch: Watch, seed: int, settings: Mapping[str, Any], tree: bool
-) -> Answer:
+    planner: str, query: OmplQuery, watch: Watch, seed: int, settings: Mapping[str, Any], tree: bool
+) -> OmplResult:
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
-    space = _space(question)
+    space = _space(query)
     # OMPL's BIT* leaks its states when its planner data is read, so its certified edges are recorded here.
     edges: list[tuple[tuple[float, ...], ...]] | None = [] if tree and planner == "BITstar" else None
-    information = _information(space, question, watch, edges)
-    definition = _definition(information, question)
+    information = _information(space, query, watch, edges)
+    definition = _definition(information, query)
     search = getattr(og, planner)(information)
     search.setProblemDefinition(definition)
     for name, value in settings.items():
@@ -105,7 +105,7 @@ def _search(
         search.setExtendedFMT(False)  # it crashes if its samples do not suffice; `solve` restarts it with more
     search.setup()
     if isinstance(search, og.PRM):
-        answer = _search_roadmap(search, information, question, watch)
+        result = _search_roadmap(search, information, query, watch)
     else:
         if hasattr(search, "bestCost"):
             watch.best_cost = lambda: float(search.bestCost().value())
@@ -113,21 +113,21 @@ def _search(
             search.solve(ob.PlannerTerminationCondition(watch.guarded(watch.is_over, failed=True)))
         finally:
             watch.best_cost = None  # refers to the planner, and `watch` outlives it
-        answer = _solution(definition, len(question.lower))
+        result = _solution(definition, len(query.lower))
     if not tree:
-        return answer
-    return replace(answer, tree=_tree_of(edges) if edges is not None else _explored(search, information, question)[0])
+        return result
+    return replace(result, tree=_tree_of(edges) if edges is not None else _explored(search, information, query)[0])
 
 
 # ---- building ---------------------------------------------------------------------------------
 
 
-def _space(question: Question) -> ob.StateSpace:
-    n = len(question.lower)
+def _space(query: OmplQuery) -> ob.StateSpace:
+    n = len(query.lower)
     bounds = ob.RealVectorBounds(n)
     for i in range(n):
-        bounds.setLow(i, float(question.lower[i]))
-        bounds.setHigh(i, float(question.upper[i]))
+        bounds.setLow(i, float(query.lower[i]))
+        bounds.setHigh(i, float(query.upper[i]))
     space = ob.RealVectorStateSpace(n)
     space.setBounds(bounds)
     return space
@@ -149,17 +149,17 @@ class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]  # the stubs of 
 
 
 def _information(
-    space: ob.StateSpace, question: Question, watch: Watch, edges: list[tuple[tuple[float, ...], ...]] | None = None
+    space: ob.StateSpace, query: OmplQuery, watch: Watch, edges: list[tuple[tuple[float, ...], ...]] | None = None
 ) -> ob.SpaceInformation:
-    n = len(question.lower)
+    n = len(query.lower)
     q = np.zeros(n)
 
     def state_valid(state: ob.State) -> bool:
         q[:] = state[0:n]
-        return watch.in_time() and question.state_valid(q)
+        return watch.in_time() and query.state_valid(q)
 
     def edge_valid(a: Array, b: Array) -> bool:
-        if not (watch.in_time() and question.edge_valid(a, b)):
+        if not (watch.in_time() and query.edge_valid(a, b)):
             return False
         if edges is not None:
             edges.append((tuple(a.tolist()), tuple(b.tolist())))
@@ -172,18 +172,18 @@ def _information(
     return information
 
 
-def _definition(information: ob.SpaceInformation, question: Question) -> ob.ProblemDefinition:
+def _definition(information: ob.SpaceInformation, query: OmplQuery) -> ob.ProblemDefinition:
     definition = ob.ProblemDefinition(information)
     goals = ob.GoalStates(information)
     state = information.allocState()  # owned by Python; OMPL's freeState would free it twice
-    state[0 : len(question.start)] = question.start.tolist()
+    state[0 : len(query.start)] = query.start.tolist()
     definition.addStartState(state)
-    for goal in question.goals:
+    for goal in query.goals:
         state[0 : len(goal)] = goal.tolist()
         goals.addState(state)
     definition.setGoal(goals)
     objective = ob.PathLengthOptimizationObjective(information)
-    nearest = float(np.linalg.norm(question.goals - question.start, axis=1).min())
+    nearest = float(np.linalg.norm(query.goals - query.start, axis=1).min())
     objective.setCostThreshold(ob.Cost((1.0 + _OPTIMAL) * nearest))
     definition.setOptimizationObjective(objective)
     return definition
@@ -208,13 +208,13 @@ def _snake_case(name: str) -> str:
 # ---- reading ----------------------------------------------------------------------------------
 
 
-def _solution(definition: ob.ProblemDefinition, n: int) -> Answer:
+def _solution(definition: ob.ProblemDefinition, n: int) -> OmplResult:
     """The exact solution as an array; an approximate solution does not count."""
     if not definition.hasExactSolution():
         near = float(definition.getSolutionDifference()) if definition.hasApproximateSolution() else None
-        return Answer(None, near)
+        return OmplResult(None, near)
     states = definition.getSolutionPath().getStates()
-    return Answer(np.array([state[0:n] for state in states]))
+    return OmplResult(np.array([state[0:n] for state in states]))
 
 
 def _tree_of(edges: list[tuple[tuple[float, ...], ...]]) -> SearchTree:
@@ -225,10 +225,10 @@ def _tree_of(edges: list[tuple[tuple[float, ...], ...]]) -> SearchTree:
 
 
 def _explored(
-    search: ob.Planner, information: ob.SpaceInformation, question: Question
+    search: ob.Planner, information: ob.SpaceInformation, query: OmplQuery
 ) -> tuple[SearchTree, NDArray[np.int64]]:
     """A copy of the explored graph, and the indices of the goals in it."""
-    n = len(question.lower)
+    n = len(query.lower)
     data = ob.PlannerData(information)
     search.getPlannerData(data)
     count = data.numVertices()
@@ -242,25 +242,25 @@ def _explored(
 # ---- roadmaps ---------------------------------------------------------------------------------
 
 
-def _search_roadmap(search: ob.Planner, information: ob.SpaceInformation, question: Question, watch: Watch) -> Answer:
+def _search_roadmap(search: ob.Planner, information: ob.SpaceInformation, query: OmplQuery, watch: Watch) -> OmplResult:
     """Grow a roadmap in rounds and search it after each round; PRM* continues until the budget ends."""
     optimizing = isinstance(search, og.PRMstar)
-    for _ in question.goals:
+    for _ in query.goals:
         search.solve(ob.plannerAlwaysTerminatingCondition())  # only adds the start and one more goal
-    checks, answer = float(_FIRST_ROADMAP), Answer(None)
-    nearest = float(np.linalg.norm(question.goals - question.start, axis=1).min())
+    checks, result = float(_FIRST_ROADMAP), OmplResult(None)
+    nearest = float(np.linalg.norm(query.goals - query.start, axis=1).min())
     while not watch.over:
         search.growRoadmapPtc(_after(watch, int(checks)))
         search.expandRoadmapPtc(_after(watch, int(checks) // _EXPANSION))
         checks *= _ROADMAP_GROWTH
-        answer = _query_roadmap(search, information, question)
-        if answer.waypoints is None:
+        result = _query_roadmap(search, information, query)
+        if result.waypoints is None:
             continue
-        length = float(np.linalg.norm(np.diff(answer.waypoints, axis=0), axis=1).sum())
+        length = float(np.linalg.norm(np.diff(result.waypoints, axis=0), axis=1).sum())
         watch.note(length)
         if not optimizing or length <= (1.0 + _OPTIMAL) * nearest:
             break
-    return answer
+    return result
 
 
 def _after(watch: Watch, checks: int) -> ob.PlannerTerminationCondition:
@@ -273,13 +273,13 @@ def _after(watch: Watch, checks: int) -> ob.PlannerTerminationCondition:
     return ob.PlannerTerminationCondition(watch.guarded(is_over, failed=True))
 
 
-def _query_roadmap(search: ob.Planner, information: ob.SpaceInformation, question: Question) -> Answer:
+def _query_roadmap(search: ob.Planner, information: ob.SpaceInformation, query: OmplQuery) -> OmplResult:
     """The shortest path on the roadmap (Dijkstra 1959), or the distance from the start's component to a goal."""
-    tree, ends = _explored(search, information, question)
+    tree, ends = _explored(search, information, query)
     vertices = tree.vertices
-    found = np.flatnonzero((vertices == question.start).all(axis=1))
+    found = np.flatnonzero((vertices == query.start).all(axis=1))
     if len(found) == 0:  # OMPL found the start invalid
-        return Answer(None)
+        return OmplResult(None)
     start = int(found[0])
     i, j = tree.edges.T
     lengths = np.linalg.norm(vertices[i] - vertices[j], axis=1)
@@ -288,9 +288,9 @@ def _query_roadmap(search: ob.Planner, information: ob.SpaceInformation, questio
     far, before = table[0], links[0]
     if len(ends) == 0 or not np.isfinite(far[ends]).any():
         reached = vertices[np.isfinite(far)]
-        gaps = [np.linalg.norm(reached - goal, axis=1).min() for goal in question.goals]
-        return Answer(None, float(min(gaps)))
+        gaps = [np.linalg.norm(reached - goal, axis=1).min() for goal in query.goals]
+        return OmplResult(None, float(min(gaps)))
     chain = [int(ends[np.argmin(far[ends])])]
     while chain[-1] != start:
         chain.append(int(before[chain[-1]]))
-    return Answer(vertices[chain[::-1]])
+    return OmplResult(vertices[chain[::-1]])

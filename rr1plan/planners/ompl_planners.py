@@ -10,7 +10,7 @@ import numpy as np
 
 from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, of_kind, true_or_false
 from rr1plan.model.joint_space import Space, with_copies
-from rr1plan.planners.ompl_query import Answer, Question, Watch
+from rr1plan.planners.ompl_query import OmplQuery, OmplResult, Watch
 from rr1plan.planners.planning_query import STRAIGHT_LINES, Query
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.scene.problem import Problem
@@ -123,21 +123,21 @@ class _Search:
         if straight is not None:
             return straight
         before = query.motion.edges_checked
-        answer = self.run_ompl()
-        found, tree = answer.waypoints, answer.tree
+        result = self.run_ompl()
+        found, tree = result.waypoints, result.tree
         certified = found is not None and query.motion.path_is_free(found)
         query.iterations, query.edges = self.watch.checks, query.edges + query.motion.edges_checked - before
         if self.watch.cancelled:
             return query.unsolved("", tree=tree)
         if found is None:
-            return query.result(PlanStatus.TIMEOUT, reason=self.why(answer.difference), tree=tree)
+            return query.result(PlanStatus.TIMEOUT, reason=self.why(result.difference), tree=tree)
         if not certified:
             reason = "a path was found, but the certificate of an edge failed when it was repeated"
             return query.result(PlanStatus.TIMEOUT, reason=reason, tree=tree)
         self.watch.note(np.linalg.norm(np.diff(found, axis=0), axis=1).sum())
         return query.result(PlanStatus.FOUND, found, tree=tree)
 
-    def run_ompl(self) -> Answer:
+    def run_ompl(self) -> OmplResult:
         """OMPL's result, with all columns of q."""
         from rr1plan.planners import ompl_adapter as _ompl
 
@@ -145,7 +145,7 @@ class _Search:
         goals, start = with_copies(problem, self.query.goals), problem.start
         space = Space.unrolled(problem, goals)
         # States are checked as edges of length zero by the kernel, because no other state has certified edges.
-        question = Question(
+        query = OmplQuery(
             space.lower[space.movable],
             space.upper[space.movable],
             space.reduce(start),
@@ -158,10 +158,10 @@ class _Search:
         known = _ompl.setting_names(kind)
         settings = {**({"range": _RANGE * space.diagonal} if "range" in known else {}), **self.planner.settings}
         seed = int(as_generator(self.query.seed).integers(1, 2**32))
-        answer = _ompl.solve(kind, question, self.watch, seed, settings, tree=self.planner.tree)
-        tree, found = answer.tree, answer.waypoints
+        result = _ompl.solve(kind, query, self.watch, seed, settings, tree=self.planner.tree)
+        tree, found = result.tree, result.waypoints
         return replace(
-            answer,
+            result,
             waypoints=None if found is None else space.whole(found, start),
             tree=None if tree is None else replace(tree, vertices=space.whole(tree.vertices, start)),
         )

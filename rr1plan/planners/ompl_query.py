@@ -18,7 +18,7 @@ from rr1plan.planning import Budget, SearchTree
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class OmplQuery:
     """A planning query as arrays.
 
     Args:
@@ -37,7 +37,7 @@ class Question:
     state_valid: Callable[[Array], bool]
     edge_valid: Callable[[Array, Array], bool]
 
-    def checked(self) -> Question:
+    def checked(self) -> OmplQuery:
         """A validated copy of the query.
 
         Raises:
@@ -53,7 +53,7 @@ class Question:
         states = np.vstack([start, goals])
         if (states < lower).any() or (states > upper).any():
             raise InputError("the start or a goal is outside the bounds")
-        return Question(lower, upper, start, goals, self.state_valid, self.edge_valid)
+        return OmplQuery(lower, upper, start, goals, self.state_valid, self.edge_valid)
 
 
 @dataclass(eq=False)
@@ -103,14 +103,14 @@ class Watch:
         if np.isfinite(cost) and (not self.history or cost < self.history[-1][1]):
             self.history.append((time.perf_counter() - self.began, float(cost)))
 
-    def guarded(self, answer: Callable[..., bool], failed: bool) -> Callable[..., bool]:
+    def guarded(self, result: Callable[..., bool], failed: bool) -> Callable[..., bool]:
         """A callback that never raises: an exception is stored in `error` and ends the search."""
 
         def call(*arguments: Any) -> bool:
             if self.over:
                 return failed
             try:
-                return bool(answer(*arguments))
+                return bool(result(*arguments))
             except BaseException as error:
                 self.error, self.over = error, True
                 return failed
@@ -130,7 +130,7 @@ class Watch:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class OmplResult:
     """Result of a search.
 
     Args:

@@ -13,7 +13,7 @@ from rr1plan.validation.moving_scene import MovingScene
 from rr1plan.validation.referee_kernels import GROUPS
 
 
-class Nearest(NamedTuple):
+class SmallestClearance(NamedTuple):
     """A smallest clearance [m], its pair of elements and its time [s]."""
 
     clearance: float
@@ -21,7 +21,7 @@ class Nearest(NamedTuple):
     time: float
 
 
-class Contact(NamedTuple):
+class PairFinding(NamedTuple):
     """A pair of elements in contact, or undecided.
 
     Args:
@@ -54,10 +54,10 @@ class CollisionProof:
         statistics: Counts of the work done.
     """
 
-    contacts: list[Contact]
-    nearest: list[Nearest | None]
+    contacts: list[PairFinding]
+    nearest: list[SmallestClearance | None]
     proven: list[float]
-    ends: list[Nearest | None]
+    ends: list[SmallestClearance | None]
     cancelled: bool
     statistics: dict[str, float]
 
@@ -82,18 +82,18 @@ def prove(
     for contact in contacts:
         known = nearest[contact.own]
         if np.isfinite(contact.clearance) and (known is None or contact.clearance < known.clearance):
-            nearest[contact.own] = Nearest(contact.clearance, contact.pair, contact.time)
+            nearest[contact.own] = SmallestClearance(contact.clearance, contact.pair, contact.time)
     ends = [_nearest(scene, end) for end in search.ends]
     return CollisionProof(contacts, nearest, search.proven, ends, search.cancelled, search.statistics)
 
 
-def _contacts(scene: MovingScene, search: Search) -> list[Contact]:
+def _contacts(scene: MovingScene, search: Search) -> list[PairFinding]:
     """The contacts in the order of the scene's elements, including those of arms equal to the searched ones."""
     rows = []
     for found in search.marked:
         for elements in scene.equal_pairs(found.elements):
             (i, a, one), (j, b, two) = _names(scene, elements)
-            rows.append(((i, j), Contact((a, b), found.clearance, found.time, found.first, one == two)))
+            rows.append(((i, j), PairFinding((a, b), found.clearance, found.time, found.first, one == two)))
     return [contact for _, contact in sorted(rows, key=lambda row: row[0])]
 
 
@@ -103,8 +103,8 @@ def _names(scene: MovingScene, elements: ElementPair) -> tuple[tuple[int, str, s
     return (one, two) if one <= two else (two, one)
 
 
-def _nearest(scene: MovingScene, found: FoundPair | None) -> Nearest | None:
+def _nearest(scene: MovingScene, found: FoundPair | None) -> SmallestClearance | None:
     if found is None:
         return None
     (_, a, _), (_, b, _) = _names(scene, found.elements)
-    return Nearest(found.clearance, (a, b), found.time)
+    return SmallestClearance(found.clearance, (a, b), found.time)

@@ -20,7 +20,7 @@ from rr1plan.scene.held_contacts import contact_advice
 from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation.bernstein_extremes import extremes
-from rr1plan.validation.collision_proof import CollisionProof, Contact, prove
+from rr1plan.validation.collision_proof import CollisionProof, PairFinding, prove
 from rr1plan.validation.compiled_search import TOUCH, ProofOptions
 from rr1plan.validation.goal_checks import check_endpoints
 from rr1plan.validation.limit_checks import Findings, Judgment
@@ -284,7 +284,7 @@ def _name_unchecked_links(findings: Findings, scene: Scene) -> None:
             findings.not_checked[f"{name}/{link}"] = "has no collision shape"
 
 
-def _contact(scene: Scene, contact: Contact) -> Violation:
+def _contact(scene: Scene, contact: PairFinding) -> Violation:
     """The violation for a contact, or for a pair that could not be distinguished from one."""
     value, time, first, (a, b) = contact.clearance, contact.time, contact.first, contact.pair
     padding = scene.padding_of(a, b)

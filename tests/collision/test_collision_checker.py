@@ -424,11 +424,11 @@ def test_it_counts_its_work(planar):
     motion = CollisionChecker(Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.0, 0.8, 0.0]))
     motion.path_is_free([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0]])
     assert motion.edges_checked == 2
-    looked = motion.done.configurations
+    looked = motion.counters.configurations
     assert looked >= 2
     assert motion.edge_is_free_slowly([0.0, 0.0], [0.5, 0.0])
     assert motion.edges_checked == 3
-    assert motion.done.configurations > looked
+    assert motion.counters.configurations > looked
 
 
 def test_it_survives_pickling(scenes):

@@ -193,7 +193,7 @@ def test_a_full_queue_changes_the_order_and_no_verdict(worlds):
         for stretch in (0.5, 3.0, 10.0):
             curve = np.array([q0, stretch * (q1 - q0)])
             assert (tight.certify_curve(curve, 1.0)[0] == FREE) == (roomy.certify_curve(curve, 1.0)[0] == FREE)
-    counts = [kernel.done.configurations for kernel in (tight, roomy)]
+    counts = [kernel.counters.configurations for kernel in (tight, roomy)]
     assert counts[0] != counts[1]
 
 

@@ -63,8 +63,8 @@ def test_spheres_first_gives_the_exact_answer(worlds, name):
         free += answer
         assert motion.edge_is_free(q0, q1) == answer
     assert 20 < free < 580
-    assert motion.done.edges == 600
-    assert motion.done.exact_edges < 500
+    assert motion.counters.edges == 600
+    assert motion.counters.exact_edges < 500
 
 
 def parabolas(nq, wide, count, seed):
@@ -88,7 +88,7 @@ def test_parabolas_get_the_exact_answer(worlds, name):
         free += answer
         assert motion.polynomial_is_free(curve, duration) == answer
     assert 10 < free < 290
-    assert motion.done.exact_edges < 250
+    assert motion.counters.exact_edges < 250
 
 
 def test_curves_without_a_bend_and_without_a_way_are_parabolas_too(worlds):
@@ -166,13 +166,13 @@ def test_gaps_of_micrometers_are_decided_without_millions_of_configurations(plan
     checker = CollisionChecker(above_a_plate(planar, gap))
     for q0, q1 in edges(2, 2.0, 20, 14):
         assert checker.edge_is_free(q0, q1) == free
-    assert checker.done.configurations < 100_000
+    assert checker.counters.configurations < 100_000
 
 
 def test_a_gap_just_above_the_least_one_is_refused_rather_than_searched_for_long(planar):
     checker = CollisionChecker(above_a_plate(planar, 1.002e-6))
     assert not checker.edge_is_free([-2.0, -1.0], [2.0, 1.5])
-    assert checker.done.configurations < 100_000
+    assert checker.counters.configurations < 100_000
 
 
 def test_turns_without_end_and_joints_beyond_their_limits_are_swept(odd):
@@ -195,7 +195,7 @@ def test_static_contacts_block_every_edge_of_the_sweep(planar):
 def test_without_anything_to_touch_the_sweep_is_free(planar):
     motion = CollisionChecker(Scene().with_arm("p", planar))
     assert motion.edge_is_free([0, 0], [100.0, -50.0])
-    assert motion.done.exact_edges == 0
+    assert motion.counters.exact_edges == 0
 
 
 def test_the_sweep_refuses_what_is_no_configuration(planar):

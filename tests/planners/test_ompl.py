@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 WORLD = """
 import numpy as np
 from rr1plan.planners import ompl_adapter
-from rr1plan.planners.ompl_query import Question, Watch
+from rr1plan.planners.ompl_query import OmplQuery, Watch
 from rr1plan.planning import Budget
 import time
 
@@ -38,14 +38,14 @@ def edge_valid(a, b):
     t = a[0] / (a[0] - b[0])
     return a[1] + t * (b[1] - a[1]) > 2.0 or min(a[1], b[1]) > 1.5
 
-def question(**changes):
+def query(**changes):
     parts = dict(lower=[-3, -3], upper=[3, 3], start=[-1, 0], goals=[[1, 0], [1, -1]],
                  state_valid=state_valid, edge_valid=edge_valid)
-    return Question(**{**parts, **changes})
+    return OmplQuery(**{**parts, **changes})
 
 def solve(planner, iterations=4000, seconds=float("inf"), seed=1, settings={}, tree=False, goes_on=None, **changes):
     watch = Watch(Budget(seconds=seconds, iterations=iterations), time.perf_counter(), goes_on)
-    return ompl_adapter.solve(planner, question(**changes), watch, seed, settings, tree=tree), watch
+    return ompl_adapter.solve(planner, query(**changes), watch, seed, settings, tree=tree), watch
 """
 world: dict = {}
 exec(WORLD, world)
@@ -73,11 +73,11 @@ def assert_clean(done: subprocess.CompletedProcess[str]) -> None:
 
 @pytest.mark.parametrize("planner", OMPL_NAMES)
 def test_every_planner_finds_the_way_round_the_wall(planner):
-    answer, watch = solve(planner)
-    assert answer.waypoints is not None
-    assert answer.waypoints[0].tolist() == [-1.0, 0.0]
-    assert answer.waypoints[-1].tolist() in ([1.0, 0.0], [1.0, -1.0])
-    assert all(world["edge_valid"](a, b) for a, b in zip(answer.waypoints[:-1], answer.waypoints[1:], strict=True))
+    result, watch = solve(planner)
+    assert result.waypoints is not None
+    assert result.waypoints[0].tolist() == [-1.0, 0.0]
+    assert result.waypoints[-1].tolist() in ([1.0, 0.0], [1.0, -1.0])
+    assert all(world["edge_valid"](a, b) for a, b in zip(result.waypoints[:-1], result.waypoints[1:], strict=True))
     assert 0 < watch.checks <= 4000
 
 
@@ -109,15 +109,15 @@ def test_what_was_explored_comes_as_arrays(planner):
 
 @pytest.mark.parametrize("planner", OMPL_NAMES)
 def test_no_way_ends_with_the_budget_and_no_path(planner):
-    answer, watch = solve(planner, iterations=300, edge_valid=lambda a, b: a[0] * b[0] > 0)
-    assert answer.waypoints is None
+    result, watch = solve(planner, iterations=300, edge_valid=lambda a, b: a[0] * b[0] > 0)
+    assert result.waypoints is None
     assert watch.checks <= 300
 
 
 def test_an_approximate_solution_is_none_and_says_how_near_it_came():
-    answer, _ = solve("RRT", iterations=300, edge_valid=lambda a, b: a[0] * b[0] > 0)
-    assert answer.waypoints is None
-    assert 0.5 < answer.difference < 3.0
+    result, _ = solve("RRT", iterations=300, edge_valid=lambda a, b: a[0] * b[0] > 0)
+    assert result.waypoints is None
+    assert 0.5 < result.difference < 3.0
 
 
 @pytest.mark.parametrize(
@@ -171,8 +171,8 @@ def test_the_clock_ends_a_search_whose_checks_are_slow():
         time.sleep(0.02)
         return world["edge_valid"](a, b)
 
-    answer, watch = solve("PRM", iterations=None, seconds=0.2, edge_valid=slow)
-    assert answer.waypoints is None
+    result, watch = solve("PRM", iterations=None, seconds=0.2, edge_valid=slow)
+    assert result.waypoints is None
     assert watch.over
 
 
@@ -190,11 +190,11 @@ def test_a_search_ends_at_the_first_check_that_says_so():
 
 @pytest.mark.parametrize("planner", ["RRTstar", "InformedRRTstar", "SORRTstar", "AORRTC", "BITstar", "PRMstar"])
 def test_optimizing_planners_report_falling_costs(planner):
-    answer, watch = solve(planner, iterations=3000)
+    result, watch = solve(planner, iterations=3000)
     costs = [cost for _, cost in watch.history]
     assert len(costs) >= 1
     assert costs == sorted(costs, reverse=True)
-    length = np.linalg.norm(np.diff(answer.waypoints, axis=0), axis=1).sum()
+    length = np.linalg.norm(np.diff(result.waypoints, axis=0), axis=1).sum()
     assert length <= costs[-1] + 1e-9
 
 
@@ -281,8 +281,8 @@ def test_handlers_of_the_caller_are_left_alone():
 def test_callbacks_may_return_anything_with_a_truth():
     done = in_a_process(f"""
         for planner in {OMPL_NAMES!r}:
-            for answer in (None, 1, np.bool_(True), np.float64(1.0)):
-                solve(planner, edge_valid=lambda a, b: answer, state_valid=lambda q: answer, iterations=200)
+            for result in (None, 1, np.bool_(True), np.float64(1.0)):
+                solve(planner, edge_valid=lambda a, b: result, state_valid=lambda q: result, iterations=200)
     """)
     assert_clean(done)
 
@@ -291,10 +291,10 @@ def test_nothing_of_ompl_is_needed_after_the_call_and_nothing_is_said():
     done = in_a_process("""
         import gc
         for planner in ("RRTConnect", "PRMstar", "BITstar", "SORRTstar"):
-            answer, watch = solve(planner, tree=True)
+            result, watch = solve(planner, tree=True)
             gc.collect()
-            assert np.isfinite(answer.waypoints).all() and np.isfinite(answer.tree.vertices).all()
-            assert answer.waypoints.flags.owndata or answer.waypoints.base.flags.owndata
+            assert np.isfinite(result.waypoints).all() and np.isfinite(result.tree.vertices).all()
+            assert result.waypoints.flags.owndata or result.waypoints.base.flags.owndata
     """)
     assert_clean(done)
     assert done.stdout == ""
@@ -323,8 +323,8 @@ def test_an_informed_search_in_hardly_any_volume_ends():
         """
         nearly = lambda a, b: abs(a - b).max() < 1.9
         for planner in ("SORRTstar", "InformedRRTstar", "BITstar", "AORRTC", "RRTstar"):
-            answer, watch = solve(planner, iterations=3000, edge_valid=nearly, state_valid=lambda q: True)
-            assert answer.waypoints is not None
+            result, watch = solve(planner, iterations=3000, edge_valid=nearly, state_valid=lambda q: True)
+            assert result.waypoints is not None
     """,
         timeout=60,
     )
@@ -334,8 +334,8 @@ def test_an_informed_search_in_hardly_any_volume_ends():
 def test_a_wave_front_without_enough_samples_begins_again_with_more():
     done = in_a_process("""
         nowhere = lambda a, b: a[0] * b[0] > 0
-        answer, watch = solve("BFMT", iterations=12000, edge_valid=nowhere)
-        assert answer.waypoints is None and watch.checks == 12000
+        result, watch = solve("BFMT", iterations=12000, edge_valid=nowhere)
+        assert result.waypoints is None and watch.checks == 12000
         assert solve("BFMT", iterations=10, state_valid=lambda q: False)[0].waypoints is None
     """)
     assert_clean(done)
