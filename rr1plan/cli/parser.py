@@ -443,7 +443,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
         _mirror,
     ),
     "cspace": (
-        "view.cspace",
+        "cspace_command.cspace",
         "draw the configuration space of two joints, and prove or answer a query in it",
         (
             "rr1plan cspace planar2r_path",

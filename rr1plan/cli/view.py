@@ -1,4 +1,4 @@
-"""`demo`, `view` and `cspace`: visible output."""
+"""`demo` and `view`: a motion, a scene or a robot in the browser or as files."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from pathlib import Path
 import rr1plan as rp
 from rr1plan.checks import counted, known_name
 from rr1plan.cli.console import Console, milliseconds, progress_callback
-from rr1plan.cli.picture_files import check_files, film, write_files
+from rr1plan.cli.picture_files import check_files, write_files
 from rr1plan.cli.plan import report_no_plan, summary
 from rr1plan.cli.saved_motions import saved_motion, say_changes
 from rr1plan.cli.scene_options import (
     ROBOT_SUFFIXES,
     check_scene_name,
-    name_or_numbers,
     named_query,
     page_options,
 )
@@ -24,13 +23,11 @@ from rr1plan.errors import InputError, NoPlanError
 from rr1plan.export.csv_files import save_csv
 from rr1plan.export.motion_files import is_motion_file
 from rr1plan.export.plan_files import save_trajectory
-from rr1plan.files.file_access import check_writable, make_folder
+from rr1plan.files.file_access import make_folder
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.pipeline import plan_motion
-from rr1plan.planners import chosen_planner
 from rr1plan.scene.model_library import (
     installed_robot_names,
-    load_problems,
     load_robot,
     load_scene,
     robot_names,
@@ -46,8 +43,6 @@ _CONTENTS = {
     "trajectory": "the trajectory",
     "csv": "the trajectory as a table",
 }
-# Short edges [rad] show how the tree grew.
-_TREE_RANGE = 0.15
 
 
 def demo(options: Namespace, console: Console) -> int:
@@ -158,98 +153,3 @@ def _scene_or_robot(what: str) -> rp.Scene:
         return load_scene(what)
     robot = load_robot(what)
     return rp.Scene(name=robot.name).with_arm("robot", robot)
-
-
-def _with_tree(name: str) -> rp.Planner:
-    """A planner that keeps its search tree, if it can."""
-    if name == rp.RrtConnect.name:
-        return rp.RrtConnect(range=_TREE_RANGE, tree=True)
-    planner = chosen_planner(name)
-    return rp.OmplPlanner(name, tree=True) if isinstance(planner, rp.OmplPlanner) else planner
-
-
-# If no path exists the planner stops after this many iterations, enough to draw a tree.
-_HOPELESS_ITERATIONS = 1500
-
-
-def cspace(options: Namespace, console: Console) -> int:
-    """Draw the configuration space of two joints, with a query of a two-joint arm and its result."""
-    look = page_options(options)
-    check_scene_name(options.scene)
-    scene, problem = load_scene(options.scene), _flat_query(options)
-    pictures = _pictures(options, scene)
-    if problem is None:
-        idle = [option for option in ("--planner", "--seconds", "--seed") if option in options.given]
-        if idle:
-            raise InputError(f"{idle[0]} has no effect: there is no query of two joints to plan for")
-    with console.progress("checking every cell") as advance:
-        picture = rp.cspace(
-            scene,
-            problem,
-            arm=options.arm,
-            joints=None if options.joints is None else (options.joints[0], options.joints[1]),
-            at=None if options.at is None else name_or_numbers(options.at),
-            resolution=options.resolution,
-            progress=progress_callback(advance),
-        )
-    result = None
-    if problem is not None:
-        with console.progress("looking for a proof that no path exists"):
-            hopeless = picture.proves_no_path
-        budget = rp.Budget(options.seconds, _HOPELESS_ITERATIONS if hopeless else None)
-        with console.progress("planning") as advance:
-            result = _with_tree(options.planner).plan(
-                problem, budget=budget, rng=options.seed, progress=progress_callback(advance)
-            )
-        picture = picture.with_result(result)
-    with console.progress("drawing"):
-        files = {
-            kind: picture.save_html(file, options=look) if kind == "page" else picture.save(file)
-            for kind, file in pictures.items()
-        }
-    if options.video is not None:
-        film(picture, options, console)
-        files["video"] = Path(options.video)
-    console.say(str(picture))
-    if result is not None:
-        found = result.reason if result.path is None else f"path found in {milliseconds(result.seconds)}"
-        console.say(f"  {result.planner}: {found}")
-    for kind, file in files.items():
-        console.say(f"{kind}: {file}")
-    console.result(
-        {
-            "components": picture.grid.components,
-            "free_share": float(picture.grid.free.mean()),
-            "proves_no_path": picture.proves_no_path,
-            "verdict": picture.verdict,
-            "planned": None if result is None else result.status.value,
-            "files": {kind: str(file) for kind, file in files.items()},
-        }
-    )
-    return 0
-
-
-def _flat_query(options: Namespace) -> rp.Problem | None:
-    """The query to draw: the requested one, or the first that the picture can show; None for a picture without one."""
-    if options.query is not None:
-        return named_query(options.scene, options.query)
-    for problem in load_problems(options.scene).values():
-        own = problem.scene.arms[problem.arms[0]].robot.joint_names
-        shown = options.arm in (None, problem.arms[0]) and options.joints in (None, list(own))
-        if problem.nq == 2 and len(problem.arms) == 1 and shown:
-            return problem
-    return None
-
-
-def _pictures(options: Namespace, scene: rp.Scene) -> dict[str, str]:
-    """The requested files, or a PNG, by kind.
-
-    Raises:
-        InputError: a file cannot be written.
-    """
-    asked = {kind: getattr(options, kind) for kind in ("png", "svg", "pdf", "html")}
-    if not any(asked.values()) and options.video is None:
-        asked["png"] = f"{scene.name}-cspace.png"
-    for file in filter(None, (*asked.values(), options.video)):
-        check_writable(file)
-    return {"page" if kind == "html" else kind: file for kind, file in asked.items() if file}
