@@ -55,7 +55,6 @@ typedef struct {
     double center[3];  // in the joint's frame [m]
     double radius;
     double inner_radius;  // of a concentric ball inside the body, whose center is in its core; far below zero: none
-    double apart;         // distance of the center from that of the body's ball [m]
 } LinkSphere;
 
 enum { CORE_POINTS, CORE_CYLINDER };
@@ -92,7 +91,6 @@ typedef struct {
     int64_t joint_count;
     int64_t body_count;
     int64_t group_count;
-    int64_t sphere_count;
     const Joint *joints;
     const JointPlacement *placements;
     const Body *bodies;

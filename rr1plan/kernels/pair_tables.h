@@ -68,8 +68,6 @@ typedef struct {
 } MapRange;
 
 typedef struct {
-    int64_t pair_count;
-    int64_t body_pair_count;
     const double *padding;       // distance that each pair has to keep [m]
     const int64_t *obstacle_pair;  // pair of a body and an obstacle, -1: none; shape (bodies, obstacles)
     // Blocks of obstacles and of groups, group after group: those of group g are entries `first_obstacle_block[g]` to

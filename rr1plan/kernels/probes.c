@@ -9,7 +9,7 @@ INLINE void probe_sphere(SphereRef sphere, f64x8 h, const SceneTables *scene, co
 
 // Place all spheres at the middles of eight intervals of a parabola, shape (3, nq), and bound their displacement there.
 //
-// They count as placed for batch 1; `probes` has shape (sphere_count,).
+// They count as placed for batch 1; `probes` has an entry for each sphere of the arms.
 EXPORT void rr1_place_spheres(const SceneTables *scene, Scratch *scratch, const double *curve, const double middles[8],
                               const double halves[8], SphereProbe *probes) {
     const ArmGeometry *arm = scene->arm;

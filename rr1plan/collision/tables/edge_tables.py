@@ -163,7 +163,6 @@ def pair_struct(pairs: PaddedPairs, padding: Array) -> CStruct:
     def make() -> CStruct:
         return CStruct(
             "PairTables",
-            body_pair_count=len(pairs.body_pairs),
             obstacle_pair=pairs.pair_of,
             obstacle_blocks=pairs.obstacle_blocks,
             first_obstacle_block=pairs.first_obstacle_block,
@@ -175,7 +174,7 @@ def pair_struct(pairs: PaddedPairs, padding: Array) -> CStruct:
             maps=pairs.maps,
         )
 
-    return kept_in(pairs.kept, "struct", make).copied(padding=padding, pair_count=len(padding))
+    return kept_in(pairs.kept, "struct", make).copied(padding=padding)
 
 
 def edge_scratch(tables: EdgeTables, exact: CStruct, columns: int) -> CStruct:

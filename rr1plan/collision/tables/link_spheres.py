@@ -39,8 +39,8 @@ class LinkSpheres:
             first and last body, first and last entry of the chain; shape (g, 6).
         group_boxes: The box around each group in its joint's axes, low and high corner relative to the center of its
             ball [m], shape (g, 6).
-        spheres: Center in the joint's frame, radius, radius of the ball inside, distance of the center from that of the
-            body's ball [m]; those of bodies, then the balls around groups; shape (s, 6).
+        spheres: Center in the joint's frame, radius, radius of the ball inside [m]; those of bodies, then the balls
+            around groups; shape (s, 5).
         chain: Joints above each group, root first.
         chain_reach: For each, largest distance of the group's points from the joint's axis, prismatic joints at zero
             [m].
@@ -82,7 +82,6 @@ class LinkSpheres:
             joint_count=len(self.joints),
             body_count=len(self.bodies),
             group_count=len(self.groups),
-            sphere_count=len(self.spheres),
             joints=self.joints,
             placements=self.joint_values,
             bodies=self.bodies,
@@ -136,7 +135,7 @@ def _instance_spheres(instances: ArmInstances) -> LinkSpheres:
 def _joined_spheres(instances: ArmInstances) -> LinkSpheres:
     """The tables of all arms, their bases at the origin."""
     joints, values = [np.zeros((1, 3), np.int64)], [np.zeros((1, 13))]
-    bodies, groups, spheres = [np.zeros((0, 4), np.int64)], [np.zeros((0, 6), np.int64)], [np.zeros((0, 6))]
+    bodies, groups, spheres = [np.zeros((0, 4), np.int64)], [np.zeros((0, 6), np.int64)], [np.zeros((0, 5))]
     group_boxes = [np.zeros((0, 6))]
     chains, reaches, body = [np.zeros(0, np.int64)], [np.zeros(0)], [np.zeros(0, np.int64)]
     cores, first_core = _SharedCores(), [np.zeros((0, 7), np.int64)]
@@ -226,7 +225,7 @@ def _arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
     joints = _driven_joints(arm_tables(geometry))
     body = np.where(geometry.groups > 0, np.cumsum(geometry.groups > 0) - 1, -1)
     moving = [solid for solid, group in zip(geometry.solids, geometry.groups, strict=True) if group > 0]
-    bodies, spheres = np.zeros((len(moving), 4), np.int64), [np.zeros((0, 6))]
+    bodies, spheres = np.zeros((len(moving), 4), np.int64), [np.zeros((0, 5))]
     chains: list[list[int]] = []
     reaches: list[list[float]] = []
     boxes = np.zeros((len(moving), 6))
@@ -310,7 +309,7 @@ def _group(
         ball = enclosing_ball(spheres[within, :4])
         # The balls around the bodies contain them too.
         ball[3] = min(ball[3], ball_reach(spheres[balls, :4], ball[:3]).max() * (1.0 + 1e-9))
-        rows.append(np.array([[*ball, _NOTHING, 0.0]]))
+        rows.append(np.array([[*ball, _NOTHING]]))
     return bodies, groups, np.concatenate(rows), chain, reach
 
 
@@ -350,8 +349,7 @@ def _sphere_rows(made: SphereCover, T: Array) -> Array:
     centers = np.concatenate([made.ball[None, :3], made.centers])
     radii = np.array([made.ball[3], *made.radii])
     inner = np.array([_NOTHING, *np.maximum(made.inner, _NOTHING)])
-    distances = np.linalg.norm(centers - centers[0], axis=1) * (1.0 + 1e-9) + 1e-12
-    return np.column_stack([centers @ T[:3, :3].T + T[:3, 3], radii, inner, distances])
+    return np.column_stack([centers @ T[:3, :3].T + T[:3, 3], radii, inner])
 
 
 def _reaches(joints: _Joints, above: list[int], points: Array) -> list[float]:
