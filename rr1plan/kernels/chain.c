@@ -152,11 +152,3 @@ EXPORT void rr1_chain_errors(const Chain *chain, const IkTarget *target, const d
     errors[0] = sqrt_number(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);
     errors[1] = target->weight > 0.0 ? sqrt_number(e[3] * e[3] + e[4] * e[4] + e[5] * e[5]) / target->weight : 0.0;
 }
-
-// The error at q, shape (6,), and its Jacobian by column of q, shape (nq, 6). Returns the number of its entries in use.
-EXPORT int64_t rr1_chain_jacobian(const Chain *chain, const IkTarget *target, const double *q, int64_t nq,
-                                  double error[6], double (*jacobian)[6]) {
-    ChainPose poses[chain->joint_count + 1];
-    ik_error(chain, target, q, poses, error);
-    return ik_jacobian(chain, target, poses, error, nq, jacobian);
-}

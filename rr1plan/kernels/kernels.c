@@ -30,7 +30,7 @@
 #include "mesh_simd.c"
 #include "broad_phase.c"
 #include "certify_edge.c"
-// Loops of planners, which ask for certified edges.
+// Loops of planners, which certify edges.
 #include "trees.c"
 #include "tree_samples.c"
 #include "rrt_connect.c"
@@ -42,14 +42,15 @@
 #include "polyline.c"
 #include "chain.c"
 #include "inverse_kinematics.c"
-#include "planner_probes.c"
-#include "probes.c"
 // Motions along paths.
 #include "path_grid.c"
 #include "parameterize.c"
 #include "timed_pieces.c"
 #include "blends.c"
 #include "hops.c"
+// Entries for tests.
+#include "probes.c"
+#include "planner_probes.c"
 // Simulations, which pages do not have.
 #include "arm_dynamics.h"
 #ifndef __wasm__

@@ -147,20 +147,6 @@ static double tightest_row(const double *alpha, const double *beta, double x, do
     return most;
 }
 
-EXPORT double rr1_highest_speed(const double *alpha, const double *beta, int64_t count, double high) {
-    return highest_speed(alpha, beta, count, high);
-}
-
-EXPORT double rr1_next_speed(const double *alpha, const double *beta, int64_t count, double x, double high) {
-    return next_speed(alpha, beta, count, x, high);
-}
-
-// Rows of an interval of a curve with one piece, shape (ROWS(nq),) each; see `fill_rows`.
-EXPORT void rr1_fill_rows(const PathCurve *curve, double offset, double delta, const RateLimits *limits, double *alpha,
-                          double *beta) {
-    fill_rows(curve->coefficients, curve->column_count, offset, delta, limits, alpha, beta);
-}
-
 typedef struct {
     double *x;         // squared speeds at the gridpoints, shape (count + 1,)
     double duration;   // of the motion [s]

@@ -31,10 +31,4 @@ INLINE void draw_in_box(uint64_t *state, const double *lower, const double *exte
 
 EXPORT double rr1_draw_uniform(uint64_t *state) { return draw_uniform(state); }
 
-EXPORT int64_t rr1_draw_index(uint64_t *state, int64_t count) { return draw_index(state, count); }
-
-EXPORT void rr1_draw_in_box(uint64_t *state, const double *lower, const double *extent, int64_t nq, double *q) {
-    draw_in_box(state, lower, extent, nq, q);
-}
-
 #endif
