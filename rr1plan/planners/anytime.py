@@ -46,7 +46,6 @@ class AnytimePlanner(Planner):
     """
 
     name = "anytime"
-    optimizing = True
 
     def __init__(self, *, range: float = 0.0) -> None:
         self.range = number_from_zero("range", range)

@@ -47,7 +47,6 @@ class Roadmap(Planner):
     """
 
     name = _NAME
-    optimizing = False
 
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None, *, samples: int = _SAMPLES) -> None:
         of_kind("scene", scene, Scene)
@@ -146,7 +145,6 @@ class RoadmapPlanner(Planner):
     """
 
     name = _NAME
-    optimizing = False
 
     def __init__(self, *, samples: int = _SAMPLES) -> None:
         self.samples = checked_samples(samples)

@@ -27,7 +27,6 @@ class RrtConnect(Planner):
     """
 
     name = "rrt_connect"
-    optimizing = False
 
     def __init__(self, *, range: float = 0.0, tree: bool = False) -> None:
         self.range = number_from_zero("range", range)
