@@ -214,7 +214,7 @@ class _Writer:
         """Write an element below one with the tag `parent`."""
         attributes = self._attributes(element, parent)
         written = "".join(f" {name}={quoteattr(value)}" for name, value in attributes.items())
-        children = list(self._children(element, parent, depth))
+        children = list(self._children(element, depth))
         self.lines.append(element)
         if not children and depth > 0:
             self.texts.append(f"<{element.tag}{written}/>")
@@ -231,7 +231,7 @@ class _Writer:
         self.texts.append(text)
         self.lines.append(None)
 
-    def _children(self, element: Element, parent: str, depth: int) -> Iterator[Element]:
+    def _children(self, element: Element, depth: int) -> Iterator[Element]:
         section = "" if depth == 0 else element.tag
         skipped = (*_LEFT_OUT.get(section, ()), *_LEFT_OUT_ANYWHERE)
         for child in element.children:
