@@ -3,7 +3,8 @@
 The compiled planners wrap continuous joints (`rrt_connect.c`). For other planners these joints are unrolled: real
 intervals of two and a half turns around the start, with all copies of a goal within one turn. In both cases
 a path may cross half a turn, goes the shorter way round if that is free, and consists of the straight lines that
-were certified.
+were certified. Revolute joints with a wide range are bounded likewise for other planners; the compiled ones widen their
+search.
 """
 
 from __future__ import annotations
@@ -57,13 +58,21 @@ class Space:
 
     @staticmethod
     def unrolled(problem: Problem, goals: Array) -> Space:
-        """The joints' limits, continuous joints as plain numbers around the start.
+        """The joints' limits, continuous joints as plain numbers around the start, wide ranges around start and goals.
 
         Raises:
             InputError: a joint without limits that is not continuous.
         """
         space = joint_space(problem.scene, problem.arms)
-        return space._widened(problem, goals, unrolled=space.continuous)
+        whole = space._widened(problem, goals, unrolled=space.continuous)
+        turning = np.concatenate([rotary(problem.scene.arms[name].robot) for name in problem.arms])
+        bounded = space.is_wide & turning & ~space.continuous
+        if not bounded.any():
+            return whole
+        low, high = np.minimum(problem.start, goals.min(axis=0)), np.maximum(problem.start, goals.max(axis=0))
+        lower = np.where(bounded, np.maximum(whole.lower, low - _WINDOW), whole.lower)
+        upper = np.where(bounded, np.minimum(whole.upper, high + _WINDOW), whole.upper)
+        return Space(lower, upper, whole.wraps, whole.continuous)
 
     def _widened(self, problem: Problem, goals: Array, unrolled: NDArray[np.bool_]) -> Space:
         start, wraps = problem.start, self.wraps & ~unrolled
@@ -84,6 +93,11 @@ class Space:
         return self.upper - self.lower
 
     @cached_property
+    def is_wide(self) -> NDArray[np.bool_]:
+        """Mask of the columns that are searched near the start and the goals first, shape (nq,)."""
+        return self.extent > constants()["WIDE_TURNS"] * TURN
+
+    @cached_property
     def movable(self) -> NDArray[np.bool_]:
         """Mask of the columns that can move, shape (nq,)."""
         return self.lower < self.upper
@@ -102,8 +116,7 @@ class Space:
     def diagonal(self) -> float:
         """Length of the space's diagonal [rad], with 2 pi for a continuous joint and a wide range."""
         # The longest edge follows from the diagonal; it must not grow with turns that hardly any path makes.
-        is_wide = self.extent > constants()["WIDE_TURNS"] * TURN
-        extents = np.where(self.continuous | is_wide, TURN, self.extent)
+        extents = np.where(self.continuous | self.is_wide, TURN, self.extent)
         return float(np.sqrt(extents.dot(extents)))
 
     def reduce(self, q: Array) -> Array:

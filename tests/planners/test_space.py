@@ -157,3 +157,25 @@ def test_an_escape_sample_is_no_longer_than_a_step_within_limits_and_may_go_any_
     moved = np.array(found)[:, ~still]
     assert (moved.max(axis=0) > 0.0).all()
     assert (moved.min(axis=0) < 0.0).all()
+
+
+def test_planners_without_wrapping_search_wide_turning_joints_near_the_start_and_the_goals():
+    wide = 1000.0 * TURN
+    arm = rp.planar_arm("RR", limits=[(-wide, wide), (-2.0 * TURN, 2.0 * TURN)])
+    problem = rp.Problem(rp.Scene().with_arm("arm", arm), [wide - 1.0, 0.0], [3.0, 1.0])
+    space = Space.unrolled(problem, np.array([[3.0, 1.0]]))
+    assert -TURN * 1.5 < space.lower[0] < 3.0 - TURN
+    assert space.upper[0] == wide  # not beyond the limit
+    assert (space.lower[1], space.upper[1]) == (-2.0 * TURN, 2.0 * TURN)
+    # A gantry does not come to the same place again.
+    gantry = rp.planar_arm("PP", limits=[(-40.0, 40.0), (-3.0, 3.0)])
+    sliding = rp.Problem(rp.Scene().with_arm("arm", gantry), [0.0, 0.0], [1.0, 1.0])
+    assert Space.unrolled(sliding, np.array([[1.0, 1.0]])).upper.tolist() == [40.0, 3.0]
+
+
+def test_ompl_finds_paths_between_wide_turning_joints():
+    arm = rp.planar_arm("RR", limits=[(-1000.0 * TURN, 1000.0 * TURN), (-2.5, 2.5)])
+    scene = rp.Scene().with_arm("arm", arm).with_obstacle("post", rp.Sphere(0.1), [1.2, 0.0, 0.0])
+    problem = rp.Problem(scene, [-1.0, 0.0], [1.0, 0.0])
+    for seed in range(3):
+        assert rp.plan(problem, planner="ompl_rrt_connect", budget=COUNTED, rng=seed).iterations < 1000
