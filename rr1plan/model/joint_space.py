@@ -39,12 +39,14 @@ class Space:
         wraps: Columns without limits that are equivalent modulo 2 pi, shape (nq,).
         continuous: Columns without limits, shape (nq,). A continuous joint that a mimic joint follows by half turns
             does not wrap.
+        rotary: Columns that are equivalent modulo 2 pi within their limits, shape (nq,).
     """
 
     lower: Array
     upper: Array
     wraps: NDArray[np.bool_]
     continuous: NDArray[np.bool_]
+    rotary: NDArray[np.bool_]
 
     @staticmethod
     def around(problem: Problem, goals: Array) -> Space:
@@ -64,15 +66,22 @@ class Space:
             InputError: a joint without limits that is not continuous.
         """
         space = joint_space(problem.scene, problem.arms)
-        whole = space._widened(problem, goals, unrolled=space.continuous)
-        turning = np.concatenate([rotary(problem.scene.arms[name].robot) for name in problem.arms])
-        bounded = space.is_wide & turning & ~space.continuous
+        ends = np.vstack([problem.start, goals])
+        return space.bounded_near(ends)._widened(problem, goals, unrolled=space.continuous)
+
+    def bounded_near(self, configurations: Array) -> Space:
+        """The space with wide ranges of turning joints bounded to one and a quarter turns of configurations.
+
+        Args:
+            configurations: Configurations [rad or m], shape (k, nq), k >= 1.
+        """
+        bounded = self.is_wide & self.rotary & ~self.continuous
         if not bounded.any():
-            return whole
-        low, high = np.minimum(problem.start, goals.min(axis=0)), np.maximum(problem.start, goals.max(axis=0))
-        lower = np.where(bounded, np.maximum(whole.lower, low - _WINDOW), whole.lower)
-        upper = np.where(bounded, np.minimum(whole.upper, high + _WINDOW), whole.upper)
-        return Space(lower, upper, whole.wraps, whole.continuous)
+            return self
+        low, high = configurations.min(axis=0) - _WINDOW, configurations.max(axis=0) + _WINDOW
+        lower = np.where(bounded, np.maximum(self.lower, low), self.lower)
+        upper = np.where(bounded, np.minimum(self.upper, high), self.upper)
+        return Space(lower, upper, self.wraps, self.continuous, self.rotary)
 
     def _widened(self, problem: Problem, goals: Array, unrolled: NDArray[np.bool_]) -> Space:
         start, wraps = problem.start, self.wraps & ~unrolled
@@ -85,7 +94,7 @@ class Space:
         # The start and goals satisfy the limits up to rounding; a planner requires them exactly.
         lower = np.minimum(lower, np.minimum(start, goals.min(axis=0)))
         upper = np.maximum(upper, np.maximum(start, goals.max(axis=0)))
-        return Space(lower, upper, wraps, self.continuous)
+        return Space(lower, upper, wraps, self.continuous, self.rotary)
 
     @cached_property
     def extent(self) -> Array:
@@ -141,8 +150,8 @@ def joint_space(scene: Scene, arms: Sequence[str]) -> Space:
 def _joint_space(robots: tuple[Robot, ...]) -> Space:
     limits = Limits.stack([robot.limits for robot in robots])
     continuous = np.concatenate([robot.continuous for robot in robots]) > 0.0
-    wraps = continuous & np.concatenate([rotary(robot) for robot in robots])
-    return Space(limits.lower, limits.upper, wraps, continuous)
+    turning = np.concatenate([rotary(robot) for robot in robots])
+    return Space(limits.lower, limits.upper, continuous & turning, continuous, turning)
 
 
 def with_copies(problem: Problem, goals: Array) -> Array:

@@ -14,6 +14,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct, constants, load_library
 from rr1plan.kernels.random_state import random_state
+from rr1plan.model.joint_space import joint_space
 from rr1plan.planners.planning_query import Pace
 from rr1plan.planning import SearchTree
 from rr1plan.scene import Scene
@@ -32,7 +33,8 @@ class Graph:
         arms: The arms that move.
 
     Attributes:
-        samples: Samples drawn so far, from a fixed sequence, so a graph is a function of their number.
+        samples: Samples drawn so far, from a fixed sequence, so a graph is a function of their number. Wide ranges of
+            turning joints are sampled near home only.
         checks: Edges and samples checked so far.
 
     Raises:
@@ -40,10 +42,11 @@ class Graph:
     """
 
     def __init__(self, scene: Scene, arms: Sequence[str]) -> None:
-        limits = scene.limits(arms)
-        self._wraps = np.concatenate([scene.arm(name).robot.continuous for name in arms]) > 0.0
-        self._lower = np.where(self._wraps, -np.pi, limits.lower)
-        self._extent = np.where(self._wraps, _TURN, limits.upper - limits.lower)
+        home = np.concatenate([scene.arm(name).robot.home for name in arms])
+        space = joint_space(scene, arms).bounded_near(home[None])
+        self._wraps = space.wraps
+        self._lower = np.where(self._wraps, -np.pi, space.lower)
+        self._extent = np.where(self._wraps, _TURN, space.extent)
         unbounded = np.flatnonzero(~np.isfinite(self._lower) | ~np.isfinite(self._extent))
         if len(unbounded):
             name = scene.joint_names(arms)[unbounded[0]]

@@ -185,3 +185,10 @@ def test_a_senseless_number_of_samples_is_refused(seam, wrong):
     for ask in (roadmap.grow, lambda n: Roadmap(seam.scene, samples=n), lambda n: RoadmapPlanner(samples=n)):
         with pytest.raises(InputError, match="samples"):
             ask(wrong)
+
+
+def test_wide_ranges_of_turning_joints_are_sampled_near_home():
+    turns = 1000.0 * 2.0 * np.pi
+    arm = rp.planar_arm("RR", limits=[(-turns, turns), (-2.5, 2.5)])
+    vertices = rp.Roadmap(rp.Scene().with_arm("arm", arm), samples=200).graph.vertices
+    assert abs(vertices[:, 0] - arm.home[0]).max() <= 2.5 * np.pi

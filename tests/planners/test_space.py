@@ -173,9 +173,10 @@ def test_planners_without_wrapping_search_wide_turning_joints_near_the_start_and
     assert Space.unrolled(sliding, np.array([[1.0, 1.0]])).upper.tolist() == [40.0, 3.0]
 
 
-def test_ompl_finds_paths_between_wide_turning_joints():
+@pytest.mark.parametrize("planner", ["ompl_rrt_connect", "roadmap"])
+def test_other_planners_find_paths_of_wide_turning_joints_early(planner):
     arm = rp.planar_arm("RR", limits=[(-1000.0 * TURN, 1000.0 * TURN), (-2.5, 2.5)])
     scene = rp.Scene().with_arm("arm", arm).with_obstacle("post", rp.Sphere(0.1), [1.2, 0.0, 0.0])
     problem = rp.Problem(scene, [-1.0, 0.0], [1.0, 0.0])
     for seed in range(3):
-        assert rp.plan(problem, planner="ompl_rrt_connect", budget=COUNTED, rng=seed).iterations < 1000
+        assert rp.plan(problem, planner=planner, budget=COUNTED, rng=seed).iterations < 1000
