@@ -1,26 +1,44 @@
-"""MuJoCo's warnings as a list."""
+"""MuJoCo's warnings as lists, separate for simulations on different threads."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 import mujoco
+
+# The list for warnings of the present thread. A thread that works for another one runs in a copy of its context.
+_collector: ContextVar[list[str] | None] = ContextVar("_collector", default=None)
+# All lists that are in use, for warnings of MuJoCo's own threads. MuJoCo has one handler for the process.
+_collectors: list[list[str]] = []
+_lock = threading.Lock()
 
 
 @contextmanager
 def mujoco_warnings() -> Iterator[list[str]]:
-    """Collect MuJoCo's warnings, which it otherwise writes to MUJOCO_LOG.TXT in the working directory.
+    """Collect the warnings of this thread, which MuJoCo otherwise writes to MUJOCO_LOG.TXT in the working directory.
 
     A handler that the caller has installed is kept, and gets them instead.
     """
     found: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    if before is not None:
-        yield found
-        return
-    mujoco.set_mju_user_warning(found.append)
+    with _lock:
+        _collectors.append(found)
+        if mujoco.get_mju_user_warning() is None:
+            mujoco.set_mju_user_warning(_note)
+    before = _collector.set(found)
     try:
         yield found
     finally:
-        mujoco.set_mju_user_warning(None)
+        _collector.reset(before)
+        with _lock:
+            _collectors[:] = [other for other in _collectors if other is not found]
+            if not _collectors and mujoco.get_mju_user_warning() is _note:
+                mujoco.set_mju_user_warning(None)
+
+
+def _note(text: str) -> None:
+    own = _collector.get()
+    for found in list(_collectors) if own is None else [own]:
+        found.append(text)

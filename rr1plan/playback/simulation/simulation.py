@@ -23,6 +23,7 @@ import weakref
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from contextvars import copy_context
 from dataclasses import replace
 from functools import wraps
 from typing import Any, NoReturn, TypeVar, cast
@@ -727,7 +728,8 @@ class Simulation:
             for worker in range(self._threads):
                 work(worker)
             return
-        futures = [self._pool.submit(work, worker) for worker in range(1, self._threads)]
+        # With this thread's context, in which MuJoCo's warnings are collected.
+        futures = [self._pool.submit(copy_context().run, work, worker) for worker in range(1, self._threads)]
         work(0)
         for future in futures:
             future.result()
