@@ -37,7 +37,13 @@ from rr1plan.sequences.grippers import (
 )
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, Pause, Segment, StraightLine
 from rr1plan.sequences.sequence import Sequence, goals_by_arm, goals_of_links
-from rr1plan.sequences.stages import changed_scene, is_last_release, released_scene, resolved_change
+from rr1plan.sequences.stages import (
+    changed_scene,
+    is_last_release,
+    released_scene,
+    resolved_change,
+    scene_of_changes,
+)
 from rr1plan.trajectory import Trajectory
 
 # Configurations of one goal, and of all goals of a free motion.
@@ -265,14 +271,19 @@ class SequenceSearch:
             except InputError as error:
                 self._fail(k, PlanStatus.INFEASIBLE, str(error))
                 return
-            # No later segment checks the scene after the last releases.
-            following = self._sequence.segments[k + 1 :]
-            if (
-                not isinstance(change, Detach)
-                or not is_last_release(change, following)
-                or self._is_free_at_rest(k, released_scene(scene, change))
+            if all(
+                self._is_free_at_rest(k, unchecked) for unchecked in self._unchecked_scenes(k, change, scene, after)
             ):
                 yield PlannedSegment(change), after
+
+    def _unchecked_scenes(self, k: int, change: Attach | Detach, scene: Scene, after: Scene) -> Iterator[Scene]:
+        """The scenes at segment k that no segment with a duration checks: releases at the end, changes only."""
+        segments = self._sequence.segments
+        if isinstance(change, Detach) and is_last_release(change, segments[k + 1 :]):
+            yield released_scene(scene, change)
+        if k + 1 == len(segments) and all(isinstance(segment, Attach | Detach) for segment in segments):
+            changes = [segment for segment in segments if isinstance(segment, Attach | Detach)]
+            yield scene_of_changes(after, [c.obstacle if isinstance(c, Attach) else c.name for c in changes])
 
     def _is_free_at_rest(self, k: int, scene: Scene) -> bool:
         """Whether a scene is free in its configuration; records the reason if not."""

@@ -18,7 +18,15 @@ from rr1plan.progress import ProgressCallback
 from rr1plan.report import Margin, Report, Violation, ViolationKind
 from rr1plan.scene import Scene
 from rr1plan.sequences.segments import Detach
-from rr1plan.sequences.stages import SequenceStage, check_stages, is_last_release, released_scene, stage_scenes
+from rr1plan.sequences.stages import (
+    SequenceStage,
+    carried_names,
+    check_stages,
+    is_last_release,
+    released_scene,
+    scene_of_changes,
+    stage_scenes,
+)
 from rr1plan.trajectory import Trajectory
 from rr1plan.validation import validate
 
@@ -76,6 +84,8 @@ def validate_stages(
             if v.kind != "rest" or not _goes_through(trajectory, stages, k, v.time)
         ]
         reports.append(replace(report, violations=tuple(named)))
+    if all(stage.end == stage.begin for stage in stages):
+        reports.append(_at_rest(scene_of_changes(scenes[-1], carried_names(stages)), torque_limits))
     violations += [violation for report in reports for violation in report.violations]
     violations += _overlaps_at_the_end(trajectory.end_time, stages, [scene, *scenes])
     return _merged(reports, violations, trajectory.duration)
@@ -119,6 +129,12 @@ def _overlaps_at_the_end(time: float, stages: Sequence[SequenceStage], scenes: S
             if v.kind == "collision"
         ]
     return violations
+
+
+def _at_rest(scene: Scene, torque_limits: bool) -> Report:
+    """The verdict on a scene in which nothing moves."""
+    still = Trajectory.rest(scene.joint_names(), scene.configuration())
+    return validate(still, scene, torque_limits=torque_limits)
 
 
 def _jumps(

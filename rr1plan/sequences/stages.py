@@ -173,6 +173,22 @@ def changed_scene(scene: Scene, change: Attach | Detach | None) -> Scene:
     return scene if change is None else scene.detach(change.name)
 
 
+def scene_of_changes(scene: Scene, names: Sequence[str]) -> Scene:
+    """The scene after a sequence that only attaches and detaches objects, with the contacts that it may end with.
+
+    Attached objects may touch what they stand on. `released_scene` decides on contacts of released objects.
+
+    Args:
+        scene: The scene after the sequence.
+        names: The objects that were attached or detached.
+    """
+    allowed = set(scene.allowed)
+    for name in names:
+        others = scene.obstacles if name in scene.attachments else scene.element_names
+        allowed |= {pair(name, other) for other in others if other != name}
+    return replace(scene, allowed=frozenset(allowed))
+
+
 def is_last_release(change: Detach, following: Sequence[object]) -> bool:
     """Whether a sequence ends with a release: only changes of other objects follow it."""
     return all(

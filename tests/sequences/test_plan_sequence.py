@@ -9,6 +9,7 @@ import pytest
 from sequences.conftest import tool_down
 
 import rr1plan as rp
+from rr1plan.sequences.stage_validation import validate_stages
 
 
 def plan_of(scene: rp.Scene, *segments: object, **options: object) -> rp.SequencePlan:
@@ -187,6 +188,21 @@ def test_a_release_at_the_end_is_checked(rr1: rp.Robot) -> None:
     # While the object is held, the wrist may touch it.
     assert plan_of(scene, rp.FreeMotion("raised"))
     assert plan_of(scene.allow("arm/wrist_link", "box"), rp.FreeMotion("raised"), rp.Detach("box"))
+
+
+@pytest.mark.parametrize("segments", [[rp.Attach("block")], [rp.Attach("block"), rp.Detach("block")]])
+def test_a_sequence_without_motion_is_checked(table: rp.Scene, segments: list[rp.Segment]) -> None:
+    plan = rp.plan_sequence(rp.Sequence(table, segments), rng=0)
+    assert plan.found
+    assert plan.report.valid
+    assert "collision" in plan.report.checked
+    inside = table.with_obstacle("wall", rp.Box((0.3, 0.3, 0.3)), [0.0, 0.0, 0.4])
+    blocked = rp.plan_sequence(rp.Sequence(inside, segments), rng=0)
+    assert not blocked.found
+    assert blocked.failed == len(segments) - 1
+    assert "'wall' overlap" in blocked.reason
+    report = validate_stages(plan.trajectory, inside, plan.stages)
+    assert "collision" in {violation.kind for violation in report.violations}
 
 
 def test_fingers_may_squeeze_what_they_release_at_the_end(rr1: rp.Robot) -> None:
