@@ -180,6 +180,12 @@ class Mine(rp.Planner):
         return rp.PlanResult(rp.PlanStatus.TIMEOUT, None)
 
 
+class Still(rp.Controller):
+    def update(self, state: rp.JointState) -> rp.SetPoint:
+        return rp.SetPoint([0.0, 0.1], velocities=(0.0, 0.0))
+
+
+positions: rp.Array = rp.SetPoint([0.0]).positions
 rp.plan(problem, planner=Mine())
 rp.register_planner("mine", Mine)
 motion.show(options=rp.ViewOptions(view="top", quiet=True)).wait()

@@ -16,7 +16,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,8 +60,15 @@ class JointState(NamedTuple):
     efforts: Array
 
 
-class SetPoint(NamedTuple):
-    """Set-points for the servos of some joints.
+class _SetPointArrays(NamedTuple):
+    positions: Array
+    velocities: Array | None = None
+    accelerations: Array | None = None
+    efforts: Array | None = None
+
+
+class SetPoint(_SetPointArrays):
+    """Set-points for the servos of some joints; lists serve as arrays.
 
     Args:
         positions: Positions [rad or m], shape (n,).
@@ -70,10 +77,18 @@ class SetPoint(NamedTuple):
         efforts: Torques or forces to add to the feed-forward [Nm or N], shape (n,); None: zero.
     """
 
-    positions: Array
-    velocities: Array | None = None
-    accelerations: Array | None = None
-    efforts: Array | None = None
+    __slots__ = ()
+
+    if TYPE_CHECKING:  # accepted types; the fields above are arrays where this package reads them
+
+        def __new__(
+            cls,
+            positions: ArrayLike,
+            velocities: ArrayLike | None = None,
+            accelerations: ArrayLike | None = None,
+            efforts: ArrayLike | None = None,
+        ) -> SetPoint:
+            """Accept lists and arrays."""
 
 
 class Controller(ABC):
