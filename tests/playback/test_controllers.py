@@ -830,6 +830,48 @@ def test_huge_numbers_are_refused_and_warnings_collected(
     assert capfd.readouterr() == ("", "")
 
 
+def test_simulations_on_threads_collect_their_own_warnings(
+    scene: rp.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    running, ended = threading.Event(), threading.Event()
+    quiet, loud = rp.Simulation(scene), rp.Simulation(scene)
+
+    def wait(_: rp.Simulation) -> None:
+        running.set()
+        ended.wait(30.0)
+
+    quiet.on_step(wait)
+    thread = threading.Thread(target=quiet.step)
+    thread.start()
+    running.wait(30.0)
+    loud.data.qvel[0] = np.nan
+    try:
+        with pytest.raises(rp.BackendError, match=r"unstable at 0\.002 s \(.*QPOS"):
+            loud.step()
+    finally:
+        ended.set()
+        thread.join()
+    assert loud.warnings
+    assert not quiet.warnings
+    assert mujoco.get_mju_user_warning() is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_warnings_of_models_on_threads_are_collected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    far, robot = rp.Scene(), rp.planar_arm("RR")
+    for k in range(61):
+        far = far.with_arm(f"a{k}", robot, [10.0 * k, 0.0, 0.0])
+    sim = rp.Simulation(far, threads=2)
+    assert len(sim.tiles) > 1
+    sim.tiles[-1].data.qvel[0] = np.nan
+    with pytest.raises(rp.BackendError, match="QPOS"):
+        sim.step()
+    assert "QPOS" in sim.warnings[0]
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> None:
     class Raises(rp.Controller):
         def update(self, state: rp.JointState) -> rp.SetPoint:
@@ -875,6 +917,66 @@ def test_controllers_that_fail_are_named_and_nothing_moves(scene: rp.Scene) -> N
             sim.step()
         assert sim.steps == 0
         np.testing.assert_array_equal(sim.configuration(), scene.configuration())
+
+
+def test_a_repeated_step_updates_each_controller_once(scene: rp.Scene) -> None:
+    """Controllers before one that fails are not updated again when the step is repeated."""
+
+    class FailsOnce(rp.Controller):
+        failed = False
+
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            if not self.failed:
+                self.failed = True
+                raise OSError("no signal")
+            return rp.SetPoint(state.positions)
+
+    drift, flaky = rp.ForwardVelocityController(ARM[:1]), FailsOnce(ARM[1:])
+    sim = rp.Simulation(scene)
+    sim.activate(drift)
+    sim.activate(flaky)
+    drift.command([0.5])
+    before = sim.set_points[0]
+    with pytest.raises(rp.ControllerError, match="no signal"):
+        sim.step()
+    assert sim.set_points[0] == before
+    sim.step()
+    assert sim.set_points[0] == before + 0.5 * sim.dt
+    sim.step()
+    assert sim.set_points[0] == pytest.approx(before + 2 * 0.5 * sim.dt, abs=1e-12)
+
+
+def test_all_controllers_learn_of_passed_steps_if_one_fails(scene: rp.Scene) -> None:
+    class Fails(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            return rp.SetPoint(np.zeros(1))
+
+        def preview(self, times: rp.Array) -> rp.SetPoint:
+            return rp.SetPoint(np.zeros((len(times), 1)))
+
+        def passed(self, times: rp.Array, positions: rp.Array) -> None:
+            raise OSError("disk full")
+
+    follow, sim = rp.JointTrajectoryController(ARM[1:]), rp.Simulation(scene)
+    sim.activate(Fails(ARM[:1]))
+    sim.activate(follow)
+    with pytest.raises(rp.ControllerError, match="disk full"):
+        sim.step(8)
+    # A trajectory may begin now, which the controller knows only if it was called.
+    assert follow.send(motion(scene, ARM[1:])).start == sim.time
+
+
+def test_a_controller_may_deactivate_itself(scene: rp.Scene) -> None:
+    class Leaves(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            sim.deactivate(self)
+            return rp.SetPoint(state.positions + 1.0)
+
+    sim = rp.Simulation(scene)
+    sim.activate(Leaves(ARM))
+    sim.step(3)
+    assert not sim.controllers
+    np.testing.assert_array_equal(sim.set_points[: len(ARM)], scene.configuration())
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "own"])

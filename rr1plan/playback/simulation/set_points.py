@@ -49,6 +49,9 @@ class SetPoints:
         self._joints = joints
         self._rows = Rows(4, len(joints.names))
         self.active: dict[Controller, NDArray[np.int64] | slice] = {}
+        # Set-points of controllers that were updated in a step in which a later controller failed. If the step is
+        # repeated, they are not updated again.
+        self._updated: dict[Controller, list[Array | float]] = {}
         self.hold(np.zeros(len(joints.names)))
 
     def hold(self, positions: Array) -> None:
@@ -60,12 +63,14 @@ class SetPoints:
 
     def add(self, controller: Controller, indices: NDArray[np.int64]) -> None:
         """Let a controller command the joints with these indices."""
+        self._updated.pop(controller, None)
         self.active[controller] = as_slice(indices)
         self._leading = self._leading or self._joints.leads(indices)
 
     def remove(self, controller: Controller) -> None:
         """Remove a controller; its joints hold their last commanded positions."""
         indices = self.active.pop(controller)
+        self._updated.pop(controller, None)
         for rates in self.desired[1:]:
             rates[indices] = 0.0
 
@@ -79,10 +84,16 @@ class SetPoints:
             ControllerError: a controller raised something or returned no set-points.
         """
         for controller, indices in list(self.active.items()):
+            if controller in self._updated or controller not in self.active:
+                continue
             point = _call(controller, controller.update, part_of(state, indices), state.time)
             rows = _checked(controller, point, (len(controller.joint_names),), state.time)
+            if controller in self.active:  # an update may deactivate controllers
+                self._updated[controller] = rows
+        for controller, rows in self._updated.items():
             for desired, values in zip(self.desired, rows, strict=True):
-                desired[indices] = values
+                desired[self.active[controller]] = values
+        self._updated.clear()
         if self._leading:
             self._joints.follow_all(self.desired)
         return self.desired[None].copy()
@@ -127,11 +138,14 @@ class SetPoints:
             ControllerError: a controller raised something.
         """
         self.desired = desired[-1].copy()
+        failed: tuple[Controller, Exception] | None = None
         for controller, indices in list(self.active.items()):
             try:
                 controller.passed(times, positions[:, indices])
             except Exception as error:
-                raise _failure(controller, error, float(times[-1])) from error
+                failed = failed or (controller, error)
+        if failed is not None:
+            raise _failure(*failed, float(times[-1])) from failed[1]
 
 
 def as_slice(indices: NDArray[np.int64]) -> NDArray[np.int64] | slice:
