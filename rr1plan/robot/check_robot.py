@@ -31,7 +31,7 @@ def check_robot(robot: Robot) -> Robot:
         _check_mimic(robot, joint)
     for link in robot.links:
         if link.inertial is not None:
-            _check_inertial(link.name, link.inertial)
+            check_inertial(link.name, link.inertial)
     _check_driven_joints(robot)
     for name in (name for both in robot.disabled_collisions for name in both):
         known_name("link", name, robot.link_names)
@@ -100,7 +100,12 @@ def _check_mimic(robot: Robot, joint: Joint) -> None:
         seen.append(joint.name)
 
 
-def _check_inertial(link: str, inertial: Inertial) -> None:
+def check_inertial(link: str, inertial: Inertial) -> None:
+    """Require the mass, center and inertia of a body that can exist.
+
+    Raises:
+        InputError: one of them is impossible; the message names the link.
+    """
     near_array(f"center of mass of link {link!r}", inertial.com, (3,))
     inertia = finite_array(f"inertia of link {link!r}", inertial.inertia, (3, 3))
     mass = float(finite_array(f"mass of link {link!r}", inertial.mass, ()))

@@ -13,6 +13,7 @@ import numpy as np
 from rr1plan.checks import Array, read_only
 from rr1plan.errors import FormatError, InputError
 from rr1plan.robot import Geometry, Inertial, Link
+from rr1plan.robot.check_robot import check_inertial
 from rr1plan.robot.mjcf_model import CompiledDocument
 from rr1plan.shapes import Box, Capsule, Color, Cylinder, HalfSpace, Mesh, Shape, Sphere
 from rr1plan.shapes.convex_decomposition import Convexity, convex_shapes
@@ -184,9 +185,14 @@ class LinkReader:
         uses = [self.compiled.uses[g] for g in self.geoms(body)]
         moves = int(model.body_weldid[body]) != 0
         assumed = moves and not self._explicit[body] and not all(use.given_mass for use in uses)
-        return Inertial(
+        inertial = Inertial(
             mass, read_only(np.array(model.body_ipos[body])), read_only(0.5 * (inertia + inertia.T)), assumed
         )
+        try:
+            check_inertial(model.body(body).name, inertial)
+        except InputError as error:
+            raise FormatError(str(error), self.compiled.document.file) from error
+        return inertial
 
     def assumed_masses(self, bodies: Sequence[int]) -> list[int]:
         """The bodies whose mass is MuJoCo's default density times the volume of their geoms."""

@@ -10,6 +10,7 @@ from rr1plan.checks import Array, read_only
 from rr1plan.errors import FormatError, InputError
 from rr1plan.files.xml_reader import Element
 from rr1plan.robot import Geometry, Inertial, Link
+from rr1plan.robot.check_robot import check_inertial
 from rr1plan.robot.mesh_lookup import MeshLookup
 from rr1plan.robot.urdf_joints import read_origin
 from rr1plan.shapes import Box, Capsule, Color, Cylinder, Shape, Sphere
@@ -206,7 +207,12 @@ def _inertial(element: Element, link: str) -> Inertial | None:
     elif moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
         log.warning("%s:%d: link %r has an inertia no body can have: %s", *tensor.at, link, moments.tolist())
     R = pose[:3, :3]
-    return Inertial(mass, read_only(pose[:3, 3].copy()), read_only(R @ inertia @ R.T))
+    inertial = Inertial(mass, read_only(pose[:3, 3].copy()), read_only(R @ inertia @ R.T))
+    try:
+        check_inertial(link, inertial)
+    except InputError as error:
+        raise element.error(str(error)) from error
+    return inertial
 
 
 def _clipped(inertia: Array) -> Array:

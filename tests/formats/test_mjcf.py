@@ -671,6 +671,10 @@ BAD = {
         r"1: has no body that a hinge or slide joint",
     ),
     "nothing": ("<mujoco/>", r"has no body that a hinge or slide joint moves"),
+    "a mass that no body has": (
+        arm('<body name="b"><joint name="k"/><inertial mass="1e300" pos="0 0 0" diaginertia="1 1 1"/></body>'),
+        r"link 'b' has mass 1e\+300 and an inertia up to 1, which no body has",
+    ),
     "a ball joint": (
         arm('<body name="b"><joint name="k" type="ball"/><geom size="1"/></body>'),
         r"5: joint 'k' is a ball joint",

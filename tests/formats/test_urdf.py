@@ -137,6 +137,8 @@ BAD = {
     "mesh without a name": (one_shape("<mesh/>"), "filename"),
     "no mesh": (one_shape('<mesh filename="a.stl"/>'), "a.stl"),
     "negative mass": (one_mass("-1"), "mass"),
+    "mass of no body": (one_mass("1e300"), "link 'a' has mass 1e+300"),
+    "inertia of no body": (one_mass(moments=("1e300", "1e300", "1e300")), "an inertia up to 1e+300"),
     "mass nan": (one_mass("nan"), "finite"),
     "inertia missing": (
         robot_text(link_text("a", '<inertial><mass value="1"/></inertial>')),
