@@ -9,6 +9,7 @@ descriptions (many exporters write a wrong one). glTF's y axis is up and becomes
 
 from __future__ import annotations
 
+import codecs
 import io
 import logging
 import re
@@ -38,8 +39,10 @@ _WIDEST = 50.0
 # Read without colors: these files have none, or one for each vertex.
 _COLORLESS = (".stl", ".obj", ".ply")
 GLTF = (".gltf", ".glb")
-# Before a vertex or face of an OBJ; a face with a vertex that is not counted from 1 on; the vertices of a face.
+# Before a vertex or face of an OBJ; one with a comment; a face with a vertex that is not counted from 1 on; the
+# vertices of a face.
 _INDENTATION = re.compile(rb"^ +(?=[vf] )", re.MULTILINE)
+_COMMENT = re.compile(rb"^([vf] [^#\n]*)#[^\n]*", re.MULTILINE)
 _RELATIVE_FACE = re.compile(rb"^f (?:[^\n]* )?(?:-\d+|0+)(?![^/\s])", re.MULTILINE)
 _CORNER = re.compile(rb"(?<= )(-?\d{1,15})(?![^/\s])(?:/\S*)?")
 # A triangle of a binary STL.
@@ -192,13 +195,15 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
 
 
 def _regular_obj(data: bytes, file: Path) -> bytes:
-    """The OBJ with one line for each element, without indentation, and with all vertices of faces counted from 1 on.
+    """The OBJ with one line for each element and nothing else in it, and with all vertices of faces counted from 1 on.
 
-    Trimesh skips indented lines. A negative index counts back from the face's own line; trimesh counts it from the end
-    of the file, and takes 0 for the last vertex.
+    Trimesh skips indented lines and the first line after a byte order mark, and reads comments as numbers. A negative
+    index counts back from the face's own line; trimesh counts it from the end of the file, and takes 0 for the last
+    vertex.
     """
-    data = data.replace(b"\\\n", b" ").replace(b"\\\r\n", b" ").replace(b"\t", b" ")
-    data = _INDENTATION.sub(b"", data)
+    data = data.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    data = data.replace(b"\\\n", b" ").replace(b"\t", b" ")
+    data = _COMMENT.sub(rb"\1", _INDENTATION.sub(b"", data))
     if not _RELATIVE_FACE.search(data):
         return data
     lines, count = data.split(b"\n"), 0

@@ -203,6 +203,20 @@ def test_tabs_and_indentation_of_an_obj_do_not_matter(
     assert trimesh.Trimesh(part.mesh.vertices, part.mesh.faces).volume == pytest.approx(6.0)
 
 
+@pytest.mark.parametrize(
+    ("plain", "written"),
+    [(b"\n", b"\r"), (b"\n", b"\r\n"), (b"\n", b" # 1 -2 0\n"), (b"\n", b"# a corner\n"), (b"v", b"\xef\xbb\xbfv")],
+)
+def test_line_ends_comments_and_byte_order_marks_of_an_obj_do_not_matter(
+    tmp_path: Path, block: Mesh, plain: bytes, written: bytes
+) -> None:
+    text = obj(block).lstrip()
+    (tmp_path / "a.obj").write_bytes(text.replace(plain, written, 1 if plain == b"v" else -1))
+    (part,) = read_mesh(tmp_path / "a.obj")
+    assert len(part.mesh.vertices) == 8
+    assert len(part.mesh.faces) == 12
+
+
 @pytest.mark.parametrize("face", ["f 0 1 2", "f 2 1 0", "  f 1/1/1 0//3 2", "f 1 2 \\\n 0", "f 00 1 2", "f -1 -2 -9"])
 def test_an_obj_with_an_index_that_no_vertex_has_is_refused(tmp_path: Path, block: Mesh, face: str) -> None:
     (tmp_path / "a.obj").write_bytes(obj(block) + face.encode() + b"\n")
