@@ -18,6 +18,7 @@ The position of a joint is `zero + sign * reading / scale`. A file is TOML:
     zero_std = 0.0007
     scale = 802.14
     scale_std = 0.6
+    position_unit = "rad"    # "m" for joints that slide; optional
 
 A standard deviation of `inf` means that the value is assumed, not measured.
 """
@@ -59,6 +60,8 @@ from rr1plan.robot import Robot
 READING_UNITS = ("steps", "counts", "rad")
 _FORMAT, _VERSION = "rr1plan calibration", 1
 _MAX_BYTES = 1024 * 1024
+# The unit of the positions of a joint whose kind is not known, in texts.
+_EITHER = "rad or m"
 
 
 @dataclass(frozen=True)
@@ -71,10 +74,11 @@ class JointCalibration:
         scale: Change of the reading per unit of the position [steps/rad, counts/rad, ...], above zero.
         zero_std: Standard deviation of the zero [rad or m]; inf for a value that is assumed.
         scale_std: Standard deviation of the scale, in its unit; inf for a value that is assumed.
+        position_unit: Unit of positions, "rad" or "m"; "" if it is not known.
 
     Raises:
         InputError: another sign, a value that is not finite, a scale that is not positive, a negative standard
-            deviation.
+            deviation, another unit.
     """
 
     sign: int
@@ -82,6 +86,7 @@ class JointCalibration:
     scale: float
     zero_std: float = math.inf
     scale_std: float = math.inf
+    position_unit: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(self.sign, int | np.integer) or isinstance(self.sign, bool) or abs(self.sign) != 1:
@@ -91,6 +96,8 @@ class JointCalibration:
         object.__setattr__(self, "scale", positive_number("scale", self.scale))
         for name in ("zero_std", "scale_std"):
             object.__setattr__(self, name, _deviation(name, getattr(self, name)))
+        if self.position_unit != "":
+            known_name("position_unit", self.position_unit, ("rad", "m"))
 
 
 def _deviation(name: str, value: object) -> float:
@@ -140,11 +147,13 @@ class ZeroShift:
         joint: The joint.
         shift: Later zero minus earlier zero [rad or m].
         std: Standard deviation of the shift [rad or m].
+        unit: Unit of both, "rad" or "m"; "" if it is not known.
     """
 
     joint: str
     shift: float
     std: float
+    unit: str = ""
 
     @property
     def significance(self) -> float:
@@ -152,7 +161,7 @@ class ZeroShift:
         return abs(self.shift) / self.std if self.std > 0.0 else math.inf if self.shift else 0.0
 
     def __str__(self) -> str:
-        return f"{self.joint}: {self.shift:+.4f} rad or m ({self.significance:.1f} standard deviations)"
+        return f"{self.joint}: {self.shift:+.4f} {self.unit or _EITHER} ({self.significance:.1f} standard deviations)"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -213,14 +222,16 @@ class Calibration(Value):
             if name not in scales:
                 raise InputError(f"scale has no entry for joint {name!r}")
             value = finite_number(f"scale of {name!r}", scales[name])
-            joints[name] = JointCalibration(-1 if value < 0.0 else 1, 0.0, abs(value))
+            unit_of_position = position_unit(robot, name)
+            joints[name] = JointCalibration(-1 if value < 0.0 else 1, 0.0, abs(value), position_unit=unit_of_position)
         return Calibration(robot.name, joints, unit, source="assumed")
 
     def __str__(self) -> str:
         rows = [f"{self.robot}: readings in {self.unit}{', ' + self.source if self.source else ''}"]
         for name, joint in self.joints.items():
-            zero = f"zero {joint.zero:+9.5f} ± {joint.zero_std:.5f} rad or m"
-            scale = f"scale {joint.scale:.6g} ± {joint.scale_std:.2g} {self.unit} per rad or m"
+            unit = joint.position_unit or _EITHER
+            zero = f"zero {joint.zero:+9.5f} ± {joint.zero_std:.5f} {unit}"
+            scale = f"scale {joint.scale:.6g} ± {joint.scale_std:.2g} {self.unit} per {unit}"
             rows.append(f"  {name:<18} sign {joint.sign:+d}  {zero}  {scale}")
         return "\n".join(rows + ([str(self.fit)] if self.fit else []))
 
@@ -283,7 +294,7 @@ class Calibration(Value):
         if earlier.robot != self.robot or set(earlier.joints) != set(self.joints):
             raise InputError(f"the earlier calibration is of {earlier.robot!r} with {', '.join(earlier.joints)}")
         shifts = [
-            ZeroShift(name, joint.zero - old.zero, math.hypot(joint.zero_std, old.zero_std))
+            ZeroShift(name, joint.zero - old.zero, math.hypot(joint.zero_std, old.zero_std), joint.position_unit)
             for name, joint in self.joints.items()
             for old in [earlier.joints[name]]
         ]
@@ -300,11 +311,18 @@ class Calibration(Value):
         data: dict[str, Any] = {"format": _FORMAT, "version": _VERSION, "robot": self.robot}
         data |= {"date": self.date, "source": self.source}
         data["units"] = {"position": "rad", "reading": self.unit}
-        data["joints"] = {name: {key: getattr(j, key) for key in _KEYS} for name, j in self.joints.items()}
+        data["joints"] = {name: _row(joint) for name, joint in self.joints.items()}
         return write_text(file, f"# position = zero + sign * reading / scale\n{to_toml(data)}")
 
 
-_KEYS = ("sign", "zero", "zero_std", "scale", "scale_std")
+def position_unit(robot: Robot, joint: str) -> str:
+    """The unit of a joint's positions: "m" for one that slides, otherwise "rad"."""
+    return "m" if robot.joint(joint).kind == "prismatic" else "rad"
+
+
+def _row(joint: JointCalibration) -> dict[str, Any]:
+    row = {key: getattr(joint, key) for key in ("sign", "zero", "zero_std", "scale", "scale_std")}
+    return row | ({"position_unit": joint.position_unit} if joint.position_unit else {})
 
 
 def load_calibration(file: str | pathlib.Path) -> Calibration:
@@ -333,8 +351,9 @@ def load_calibration(file: str | pathlib.Path) -> Calibration:
 
 def _joint(row: Table) -> JointCalibration:
     sign = row.number("sign")
-    values = {key: row.number(key) for key in ("zero", "scale")}
+    values: dict[str, Any] = {key: row.number(key) for key in ("zero", "scale")}
     values |= {key: row.raw(key, math.inf) for key in ("zero_std", "scale_std")}
+    values["position_unit"] = row.string("position_unit", "")
     row.finish()
     with row.blame():
         return JointCalibration(int(sign) if sign == round(sign) else 0, **values)

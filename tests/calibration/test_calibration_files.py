@@ -72,13 +72,28 @@ def test_bad_files_are_refused_by_the_name_of_the_entry(
 
 
 def test_units_fit_joints_that_turn_and_joints_that_slide() -> None:
-    """A calibration has no kinds of joints: a slide of 0.1 m must not be printed as 5.73 degrees."""
+    """If the kind of a joint is not known, a slide of 0.1 m must not be printed as 5.73 degrees."""
     before, after = (
         rp.Calibration("slide", {"rail": rp.JointCalibration(1, zero, 1000.0, 0.001, 2.0)}, "counts")
         for zero in (0.1, 0.12)
     )
     assert "zero  +0.10000 ± 0.00100 rad or m  scale 1000 ± 2 counts per rad or m" in str(before)
     assert str(after.zero_shifts(before)[0]) == "rail: +0.0200 rad or m (14.1 standard deviations)"
+
+
+def test_units_of_joints_are_known_if_the_robot_is(tmp_path: Path) -> None:
+    robot = rp.planar_arm("RP")
+    found = rp.Calibration.assumed(robot, 100.0, unit="steps")
+    again = rp.load_calibration(found.save(tmp_path / "c.toml"))
+    assert again.joints == found.joints
+    turns, slides = str(again).splitlines()[1:]
+    assert "± inf rad " in turns
+    assert turns.endswith("steps per rad")
+    assert "± inf m " in slides
+    assert slides.endswith("steps per m")
+    assert [shift.unit for shift in again.zero_shifts(found)] == ["rad", "m"]
+    with pytest.raises(rp.InputError, match="unknown position_unit 'deg'"):
+        rp.JointCalibration(1, 0.0, 1.0, position_unit="deg")
 
 
 def test_other_arms_have_no_shifts(calibration: rp.Calibration, planar2r: rp.Robot) -> None:
