@@ -256,6 +256,13 @@ def test_show_prints_the_address_and_opens_it_unless_it_is_quiet(
     assert len(opened) == 1
 
 
+def test_a_motion_is_loaded_by_its_scene_and_trajectory(viewer: Viewer, rr1_table: rp.Scene) -> None:
+    problem = rp.Problem(rr1_table, "home", rp.JointGoal("home"))
+    motion = rp.MotionPlan(problem, rp.PlanResult(rp.PlanStatus.TIMEOUT, None))
+    with pytest.raises(rp.InputError, match=r"MotionPlan.*load\(motion\.scene, trajectory=motion\.trajectory\)"):
+        viewer.load(motion)
+
+
 def test_ctrl_c_ends_wait_and_leaves_the_viewer_usable(
     viewer: Viewer, rr1_table: rp.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -124,8 +124,13 @@ class Viewer:
 
         Raises:
             UnknownNameError: a column that is not a joint of the scene.
-            InputError: the viewer is closed.
+            InputError: the viewer is closed, or a motion as a whole: its scene and its trajectory are two arguments.
         """
+        if isinstance(getattr(scene, "scene", None), Scene) and hasattr(type(scene), "trajectory"):
+            raise InputError(
+                f"scene is of type {type(scene).__name__}, expected Scene; pass its attributes: "
+                "load(motion.scene, trajectory=motion.trajectory)"
+            )
         document = view_document(
             scene, trajectory=trajectory, path=path, problem=problem, report=report, replay=replay, options=options
         )
