@@ -138,7 +138,7 @@ def calibration_calls(folder: Path) -> dict[str, Call]:
         ),
         "JointCalibration": (
             rp.JointCalibration,
-            {"sign": 1, "zero": 0.0, "scale": 1.0, "zero_std": 0.1, "scale_std": 0.1},
+            {"sign": 1, "zero": 0.0, "scale": 1.0, "zero_std": 0.1, "scale_std": 0.1, "position_unit": "m"},
         ),
         "Calibration": (
             rp.Calibration,

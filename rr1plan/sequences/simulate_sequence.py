@@ -9,6 +9,7 @@ import numpy as np
 
 from rr1plan.checks import Array, check_callback, number_from_zero, of_kind, positive_number, read_only
 from rr1plan.errors import InputError
+from rr1plan.playback.simulation.mujoco_model import usual_stiffness
 from rr1plan.playback.simulation.recorder import Recorder
 from rr1plan.playback.simulation.simulation import Simulation, step_count
 from rr1plan.playback.simulation.trajectory_controller import JointTrajectoryController
@@ -28,6 +29,8 @@ _NO_SLIP = 5
 # Least inertia of a finger including its drive, at its tip [kg]. The gains of servos follow from the inertia, and
 # fingers of a few grams would press with less than a newton.
 _FINGER_INERTIA = 0.25
+# Usual natural frequency of the joint servos [rad/s].
+_STIFFNESS = 200.0
 # Steps between two reports of progress.
 _REPORT_EVERY = 50
 
@@ -37,7 +40,7 @@ def simulate_sequence(
     *,
     dt: float = 0.002,
     record_dt: float = 0.02,
-    stiffness: float = 200.0,
+    stiffness: float | None = None,
     hold: float = 0.5,
     progress: ProgressCallback | None = None,
 ) -> SequenceReplay:
@@ -51,7 +54,8 @@ def simulate_sequence(
         plan: The sequence, found.
         dt: Time of a step [s].
         record_dt: Time between recorded positions [s].
-        stiffness: Natural frequency of the joint servos [rad/s]; that of the fingers determines the grasp force.
+        stiffness: Natural frequency of the joint servos [rad/s]; that of the fingers determines the grasp force
+            (default: 200, or 0.8 / dt if that is lower, because stiffer servos oscillate).
         hold: Time to continue after the end [s].
         progress: Called about ten times a second; False cancels.
 
@@ -68,6 +72,7 @@ def simulate_sequence(
     trajectory = plan.trajectory
     steps = step_count(trajectory.duration + hold, dt)
     scene, names, remarks = _physical(plan)
+    stiffness = usual_stiffness(dt, _STIFFNESS) if stiffness is None else stiffness
     sim = Simulation(scene, dt, stiffness=stiffness)
     _hold_by_friction(sim, names)
     _drive_fingers(sim, plan, stiffness)

@@ -128,6 +128,20 @@ def test_a_replay_far_off_its_motion_is_no_success(rr1_table: rp.Scene) -> None:
     assert f"the motion was not followed: {count} joint" in str(coarse)
 
 
+@pytest.mark.parametrize("dt", [0.008, 0.01, 0.02])
+def test_servos_do_not_oscillate_in_long_steps(dt: float, rr1_table: rp.Scene) -> None:
+    sim = rp.Simulation(rr1_table, dt)
+    names = rr1_table.joint_names()
+    drive = rp.ManualController(names, speed=1.0)
+    sim.activate(drive)
+    drive.command(rr1_table.configuration() + 0.3)
+    sim.run(duration=3.0)
+    np.testing.assert_allclose(sim.configuration(), rr1_table.configuration() + 0.3, atol=1e-6)
+    assert sim.stiffness == 0.8 / dt
+    assert rp.Simulation(rr1_table).stiffness == 160.0
+    assert rp.Simulation(rr1_table, dt, stiffness=160.0).stiffness == 160.0
+
+
 def test_an_arm_that_is_driven_into_a_wall_reports_the_contact_with_time_and_pair(rr1: rp.Robot) -> None:
     scene = rp.Scene(arms={"arm": rp.Arm(rr1)})
     tool = scene.link_poses()[f"arm/{rr1.tool}"][:3, 3]

@@ -28,6 +28,7 @@ from rr1plan.playback.cloud_boxes import cloud_boxes
 from rr1plan.playback.simulation.collision_bits import OTHERS, PLANES, collision_bits
 from rr1plan.robot import Geometry, Inertial, Joint, Link
 from rr1plan.robot.link_masses import solid_inertial
+from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Attachment, Obstacle, Scene
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.shapes.convex_hulls import is_own_hull
@@ -41,6 +42,8 @@ _LEAST_MOMENT = 1e-12
 # the second value counts as massless [kg m² or kg].
 _LEAST_CARRIED = 1e-4
 _NOTHING_CARRIED = 1e-7
+# Usual natural frequency of joint servos [rad/s], and its largest product with the time step: stiffer servos oscillate.
+_STIFFNESS, _STEP_STIFFNESS = 160.0, 0.8
 # Input signature of the `pid` actuator: position, velocity and feed-forward [MuJoCo's mjtCtrlInput].
 _POSITION_VELOCITY_FEEDFORWARD = 7
 # Torsional and rolling friction of loose bodies [m], MuJoCo's defaults.
@@ -129,7 +132,7 @@ def build_mujoco(
     scene: Scene,
     *,
     timestep: float = 0.002,
-    stiffness: float = 160.0,
+    stiffness: float | None = None,
     solver: Solver = "newton",
 ) -> MujocoScene:
     """Build and compile a scene's MuJoCo model.
@@ -137,8 +140,8 @@ def build_mujoco(
     Args:
         scene: The scene; arms start in their configurations.
         timestep: Step of the integrator [s].
-        stiffness: Natural frequency of the joint servos [rad/s]; gains follow from the inertia each
-            joint carries in the scene's configuration (kp = stiffness² M_jj), critically damped.
+        stiffness: Natural frequency of the joint servos [rad/s] (default: `usual_stiffness`); gains follow from the
+            inertia each joint carries in the scene's configuration (kp = stiffness² M_jj), critically damped.
         solver: Solver for contact forces of loose bodies, see `Simulation`.
 
     Returns:
@@ -148,6 +151,7 @@ def build_mujoco(
         BackendError: MuJoCo rejects the scene.
         InputError: a point cloud of too many cells.
     """
+    stiffness = usual_stiffness(timestep) if stiffness is None else stiffness
     builder = _Builder(scene, timestep, solver)
     spec, joints, bodies = builder.spec, builder.joints, loose_bodies(scene)
     values = {name: arm.robot.joint_values(arm.q) for name, arm in scene.arms.items()}
@@ -169,6 +173,11 @@ def build_mujoco(
     efforts = np.array([joint.joint.effort for joint in joints])
     names = tuple(joint.name for joint in joints)
     return MujocoScene(scene, spec, model, names, tuple(bodies), elements, efforts, massless)
+
+
+def usual_stiffness(dt: float, most: float = _STIFFNESS) -> float:
+    """Natural frequency of servos that do not oscillate in steps of `dt` [s], at most `most` [rad/s]."""
+    return min(most, _STEP_STIFFNESS / dt)
 
 
 def stack_memory(degrees_of_freedom: int) -> int:
@@ -257,12 +266,8 @@ class _Builder:
 
     def _attach(self, group: mujoco.MjSpec) -> None:
         """Add a group of arms, without the MuJoCo warning that `_groups_without_prefix` ignores."""
-        handler = mujoco.get_mju_user_warning()
-        mujoco.set_mju_user_warning(lambda _: None)
-        try:
+        with mujoco_warnings():
             self.spec.attach(group, prefix="", frame=self.spec.worldbody.add_frame())
-        finally:
-            mujoco.set_mju_user_warning(handler)
 
     def _add_arm(self, world: mujoco.MjsBody, arm: str) -> None:
         robot, base = self.scene.arms[arm].robot, self.scene.arms[arm].base

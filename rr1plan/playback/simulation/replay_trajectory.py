@@ -20,7 +20,7 @@ from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.controllers import Controller, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointTargets
-from rr1plan.playback.simulation.mujoco_model import build_mujoco
+from rr1plan.playback.simulation.mujoco_model import build_mujoco, usual_stiffness
 from rr1plan.playback.simulation.recorder import BodyLog
 from rr1plan.playback.simulation.replay import BodyMotion, Replay, ReplayContact, ReplayRecord
 from rr1plan.playback.simulation.simulation import Simulation, step_count
@@ -44,7 +44,7 @@ def simulate(
     mode: Mode = "dynamic",
     dt: float = 0.002,
     record_dt: float = 0.01,
-    stiffness: float = 160.0,
+    stiffness: float | None = None,
     hold: float = 0.0,
     variation: ArmVariation | None = None,
     progress: ProgressCallback | None = None,
@@ -60,7 +60,8 @@ def simulate(
         mode: "dynamic" or "kinematic".
         dt: Time of a step [s].
         record_dt: Time between recorded positions [s].
-        stiffness: Natural frequency of the joint servos [rad/s].
+        stiffness: Natural frequency of the joint servos [rad/s] (default: 160, or 0.8 / dt if that is lower, because
+            stiffer servos oscillate).
         hold: Simulated time after the end, with constant set-points [s].
         variation: Differences of the arms from their description, unmodeled in the servos (default: none).
         progress: Called about ten times a second; False cancels.
@@ -82,6 +83,7 @@ def simulate(
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
     of_kind("variation", variation, ArmVariation, optional=True)
+    stiffness = usual_stiffness(dt) if stiffness is None else stiffness
     if variation is not None and mode == "kinematic":
         raise InputError("variation has no effect on a kinematic replay, take the mode 'dynamic'")
     targets = JointTargets(trajectory, scene)

@@ -49,7 +49,7 @@ from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState
 from rr1plan.playback.simulation.joint_map import JointMap
-from rr1plan.playback.simulation.mujoco_model import Solver, build_mujoco
+from rr1plan.playback.simulation.mujoco_model import Solver, build_mujoco, usual_stiffness
 from rr1plan.playback.simulation.replay import ReplayContact
 from rr1plan.playback.simulation.set_points import Rows, SetPoints, part_of
 from rr1plan.playback.simulation.stepped_models import Tile
@@ -122,7 +122,8 @@ class Simulation:
     Args:
         scene: The scene; arms start in their configurations.
         dt: Time of a step [s].
-        stiffness: Natural frequency of the joint servos [rad/s].
+        stiffness: Natural frequency of the joint servos [rad/s] (default: 160, or 0.8 / dt if that is lower, because
+            stiffer servos oscillate).
         threads: Number of threads for separate models, arms without contact and heaps of loose bodies.
         solver: Solver for contact forces if there are loose bodies: "newton" converges and holds grasped bodies;
             conjugate gradients ("cg") with at most twenty iterations and fewer contact points take a fraction of the
@@ -132,6 +133,7 @@ class Simulation:
     Attributes:
         scene: The scene, with loose bodies at their initial poses; see `current_scene`.
         dt: Time of a step [s].
+        stiffness: Natural frequency of the joint servos [rad/s].
         joint_names: "arm/joint" of every movable joint, the order of `positions`, `velocities` and `efforts`.
         tiles: The MuJoCo models with their data.
 
@@ -146,7 +148,7 @@ class Simulation:
         scene: Scene,
         dt: float = 0.002,
         *,
-        stiffness: float = 160.0,
+        stiffness: float | None = None,
         threads: int = 1,
         solver: Solver = "newton",
         variation: ArmVariation | None = None,
@@ -160,9 +162,9 @@ class Simulation:
         self.dt = positive_number("dt", dt)
         if self.dt > LONGEST_STEP:
             raise InputError(f"dt is {dt:g} s, expected at most {LONGEST_STEP:g} s")
-        if positive_number("stiffness", stiffness) > _MOST_STIFFNESS:
+        self.stiffness = usual_stiffness(self.dt) if stiffness is None else positive_number("stiffness", stiffness)
+        if self.stiffness > _MOST_STIFFNESS:
             raise InputError(f"stiffness is {stiffness}, expected at most {_MOST_STIFFNESS:g} rad/s")
-        self._stiffness = float(stiffness)
         self._threads = whole_number("threads", threads, 1, 256)
         self._map = JointMap(scene)
         self.joint_names = self._map.names
@@ -605,7 +607,7 @@ class Simulation:
             parts = tile_scenes(scene)
             check_memory(parts)
             for part in parts:
-                world = build_mujoco(part, timestep=self.dt, stiffness=self._stiffness, solver=self._solver)
+                world = build_mujoco(part, timestep=self.dt, stiffness=self.stiffness, solver=self._solver)
                 columns, worker = self._indices(world.joint_names), len(tiles) % self._threads
                 count, threads = len(self.joint_names), self._threads
                 tiles.append(Tile(world, columns, count, self._variation, threads=threads, worker=worker))
