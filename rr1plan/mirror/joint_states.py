@@ -128,7 +128,7 @@ def read_states(source: str | pathlib.Path, *, silence: float = 1.0, topic: str 
     path = file_path(source)
     if path.suffix in BAG_SUFFIXES or path.is_dir():
         messages = read_joint_states(path, topic=topic)
-        return StateStream((StateMessage(*fields) for fields in messages), messages.close)
+        return StateStream((_of_bag(*fields) for fields in messages), messages.close)
     lines = [line for line in read_text(path).splitlines() if line.strip()]
     return StateStream(map(parse_state, lines), lambda: None)
 
@@ -141,6 +141,14 @@ def parse_state(text: str | bytes) -> StateMessage | StreamError:
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:  # an InputError is a ValueError
         what = f"no {error}" if isinstance(error, KeyError) else str(error)
         return StreamError("format", f"{shown(text[:60])} is not a joint state: {what[:200]}")
+
+
+def _of_bag(time: float, names: tuple[str, ...], positions: Array) -> StateMessage | StreamError:
+    """A message of a bag, which may have no names, or no positions but velocities or efforts."""
+    try:
+        return StateMessage(time, names, positions)
+    except InputError as error:
+        return StreamError("format", f"the message of {time:.3f} s is not a joint state: {error}")
 
 
 def _address(source: str) -> tuple[str, int]:

@@ -383,6 +383,26 @@ def test_a_bag_is_a_stream(plan: rp.Trajectory, tmp_path: Path) -> None:
         list(rp.read_states(bag, topic="/other"))
 
 
+def test_a_message_of_a_bag_without_positions_does_not_end_the_stream(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store, kind, none = get_typestore(Stores.ROS2_JAZZY), "sensor_msgs/msg/JointState", np.zeros(0)
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/joint_states", kind, typestore=store)
+        for k, positions in enumerate((np.zeros(1), none, np.ones(1))):
+            header = store.types["std_msgs/msg/Header"](store.types["builtin_interfaces/msg/Time"](k, 0), "")
+            message = store.types[kind](header, ["joint1"], positions, np.zeros(1), none)
+            writer.write(connection, k, store.serialize_cdr(message, kind))
+    first, fault, last = rp.read_states(tmp_path / "bag")
+    assert isinstance(fault, rp.StreamError)
+    assert fault.fault == "format"
+    assert "the message of 1.000 s is not a joint state: positions has shape (0,)" in fault.message
+    assert (first.time, last.time) == (0.0, 2.0)
+    assert last.positions.tolist() == [1.0]
+
+
 def test_damaged_lines_are_named_and_others_are_read(tmp_path: Path) -> None:
     good = json.dumps({"time": 1.0, "name": ["a", "b"], "position": [0.0, 1.0]})
     lines = [good, good[:20], "[1, 2]", '{"time": 1}', good.replace("1.0]", "1.0, 2.0]"), good.replace('"b"', '"a"')]
