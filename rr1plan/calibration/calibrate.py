@@ -215,7 +215,7 @@ def _hold_undetermined(data: MeasuredPoints, begin: Parameters, found: Parameter
         parts[joints : 2 * joints] *= 1.0 + _SHARE
         parts[2 * joints :] = 0.0
         free[int(np.argmax(parts))] = False
-    if not free[: 2 * joints].any():
+    if undetermined[: 2 * joints].all() or not free[: 2 * joints].any():
         raise InputError("these measurements determine no joint; move all joints between them")
     values = np.where(free, found.values, begin.values)
     held = _fitted(data, replace(found, values=values), free, kept, _GOOD * noise)

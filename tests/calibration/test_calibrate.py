@@ -130,6 +130,15 @@ def test_what_poses_do_not_determine_is_named(rr1: rp.Robot) -> None:
     assert "not determined by these poses" in str(still)
 
 
+@pytest.mark.parametrize("name", ["rr1", "planar2r"])
+def test_poses_that_determine_no_joint_are_refused(name: str) -> None:
+    """The arm was not moved between the measurements."""
+    robot = rp.load_robot(name)
+    readings, position = np.full((20, robot.nq), 0.3), robot.link_poses(np.full(robot.nq, 0.3))[robot.tool][:3, 3]
+    with pytest.raises(rp.InputError, match="determine no joint; move all joints"):
+        rp.calibrate(robot, readings, np.tile(position, (20, 1)))
+
+
 def test_a_free_base_hides_the_zero_of_the_first_joint_only(rr1: rp.Robot) -> None:
     arm = bench(rr1, 8)
     table = rp.transforms.pose((1.0, 2.0, 0.5), rpy=(0.1, 0.2, 2.0))
