@@ -208,6 +208,18 @@ def test_things_come_move_and_go_in_a_run() -> None:
         sim.update_scene(FLOOR)
 
 
+def test_bodies_in_flight_keep_their_velocity_in_a_scene_that_is_based_on_the_current_one() -> None:
+    sim = rp.Simulation(FLOOR.with_obstacles({"a": box()}))
+    sim.place_body("a", pose([0, 0, 1.0], rpy=(0.3, 0.4, 0.5)), [1.0, 0, 0, 0, 2.0, 0])
+    sim.run(duration=0.2)
+    state = [sim.body_coordinates("a"), sim.body_velocity("a")]
+    for name in ("b", "c"):
+        sim.update_scene(sim.current_scene.with_obstacles({name: replace(box(), pose=pose([0, 1.0, 0.5]))}))
+        np.testing.assert_array_equal([*state[0], *state[1]], [*sim.body_coordinates("a"), *sim.body_velocity("a")])
+    sim.update_scene(sim.current_scene.with_obstacle_at("a", [0, 0, 0.9]))
+    assert not sim.body_velocity("a").any()
+
+
 def test_a_record_has_what_bodies_did_and_a_page_shows_it() -> None:
     scene = FLOOR.with_obstacles({"a": replace(box(), pose=pose([0, 0, 0.5]))})
     sim = rp.Simulation(scene)

@@ -71,6 +71,8 @@ _AHEAD = 0.002
 # Largest distance of a locked joint from its value in the scene that `current_scene` ignores, so that arms keep sharing
 # a robot and the tables computed for it [rad or m].
 _STILL = 1e-6
+# Rounding of poses.
+_SAME_POSE = 1e-9
 
 # The simulation of each active controller.
 _commanded_by: weakref.WeakKeyDictionary[Controller, weakref.ref[Simulation]] = weakref.WeakKeyDictionary()
@@ -383,8 +385,8 @@ class Simulation:
             sim.update_scene(sim.scene.with_obstacle("ball", rp.Sphere(0.05), [0.3, 0.0, 1.0], mass=0.2))
 
         Arms keep their state, including that of locked joints, and controllers, and the clock continues. Loose bodies
-        with the same pose in both scenes also keep their state; everything else gets its pose from the new scene.
-        `reset` returns to the initial scene.
+        with the same pose in both scenes, or with their present pose in the new one (`current_scene`), also keep their
+        state; everything else gets its pose from the new scene, at rest. `reset` returns to the initial scene.
 
         Args:
             scene: The other scene.
@@ -406,8 +408,7 @@ class Simulation:
             if one.robot.content_hash != same.content_hash or not np.array_equal(one.base, other.base):
                 raise InputError(f"arm {name!r} is another robot or elsewhere, expected the arms of the simulation")
         tiles = self._build(scene)
-        old, new = self.scene.obstacles, scene.obstacles
-        stay = {name for name in self.body_names if name in new and np.array_equal(old[name].pose, new[name].pose)}
+        stay = {name for name in self.body_names if name in scene.obstacles and self._stays(name, scene)}
         with self._collect_warnings():
             for tile in tiles:
                 tile.place(self._measured)
@@ -416,6 +417,11 @@ class Simulation:
                         to[:] = of
                 tile.refresh()
         self.tiles, self.scene = tiles, scene
+
+    def _stays(self, name: str, scene: Scene) -> bool:
+        """Whether a loose body is in another scene where it was at first, or where it is now."""
+        before, pose = self.scene.obstacles[name].pose, scene.obstacles[name].pose
+        return np.array_equal(before, pose) or bool(np.abs(self.body_pose(name) - pose).max() <= _SAME_POSE)
 
     # ---- controllers -----------------------------------------------------------------------------
 
