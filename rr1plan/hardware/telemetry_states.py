@@ -30,7 +30,8 @@ def read_telemetry(port: SerialPort, calibration: Calibration, box: ControlBox, 
 
     Returns:
         Messages of the calibrated joints, and errors in place of garbage and silence, until the stream is closed; the
-        port stays open.
+        port stays open. If the port itself fails, as when its cable is pulled out, the stream raises a
+        `SerialLineError`.
 
     Raises:
         InputError: a value other than a port, a calibration in radians, or one without any joint of the box.
@@ -62,7 +63,11 @@ def _states(
     while True:
         heard = False
         try:
-            for frame in stream.feed(port.read(TELEMETRY_BYTES)):
+            data = port.read(TELEMETRY_BYTES)
+        except Exception as error:  # of any kind of port
+            raise SerialLineError(f"the serial line failed while telemetry was read: {error}") from error
+        try:
+            for frame in stream.feed(data):
                 heard = True
                 last = max(time.monotonic(), last + _SPACING)
                 yield message(frame, last)

@@ -67,6 +67,14 @@ def test_garbage_is_named_and_later_frames_are_read(
     assert kinds == ["good", "good", "format", "good", "good", "silence"]
 
 
+def test_a_port_that_fails_is_named(line: Line, calibration: rp.Calibration, box: rp.ControlBox) -> None:
+    def unplugged(self: rp.EmulatedSerialLine, size: int = 1) -> bytes:
+        raise OSError("device reports readiness to read but returned no data")
+
+    with pytest.raises(rp.SerialLineError, match="the serial line failed while telemetry was read: device reports"):
+        next(rp.read_telemetry(line(read=unplugged), calibration, box))
+
+
 def test_a_slow_receiver_is_no_silence(line: Line, calibration: rp.Calibration, box: rp.ControlBox) -> None:
     for item in islice(rp.read_telemetry(line(), calibration, box, silence=0.01), 5):
         assert isinstance(item, rp.StateMessage)
