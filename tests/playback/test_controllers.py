@@ -946,6 +946,30 @@ def test_a_repeated_step_updates_each_controller_once(scene: rp.Scene) -> None:
     assert sim.set_points[0] == pytest.approx(before + 2 * 0.5 * sim.dt, abs=1e-12)
 
 
+def test_a_step_is_repeated_without_the_controller_that_failed(scene: rp.Scene) -> None:
+    class Fails(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            raise OSError("no signal")
+
+    runs = []
+    for fails in (True, False):
+        follow, sim = rp.JointTrajectoryController(ARM[1:]), rp.Simulation(scene)
+        sim.activate(follow)
+        follow.send(motion(scene, ARM[1:], 0.1))
+        sim.step(20)
+        if fails:
+            bad = Fails(ARM[:1])
+            sim.activate(bad)
+            with pytest.raises(rp.ControllerError, match="no signal"):
+                sim.step()
+            sim.deactivate(bad)
+        sim.step(30)
+        follow.send(motion(scene, ARM[1:], 0.1, 0.0), at=sim.time + 0.2)
+        sim.step(5)
+        runs.append((sim.positions.tobytes(), sim.set_points.tobytes()))
+    assert runs[0] == runs[1]
+
+
 def test_all_controllers_learn_of_passed_steps_if_one_fails(scene: rp.Scene) -> None:
     class Fails(rp.Controller):
         def update(self, state: rp.JointState) -> rp.SetPoint:

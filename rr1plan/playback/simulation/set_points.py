@@ -105,11 +105,13 @@ class SetPoints:
             times: Start times of the steps [s].
 
         Returns:
-            Set-points of the first k steps; None if a controller needs the state for them.
+            Set-points of the first k steps; None if a controller needs the state for them, or was updated already.
 
         Raises:
             ControllerError: a controller raised something or returned no set-points.
         """
+        if self._updated:
+            return None
         most, now = len(times), float(times[0])
         desired = self._rows.take(most)
         desired[:] = self.desired
