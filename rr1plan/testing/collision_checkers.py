@@ -182,6 +182,7 @@ class MujocoChecker:
         self._data = mujoco.MjData(self._world.model)
         self._targets = JointTargets(motion, scene)
         self._checked = {frozenset(pair): pair for pair in scene.checked_pairs}
+        self._rigid = self._rigid_contacts()
 
     def contacts(self, time: float) -> dict[ElementPair, float]:
         """Forbidden contacts at a time of the motion: pairs of elements in the scene's order, with their depth [m]."""
@@ -190,12 +191,35 @@ class MujocoChecker:
         data.qpos[: len(q)] = q  # loose bodies keep their initial poses
         self._mujoco.mj_kinematics(model, data)
         self._mujoco.mj_collision(model, data)
-        found: dict[ElementPair, float] = {}
+        found = dict(self._rigid)
         for (first, second), distance in zip(data.contact.geom, data.contact.dist, strict=True):
             elements = self._world.geom_elements[first], self._world.geom_elements[second]
             pair = self._checked.get(frozenset(elements))
             if distance <= 0.0 and pair is not None:
                 found[pair] = max(found.get(pair, 0.0), -float(distance))
+        return found
+
+    def _rigid_contacts(self) -> dict[ElementPair, float]:
+        """Contacts of held objects with the links of the body that holds them, which MuJoCo's collision search omits.
+
+        They are the same at all configurations.
+        """
+        model, elements = self._world.model, self._world.geom_elements
+        by_element: dict[str, list[int]] = {}
+        for geom, element in enumerate(elements):
+            by_element.setdefault(element, []).append(geom)
+        self._mujoco.mj_kinematics(model, self._data)
+        found = {}
+        for pair in self._checked.values():
+            first, second = (by_element.get(element, []) for element in pair)
+            bodies = {int(model.body_weldid[model.geom_bodyid[geom]]) for geom in (*first, *second)}
+            if len(bodies) != 1:
+                continue
+            distances = [
+                self._mujoco.mj_geomDistance(model, self._data, a, b, 0.0, None) for a in first for b in second
+            ]
+            if min(distances, default=1.0) < 0.0:
+                found[pair] = -min(distances)
         return found
 
 

@@ -223,7 +223,7 @@ class _Comparison:
             for pair in deepest:
                 touching.setdefault(pair, set()).add("MuJoCo")
             for pair, names in touching.items():
-                for name in names:
+                for name in (name for name in self._names if name in names):
                     _extend(self._contacts, (name, pair), float(times[n]), 0.0)
                 if len(names) < len(self._names):
                     self._disagree(float(times[n]), pair, names, deepest.get(pair, 0.0))

@@ -134,6 +134,20 @@ def test_loose_bodies_stand_still_and_may_touch_what_they_stand_on(swing: tuple[
     assert {contact.checker for contact in hit.contacts} == set(_ALL)
 
 
+def test_a_held_object_inside_its_holder_is_seen_by_all(planar2r: rp.Robot) -> None:
+    """MuJoCo itself does not check bodies that cannot move relative to each other."""
+    scene = rp.Scene().with_arm("arm", planar2r)
+    tool = scene.link_poses()["arm/tool"]
+    scene = scene.with_obstacle("rod", rp.Box((0.05, 0.05, 0.05)), tool).attach("rod", "arm")
+    seen = rp.second_opinion(rp.Trajectory.rest(scene.joint_names(), scene.configuration()), scene)
+    assert seen.agree, seen
+    assert [(contact.pair, contact.checker) for contact in seen.contacts] == [
+        (("arm/link2", "rod"), name) for name in _ALL
+    ]
+    apart = scene.detach("rod").with_obstacle_at("rod", tool @ pose([0.1, 0.0, 0.0])).attach("rod", "arm")
+    assert rp.second_opinion(rp.Trajectory.rest(apart.joint_names(), apart.configuration()), apart)
+
+
 def test_a_checker_that_misses_a_contact_is_named(
     swing: tuple[rp.Scene, rp.Trajectory], monkeypatch: pytest.MonkeyPatch
 ) -> None:
