@@ -287,7 +287,7 @@ def an_arm_is_calibrated_and_its_slipped_belt_is_named(said: str, folder: Path) 
     assert "20 poses to measure in" in said
     assert "left out: row 5" in said
     assert number(r"zeros are off by at most (\S+) deg", said) < 0.5
-    assert number(r"moved: elbow_joint: \+(\S+) rad or m", said) == pytest.approx(np.radians(2.0), abs=np.radians(0.5))
+    assert number(r"moved: elbow_joint: \+(\S+) rad \(", said) == pytest.approx(np.radians(2.0), abs=np.radians(0.5))
     assert number(r"all others by less than (\S+) standard", said) < 4.0
     assert "not determined: {'hand_joint': ('zero', 'scale', 'sign')}" in said
     assert rp.load_calibration(folder / "31_rr1.toml").unit == "steps"
