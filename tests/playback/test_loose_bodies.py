@@ -261,9 +261,10 @@ def test_mass_and_friction_are_in_scene_files_motion_files_and_mjcf(tmp_path: Pa
     assert model.body_mass[cube.id] == 0.25
     assert model.jnt_type[model.body_jntadr[cube.id]] == mujoco.mjtJoint.mjJNT_FREE
     assert model.geom_friction[model.body_geomadr[cube.id]][0] == 0.4
-    (tmp_path / "bad.toml").write_text("[obstacles.a]\nbox = [1, 1, 1]\nmass = -1\n")
-    with pytest.raises(rp.FormatError, match=r"(?s)obstacles.a.*mass"):
-        rp.load_scene(tmp_path / "bad.toml")
+    for mass in (-1, "1e300"):
+        (tmp_path / "bad.toml").write_text(f"[obstacles.a]\nbox = [1, 1, 1]\nmass = {mass}\n")
+        with pytest.raises(rp.FormatError, match=r"(?s)obstacles.a.*mass"):
+            rp.load_scene(tmp_path / "bad.toml")
 
 
 def test_a_mesh_file_becomes_a_body_of_its_volume(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -219,6 +219,9 @@ def test_bad_arguments_are_named(rr1_table: rp.Scene) -> None:
         rp.simulate(rest, rr1_table, dt=0.0)
     with pytest.raises(InputError, match="hold is -1"):
         rp.simulate(rest, rr1_table, hold=-1.0)
+    for mode in ("dynamic", "kinematic"):
+        with pytest.raises(InputError, match="stiffness is -3"):
+            rp.simulate(rest, rr1_table, mode=mode, stiffness=-3.0)
     with pytest.raises(UnknownNameError, match="joint 'arm/ghost'"):
         rp.simulate(rp.Trajectory.rest(("arm/ghost",), [0.0]), rr1_table)
     first = rr1_table.joint_names()[:2]

@@ -83,7 +83,7 @@ def simulate(
     of_kind("trajectory", trajectory, Trajectory)
     of_kind("scene", scene, Scene)
     of_kind("variation", variation, ArmVariation, optional=True)
-    stiffness = usual_stiffness(dt) if stiffness is None else stiffness
+    stiffness = usual_stiffness(dt) if stiffness is None else positive_number("stiffness", stiffness)
     if variation is not None and mode == "kinematic":
         raise InputError("variation has no effect on a kinematic replay, take the mode 'dynamic'")
     targets = JointTargets(trajectory, scene)
