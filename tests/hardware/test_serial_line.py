@@ -115,10 +115,10 @@ def changed(frame: bytes, **values: Any) -> bytes:
     return replace(rp.Telemetry.decode(frame), **values).encode()
 
 
-def send(plan: rp.CommandPlan, box: BoxOnTerminal) -> rp.Telemetry:
+def send(plan: rp.CommandPlan, box: BoxOnTerminal, silence: float = 10.0) -> rp.Telemetry:
     port: Any = rp.open_serial_port(box.name)
     try:
-        return rp.send_commands(plan, port, silence=0.4)
+        return rp.send_commands(plan, port, silence=silence)
     finally:
         port.close()
 
@@ -149,7 +149,7 @@ def test_a_line_that_stops_in_the_middle_of_a_frame_is_named(plan: rp.CommandPla
         BoxOnTerminal(line(), change) as box,
         pytest.raises(rp.SerialLineError, match="it stopped after 64 of 111 bytes of a frame"),
     ):
-        send(plan, box)
+        send(plan, box, 0.4)
     assert len(box.received) == 47
 
 
