@@ -28,8 +28,11 @@ def holds_sequence(file: str | pathlib.Path) -> bool:
     path = file_path(file)
     if path.suffix != ".json" or not path.is_file():
         return False
-    with path.open("rb") as stream:
-        return b'"kind": "sequence"' in stream.read(_HEAD)
+    try:
+        with path.open("rb") as stream:
+            return b'"kind": "sequence"' in stream.read(_HEAD)
+    except OSError:  # as `load_sequence` and `load_motion` report
+        return False
 
 
 def load_sequence(

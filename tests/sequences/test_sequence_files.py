@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.sequences.sequence_files import holds_sequence
 
 
 @pytest.fixture(scope="module")
@@ -26,6 +27,15 @@ def altered(saved: Path, file: Path, change: object) -> Path:
     # In the order in which files are written.
     file.write_text(json.dumps({key: document[key] for key in ("format", "version", "kind", "sha256", "content")}))
     return file
+
+
+def test_a_file_that_cannot_be_opened_is_no_sequence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(self: Path, *_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    (tmp_path / "a.json").write_text("{}")
+    monkeypatch.setattr(Path, "open", refuse)
+    assert not holds_sequence(tmp_path / "a.json")
 
 
 def test_a_sequence_is_read_back_exactly(moved: rp.SequencePlan, saved: Path) -> None:
