@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import subprocess
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from browser.conftest import Tab
+from tornado.web import Application
+from tornado.websocket import WebSocketHandler
 
 import rr1plan as rp
 from rr1plan.playback.viewer.page_capture import wait_until
@@ -156,3 +162,60 @@ def test_a_viewer_in_a_notebook_follows_the_program_and_stays_when_it_ends(
     assert frame.evaluate("document.getElementById('status').hidden")
     frame.evaluate("RR1.setJoint(0, 0.5)")
     np.testing.assert_allclose(frame.evaluate("Array.from(RR1.q)")[0], 0.5)
+
+
+class ForeignSocket(WebSocketHandler):
+    """Accepts every page, and sends a message that pages of this package would obey."""
+
+    def check_origin(self, origin: str) -> bool:
+        return True
+
+    def open(self, *_args: str, **_kwargs: str) -> None:
+        self.write_message('{"type": "reload"}')
+
+
+@contextmanager
+def foreign_server(port: int, *, answers: bool) -> Iterator[None]:
+    """Another program at a port, which speaks WebSocket, or accepts connections and never answers."""
+    if not answers:
+        with socket.create_server(("127.0.0.1", port)):
+            yield
+        return
+    loop, started = asyncio.new_event_loop(), threading.Event()
+
+    async def serve() -> None:
+        server = Application([(r".*", ForeignSocket)]).listen(port, "127.0.0.1")
+        started.set()
+        await ended.wait()
+        server.stop()
+        await server.close_all_connections()
+
+    ended = asyncio.Event()
+    thread = threading.Thread(target=lambda: loop.run_until_complete(serve()))
+    thread.start()
+    try:
+        assert started.wait(20)
+        yield
+    finally:
+        loop.call_soon_threadsafe(ended.set)
+        thread.join()
+        loop.close()
+
+
+@pytest.mark.parametrize("answers", [True, False])
+def test_a_page_does_not_follow_another_program_that_took_the_port(
+    tab: Any, flat: rp.Scene, tmp_path: Path, answers: bool
+) -> None:
+    viewer = rp.show(flat, options=rp.ViewOptions(port=0, quiet=True))
+    port = int(viewer.url.rsplit(":", 1)[1].strip("/"))
+    notebook = tmp_path / "notebook.html"
+    notebook.write_text(f"<!DOCTYPE html><p>A notebook</p>{viewer._repr_html_()}")
+    viewer.close()
+    tab.page.add_init_script("const usual = setTimeout; setTimeout = (act, delay) => usual(act, delay / 20);")
+    with foreign_server(port, answers=answers):
+        tab.page.goto(notebook.as_uri())
+        frame = tab.page.frames[1]
+        wait_until(frame, "window.RR1 && RR1.ready && RR1.live.socket.readyState === 3")
+        frame.evaluate("RR1.setJoint(0, 0.5)")
+        np.testing.assert_allclose(frame.evaluate("Array.from(RR1.q)")[0], 0.5)
+        assert frame.evaluate("document.getElementById('status').hidden")

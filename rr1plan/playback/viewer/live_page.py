@@ -23,6 +23,7 @@ from rr1plan.errors import InputError
 logger = logging.getLogger(__name__)
 
 _LONGEST_MESSAGE = 10_000  # from a page
+_PROTOCOL = "rr1plan"  # the WebSocket subprotocol by which pages recognize this server; also in page/live.js
 
 
 class LiveAccess(NamedTuple):
@@ -230,6 +231,10 @@ class UpdatesHandler(WebSocketHandler):
     def check_origin(self, origin: str) -> bool:
         """Accept pages of this server, and others that have the token, e.g. in a notebook."""
         return self.trusted or origin == f"http://{self.request.host}"
+
+    def select_subprotocol(self, subprotocols: list[str]) -> str | None:
+        """Select the protocol of pages; browsers reject servers that do not."""
+        return _PROTOCOL if _PROTOCOL in subprotocols else None
 
     def open(self, *_args: str, **_kwargs: str) -> None:
         """Connect the browser; one that shows a page of an earlier program has to reload."""

@@ -1,6 +1,8 @@
 // A page that follows a running Python program: only the latest configuration is shown.
 
 const AGAIN = 1000; // [ms] between attempts to reach the program
+const ANSWER_TIME = 10000; // [ms] for an answer: another program at the address may accept connections and never answer
+const PROTOCOL = "rr1plan"; // browsers reject a server that does not select it, such as one of another program at the port
 const TRIES = 30; // attempts of a page elsewhere, e.g. in a notebook, whose program may never return
 
 class Live {
@@ -19,15 +21,20 @@ class Live {
   connect() {
     const { token, address } = this.access, query = new URLSearchParams({ version: this.version, token });
     const own = `${location.protocol.replace("http", "ws")}//${location.host}${location.pathname}updates`;
-    const socket = (this.socket = new WebSocket(`${address || own}?${query}`));
+    const socket = (this.socket = new WebSocket(`${address || own}?${query}`, PROTOCOL));
+    const expiry = setTimeout(() => socket.close(), ANSWER_TIME);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
+      clearTimeout(expiry);
       this.reached = true;
       this.tries = 0;
       this.viewer.controls.status("");
     };
     socket.onmessage = (message) => this.take(message.data);
-    socket.onclose = () => this.lost();
+    socket.onclose = () => {
+      clearTimeout(expiry);
+      this.lost();
+    };
   }
 
   /** Reconnects; a page elsewhere that never reached the program remains static, e.g. in exported notebooks. */
