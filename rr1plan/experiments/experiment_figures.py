@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from matplotlib import axes as mpl_axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from rr1plan.experiments.measuring_process import Row
 from rr1plan.experiments.thesis_figures import GAZEBO_FACTORS, TOWER_FACTORS
@@ -53,9 +53,16 @@ def _label(plot: mpl_axes.Axes, x: str, y: str, title: str) -> None:
             low, high = axis.get_view_interval()
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,)))
             axis.set_minor_formatter(NullFormatter())
+        elif axis is plot.xaxis:  # numbers of boats or arms
+            axis.set_major_locator(MaxNLocator(integer=True))
     plot.set(xlabel=x, ylabel=y, title=title)
     if plot.get_legend_handles_labels()[1]:
         plot.legend(frameon=False, fontsize=11)
+
+
+def _from_zero(plot: mpl_axes.Axes) -> None:
+    """Start the vertical axis at zero, with a margin above the largest value."""
+    plot.set_ylim(0.0, 1.08 * plot.dataLim.y1 or 1.0)
 
 
 def _factors(plot: mpl_axes.Axes, rows: Sequence[Row], key: str, thesis: Mapping[int, float], title: str) -> None:
@@ -63,9 +70,15 @@ def _factors(plot: mpl_axes.Axes, rows: Sequence[Row], key: str, thesis: Mapping
     plot.set_xscale("log")
     plot.set_yscale("log")
     plot.axhline(1.0, color=_LOOK.soft, linewidth=1)
-    at = plot.get_yaxis_transform()
-    plot.text(
-        0.01, 0.93, "real time", transform=at, horizontalalignment="left", verticalalignment="top", color=_LOOK.soft
+    # Above the right end of the line, where the curve of the thesis is lower or ends.
+    plot.annotate(
+        "real time",
+        (1.0, 1.0),
+        (-2.0, 6.0),
+        xycoords=plot.get_yaxis_transform(),
+        textcoords="offset points",
+        horizontalalignment="right",
+        color=_LOOK.soft,
     )
     for name, label, color in (
         ("cpu_real_time_factor", "rr1plan, per CPU second", _SECOND),
@@ -81,13 +94,13 @@ def _factors(plot: mpl_axes.Axes, rows: Sequence[Row], key: str, thesis: Mapping
 
 def _static_steps(plot: mpl_axes.Axes, rows: Sequence[Row]) -> None:
     _line(plot, _values(rows, "boats", "step_us"), "", _OURS)
-    plot.set_ylim(bottom=0.0)
-    _label(plot, "boats", "step, median [us]", "Time of a step of 2 ms")
+    _from_zero(plot)
+    _label(plot, "boats", "step, median [µs]", "Time of a step of 2 ms")
 
 
 def _static_memory(plot: mpl_axes.Axes, rows: Sequence[Row]) -> None:
     _line(plot, _values(rows, "boats", "memory_mb"), "", _OURS)
-    plot.set_ylim(bottom=0.0)
+    _from_zero(plot)
     _label(plot, "boats", "memory [MB]", f"Memory, {rows[0]['triangles']:,} triangles each")
 
 
@@ -102,7 +115,7 @@ def _tower_penetration(plot: mpl_axes.Axes, rows: Sequence[Row]) -> None:
         most[row["boats"]] = max(row["penetration_mm"], most.get(row["boats"], 0.0))
     _line(plot, most, "as it falls", _OURS)
     _line(plot, _values(rows, "boats", "penetration_at_end_mm"), "at the end", _SECOND)
-    plot.set_ylim(bottom=0.0)
+    _from_zero(plot)
     _label(plot, "boats", "deepest penetration [mm]", "Boats are 480 mm high")
 
 
@@ -113,7 +126,7 @@ def _arm_factors(plot: mpl_axes.Axes, rows: Sequence[Row]) -> None:
 def _arm_errors(plot: mpl_axes.Axes, rows: Sequence[Row]) -> None:
     plot.set_xscale("log")
     _line(plot, {row["arms"]: 1e3 * row["tracking_error_rad"] for row in rows}, "", _OURS)
-    plot.set_ylim(bottom=0.0)
+    _from_zero(plot)
     _label(plot, "arms", "largest tracking error [mrad]", "Tracking")
 
 

@@ -20,8 +20,10 @@ from rr1plan.files.file_access import is_regular, read_text, write_text
 from rr1plan.playback.figure_files import save_figure
 
 _CPU_INFO = Path("/proc/cpuinfo")
+_META = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
 _STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #22262b; max-width: 1100px; margin: 2rem auto; padding: 0 1rem; }
+body { font: 16px/1.5 system-ui, sans-serif; color: #22262b; background: #ffffff;
+       max-width: 1100px; margin: 2rem auto; padding: 0 1rem; }
 table { border-collapse: collapse; display: block; overflow-x: auto; }
 th, td { padding: 0.3rem 0.7rem; text-align: right; border-bottom: 1px solid #e9edf1; vertical-align: bottom; }
 td { font-variant-numeric: tabular-nums; }
@@ -58,7 +60,7 @@ _SECTIONS = {
         {
             "boats": "boats",
             "triangles": "triangles of each",
-            "step_us": "step, median [us]",
+            "step_us": "step, median [µs]",
             "real_time_factor": "real-time factor",
             "cpu_real_time_factor": "per CPU second",
             "build_s": "build [s]",
@@ -96,8 +98,8 @@ _SECTIONS = {
             "arms": "arms",
             "real_time_factor": "real-time factor",
             "cpu_real_time_factor": "per CPU second",
-            "step_us": "step, median [us]",
-            "cpu_us": "CPU [us]",
+            "step_us": "step, median [µs]",
+            "cpu_us": "CPU [µs]",
             "tracking_error_rad": "tracking error [rad]",
             "contacts": "contacts",
             "start_skew_s": "start skew [s]",
@@ -156,7 +158,7 @@ def save_report(folder: Path, results: Mapping[str, Sequence[Row]], failures: Se
         lines += ["## Not measured", "", *(f"- {text}" for text in failures), ""]
         items = "".join(f"<li>{html.escape(text)}</li>" for text in failures)
         body.append(f"<h2>Not measured</h2><ul class=failed>{items}</ul>")
-    head = f'<meta charset="utf-8"><title>Experiments</title><style>{_STYLE}</style>'
+    head = f"{_META}<title>Experiments</title><style>{_STYLE}</style>"
     page = f'<!doctype html><html lang="en"><head>{head}</head><body>{"".join(body)}</body></html>\n'
     report = [write_text(folder / "experiments.md", "\n".join(lines)), write_text(folder / "experiments.html", page)]
     return [*figures.values(), *report]

@@ -16,6 +16,7 @@ import trimesh
 import rr1plan as rp
 from rr1plan.cli import BAD_INPUT, OK, run
 from rr1plan.experiments.boat_meshes import boat_mesh
+from rr1plan.experiments.experiment_figures import FIGURES
 from rr1plan.experiments.falling_tower import measure_tower
 from rr1plan.experiments.measuring_process import measure
 from rr1plan.experiments.message_latency import measure_latency
@@ -115,8 +116,18 @@ def test_experiments_write_tables_figures_and_a_report(tmp_path: Path, monkeypat
     assert {name: float(value) for name, value in read.items()} == row
     page = (tmp_path / "new/experiments.html").read_text()
     assert set(re.findall(r'(?:src|href)="([^,"]*)', page)) == {"data:image/png;base64"}
+    assert '<meta name="viewport" content="width=device-width' in page  # readable on a phone
     assert "9,999 arms: more than &lt;this&gt; machine has" in page
     assert "| arms |" in (tmp_path / "new/experiments.md").read_text()
+
+
+def test_figures_count_boats_in_whole_numbers_and_show_the_largest_value_whole() -> None:
+    rows = [{"boats": n, "step_us": 10.0 + n, "memory_mb": 160.0 + n, "triangles": 100} for n in (0, 7)]
+    for plot in FIGURES["static"](rows).axes:
+        low, high = plot.get_ylim()
+        assert low == 0.0
+        assert high > 1.05 * plot.dataLim.y1
+        np.testing.assert_array_equal(plot.get_xticks() % 1.0, 0.0)
 
 
 def test_the_command_line_measures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
