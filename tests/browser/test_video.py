@@ -294,7 +294,9 @@ def test_what_makes_no_sense_is_refused(tmp_path: FilePath) -> None:
     (tmp_path / "page.html").write_text("")
     for words, name, more in (
         ("ends in .mp4 or .gif or .webp", "a.avi", {}),
-        ("at most 50", "a.gif", {"fps": 60}),
+        ("fps is 60, expected 0.01 to 50", "a.gif", {"fps": 60}),
+        ("fps is 0.001, expected 0.01 to 50", "a.gif", {"fps": 0.001}),
+        ("fps is 0.0001, expected 0.01 to 120", "a.mp4", {"fps": 1e-4}),
         ("even numbers", "a.mp4", {"size": (101, 100)}),
         ("size", "a.gif", {"size": (1, 1)}),
         ("fps", "a.gif", {"fps": 0}),

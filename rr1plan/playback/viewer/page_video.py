@@ -16,7 +16,7 @@ from rr1plan.errors import InputError
 from rr1plan.files.file_access import check_writable, write_bytes
 from rr1plan.playback.viewer.html_page import check_size
 from rr1plan.playback.viewer.page_capture import Page, opened_page, outside_event_loop, settle_page
-from rr1plan.playback.viewer.video_files import FASTEST, Picture, video_bytes
+from rr1plan.playback.viewer.video_files import FASTEST, SLOWEST, Picture, video_bytes
 from rr1plan.progress import ProgressCallback, fraction_callback
 from rr1plan.progress_bar import library_bar
 
@@ -50,7 +50,7 @@ def save_video(
         page: A page that `save_html` wrote, a live viewer, or a value that has a page: a motion, a sequence plan, a
             C-space with a path or a tree, whose growth is animated, or a lesson.
         size: Width and height [px]; even numbers for MP4.
-        fps: Pictures per second: at most 120, in WebP 60, in GIF 50.
+        fps: Pictures per second: 0.01 to 120, in WebP to 60, in GIF to 50.
         speed: Multiple of real time.
         step: The step of a lesson, from 1 on; None: the first.
         bare: Without the cards around the picture.
@@ -70,8 +70,8 @@ def save_video(
     file = check_writable(file, *FASTEST)
     suffix = file.suffix.lower()
     fps, speed, size = positive_number("fps", fps), positive_number("speed", speed), check_size(size)
-    if fps > FASTEST[suffix]:
-        raise InputError(f"fps is {fps:g}, expected at most {FASTEST[suffix]:g} in {suffix} files")
+    if not SLOWEST <= fps <= FASTEST[suffix]:
+        raise InputError(f"fps is {fps:g}, expected {SLOWEST:g} to {FASTEST[suffix]:g} in {suffix} files")
     if suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
         raise InputError(f"size is {size[0]} x {size[1]}, expected even numbers of pixels for MP4")
     bare = true_or_false("bare", bare)

@@ -18,6 +18,7 @@ from rr1plan.errors import MissingPackageError
 Picture = NDArray[np.uint8]  # (height, width, 3)
 
 FASTEST = {".mp4": 120.0, ".gif": 50.0, ".webp": 60.0}  # [frames/s], by suffix; browsers slow down faster GIFs
+SLOWEST = 0.01  # [frames/s]; a GIF cannot hold a picture for more than 655 s, nor MP4 give any rate
 _HOLD = 0.6  # [s] for which a repeating video holds its last frame, as on the page
 _PALETTE_SAMPLES = 6
 _PALETTE_SIZE = 255
