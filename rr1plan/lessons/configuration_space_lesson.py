@@ -82,7 +82,8 @@ def _steps(grid: CSpaceGrid, q: tuple[float, ...]) -> tuple[LessonStep, ...]:
             """<p>Discs, boxes and polygons, also concave ones: an image requires only the distance between two solids.
             Every cell of this picture was decided at its center; where a distance proves that nothing changes in a
             whole block of cells, the block was decided at once.</p>
-            <p>Find the corner of an obstacle in its image: it makes a kink in the boundary.</p>""",
+            <p>Lay the outer link along a side of an obstacle: its contact jumps from one corner to the next, which
+            makes a kink in the boundary of the image.</p>""",
             q,
         ),
         LessonStep(

@@ -282,7 +282,7 @@ def _steps(lesson: PlanningLesson) -> tuple[LessonStep, ...]:
             "dijkstra",
             "Dijkstra’s algorithm: cheapest first",
             f"""<p>The space is covered by a lattice, each point connected to its 8 neighbors. The open vertex with the
-            least <b>cost so far</b> g is closed next: circles grow around the start. When the goal is closed, its path
+            least <b>cost so far</b> g is closed next: octagons grow around the start. When the goal is closed, its path
             is a shortest one <b>on this lattice</b>. {outcome("Dijkstra")}</p><p>The step slider changes the lattice:
             half the step, four times the vertices; in six joints 64 times. (Dijkstra 1959; LaValle 2.2)</p>""",
         ),

@@ -113,6 +113,16 @@ def test_the_slider_sets_the_step_and_samples_follow(page: tuple[Any, Any]) -> N
 
 
 @pytest.mark.parametrize("page", ["continuous_checking"], indirect=True)
+def test_fixed_steps_find_what_the_text_says(page: tuple[Any, Any]) -> None:
+    tab, _ = page
+    for name, degrees, words in (("steps", 12, "9 samples, all free"), ("small_steps", 1, "105 samples, all free")):
+        go_to(tab, name)
+        assert f"{degrees}°" in tab.page.locator("#panel-steps article:visible").inner_text()
+        assert tab.ask("RR1.edge.stepSize") == pytest.approx(np.radians(degrees))
+        assert tab.page.locator("#panel-edge .verdict").inner_text().startswith(words)
+
+
+@pytest.mark.parametrize("page", ["continuous_checking"], indirect=True)
 def test_keys_step_through_the_intervals_and_the_end_can_be_dragged(page: tuple[Any, Any]) -> None:
     tab, lesson = page
     go_to(tab, "halving")

@@ -137,7 +137,7 @@ class EdgeLesson {
   get stepSize() { return (Math.PI / 180) * 30 * Math.exp((-Math.log(300) * this.step.value) / 100); }
 
   set stepDegrees(degrees) {
-    this.step.value = Math.round((100 * Math.log(30 / degrees)) / Math.log(300));
+    this.step.value = (100 * Math.log(30 / degrees)) / Math.log(300);
     this.refresh();
   }
 
