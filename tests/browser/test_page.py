@@ -197,6 +197,25 @@ def test_a_joint_slider_poses_the_arm(calm: Any) -> None:
     assert not calm.ask("RR1.manual")
 
 
+def test_screen_readers_read_values_in_their_units_and_only_on_a_visit(calm: Any) -> None:
+    calm.ask("(RR1.pause(), RR1.seek(0.5))")
+    calm.next_frames()
+    assert calm.ask("document.getElementById('scrub').getAttribute('aria-valuetext')") == "0.50 s"
+    said = "[...document.querySelectorAll('.joint input')].map((slider) => slider.getAttribute('aria-valuetext'))"
+    shown = calm.ask("[...document.querySelectorAll('.joint output')].map((out) => out.textContent)")
+    assert calm.ask(said) == shown
+    assert all(text.endswith("°") for text in shown)
+    live = "(node) => (node.getAttribute('aria-live') || 'polite') !== 'off'"
+    assert not calm.ask(f"[...document.querySelectorAll('.joint output, #clock, #hud, #tip')].some({live})")
+
+
+def test_a_finger_can_set_the_time_on_a_phone(calm: Any) -> None:
+    calm.page.set_viewport_size({"width": 390, "height": 844})
+    line, bar = (calm.page.locator(name).bounding_box() for name in ("#scrub", "#bar"))
+    calm.page.set_viewport_size({"width": 960, "height": 640})
+    assert line["width"] > 0.9 * bar["width"]
+
+
 def test_a_slider_of_a_joint_without_limits_stays_in_its_turn(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
     scene = rp.Scene().with_arm("arm", planar2r, q=[7.0, 0.0])
     tab.open(save_html(tmp_path / "turns.html", scene))

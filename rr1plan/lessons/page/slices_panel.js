@@ -150,7 +150,7 @@ class SixJoints {
     this.sliders.forEach(({ slider, out }, k) => {
       slider.value = q[k];
       fillSlider(slider);
-      out.textContent = degrees(q[k]);
+      showValue(slider, out, degrees(q[k]));
     });
     if (this.mode === "solutions") this.pressSolution(String(this.solution()));
     if (this.rasterKey() !== this.rastered) this.rasterize();

@@ -36,6 +36,17 @@ function fillPart(slider) {
   slider.style.setProperty("--part", `${(100 * (Number(slider.value) - low)) / (high - low || 1)}%`);
 }
 
+/**
+ * Shows the value of a slider as text, also to screen readers, which otherwise read the bare number of a slider.
+ * They read the text on a visit, not at each of its changes while a motion plays.
+ */
+function showValue(slider, out, text) {
+  if (out.textContent === text) return;
+  slider.setAttribute("aria-valuetext", text);
+  out.setAttribute("aria-live", "off");
+  out.textContent = text;
+}
+
 /** Duration of a motion, or a time in it. */
 const seconds = (t) => `${t.toFixed(2)} s`;
 
@@ -305,7 +316,7 @@ class Controls {
     const scrub = find("scrub");
     scrub.value = player.time;
     fillPart(scrub);
-    find("clock").textContent = manual ? this.viewer.origin : seconds(player.time);
+    showValue(scrub, find("clock"), manual ? this.viewer.origin : seconds(player.time));
     if (this.shownPlaying !== player.playing) {
       this.shownPlaying = player.playing;
       find("play").replaceChildren(icon(player.playing ? "pause" : "play"));
@@ -353,7 +364,7 @@ class Controls {
         // Not during a drag: a simulated joint follows later.
         if (!slider.matches(":active")) slider.value = turns ? q[column] - TURN * Math.round(q[column] / TURN) : q[column];
         fillPart(slider);
-        out.textContent = straight ? `${tenths(1000 * q[column])} mm` : `${tenths((180 / Math.PI) * q[column])}°`;
+        showValue(slider, out, straight ? `${tenths(1000 * q[column])} mm` : `${tenths((180 / Math.PI) * q[column])}°`);
       }
     }
   }

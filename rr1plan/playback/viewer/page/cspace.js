@@ -565,14 +565,14 @@ class Lesson {
       const v = wrapped(axis, q[axis]);
       slider.value = v;
       slider.style.setProperty("--part", `${100 * share(axis, v)}%`);
-      out.textContent = reading(axis, v);
+      showValue(slider, out, reading(axis, v));
     });
     if (this.isSlice) {
       this.otherSliders.forEach(({ slider, out }, k) => {
         const { column, straight } = data.others[k], v = viewer.q[column];
         slider.value = v;
         slider.style.setProperty("--part", `${(100 * (v - slider.min)) / (slider.max - slider.min)}%`);
-        out.textContent = readingOf(straight, v);
+        showValue(slider, out, readingOf(straight, v));
       });
       if (this.otherValues().some((v, k) => v !== this.cutAt[k])) this.recut();
     }
@@ -741,7 +741,7 @@ class Lesson {
     this.tools.tree.setAttribute("aria-pressed", String(this.showTree));
     this.reach.value = this.grown;
     this.reach.style.setProperty("--part", `${(100 * this.grown) / (this.tree.length || 1)}%`);
-    part(".grow output").textContent = `${this.grown}`;
+    showValue(this.reach, part(".grow output"), `${this.grown}`);
     this.draw();
   }
 

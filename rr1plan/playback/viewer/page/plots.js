@@ -189,6 +189,7 @@ class Chart {
     Object.assign(this, { plots, viewer, key, emphasized: null });
     this.root = element("figure");
     this.said = element("output");
+    this.said.setAttribute("aria-live", "off"); // it changes with the clock
     this.note = element("span", undefined, "note");
     const caption = element("figcaption");
     this.title = element("b");
