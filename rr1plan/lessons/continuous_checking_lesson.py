@@ -38,11 +38,11 @@ _STEPS = (
     (
         "steps",
         "A fixed step misses what fits between two samples",
-        "<p>The edge from <b>begin</b> to <b>end</b> is checked every 12°: nine configurations, all free. "
-        "Between two of them the arm goes through the plate. Many planners check edges like that, and most of "
-        "the time nothing happens.</p><p>Move the slider. What decides is not the plate, which is 4 mm thick, "
-        "but the length of edge on which arm and plate overlap: the width of both over the distance from the "
-        "joint.</p>",
+        "<p>The edge from <b>begin</b> to <b>end</b> is checked at steps of at most 12°: nine "
+        "configurations, all free. Between two of them the arm goes through the plate. Many planners check edges like "
+        "that, and most of the time nothing happens.</p><p>Move the slider. What decides is not the plate, which is "
+        "4 mm thick, but the length of edge on which arm and plate overlap: the width of both over the distance from "
+        "the joint.</p>",
     ),
     (
         "small_steps",
@@ -170,7 +170,7 @@ class ContinuousCheckingLesson(Lesson):
         for s, free in zip(found.fractions, found.free, strict=True):
             self._draw_arm(axes, q0 + s * (q1 - q0), _SAMPLE if free else _TOUCH, 0.45)
         words = "all free" if found.passes else f"{int((~found.free).sum())} in contact"
-        axes.set_title(f"fixed step of {np.degrees(found.step):.0f}°: {len(found.free)} samples, {words}", loc="left")
+        axes.set_title(f"steps of at most {np.degrees(_STEP):.0f}°: {len(found.free)} samples, {words}", loc="left")
         axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
         axes.spines[["top", "right"]].set_visible(False)
 

@@ -108,6 +108,7 @@ class KinematicsLesson(Lesson):
     def _draw_arm(self, axes: Axes) -> None:
         """The arm with its frames, the other elbow, and the ellipses for several configurations."""
         from matplotlib.patches import Ellipse as Drawn
+        from matplotlib.patheffects import withStroke
 
         q = np.array(self.scene.arms[self.arm_name].q)
         both = self.flat.solutions(self.flat.points(q)[2])
@@ -123,7 +124,17 @@ class KinematicsLesson(Lesson):
                 axes.annotate(
                     "", frame[:2, 3] + way, frame[:2, 3], arrowprops={"arrowstyle": "-|>", "color": color, "lw": 2}
                 )
-            axes.annotate(f"{{{k}}}", frame[:2, 3], (-20, -20), textcoords="offset points", fontsize=13)
+            label = axes.annotate(
+                f"{{{k}}}",
+                frame[:2, 3],
+                -20.0 * (frame[:2, 0] + frame[:2, 1]),  # opposite to both axes
+                textcoords="offset points",
+                ha="center",
+                va="center",
+                fontsize=13,
+                zorder=9,
+            )
+            label.set_path_effects([withStroke(linewidth=4, foreground="white")])
         bends = np.linspace(0.25, 2.7, 6)
         for k, second in enumerate(bends):
             at = np.array([q[0], second]) if self.flat.kinds == "RR" else q
