@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Iterator
 from pathlib import Path as FilePath
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from drawn_links import DRAWN_LINKS, link_boxes, wander
+from PIL import Image
 
 import rr1plan as rp
 from rr1plan import Panel, Replay, pack_array, save_html, show
@@ -207,6 +209,16 @@ def test_screen_readers_read_values_in_their_units_and_only_on_a_visit(calm: Any
     assert all(text.endswith("°") for text in shown)
     live = "(node) => (node.getAttribute('aria-live') || 'polite') !== 'off'"
     assert not calm.ask(f"[...document.querySelectorAll('.joint output, #clock, #hud, #tip')].some({live})")
+
+
+def test_a_browser_that_darkens_pages_leaves_the_paper_under_drawings(calm: Any) -> None:
+    session = calm.page.context.new_cdp_session(calm.page)
+    calm.page.emulate_media(color_scheme="dark")
+    session.send("Emulation.setAutoDarkModeOverride", {"enabled": True})
+    side = Image.open(io.BytesIO(calm.page.locator("#side").screenshot())).convert("L")
+    session.detach()
+    calm.page.emulate_media(color_scheme="light")
+    assert np.median(np.asarray(side)) > 200
 
 
 def test_a_finger_can_set_the_time_on_a_phone(calm: Any) -> None:
