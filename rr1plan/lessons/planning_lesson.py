@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -259,7 +260,7 @@ def _tools(points: Array, kinematics: Kinematics) -> Array:
 
 
 def _steps(lesson: PlanningLesson) -> tuple[LessonStep, ...]:
-    names = ", ".join(lesson.problem.joint_names)
+    names = ", ".join(escape(name) for name in lesson.problem.joint_names)
     counts = {planner: lesson.variant(planner).record for planner in COLORS}
 
     def outcome(planner: str) -> str:

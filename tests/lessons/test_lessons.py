@@ -117,6 +117,15 @@ def test_a_star_searches_a_torus_where_joints_have_no_limits(lessons: dict[str, 
     assert "torus" not in str(planning_lesson._steps(lesson))
 
 
+def test_names_in_texts_stay_text(lessons: dict[str, rp.Lesson], planar2r: rp.Robot) -> None:
+    lesson: Any = copy.copy(lessons["planning"])
+    scene = rp.Scene(name="named").with_arm("<img src=x>", planar2r)
+    lesson.problem = rp.Problem(scene, [0.0, 0.0], [0.5, 0.5])
+    text = planning_lesson._steps(lesson)[0].text
+    assert "&lt;img src=x&gt;/joint1" in text
+    assert "<img" not in text
+
+
 def test_a_lesson_about_a_query_takes_one_without_a_path(tmp_path: Path) -> None:
     scene = rp.Scene().with_arm("arm", rp.planar_arm("RR", (1.0, 0.7)))
     wall = rp.Cylinder(0.15, 0.2)
