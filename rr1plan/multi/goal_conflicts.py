@@ -7,8 +7,10 @@ for constraint satisfaction and scheduling problems, 1992); where it fails, back
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
+
+import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.kernels.planner_kernels import CStruct
@@ -17,8 +19,8 @@ from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import are_apart
 
-# Largest number of rounds of the repair, and of steps of the backtracking search.
-_REPAIRS, _STEPS = 200, 20_000
+# Largest number of rounds of the repair, of steps of the backtracking search, and of shuffles for another combination.
+_REPAIRS, _STEPS, _SHUFFLES = 200, 20_000, 10
 
 
 class GoalConflicts:
@@ -55,6 +57,10 @@ class GoalConflicts:
     def _count(self, arm: str, k: int, picked: Mapping[str, int]) -> int:
         """Number of other arms that a goal configuration touches in theirs, of those that have one."""
         return sum(self._touch(arm, k, other, picked[other]) for other in self._near[arm] if other in picked)
+
+    def touch(self, picked: Mapping[str, int]) -> bool:
+        """Whether two arms are in contact in a combination of goal configurations."""
+        return any(self._count(arm, k, picked) for arm, k in picked.items())
 
     def repaired(self, left: Mapping[str, Sequence[int]]) -> dict[str, int]:
         """For each arm one of the goal configurations left, with as few contacts as min-conflicts repair finds."""
@@ -102,3 +108,82 @@ class GoalConflicts:
                 return {name: self.choices[name][picked[name]] for name in self._agents}, True
             following.append(0)
         return None, False
+
+
+class GoalChoices:
+    """Combinations of goal configurations, of which each arm can reach its own alone.
+
+    Links of an arm, or objects around it, often separate the solutions of inverse kinematics.
+
+    Args:
+        conflicts: The goal configurations of each arm, and their contacts.
+        is_reached: Whether an arm alone can reach a configuration.
+    """
+
+    def __init__(self, conflicts: GoalConflicts, is_reached: Callable[[str, Array], bool]) -> None:
+        self.conflicts, self._is_reached = conflicts, is_reached
+        self._left = {arm: list(range(len(found))) for arm, found in conflicts.choices.items()}
+        self._reached: set[tuple[str, int]] = set()
+        self._first: dict[str, int] = {}
+
+    @property
+    def several(self) -> frozenset[str]:
+        """Arms with several goal configurations that they may reach."""
+        return frozenset(arm for arm, numbers in self._left.items() if len(numbers) > 1)
+
+    def first(self) -> dict[str, Array]:
+        """A goal configuration of each arm, with few contacts; near ones are preferred."""
+        self._first = self._pick({arm: list(numbers) for arm, numbers in self._left.items()})
+        return self._configurations(self._first)
+
+    def use(self, chosen: Mapping[str, Array]) -> None:
+        """Replace the first combination.
+
+        Args:
+            chosen: One of the goal configurations of each arm, shape (nq,).
+        """
+        self._first = {
+            arm: next(k for k, q in enumerate(self.conflicts.choices[arm]) if np.array_equal(q, own))
+            for arm, own in chosen.items()
+        }
+
+    def other(self, arms: Iterable[str], rng: np.random.Generator) -> dict[str, Array] | None:
+        """The first combination with random other goal configurations of some arms, without contact; None if not found.
+
+        Args:
+            arms: The arms.
+            rng: Source of random numbers.
+        """
+        changed = sorted(self.several.intersection(arms))
+        for _ in range(_SHUFFLES if changed else 0):
+            order = {arm: [k] for arm, k in self._first.items()}
+            order |= {arm: rng.permutation(self._left[arm]).tolist() for arm in changed}
+            picked = self._pick(order)
+            if picked != self._first and not self.conflicts.touch(picked):
+                return self._configurations(picked)
+        return None
+
+    def _configurations(self, picked: Mapping[str, int]) -> dict[str, Array]:
+        return {arm: self.conflicts.choices[arm][k] for arm, k in picked.items()}
+
+    def _pick(self, order: dict[str, list[int]]) -> dict[str, int]:
+        """A combination with few contacts, without configurations that an arm does not reach.
+
+        Args:
+            order: The goal configurations of each arm that may be picked, the preferred one first; it is modified.
+        """
+        while True:
+            picked = self.conflicts.repaired(order)
+            missed = []
+            for arm, k in picked.items():
+                if len(order[arm]) == 1 or (arm, k) in self._reached:
+                    continue
+                if self._is_reached(arm, self.conflicts.choices[arm][k]):
+                    self._reached.add((arm, k))
+                else:
+                    missed.append(arm)
+            if not missed:
+                return picked
+            for arm in missed:
+                order[arm].remove(picked[arm])
+                self._left[arm].remove(picked[arm])

@@ -8,10 +8,14 @@ until one solves it, under one deadline: for up to four arms, their joint space;
 which conflicting arms are coupled, and moves of one arm at a time; then timing on the fixed paths of each arm alone,
 detours and eviction. Groups are planned in parallel threads; the random numbers of a group depend on its arms only, so
 threads do not change the result.
+
+A goal configuration of each arm is chosen before the search. If a group has no schedule after a few rounds, its arms
+with several goals, or several solutions of inverse kinematics, get other ones.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -29,7 +33,7 @@ from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality
-from rr1plan.multi.preflight import MARGINS, Preflight, preflight
+from rr1plan.multi.preflight import MARGINS, Preflight, preflight, with_other_goals
 from rr1plan.multi.search.improvement import PlanImprover
 from rr1plan.multi.search.prioritized import COUPLED_FIRST, PrioritizedPlanner, Statistics
 from rr1plan.multi.search.small_teams import plan_small_team
@@ -42,6 +46,8 @@ from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
 _IMPROVEMENTS = 6  # rounds for each group
+# Rounds of a search with goal configurations chosen among several, doubled after this many combinations.
+_ROUNDS_OF_GOALS, _COMBINATIONS = 1, 3
 _SEARCH = "conflict_based_search"
 _METHODS = ("portfolio", _SEARCH)
 # Share of the budget reserved for work that cannot be interrupted, and the longest reserve [s].
@@ -168,7 +174,8 @@ def plan_many_arms(
         improvement: How long to improve the first plan, within `budget`: seconds, and attempts as iterations (default:
             not at all). Makespan first, then the sum of all arrival times; see `improvement.py`.
         method: "portfolio", or "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their
-            arrival times (`GroupResult.suboptimality`) that holds before `improvement`.
+            arrival times (`GroupResult.suboptimality`) that holds before `improvement`, for one goal configuration of
+            each arm.
         retiming: "blend" rounds corners where certified, "stop" stops at corners, "ruckig" stops at them and limits
             jerk.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
@@ -177,8 +184,8 @@ def plan_many_arms(
 
     Returns:
         The motion, or why there is none: INVALID_START or INVALID_GOAL with the links in contact and their depth,
-        INFEASIBLE with the joint of an arm that cannot pass stationary objects, TIMEOUT with the arms that have no
-        schedule and the arms among which none was found, or CANCELLED.
+        INFEASIBLE with the joint of an arm that cannot pass stationary objects or other arms, TIMEOUT with the arms
+        that have no schedule and the arms among which none was found, or CANCELLED.
 
     Raises:
         UnknownNameError: an unknown method or retiming.
@@ -204,25 +211,19 @@ def plan_many_arms(
         return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
     # Random numbers depend on the arm alone, so that its path does not depend on the others.
     seeds = {arm: int(generator.integers(2**63)) for arm in problem.arms}
-    diagrams = DiagramCache(largest, watch)
     if method == _SEARCH:
+        diagrams = DiagramCache(largest, watch)
         groups, schedules, alone, impossible = _search_small_teams(found, near, seeds, largest, watch)
     else:
-        pools = {
-            arm: PathPool(agent, found.margins[arm], np.random.default_rng(seeds[arm]), watch)
-            for arm, agent in found.agents.items()
-        }
-        search = _GroupSearch(problem.arms, pools, found.chosen, near, diagrams, seeds, watch)
         with watch:
-            groups = search.run()
-        impossible = search.impossible
+            found, search, groups = _search_groups(problem, found, near, seeds, largest, watch)
+        diagrams, impossible = search.diagrams, search.impossible
         schedules = [schedule for planner in search.planners for schedule in planner.schedules.values()]
         # Without a solution no time is left for the bounds.
         solved = search.planners if all(group.found for group in groups) else []
         alone = {arm: bound for planner in solved for arm, bound in planner.fastest_alone().items()}
     if impossible:
-        reason = groups[-1].reason
-        return ManyArmsResult(PlanStatus.INFEASIBLE, reason, groups=tuple(groups), seconds=watch.seconds)
+        return ManyArmsResult(PlanStatus.INFEASIBLE, impossible, groups=tuple(groups), seconds=watch.seconds)
     unsolved = [group for group in groups if not group.found]
     if unsolved and not watch.cancelled:
         reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
@@ -250,14 +251,51 @@ def plan_many_arms(
     )
 
 
+def _search_groups(
+    problem: Problem,
+    found: Preflight,
+    near: Mapping[str, frozenset[str]],
+    seeds: Mapping[str, int],
+    margin: float,
+    watch: Stopwatch,
+) -> tuple[Preflight, _GroupSearch, list[GroupResult]]:
+    """Plan all groups, with other goal configurations of arms without a schedule if they have several.
+
+    The effort spent on a combination of goal configurations is limited, and grows. It is counted in rounds, so that the
+    result does not depend on the speed of the machine.
+
+    Returns:
+        The preflight with the goal configurations of the last search, this search, and the result of each group.
+    """
+    rng, now, attempt = np.random.default_rng(list(seeds.values())), found, 0
+    failed: list[GroupResult] = []  # of the last search that was not cut short by the deadline
+    while True:
+        search = _GroupSearch(problem.arms, now, near, margin, seeds, watch)
+        search.rounds = _ROUNDS_OF_GOALS << attempt // _COMBINATIONS
+        groups = search.run()
+        unsolved = [arm for group in groups if not group.found for arm in group.arms]
+        if not unsolved or search.impossible:
+            return now, search, groups
+        if not watch.goes_on():
+            return now, search, failed or groups
+        failed = groups
+        if not search.planners and (found.choices is None or found.choices.several.isdisjoint(unsolved)):
+            return now, search, groups  # an arm does not reach its only goal configuration
+        attempt += 1
+        other = with_other_goals(problem, found, unsolved, margin, rng, watch) if attempt % _COMBINATIONS else None
+        if other is None:
+            attempt += -attempt % _COMBINATIONS
+        now = other or found
+
+
 def _search_small_teams(
     found: Preflight, near: Mapping[str, frozenset[str]], seeds: Mapping[str, int], margin: float, watch: Stopwatch
-) -> tuple[list[GroupResult], list[Schedule], dict[str, float], bool]:
+) -> tuple[list[GroupResult], list[Schedule], dict[str, float], str]:
     """Conflict-based search of each group, up to the first that is impossible.
 
     Returns:
-        The results, all schedules, for each arm the duration of its motion alone [s], and whether an arm of the last
-        group provably has no path.
+        The results, all schedules, for each arm the duration of its motion alone [s], and why an arm of the last group
+        provably has no path; empty if that is not proven.
     """
     groups: list[GroupResult] = []
     schedules: list[Schedule] = []
@@ -269,10 +307,10 @@ def _search_small_teams(
         bound = team.suboptimality if team.schedules else None
         groups.append(GroupResult(arms, stage, watch.seconds - began, team.reason, suboptimality=bound))
         if team.impossible is not None and team.impossible not in found.chosen:
-            return groups, schedules, alone, True
+            return groups, schedules, alone, team.reason
         schedules += team.schedules
         alone.update(team.alone)
-    return groups, schedules, alone, False
+    return groups, schedules, alone, ""
 
 
 class _GroupSearch:
@@ -280,32 +318,39 @@ class _GroupSearch:
 
     Args:
         arms: The arms, in the order of the problem.
-        pools: An empty pool for each.
-        chosen: Arms whose goal configuration was chosen among several.
+        found: Their agents, each with a goal configuration.
         near: For each arm, the arms that it can touch at all.
-        diagrams: Coordination diagrams, shared by all groups.
+        margin: Largest distance that arms keep from each other in addition to the padding [m].
         seeds: Seed of each arm.
         watch: Deadline.
 
     Attributes:
+        rounds: Largest number of rounds for groups in which arms have several goal configurations.
         planners: One for each group.
-        impossible: Whether some arm provably has no path.
+        diagrams: Coordination diagrams, shared by all groups.
+        impossible: Why some arms provably have no path; empty if that is not proven.
     """
 
     def __init__(
         self,
         arms: Sequence[str],
-        pools: Mapping[str, PathPool],
-        chosen: frozenset[str],
+        found: Preflight,
         near: Mapping[str, frozenset[str]],
-        diagrams: DiagramCache,
+        margin: float,
         seeds: Mapping[str, int],
         watch: Stopwatch,
     ) -> None:
-        self._arms, self._pools, self._near, self._diagrams = tuple(arms), pools, near, diagrams
-        self._chosen, self._seeds, self._watch = chosen, seeds, watch
+        self._arms, self._near, self._chosen = tuple(arms), near, found.chosen
+        self._several = frozenset() if found.choices is None else found.choices.several
+        self._seeds, self._watch = seeds, watch
+        self._pools = {
+            arm: PathPool(agent, found.margins[arm], np.random.default_rng(seeds[arm]), watch)
+            for arm, agent in found.agents.items()
+        }
+        self.rounds = math.inf
         self.planners: list[PrioritizedPlanner] = []
-        self.impossible = False
+        self.diagrams = DiagramCache(margin, watch)
+        self.impossible = ""
 
     def run(self) -> list[GroupResult]:
         """Plan all groups. Returns the result of each."""
@@ -316,9 +361,19 @@ class _GroupSearch:
         results: dict[PrioritizedPlanner, GroupResult] = {}
         waiting = list(self.planners)
         while waiting:
-            results |= zip(waiting, self._solve_all(waiting), strict=True)
+            results |= self._solve_all(waiting)
             waiting = self._join_meeting([planner for planner in self.planners if results[planner].found])
-        return [results[planner] for planner in self.planners]
+        return [self._proven(results[planner], planner.impossible) for planner in self.planners]
+
+    def _proven(self, result: GroupResult, impossible: bool) -> GroupResult:
+        """The result of arms without a motion, which notes a proof that there is none to their goal configurations."""
+        if result.found or not impossible:
+            return result
+        names = ", ".join(result.arms)
+        if not self._chosen.isdisjoint(result.arms):
+            return replace(result, reason=f"{names}: to the goal configurations that were chosen, {result.reason}")
+        self.impossible = f"{names}: {result.reason}"
+        return replace(result, reason=self.impossible)
 
     def _first_paths(self) -> list[GroupResult]:
         """Find the first path of each arm. Returns the first failure, if any."""
@@ -329,10 +384,9 @@ class _GroupSearch:
                 pool.add({}, patient=True) if self._watch.goes_on() else (None, "no time was left for its path")
             )
             if path is None:
-                # The proof is for this goal configuration only.
-                self.impossible = pool.impossible and arm not in self._chosen
-                which = "" if self.impossible or not pool.impossible else "to the goal configuration that was chosen, "
-                without.append(GroupResult((arm,), "", self._watch.seconds - began, f"{arm}: {which}{reason}"))
+                reason = reason if pool.impossible else f"{arm}: {reason}"
+                failed = GroupResult((arm,), "", self._watch.seconds - began, reason)
+                without.append(self._proven(failed, pool.impossible))
                 break
         return without
 
@@ -340,35 +394,49 @@ class _GroupSearch:
         """Arms whose first paths may collide, by boxes; in large groups by diagrams, which are needed there anyway."""
         paths = {arm: pool.paths[0] for arm, pool in self._pools.items()}
         groups = []
-        for group in meeting_groups(paths, self._near, self._diagrams, watch=self._watch):
+        for group in meeting_groups(paths, self._near, self.diagrams, watch=self._watch):
             own = {arm: paths[arm] for arm in group}
             if len(group) <= COUPLED_FIRST:
                 groups.append(group)
                 continue
             pairs = [(own[a], own[b]) for a, b in combinations(own, 2) if b in self._near[a]]
-            self._diagrams.prepare(pairs, processors(), self._watch)
-            groups += meeting_groups(own, self._near, self._diagrams, exactly=True, watch=self._watch)
+            self.diagrams.prepare(pairs, processors(), self._watch)
+            groups += meeting_groups(own, self._near, self.diagrams, exactly=True, watch=self._watch)
         return groups
 
     def _planner(self, group: tuple[str, ...]) -> PrioritizedPlanner:
         rng = np.random.default_rng([self._seeds[arm] for arm in group])
         pools = [self._pools[arm] for arm in group]
-        return PrioritizedPlanner(pools, self._near, self._diagrams, rng, self._watch)
+        return PrioritizedPlanner(pools, self._near, self.diagrams, rng, self._watch)
 
-    def _solve_all(self, planners: list[PrioritizedPlanner]) -> list[GroupResult]:
-        """Plan some groups; groups of several arms run on threads."""
+    def _solve_all(self, planners: list[PrioritizedPlanner]) -> dict[PrioritizedPlanner, GroupResult]:
+        """Plan some groups, small ones first, so that a hard group takes no time from them; on threads if several meet.
+
+        Returns:
+            The result of each group.
+        """
         several = [planner for planner in planners if len(planner.agents) > 1]
         threads = min(processors(), len(several))
         for planner in planners:
             planner.threads = processors() // max(1, threads)
-        return in_parallel(lambda planner: _solve(planner, self._watch), planners, threads, self._watch)
+        ordered = sorted(planners, key=lambda planner: len(planner.agents))
+        return dict(zip(ordered, in_parallel(self._solve, ordered, threads, self._watch), strict=True))
+
+    def _solve(self, planner: PrioritizedPlanner) -> GroupResult:
+        """Schedule a group and reduce its makespan."""
+        began = self._watch.seconds
+        solved = planner.run(math.inf if self._several.isdisjoint(planner.arms) else self.rounds)
+        if solved:
+            planner.improve(_IMPROVEMENTS)
+        reason = "" if solved else planner.reason
+        return GroupResult(planner.arms, planner.stage, self._watch.seconds - began, reason, planner.statistics)
 
     def _join_meeting(self, planners: list[PrioritizedPlanner]) -> list[PrioritizedPlanner]:
         """Merge groups whose present paths, such as detours, meet. Returns the groups to be planned again."""
         owner = {arm: planner for planner in planners for arm in planner.arms}
         paths = {arm: s.path for p in planners for agent, s in p.schedules.items() for arm in agent.arms}
         again: list[PrioritizedPlanner] = []
-        for group in meeting_groups(paths, self._near, self._diagrams, exactly=True, watch=self._watch):
+        for group in meeting_groups(paths, self._near, self.diagrams, exactly=True, watch=self._watch):
             first, *others = dict.fromkeys(owner[arm] for arm in group)
             # Arms that meet may already be in one group.
             if not others:
@@ -379,16 +447,6 @@ class _GroupSearch:
                 owner.update(dict.fromkeys(other.arms, first))
             again.append(first)
         return list(dict.fromkeys(planner for planner in again if planner in self.planners))
-
-
-def _solve(planner: PrioritizedPlanner, watch: Stopwatch) -> GroupResult:
-    """Schedule a group and reduce its makespan."""
-    began = watch.seconds
-    solved = planner.run()
-    if solved:
-        planner.improve(_IMPROVEMENTS)
-    reason = "" if solved else planner.reason
-    return GroupResult(planner.arms, planner.stage, watch.seconds - began, reason, planner.statistics)
 
 
 def merged_trajectory(problem: Problem, schedules: list[Schedule]) -> Trajectory:

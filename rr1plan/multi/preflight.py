@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.multi.agents import Agent
-from rr1plan.multi.goal_conflicts import GoalConflicts
+from rr1plan.multi.goal_conflicts import GoalChoices, GoalConflicts
 from rr1plan.multi.paths.hop_timing import BLENDED, HopTiming
 from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
@@ -44,6 +44,7 @@ class Preflight:
         status: Why there is no solution; None if planning can start.
         reason: The reason as text.
         chosen: Arms whose goal configuration was chosen among several.
+        choices: Their other goal configurations; None if planning is impossible.
     """
 
     agents: Mapping[str, Agent]
@@ -51,6 +52,7 @@ class Preflight:
     status: PlanStatus | None = None
     reason: str = ""
     chosen: frozenset[str] = frozenset()
+    choices: GoalChoices | None = None
 
 
 def preflight(
@@ -95,9 +97,46 @@ def preflight(
         )
         return planned.found or not watch.goes_on()
 
-    goal, status, reason = goal_configurations(agents, near, rng, watch, is_reached)
+    goal, status, reason, choices = _goal_choices(agents, near, rng, watch, is_reached)
     if status is not None:
         return Preflight({}, {}, status, reason)
+    return _with_goal(problem, agents, goal, choices, largest_margin, watch)
+
+
+def with_other_goals(
+    problem: Problem,
+    found: Preflight,
+    arms: Iterable[str],
+    largest_margin: float,
+    rng: np.random.Generator,
+    watch: Stopwatch,
+) -> Preflight | None:
+    """The same result with random other goal configurations of some arms; None if none without contact are found.
+
+    Args:
+        problem: The problem.
+        found: The result of `preflight`.
+        arms: The arms.
+        largest_margin: Upper bound of the margins [m].
+        rng: Source of random numbers.
+        watch: Deadline.
+    """
+    goal = found.choices.other(arms, rng) if found.choices is not None else None
+    if goal is None:
+        return None
+    other = _with_goal(problem, found.agents, goal, found.choices, largest_margin, watch)
+    return other if other.status is None else None
+
+
+def _with_goal(
+    problem: Problem,
+    agents: Mapping[str, Agent],
+    goal: Mapping[str, Array],
+    choices: GoalChoices | None,
+    largest_margin: float,
+    watch: Stopwatch,
+) -> Preflight:
+    """The agents in a problem with these goal configurations, and their margins."""
     margins = {}
     for arm, agent in agents.items():
         if not watch.goes_on():
@@ -106,10 +145,12 @@ def preflight(
     of_joints = {arm for arm, goals in problem.goal.items() if len(goals) == 1 and isinstance(goals[0], JointGoal)}
     chosen = frozenset(problem.goal) - of_joints
     if not chosen:
-        return Preflight(agents, margins)
+        return Preflight(agents, margins, choices=choices)
+    starts = problem.scene.split(problem.start, problem.arms)
     plain = Problem(problem.scene, {arm: starts[arm] for arm in agents}, goal, arms=problem.arms)
     plain = plain.with_margin(problem.margin)
-    return Preflight({arm: Agent(plain, [arm], timing) for arm in agents}, margins, chosen=chosen)
+    made = {arm: Agent(plain, [arm], agent.timing) for arm, agent in agents.items()}
+    return Preflight(made, margins, chosen=chosen, choices=choices)
 
 
 def warm_up_agents(problem: Problem) -> None:
@@ -137,11 +178,7 @@ def _too_late(watch: Stopwatch) -> Preflight:
 
 
 def goal_configurations(
-    agents: Mapping[str, Agent],
-    near: Mapping[str, frozenset[str]],
-    rng: Seed = None,
-    watch: Stopwatch | None = None,
-    is_reached: Callable[[str, Array], bool] = lambda arm, q: True,
+    agents: Mapping[str, Agent], near: Mapping[str, frozenset[str]], rng: Seed = None
 ) -> tuple[dict[str, Array], PlanStatus | None, str]:
     """A goal configuration for each arm, without contact between arms.
 
@@ -149,38 +186,58 @@ def goal_configurations(
         agents: The agent of each arm.
         near: For each arm, the arms that it can touch.
         rng: Generator or seed of inverse kinematics.
-        watch: Deadline, after which the status is TIMEOUT (default: none).
-        is_reached: Whether an arm alone can reach a configuration; otherwise another one is chosen if possible.
 
     Returns:
         The configurations, None and an empty text; or no configurations, the status and the reason.
     """
-    choices: dict[str, Array] = {}
+    return _goal_choices(agents, near, rng, Stopwatch(np.inf), lambda arm, q: True)[:3]
+
+
+def _goal_choices(
+    agents: Mapping[str, Agent],
+    near: Mapping[str, frozenset[str]],
+    rng: Seed,
+    watch: Stopwatch,
+    is_reached: Callable[[str, Array], bool],
+) -> tuple[dict[str, Array], PlanStatus | None, str, GoalChoices | None]:
+    """As `goal_configurations`, and all goal configurations.
+
+    Args:
+        agents: The agent of each arm.
+        near: For each arm, the arms that it can touch.
+        rng: Generator or seed of inverse kinematics.
+        watch: Deadline, after which the status is TIMEOUT.
+        is_reached: Whether an arm alone can reach a configuration; otherwise another one is chosen if possible.
+    """
+    found: dict[str, Array] = {}
     for arm, agent in agents.items():
-        if watch is not None and not watch.goes_on():
+        if not watch.goes_on():
             late = _too_late(watch)
-            return {}, late.status, late.reason
+            return {}, late.status, late.reason, None
         question = agent.question({}, 0.0)
         with checker_from_pool(question.scene, question.arms) as checker:
             goals = joint_goals(question)
             if goals is None or len(goals) > 1 or not _is_usable(checker, goals[0]):
-                found = GoalSearch(question, checker, rng).find()
-                if found.status is not None:
-                    return {}, found.status, f"{arm}: {found.reason}"
-                goals = found.configurations
-        choices[arm] = goals
-    conflicts = GoalConflicts(agents, choices, near)
-    chosen = _choose_reached_goals(conflicts, is_reached)
+                search = GoalSearch(question, checker, rng).find()
+                if search.status is not None:
+                    return {}, search.status, f"{arm}: {search.reason}", None
+                goals = search.configurations
+        found[arm] = goals
+    conflicts = GoalConflicts(agents, found, near)
+    choices = GoalChoices(conflicts, is_reached)
+    chosen = choices.first()
     touching = _first_contact(agents, chosen, near)
     if touching is None:
-        return chosen, None, ""
+        return chosen, None, "", choices
     # The repair of conflicts is incomplete, and configurations that were not reached are only hard to reach.
     combined, complete = conflicts.combination(watch)
     if combined is not None:
-        return combined, None, ""
+        choices.use(combined)
+        return combined, None, "", choices
     if not complete:
-        return {}, PlanStatus.TIMEOUT, f"no goal configurations that leave room for each other were found: {touching}"
-    tried = "" if all(len(found) == 1 for found in choices.values()) else " in all combinations tried"
+        reason = f"no goal configurations that leave room for each other were found: {touching}"
+        return {}, PlanStatus.TIMEOUT, reason, None
+    tried = "" if all(len(several) == 1 for several in found.values()) else " in all combinations tried"
     # This includes arms without a goal, which return to their start.
     staying = [
         f"{arm} ends where it starts"
@@ -188,7 +245,7 @@ def goal_configurations(
         if f"'{arm}/" in touching and np.array_equal(chosen[arm], agent.start)
     ]
     reason = "; ".join([f"the goals exclude each other{tried}: {touching}", *staying])
-    return {}, PlanStatus.INVALID_GOAL, reason
+    return {}, PlanStatus.INVALID_GOAL, reason, None
 
 
 def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:
@@ -228,27 +285,3 @@ def _first_contact(
             if {one, two} in owners:
                 return describe_collision(checker, q)
     return None
-
-
-def _choose_reached_goals(conflicts: GoalConflicts, is_reached: Callable[[str, Array], bool]) -> dict[str, Array]:
-    """Goal configurations with few contacts, without those that an arm cannot reach alone.
-
-    Links of an arm, or objects around it, often separate the solutions of inverse kinematics.
-    """
-    choices = conflicts.choices
-    left = {arm: list(range(len(found))) for arm, found in choices.items()}
-    reached: set[tuple[str, int]] = set()
-    while True:
-        picked = conflicts.repaired(left)
-        missed = []
-        for arm, k in picked.items():
-            if len(left[arm]) == 1 or (arm, k) in reached:
-                continue
-            if is_reached(arm, choices[arm][k]):
-                reached.add((arm, k))
-            else:
-                missed.append(arm)
-        if not missed:
-            return {arm: choices[arm][k] for arm, k in picked.items()}
-        for arm in missed:
-            left[arm].remove(picked[arm])

@@ -235,6 +235,39 @@ def test_of_several_goals_one_that_is_reached_is_taken(planar2r: rp.Robot, asser
     assert_safe(problem, result)
 
 
+@pytest.mark.parametrize("nearest_first", [True, False])
+def test_a_goal_that_only_others_block_is_replaced_by_another(nearest_first: bool, assert_safe: Check) -> None:
+    """The nearest goal lies beyond the other arm on the rail, which both can reach alone."""
+    rail = _rail([-0.3, 0.0], [-1.2, 0.3])
+    goals = [rp.JointGoal([0.55]), rp.JointGoal([-1.2])]
+    goal = {"arm0": goals if nearest_first else goals[::-1], "arm1": rail.goal["arm1"]}
+    problem = rp.Problem(rail.scene, {"arm0": [-0.3], "arm1": [0.0]}, goal)
+    result = plan_many_arms(problem, rng=0, budget=Budget(seconds=60.0))
+    assert_safe(problem, result)
+    assert result.trajectory is not None
+    assert result.trajectory.select("arm0")(result.makespan) == pytest.approx(-1.2)
+
+
+def test_a_group_that_takes_all_the_time_does_not_blame_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two arms that cannot pass each other, and one that moves apart from them."""
+    monkeypatch.setattr("rr1plan.multi.portfolio.processors", lambda: 1)
+    problem = _rail([0.0, 1.0, 5.0], [1.0, 0.0, 6.0])
+    result = plan_many_arms(problem, rng=0, budget=Budget(seconds=0.3))
+    assert result.status is PlanStatus.TIMEOUT
+    assert [(group.arms, group.found) for group in result.groups] == [(("arm0", "arm1"), False), (("arm2",), True)]
+    assert result.reason.endswith("no schedule found for arm0, arm1 among each other")
+
+
+def test_a_base_of_another_arm_that_cannot_be_passed_is_a_proof() -> None:
+    """An arm would have to turn through the base of another moving arm."""
+    robot = rp.load_robot("planar2r_limited")
+    scene = rp.Scene().with_arm("left", robot).with_arm("right", robot, (0.35, 0.0, 0.0))
+    start, goal = {"left": [1.8, 0.0], "right": [0.3, 0.0]}, {"left": [-1.8, 0.0], "right": [-0.3, 0.0]}
+    result = plan_many_arms(rp.Problem(scene, start, goal), rng=0, budget=Budget(seconds=60.0))
+    assert result.status is PlanStatus.INFEASIBLE
+    assert result.reason.startswith("left, right: no path exists: joint 'left/joint1' cannot pass")
+
+
 def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
     result = plan_many_arms(_sealed(planar2r), rng=0, budget=Budget(seconds=0.5))
     assert result.status is PlanStatus.TIMEOUT
@@ -266,7 +299,7 @@ def test_no_stage_begins_after_the_deadline(rr1: rp.Robot, monkeypatch: pytest.M
     monkeypatch.setattr(PrioritizedPlanner, "fastest_alone", begin)
     result = plan_many_arms(rp.ring_swap(rr1, 6, 0.5015, 1, 2), rng=0, budget=Budget(seconds=600.0))
     assert result.status is PlanStatus.TIMEOUT
-    assert "no schedule found for arm01; arm02" in result.reason
+    assert "no schedule found for arm01, arm02" in result.reason
     assert begun == []
 
 

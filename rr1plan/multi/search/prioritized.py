@@ -111,6 +111,7 @@ class PrioritizedPlanner:
         schedules: Schedules of the agents that have one.
         stage: The stage that scheduled all agents, one of `STAGES`; empty before.
         reason: Why not all agents have a schedule; empty if unknown.
+        impossible: Whether it is proven that some agents together have no path to their goal configurations.
         statistics: Counters of the search.
     """
 
@@ -130,6 +131,7 @@ class PrioritizedPlanner:
         self.statistics = Statistics(paths=len(self.pools))
         self.stage = ""
         self.reason = ""
+        self.impossible = False
         # Pools of single arms, which bound the makespan and provide the initial paths of windows.
         self._alone = {agent.arms[0]: pool for agent, pool in self.pools.items() if len(agent.arms) == 1}
         self._made = {frozenset(agent.arms): agent for agent in self.agents}
@@ -165,22 +167,38 @@ class PrioritizedPlanner:
 
     # ---- the search ------------------------------------------------------------------------
 
-    def run(self) -> bool:
-        """Schedule all agents; returns whether this succeeded in time."""
+    def run(self, rounds: float = math.inf) -> bool:
+        """Schedule all agents; returns whether this succeeded in time.
+
+        Args:
+            rounds: Largest number of rounds of windows and sequential moves.
+        """
+        if not self._watch.goes_on():
+            self.reason = f"no time was left to schedule {', '.join(self.arms)}"
+            return False
         effort = 0
         if not self.schedules and 1 < len(self.agents) <= COUPLED_FIRST:
-            if self._plan_together():
+            effort = int(min(rounds, _ROUNDS_FIRST))
+            if self._plan_together(effort):
                 return True
-            effort = _ROUNDS_FIRST
-        if not self._watch.goes_on():
+        found = effort < rounds and self._watch.goes_on() and not self.impossible and self._schedule_all(effort, rounds)
+        if not found and not self.reason:
             self.reason = self._blocked_by([agent for agent in self.agents if agent not in self.schedules])
-            return False
+        return found
+
+    def _schedule_all(self, effort: int, rounds: float) -> bool:
+        """Schedule agents one by one, with windows and sequential moves in between; returns whether this succeeded.
+
+        Args:
+            effort: Number of the first round.
+            rounds: Number of the round before which the search ends.
+        """
         self._prepare_diagrams()
         waiting = self._time_first_paths()
         if not waiting:
             self.stage = _later(self.stage, "timing")
             return True
-        while self._watch.goes_on():
+        while effort < rounds and self._watch.goes_on():
             most = self.statistics.evictions + _EVICTIONS * len(self.agents)
             if self._repair(waiting, most):
                 self.stage = _later(self.stage, self._repair_stage())
@@ -191,16 +209,15 @@ class PrioritizedPlanner:
                 return True
             effort += 1
             waiting = [agent for agent in self._slowest_first() if agent not in self.schedules]
-        self.reason = self.reason or self._blocked_by(waiting)
         return False
 
-    def _plan_together(self) -> bool:
+    def _plan_together(self, rounds: int) -> bool:
         """Search with windows, sequential moves and a few arms as one; returns whether all agents are scheduled."""
         few = len(self.agents) <= PLANNED_AS_ONE
         if few and self._plan_few():
             return True
-        for effort in range(_ROUNDS_FIRST):
-            if not self._watch.goes_on():
+        for effort in range(rounds):
+            if self.impossible or not self._watch.goes_on():
                 return False
             if self._couple(effort) or self._move_in_turn(effort) or (few and self._plan_as_one(effort + 1)):
                 return True
@@ -369,9 +386,11 @@ class PrioritizedPlanner:
     def _add_path(self, pool: PathPool, effort: int = 0) -> AgentPath | None:
         """One more path from the start to the goal, regardless of other agents; None if none is found."""
         began = time.perf_counter()
-        path, _ = pool.add({}, effort=effort)
+        path, reason = pool.add({}, effort=effort)
         self.statistics.add_time("paths", began)
         self.statistics.paths += 1
+        if pool.impossible:
+            self.impossible, self.reason = True, reason
         return path
 
     def improve(self, rounds: int) -> None:
@@ -630,12 +649,16 @@ class PrioritizedPlanner:
         self.statistics.add_time("diagrams", began)
 
     def _blocked_by(self, waiting: list[Agent]) -> str:
-        texts = []
+        texts: list[str] = []
+        together: list[str] = []
         for agent in waiting:
             others = [arm for other in self._others(agent) for arm in other.arms]
-            texts.append(
-                f"{' and '.join(agent.arms)} (among {', '.join(others)})" if others else " and ".join(agent.arms)
-            )
+            if others:
+                texts.append(f"{' and '.join(agent.arms)} (among {', '.join(others)})")
+            else:
+                together += agent.arms
+        if together:
+            texts.insert(0, ", ".join(together) + (" among each other" if len(together) > 1 else ""))
         return f"no schedule found for {'; '.join(texts)}"
 
 
