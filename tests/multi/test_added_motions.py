@@ -13,6 +13,8 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.multi.execution import added_motions
 from rr1plan.multi.execution.running_plan import stops_of
 from rr1plan.planning import Budget
+from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.robot_parts import Geometry, Joint, Link
 from rr1plan.scene.subscene import subscene
 
 _BUDGET = Budget(seconds=20.0)
@@ -145,6 +147,42 @@ def test_an_arm_waits_for_one_that_leaves(planar2r: rp.Robot) -> None:
     assert coming.blocked_by == ()
     assert coming.arrival > alone.arrival - 1e-6
     assert rp.validate(coming.plan.trajectory, plan.scene).certified
+
+
+def _blocks_in_a_plane() -> rp.Scene:
+    """Two cubes of 0.1 m, each moved along x and y."""
+    limits = Limits(-np.ones(2), np.ones(2), np.ones(2), 2.0 * np.ones(2), 9.0 * np.ones(2), 9.0 * np.ones(2))
+    robot = rp.Robot(
+        name="block",
+        links=(Link("base"), Link("carriage"), Link("cube", collisions=(Geometry("cube", rp.Box((0.1, 0.1, 0.1))),))),
+        joints=(
+            Joint("x", "prismatic", "base", "carriage", axis=np.array([1.0, 0.0, 0.0]), lower=-1.0, upper=1.0),
+            Joint("y", "prismatic", "carriage", "cube", axis=np.array([0.0, 1.0, 0.0]), lower=-1.0, upper=1.0),
+        ),
+        joint_names=("x", "y"),
+        limits=limits,
+        configurations={"home": np.zeros(2)},
+        locked_joints={},
+        disabled_collisions=frozenset(),
+        tool="cube",
+    )
+    return rp.Scene().with_arm("one", robot).with_arm("two", robot)
+
+
+@pytest.mark.parametrize("at", [0.0, 0.2, 1.0, 5.0])
+def test_the_goal_that_an_arm_already_has_is_kept(at: float) -> None:
+    """An arm that swaps places with another one gets the same goal again, before, while and after it moves."""
+    scene, left, right = _blocks_in_a_plane(), [-0.5, 0.0], [0.5, 0.0]
+    result = rp.plan_many_arms(rp.Problem(scene, {"one": left, "two": right}, {"one": right, "two": left}), rng=0)
+    for goal in (right, rp.PoseGoal("cube", [0.5, 0.0, 0.0])):
+        added = rp.add_motion(result, "one", goal, at=at, budget=Budget(seconds=1.0), rng=0)
+        assert added.found, added.reason
+        assert added.blocked_by == ()
+        assert added.report is not None
+        assert added.report.certified
+        np.testing.assert_allclose(added.plan.configuration("one", added.arrival), right, atol=1e-9)
+        if at > result.makespan:
+            assert added.arrival == at + 0.3
 
 
 def test_an_arm_that_rests_in_the_way_yields_and_comes_back(planar2r: rp.Robot) -> None:

@@ -53,6 +53,7 @@ _SAMPLES = 20  # random configurations tried to find a free one
 # A motion is good enough if it takes at most this times as long as the fastest one alone.
 _GOOD_ENOUGH = 1.5
 _FREEZE, _SHORTEST = 0.3, 0.1  # defaults [s]
+_SAME = 1e-9  # largest difference of equal configurations, such as solutions of inverse kinematics [rad or m]
 _LATEST = 1e7  # later times are rounded to more than a nanosecond [s]
 # Share of the budget reserved for the referee and for kernel calls, and its upper bound [s].
 _RESERVE, _MOST_RESERVE = 0.2, 0.1
@@ -205,6 +206,10 @@ class _Change:
             result = self._result(arm, {arm: new}, new.stage)
             if result is not None:
                 return result
+        if attempt.goals and (kept := self._present_motion(arm, attempt.goals)) is not None:
+            result = self._result(arm, {arm: kept}, "wait")
+            if result is not None:
+                return result
         if attempt.goals:
             watch = self._watch
             self._watch = watch.with_deadline(_SHARE_OF_YIELDING * watch.left)
@@ -250,6 +255,15 @@ class _Change:
                     yield best
             if not self._has_time(until):
                 break
+
+    def _present_motion(self, arm: str, goals: list[Array]) -> _NewMotion | None:
+        """The motion that an arm has already, if it ends at one of some goals."""
+        if not any(np.abs(q - self.plan.goal(arm)).max() <= _SAME for q in goals):
+            return None
+        old, parts = self.plan.trajectory, self._parts[arm]
+        arrival = max(self.now, *(float(part.route.steps.times[-1]) for part in parts if part.route.segments))
+        motion = old.select(arm).cut(self.now, max(self.now, old.end_time))
+        return _NewMotion(parts, motion, arrival)
 
     def _has_time(self, until: float = math.inf) -> bool:
         return self._watch.goes_on() and self._watch.seconds < until

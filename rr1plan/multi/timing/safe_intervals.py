@@ -90,9 +90,9 @@ def earliest_schedule(path: AgentPath, blocked: BlockedTimes) -> Schedule | None
         blocked: Blocked times of the path.
     """
     if path.segments == 0:
-        begins, _ = blocked.of(0)
-        begins_at_goal, _ = blocked.of(1)
-        return Schedule(path, ()) if len(begins) == 0 and len(begins_at_goal) == 0 else None
+        # Intervals that are over at time zero do not matter, as elsewhere.
+        is_free = not any((blocked.of(row)[1] > 0.0).any() for row in (0, 1))
+        return Schedule(path, ()) if is_free else None
     if len(blocked.rows) == 0:
         return Schedule(path, (Leg(0.0, 0, path.segments),))
     return _Search(path, blocked).run()
