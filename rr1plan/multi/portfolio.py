@@ -35,7 +35,7 @@ from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality
 from rr1plan.multi.preflight import MARGINS, Preflight, preflight, with_other_goals
 from rr1plan.multi.search.improvement import PlanImprover
-from rr1plan.multi.search.prioritized import COUPLED_FIRST, PrioritizedPlanner, Statistics
+from rr1plan.multi.search.prioritized import COUPLED_FIRST, NO_TIME, PrioritizedPlanner, Statistics
 from rr1plan.multi.search.small_teams import plan_small_team
 from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
@@ -226,7 +226,7 @@ def plan_many_arms(
         return ManyArmsResult(PlanStatus.INFEASIBLE, impossible, groups=tuple(groups), seconds=watch.seconds)
     unsolved = [group for group in groups if not group.found]
     if unsolved and not watch.cancelled:
-        reason = f"not found in {watch.seconds:.3g} s: {'; '.join(group.reason for group in unsolved)}"
+        reason = f"not found in {watch.seconds:.3g} s: {_why_unsolved(unsolved)}"
         return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
     improver = PlanImprover(schedules, near, found.margins, alone, generator, watch, diagrams)
     first, history = improver.quality, (watch.seconds, improver.quality.makespan)
@@ -249,6 +249,12 @@ def plan_many_arms(
         improvements=improver.iterations,
         history=(history, *improver.history),
     )
+
+
+def _why_unsolved(groups: Sequence[GroupResult]) -> str:
+    late = [arm for group in groups if group.reason == NO_TIME for arm in group.arms]
+    reasons = [group.reason for group in groups if group.reason != NO_TIME]
+    return "; ".join([*reasons, f"no time was left to schedule {', '.join(late)}"] if late else reasons)
 
 
 def _search_groups(
@@ -362,7 +368,9 @@ class _GroupSearch:
         waiting = list(self.planners)
         while waiting:
             results |= self._solve_all(waiting)
-            waiting = self._join_meeting([planner for planner in self.planners if results[planner].found])
+            if not all(results[planner].found for planner in self.planners):
+                break
+            waiting = self._join_meeting()
         return [self._proven(results[planner], planner.impossible) for planner in self.planners]
 
     def _proven(self, result: GroupResult, impossible: bool) -> GroupResult:
@@ -431,10 +439,10 @@ class _GroupSearch:
         reason = "" if solved else planner.reason
         return GroupResult(planner.arms, planner.stage, self._watch.seconds - began, reason, planner.statistics)
 
-    def _join_meeting(self, planners: list[PrioritizedPlanner]) -> list[PrioritizedPlanner]:
+    def _join_meeting(self) -> list[PrioritizedPlanner]:
         """Merge groups whose present paths, such as detours, meet. Returns the groups to be planned again."""
-        owner = {arm: planner for planner in planners for arm in planner.arms}
-        paths = {arm: s.path for p in planners for agent, s in p.schedules.items() for arm in agent.arms}
+        owner = {arm: planner for planner in self.planners for arm in planner.arms}
+        paths = {arm: s.path for p in self.planners for agent, s in p.schedules.items() for arm in agent.arms}
         again: list[PrioritizedPlanner] = []
         for group in meeting_groups(paths, self._near, self.diagrams, exactly=True, watch=self._watch):
             first, *others = dict.fromkeys(owner[arm] for arm in group)

@@ -60,7 +60,7 @@ def find_joint_barrier(
         start: Configuration within the limits, shape (nq,).
         goal: Configuration, shape (nq,); joints without limits count modulo whole turns.
         own_links: Whether two links of one arm count, which may be in contact only because their shapes are too large.
-        goes_on: Whether time is left for the next joint.
+        goes_on: Whether time is left for the next value.
 
     Returns:
         The barrier; None if none is found, which proves nothing.
@@ -77,10 +77,8 @@ def find_joint_barrier(
             if start[column] == goal[column] or not np.isfinite(limits.upper[column] - limits.lower[column]):
                 continue
             other = next(iter(columns - {column}), None)
-            if not goes_on():
-                return None
             values = np.linspace(start[column], goal[column], _VALUES + 2)[1:-1]
-            found = _Barriers(checker, start, column, other, pairs).find(values)
+            found = _Barriers(checker, start, column, other, pairs).find(values, goes_on)
             if found is not None:
                 return found
     return None
@@ -109,10 +107,12 @@ class _Barriers:
         bounded = np.isfinite(high - low)
         self._low, self._high = (low, high) if bounded else (-np.pi, np.pi)
 
-    def find(self, values: Array) -> JointBarrier | None:
-        """A barrier at one of some values; None if none is certified."""
+    def find(self, values: Array, goes_on: Callable[[], bool]) -> JointBarrier | None:
+        """A barrier at one of some values; None if none is certified while time is left."""
         samples = np.linspace(self._low, self._high, _SAMPLES)
         for value in values.tolist():
+            if not goes_on():
+                return None
             # Nearly all values fail at the first sample, where a distance is much cheaper than a certificate.
             touching = (self._touching(value, other).any() for other in samples.tolist())
             if all(touching) and self._is_certified(value):

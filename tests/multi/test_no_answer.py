@@ -250,9 +250,15 @@ def test_a_goal_that_only_others_block_is_replaced_by_another(nearest_first: boo
 
 def test_a_group_that_takes_all_the_time_does_not_blame_others(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two arms that cannot pass each other, and one that moves apart from them."""
+
+    def solve(windows: CoupledWindows, _: int) -> bool:
+        windows._watch._budget = 0.0
+        return False
+
     monkeypatch.setattr("rr1plan.multi.portfolio.processors", lambda: 1)
+    monkeypatch.setattr(CoupledWindows, "solve", solve)
     problem = _rail([0.0, 1.0, 5.0], [1.0, 0.0, 6.0])
-    result = plan_many_arms(problem, rng=0, budget=Budget(seconds=0.3))
+    result = plan_many_arms(problem, rng=0, budget=Budget(seconds=600.0))
     assert result.status is PlanStatus.TIMEOUT
     assert [(group.arms, group.found) for group in result.groups] == [(("arm0", "arm1"), False), (("arm2",), True)]
     assert result.reason.endswith("no schedule found for arm0, arm1 among each other")

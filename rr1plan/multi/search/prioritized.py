@@ -57,6 +57,8 @@ STAGES = ("timing", "detours", "eviction", "composite", "windows", "sequential")
 _ATTEMPTS = 3  # attempts at a path in the joint space of a few arms
 # Another method is tried if a plan takes longer than the slowest arm alone by more than this [ratio].
 _SLOW = 0.3
+NO_TIME = "no time was left to schedule it"
+"""Reason of a group whose search did not begin."""
 COUPLED_FIRST = 16
 """Largest number of agents of a group for which windows are tried before coordination diagrams are computed."""
 # Largest number of arms of a merged agent; larger joint spaces need windows.
@@ -148,17 +150,18 @@ class PrioritizedPlanner:
         return tuple(arm for arm in self.agents[0].problem.arms if arm in own)
 
     def join(self, other: PrioritizedPlanner) -> None:
-        """Take over the agents of another group, and those of their schedules whose paths do not conflict with ours.
+        """Take over the agents of another group and, while time is left, their schedules without conflicts with ours.
 
         Args:
             other: The planner of that group, not used afterwards.
         """
         for agent in other.agents:
-            path = other.schedules[agent].path if agent in other.schedules else None
-            if path is not None and not any(
-                self._diagrams.diagram(path, schedule.path) is not None for schedule in self.schedules.values()
+            theirs = other.schedules.get(agent)
+            if theirs is not None and all(
+                self._watch.goes_on() and self._diagrams.diagram(theirs.path, ours.path) is None
+                for ours in self.schedules.values()
             ):
-                self.schedules[agent] = other.schedules[agent]
+                self.schedules[agent] = theirs
         self.agents += other.agents
         self.pools |= other.pools
         self._alone |= other._alone
@@ -174,7 +177,7 @@ class PrioritizedPlanner:
             rounds: Largest number of rounds of windows and sequential moves.
         """
         if not self._watch.goes_on():
-            self.reason = f"no time was left to schedule {', '.join(self.arms)}"
+            self.reason = NO_TIME
             return False
         effort = 0
         if not self.schedules and 1 < len(self.agents) <= COUPLED_FIRST:
