@@ -331,7 +331,7 @@ class _GroupSearch:
         watch: Deadline.
 
     Attributes:
-        rounds: Largest number of rounds for groups in which arms have several goal configurations.
+        rounds: Largest number of rounds for small groups in which arms have several goal configurations.
         planners: One for each group.
         diagrams: Coordination diagrams, shared by all groups.
         impossible: Why some arms provably have no path; empty if that is not proven.
@@ -433,7 +433,9 @@ class _GroupSearch:
     def _solve(self, planner: PrioritizedPlanner) -> GroupResult:
         """Schedule a group and reduce its makespan."""
         began = self._watch.seconds
-        solved = planner.run(math.inf if self._several.isdisjoint(planner.arms) else self.rounds)
+        # Large groups continue to repair their schedules instead, because each round of theirs takes long.
+        may_change = len(planner.arms) <= COUPLED_FIRST and not self._several.isdisjoint(planner.arms)
+        solved = planner.run(self.rounds if may_change else math.inf)
         if solved:
             planner.improve(_IMPROVEMENTS)
         reason = "" if solved else planner.reason
