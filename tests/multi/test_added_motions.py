@@ -370,6 +370,10 @@ def test_bad_input_is_refused(planar2r: rp.Robot) -> None:
         rp.add_motion(plan, "left", [0.0, 0.0], at=0.0, freeze=-0.3)
     with pytest.raises(rp.InputError, match="plan is"):
         rp.add_motion("plan", "left", [0.0, 0.0], at=0.0)
+    start = {"left": [1.5, 0.0], "right": [np.pi, 0.0]}
+    motion = rp.plan_motion(rp.Problem(_facing(planar2r), start, start), planner="many_arms", rng=0)
+    with pytest.raises(rp.InputError, match="pass its attribute 'many_arms'"):
+        rp.add_motion(motion, "left", [1.0, 0.0], at=0.0)  # type: ignore[arg-type]
     with pytest.raises(rp.InputError, match="goal of 'left'"):
         rp.add_motion(plan, "left", [0.0, 0.0, 0.0], at=0.0)
     touching = {"left": [0.0, 0.0], "right": [np.pi, 0.0]}

@@ -135,9 +135,9 @@ def add_motion(
         InputError: no plan, a time before its beginning, a goal that does not fit the arm.
         UnknownNameError: the plan does not move this arm.
     """
-    if isinstance(plan, ManyArmsResult):
+    if not isinstance(plan, RunningPlan):
+        of_kind("plan", plan, ManyArmsResult)
         plan = RunningPlan.of(plan)
-    of_kind("plan", plan, RunningPlan)
     of_kind("budget", budget, Budget, optional=True)
     known_name("arm", arm, plan.arms)
     at, freeze = finite_number("at", at), finite_number("freeze", freeze)
