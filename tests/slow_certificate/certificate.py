@@ -365,7 +365,7 @@ def _next_time(times: Array, values: Array, wide: bool) -> Array:
     # Almost converged: the farther end moves closer.
     short = np.abs(move) < 0.02 * np.maximum(left, right)
     move = np.where(short, np.sign(golden) * np.maximum(4.0 * np.abs(move), 0.01 * np.maximum(left, right)), move)
-    return np.asarray(at + np.where(usable & ~wide, move, golden))
+    return np.asarray(at + np.where(usable & np.logical_not(wide), move, golden))
 
 
 def _narrowed(times: Array, values: Array, at: Array, value: Array) -> tuple[Array, Array]:
