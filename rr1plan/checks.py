@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 """Any array of float64."""
 # At larger distances [m], errors exceed a micrometer, and Coal returns wrong distances (or none).
 FARTHEST = 1e4
+# Largest mass of a body [kg], and moment of inertia [kg m²]: far above any machine, and safe to compute with.
+HEAVIEST = 1e12
 # A whole turn [rad], rounded up.
 _TURN = 6.2832
 # Hint in messages about angles that are too large for radians.

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from rr1plan.checks import FARTHEST, finite_array, known_name, near_array, number_from_zero
+from rr1plan.checks import HEAVIEST, finite_array, known_name, near_array, number_from_zero
 from rr1plan.errors import InputError
 from rr1plan.robot.robot import Robot
 from rr1plan.robot.robot_parts import Inertial, Joint
@@ -110,7 +110,7 @@ def check_inertial(link: str, inertial: Inertial) -> None:
     inertia = finite_array(f"inertia of link {link!r}", inertial.inertia, (3, 3))
     mass = float(finite_array(f"mass of link {link!r}", inertial.mass, ()))
     size = float(np.abs(inertia).max())
-    if mass <= 0.0 or max(mass, size) > FARTHEST**3:
+    if mass <= 0.0 or max(mass, size) > HEAVIEST:
         raise InputError(f"link {link!r} has mass {mass:.3g} and an inertia up to {size:.3g}, which no body has")
     if np.abs(inertia - inertia.T).max() > _ROUNDING * size or (size and np.linalg.eigvalsh(inertia)[0] <= 0.0):
         raise InputError(f"inertia of link {link!r} is {inertia.tolist()}, expected zero or positive definite")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import FARTHEST, Array, Value, number_from_zero, positive_number, shown
+from rr1plan.checks import HEAVIEST, Array, Value, number_from_zero, positive_number, shown
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Robot
 from rr1plan.shapes import HalfSpace, Mesh, PointCloud
@@ -86,8 +86,8 @@ def _check_loose_body(thing: Obstacle | Attachment) -> None:
     if thing.mass is None:
         return
     object.__setattr__(thing, "mass", positive_number("mass", thing.mass))
-    if thing.mass > FARTHEST**3:
-        raise InputError(f"mass is {thing.mass:g} kg, expected at most {FARTHEST**3:g} kg")
+    if thing.mass > HEAVIEST:
+        raise InputError(f"mass is {thing.mass:g} kg, expected at most {HEAVIEST:g} kg")
     for geometry in thing.geometries:
         shape = geometry.shape
         if isinstance(shape, HalfSpace | PointCloud):
