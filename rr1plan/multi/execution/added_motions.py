@@ -286,7 +286,7 @@ class _Change:
             attempt.paths.append((stop, path))
             if path.segments:
                 attempt.alone = min(attempt.alone, path.fastest)
-            new = self._timed(arm, stop, path, self._others(arm))
+            new = self._timed(stop, path, self._others(arm))
             if new is not None and (best is None or new.arrival < best.arrival):
                 best = replace(new, stage="wait" if path is pool.paths[0] else "detour")
             if best is not None and best.arrival - stop.time <= _GOOD_ENOUGH * attempt.alone:
@@ -310,7 +310,7 @@ class _Change:
             self._reason = f"{arm}: {reason}"
         return path
 
-    def _timed(self, arm: str, stop: Stop, path: AgentPath, others: Iterable[str]) -> _NewMotion | None:
+    def _timed(self, stop: Stop, path: AgentPath, others: Iterable[str]) -> _NewMotion | None:
         """The earliest motion from a stop along a path, given the motions of some others."""
         blocked = self._blocked_times(path, stop.time, others)
         since = BlockedTimes(blocked.rows, blocked.begin - stop.time, blocked.end - stop.time)
@@ -434,7 +434,7 @@ class _Change:
             for victims in ([o] for o in moving) if len(moving) == 1 else [*([o] for o in moving), moving]:
                 if not victims or not self._has_time():
                     continue
-                new = self._timed(arm, stop, path, [o for o in self._others(arm) if o not in victims])
+                new = self._timed(stop, path, [o for o in self._others(arm) if o not in victims])
                 changed = None if new is None else self._after(arm, new, victims)
                 if changed is not None:
                     return changed

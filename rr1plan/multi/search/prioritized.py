@@ -45,7 +45,7 @@ from rr1plan.path import Path
 # Detours that are tried before another agent is evicted, and largest number of paths in a pool.
 _DETOURS, _MOST_PATHS = 3, 12
 # Number of evictions between two agents after which they are merged.
-_QUARRELS = 2
+_MOST_EVICTIONS = 2
 PLANNED_AS_ONE = 4
 """Largest number of agents of a group whose joint space is searched first."""
 _STATIONARY = 0.7  # fraction of the other arms that an arm's initial path avoids in later rounds of windows
@@ -138,9 +138,8 @@ class PrioritizedPlanner:
         self._alone = {agent.arms[0]: pool for agent, pool in self.pools.items() if len(agent.arms) == 1}
         self._made = {frozenset(agent.arms): agent for agent in self.agents}
         self._margins: dict[Agent, float] = {}
-        self._tries_as_one = 0
         self._evicted: Counter[Agent] = Counter()
-        self._quarrels: Counter[frozenset[Agent]] = Counter()
+        self._evictions_between: Counter[frozenset[Agent]] = Counter()
         self._detours: Counter[Agent] = Counter()
 
     @property
@@ -250,7 +249,7 @@ class PrioritizedPlanner:
             if evicted is None:
                 waiting.insert(0, agent)
                 return False
-            waiting[:] = [*self._merge_quarrels(agent, evicted), *waiting]
+            waiting[:] = [*self._merge_rivals(agent, evicted), *waiting]
             waiting[:] = [agent for agent in waiting if agent in self.pools]
         return True
 
@@ -569,7 +568,7 @@ class PrioritizedPlanner:
         for victim in victims:
             del self.schedules[victim]
             self._evicted[victim] += 1
-            self._quarrels[frozenset((agent, victim))] += 1
+            self._evictions_between[frozenset((agent, victim))] += 1
         self.statistics.evictions += len(victims)
         return victims
 
@@ -578,15 +577,15 @@ class PrioritizedPlanner:
         in_the_way = [o for o in others if self._diagram(path, self.schedules[o].path) is not None]
         return [*([o] for o in in_the_way), in_the_way]
 
-    def _merge_quarrels(self, agent: Agent, evicted: list[Agent]) -> list[Agent]:
+    def _merge_rivals(self, agent: Agent, evicted: list[Agent]) -> list[Agent]:
         """The agents to schedule next: the evicted ones; two that evict each other too often are merged."""
         for victim in evicted:
             together = {*agent.arms, *victim.arms}
-            if self._quarrels[frozenset((agent, victim))] < _QUARRELS or len(together) > _MOST_TOGETHER:
+            if self._evictions_between[frozenset((agent, victim))] < _MOST_EVICTIONS or len(together) > _MOST_TOGETHER:
                 continue
             merged = self._merge([agent, victim])
             if merged is None:
-                self._quarrels[frozenset((agent, victim))] = -_QUARRELS
+                self._evictions_between[frozenset((agent, victim))] = -_MOST_EVICTIONS
                 continue
             return [merged, *(v for v in evicted if v is not victim)]
         return evicted

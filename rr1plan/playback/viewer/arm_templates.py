@@ -119,7 +119,7 @@ def _far_away() -> Array:
     return T
 
 
-def _renamed(scene: Scene, arm: str, name: str) -> str:
+def _renamed(arm: str, name: str) -> str:
     """The name of an element of an arm in its template."""
     return ARM if name == arm else f"{ARM}/{name.split('/', 1)[1]}" if name.startswith(f"{arm}/") else name
 
@@ -131,7 +131,7 @@ def _own_rules(scene: Scene, arm: str) -> tuple[frozenset[frozenset[str]], froze
         return {scene.owner(name) or name for name in both} & scene.arms.keys() <= {arm}
 
     def renamed(both: frozenset[str]) -> frozenset[str]:
-        return frozenset(_renamed(scene, arm, name) for name in both)
+        return frozenset(_renamed(arm, name) for name in both)
 
     return (
         frozenset(renamed(both) for both in scene.allowed if concerns(both)),

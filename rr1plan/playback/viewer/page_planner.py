@@ -153,7 +153,7 @@ def _tables(checker: CollisionChecker, margin: float) -> dict[str, Any]:
             name: {"object": number, "pose": scene.obstacles[name].pose.ravel().tolist()}
             for name, number in checker.object_numbers.items()
         },
-        "frames": [_frame(scene, name, search, checker) for name, search in searches],
+        "frames": [_frame(scene, name, checker) for name, _ in searches],
         "margin": margin,
         "reach": reach if np.isfinite(reach) else None,
         "tree_step": TREES.step * space.diagonal,
@@ -237,7 +237,7 @@ def _searches(checker: CollisionChecker) -> list[tuple[str, IkSearch]]:
     return searches
 
 
-def _frame(scene: Scene, name: str, search: IkSearch, checker: CollisionChecker) -> dict[str, object]:
+def _frame(scene: Scene, name: str, checker: CollisionChecker) -> dict[str, object]:
     """A frame for inverse kinematics, and the parameters of the search for each kind of target."""
     arm = name.removeprefix("tool of ")
     robot, goal = scene.arms[arm].robot, PoseGoal("tool", np.eye(4))
