@@ -27,7 +27,7 @@ print(f"first contact: {' and '.join(contact.pair)}, between samples {int(betwee
 above = scene.with_obstacle("needle", needle, [1.31, 0.99, 0.5])
 checker = rp.CollisionChecker(above)
 print("with the needle lifted:                 ", checker.edge_is_free(start, goal))
-print(f"that proof looked at {checker.done.configurations} configurations")
+print(f"that proof looked at {checker.counters.configurations} configurations")
 
 # Two of these arms face each other. The second reaches across the middle and back, from 1 s to 3 s.
 cell = rp.place_ring(robot, 2, radius=0.9)

@@ -256,7 +256,7 @@ COMPUTED_ONCE = {
 CONSTANT = {
     "checked",
     "complete",
-    "done",
+    "counters",
     "geometry",
     "is_warm",
     "limit_violations",
