@@ -158,10 +158,11 @@ class ContinuousCheckingLesson(Lesson):
         for name, obstacle in self.scene.obstacles.items():
             for g in obstacle.geometries:
                 corners = silhouette(g.shape, obstacle.pose @ g.pose)
+                x, y = corners.mean(axis=0).tolist()
                 axes.fill(*corners.T, color=_SOFT if g.color is None else g.color, zorder=3)
                 axes.annotate(
                     name,
-                    corners.mean(axis=0),
+                    (x, y),
                     xytext=(0, 9 if name == "plate" else -6),
                     textcoords="offset points",
                     ha="center",
