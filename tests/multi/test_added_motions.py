@@ -373,7 +373,7 @@ def test_bad_input_is_refused(planar2r: rp.Robot) -> None:
     start = {"left": [1.5, 0.0], "right": [np.pi, 0.0]}
     motion = rp.plan_motion(rp.Problem(_facing(planar2r), start, start), planner="many_arms", rng=0)
     with pytest.raises(rp.InputError, match="pass its attribute 'many_arms'"):
-        rp.add_motion(motion, "left", [1.0, 0.0], at=0.0)  # type: ignore[arg-type]
+        rp.add_motion(motion, "left", [1.0, 0.0], at=0.0)
     with pytest.raises(rp.InputError, match="goal of 'left'"):
         rp.add_motion(plan, "left", [0.0, 0.0, 0.0], at=0.0)
     touching = {"left": [0.0, 0.0], "right": [np.pi, 0.0]}
