@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from rr1plan.calibration.joint_calibration import Calibration, CalibrationFit, JointCalibration, position_unit
+from rr1plan.calibration.joint_calibration import Calibration, CalibrationFit, JointCalibration
 from rr1plan.calibration.measured_points import MeasuredPoints, Parameters
 from rr1plan.checks import Array, counted, finite_array, near_array, of_kind, positive_number, shape_of, true_or_false
 from rr1plan.errors import InputError
@@ -269,7 +269,7 @@ def _result(robot: Robot, start: Calibration, data: MeasuredPoints, estimate: _E
         scale = old.scale / abs(factor)
         sign = int(parameters.signs[i] * math.copysign(1.0, factor))
         zero_std, scale_std = float(std[i]), float(scale * std[nq + i] / abs(factor))
-        zero, unit = float(parameters.values[i]), position_unit(robot, name)
+        zero, unit = float(parameters.values[i]), robot.joint(name).unit
         joints[name] = JointCalibration(sign, zero, scale, zero_std, scale_std, unit)
         unknown = ("zero",) * math.isinf(zero_std) + ("scale", "sign") * math.isinf(scale_std)
         if unknown:

@@ -222,8 +222,8 @@ class Calibration(Value):
             if name not in scales:
                 raise InputError(f"scale has no entry for joint {name!r}")
             value = finite_number(f"scale of {name!r}", scales[name])
-            unit_of_position = position_unit(robot, name)
-            joints[name] = JointCalibration(-1 if value < 0.0 else 1, 0.0, abs(value), position_unit=unit_of_position)
+            sign = -1 if value < 0.0 else 1
+            joints[name] = JointCalibration(sign, 0.0, abs(value), position_unit=robot.joint(name).unit)
         return Calibration(robot.name, joints, unit, source="assumed")
 
     def __str__(self) -> str:
@@ -313,11 +313,6 @@ class Calibration(Value):
         data["units"] = {"position": "rad", "reading": self.unit}
         data["joints"] = {name: _row(joint) for name, joint in self.joints.items()}
         return write_text(file, f"# position = zero + sign * reading / scale\n{to_toml(data)}")
-
-
-def position_unit(robot: Robot, joint: str) -> str:
-    """The unit of a joint's positions: "m" for one that slides, otherwise "rad"."""
-    return "m" if robot.joint(joint).kind == "prismatic" else "rad"
 
 
 def _row(joint: JointCalibration) -> dict[str, Any]:

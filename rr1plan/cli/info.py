@@ -115,9 +115,8 @@ def _say_robot(robot: Robot, console: Console) -> None:
 def scenes(options: Namespace, console: Console) -> int:
     """List the scenes, or describe one."""
     if options.scene is not None:
-        from rr1plan.cli.scene_options import (
-            check_scene_name,
-        )  # imports readers of motions, which the list does not need
+        # The list does not need the readers of motions that this imports.
+        from rr1plan.cli.scene_options import check_scene_name
 
         check_scene_name(options.scene)
         with console.progress(f"loading {options.scene}"):

@@ -185,7 +185,7 @@ def describe_excess(robot: Robot, q: Array) -> str:
     for j, name in enumerate(robot.joint_names):
         over = max(limits.lower[j] - q[j], q[j] - limits.upper[j])
         if over > ROUNDING:
-            unit = "m" if robot.joint(name).kind == "prismatic" else "rad"
+            unit = robot.joint(name).unit
             bounds = f"[{limits.lower[j]:.6g}, {limits.upper[j]:.6g}]"
             parts.append(f"joint {name!r} at {q[j]:.6g} {unit}, outside {bounds} by {over:.3g} {unit}")
             degrees |= unit == "rad" and over > np.pi

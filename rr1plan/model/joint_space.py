@@ -75,7 +75,7 @@ class Space:
         Args:
             configurations: Configurations [rad or m], shape (k, nq), k >= 1.
         """
-        bounded = self.is_wide & self.rotary & ~self.continuous
+        bounded = self.is_wide
         if not bounded.any():
             return self
         low, high = configurations.min(axis=0) - _WINDOW, configurations.max(axis=0) + _WINDOW
@@ -103,8 +103,8 @@ class Space:
 
     @cached_property
     def is_wide(self) -> NDArray[np.bool_]:
-        """Mask of the columns that are searched near the start and the goals first, shape (nq,)."""
-        return self.extent > constants()["WIDE_TURNS"] * TURN
+        """Mask of the turning columns with limits many turns apart, of which paths use few, shape (nq,)."""
+        return self.rotary & ~self.continuous & (self.extent > constants()["WIDE_TURNS"] * TURN)
 
     @cached_property
     def movable(self) -> NDArray[np.bool_]:

@@ -152,6 +152,11 @@ class Joint(_ReadOnlyArrays):
     acceleration: float = np.inf
     jerk: float = np.inf
 
+    @property
+    def unit(self) -> str:
+        """Unit of its values, "m" for a prismatic joint and "rad" for others."""
+        return "m" if self.kind == "prismatic" else "rad"
+
     def motion(self, value: float) -> Array:
         """T_joint_child at a joint value [rad or m], shape (4, 4)."""
         T = np.eye(4)

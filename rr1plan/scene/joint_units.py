@@ -15,7 +15,7 @@ def joint_units(joint_names: Iterable[str], scene: Scene) -> list[str]:
         UnknownNameError: a joint the scene does not have.
     """
     known = {
-        f"{arm}/{name}": "m" if placed.robot.joint(name).kind == "prismatic" else "rad"
+        f"{arm}/{name}": placed.robot.joint(name).unit
         for arm, placed in scene.arms.items()
         for name in placed.robot.joint_names
     }

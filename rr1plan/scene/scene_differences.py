@@ -68,7 +68,7 @@ def _arm(before: Arm, after: Arm) -> Iterator[str]:
         change = after.q - before.q
         largest = int(np.argmax(np.abs(change)))
         name = one.joint_names[largest]
-        unit = "m" if one.joint(name).kind == "prismatic" else "rad"
+        unit = one.joint(name).unit
         yield f"stands elsewhere: {name} by {change[largest]:.4g} {unit}"
 
 

@@ -145,7 +145,7 @@ def _jumps(
     for name, got, want in zip(trajectory.joint_names, found.tolist(), expected.tolist(), strict=True):
         if not abs(got - want) <= _EQUAL:
             arm, joint = name.split("/", 1)
-            unit = "m" if scene.arms[arm].robot.joint(joint).kind == "prismatic" else "rad"
+            unit = scene.arms[arm].robot.joint(joint).unit
             message = f"{name} {where} at {got:.9g} {unit}, expected {want:.9g} {unit}"
             violations.append(Violation(kind, (name,), time, got, want, message))
     return violations

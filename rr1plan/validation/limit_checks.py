@@ -51,7 +51,7 @@ class Columns:
     def unit(self, column: int) -> str:
         """Unit of a column: rad or m."""
         arm, joint = self.names[column].split("/", 1)
-        return "m" if self.arms[arm].robot.joint(joint).kind == "prismatic" else "rad"
+        return self.arms[arm].robot.joint(joint).unit
 
     @cached_property
     def table(self) -> Array:

@@ -2,9 +2,9 @@
 
 Every link is a body (including frames; none are fused), every collision shape is a geom named after its element, and
 every movable joint has a servo. Pairs that may touch are excluded individually and MuJoCo's own parent-child filter is
-off, so MuJoCo reports contacts exactly for `Scene.checked_pairs`, but for those of held objects with the body that
-holds them, which cannot move relative to them. Loose bodies are free and collide with everything,
-regardless of the pairs that the scene allows.
+off, so MuJoCo reports contacts exactly for `Scene.checked_pairs`, except those of a held object and the body that holds
+it, which do not move relative to each other. Loose bodies are free and collide with everything, regardless of the pairs
+that the scene allows.
 """
 
 from __future__ import annotations
