@@ -202,9 +202,8 @@ def _joint_model(joint: Joint) -> pin.JointModel:
 
 def joint_twist(joint: pin.JointModel) -> Array:
     """Unit twist (linear, angular) of a one-degree-of-freedom joint in its frame, shape (6,)."""
-    state = joint.createData()
-    joint.calc(state, np.zeros(1))
-    return np.asarray(state.S).ravel()
+    # Constant, so the data need not be computed; `joint.calc` would read the whole configuration of its model.
+    return np.asarray(joint.createData().S).ravel()
 
 
 def _drive(robot: Robot, joint: Joint, first: int | None, rest: Array) -> tuple[int, float, float]:
