@@ -34,8 +34,9 @@ from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality
 from rr1plan.multi.preflight import MARGINS, Preflight, preflight, with_other_goals
+from rr1plan.multi.search.group_planner import COUPLED_FIRST, NO_TIME, GroupPlanner
+from rr1plan.multi.search.group_schedules import Statistics
 from rr1plan.multi.search.improvement import PlanImprover
-from rr1plan.multi.search.prioritized import COUPLED_FIRST, NO_TIME, PrioritizedPlanner, Statistics
 from rr1plan.multi.search.small_teams import plan_small_team
 from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
@@ -218,10 +219,10 @@ def plan_many_arms(
         with watch:
             found, search, groups = _search_groups(problem, found, near, seeds, largest, watch)
         diagrams, impossible = search.diagrams, search.impossible
-        schedules = [schedule for planner in search.planners for schedule in planner.schedules.values()]
+        schedules = [schedule for planner in search.planners for schedule in planner.group.schedules.values()]
         # Without a solution no time is left for the bounds.
         solved = search.planners if all(group.found for group in groups) else []
-        alone = {arm: bound for planner in solved for arm, bound in planner.fastest_alone().items()}
+        alone = {arm: bound for planner in solved for arm, bound in planner.group.fastest_alone().items()}
     if impossible:
         return ManyArmsResult(PlanStatus.INFEASIBLE, impossible, groups=tuple(groups), seconds=watch.seconds)
     unsolved = [group for group in groups if not group.found]
@@ -354,7 +355,7 @@ class _GroupSearch:
             for arm, agent in found.agents.items()
         }
         self.rounds = math.inf
-        self.planners: list[PrioritizedPlanner] = []
+        self.planners: list[GroupPlanner] = []
         self.diagrams = DiagramCache(margin, watch)
         self.impossible = ""
 
@@ -364,14 +365,14 @@ class _GroupSearch:
         if without:
             return without
         self.planners = [self._planner(group) for group in self._groups()]
-        results: dict[PrioritizedPlanner, GroupResult] = {}
+        results: dict[GroupPlanner, GroupResult] = {}
         waiting = list(self.planners)
         while waiting:
             results |= self._solve_all(waiting)
             if not all(results[planner].found for planner in self.planners):
                 break
             waiting = self._join_meeting()
-        return [self._proven(results[planner], planner.impossible) for planner in self.planners]
+        return [self._proven(results[planner], planner.group.impossible) for planner in self.planners]
 
     def _proven(self, result: GroupResult, impossible: bool) -> GroupResult:
         """The result of arms without a motion, which notes a proof that there is none to their goal configurations."""
@@ -412,49 +413,49 @@ class _GroupSearch:
             groups += meeting_groups(own, self._near, self.diagrams, exactly=True, watch=self._watch)
         return groups
 
-    def _planner(self, group: tuple[str, ...]) -> PrioritizedPlanner:
+    def _planner(self, group: tuple[str, ...]) -> GroupPlanner:
         rng = np.random.default_rng([self._seeds[arm] for arm in group])
         pools = [self._pools[arm] for arm in group]
-        return PrioritizedPlanner(pools, self._near, self.diagrams, rng, self._watch)
+        return GroupPlanner(pools, self._near, self.diagrams, rng, self._watch)
 
-    def _solve_all(self, planners: list[PrioritizedPlanner]) -> dict[PrioritizedPlanner, GroupResult]:
+    def _solve_all(self, planners: list[GroupPlanner]) -> dict[GroupPlanner, GroupResult]:
         """Plan some groups, small ones first, so that a hard group takes no time from them; on threads if several meet.
 
         Returns:
             The result of each group.
         """
-        several = [planner for planner in planners if len(planner.agents) > 1]
+        several = [planner for planner in planners if len(planner.group.agents) > 1]
         threads = min(processors(), len(several))
         for planner in planners:
             planner.threads = processors() // max(1, threads)
-        ordered = sorted(planners, key=lambda planner: len(planner.agents))
+        ordered = sorted(planners, key=lambda planner: len(planner.group.agents))
         return dict(zip(ordered, in_parallel(self._solve, ordered, threads, self._watch), strict=True))
 
-    def _solve(self, planner: PrioritizedPlanner) -> GroupResult:
+    def _solve(self, planner: GroupPlanner) -> GroupResult:
         """Schedule a group and reduce its makespan."""
-        began = self._watch.seconds
+        group, began = planner.group, self._watch.seconds
         # Large groups continue to repair their schedules instead, because each round of theirs takes long.
-        may_change = len(planner.arms) <= COUPLED_FIRST and not self._several.isdisjoint(planner.arms)
+        may_change = len(group.arms) <= COUPLED_FIRST and not self._several.isdisjoint(group.arms)
         solved = planner.run(self.rounds if may_change else math.inf)
         if solved:
             planner.improve(_IMPROVEMENTS)
-        reason = "" if solved else planner.reason
-        return GroupResult(planner.arms, planner.stage, self._watch.seconds - began, reason, planner.statistics)
+        reason = "" if solved else group.reason
+        return GroupResult(group.arms, group.stage, self._watch.seconds - began, reason, group.statistics)
 
-    def _join_meeting(self) -> list[PrioritizedPlanner]:
+    def _join_meeting(self) -> list[GroupPlanner]:
         """Merge groups whose present paths, such as detours, meet. Returns the groups to be planned again."""
-        owner = {arm: planner for planner in self.planners for arm in planner.arms}
-        paths = {arm: s.path for p in self.planners for agent, s in p.schedules.items() for arm in agent.arms}
-        again: list[PrioritizedPlanner] = []
+        owner = {arm: planner for planner in self.planners for arm in planner.group.arms}
+        paths = {arm: s.path for p in self.planners for agent, s in p.group.schedules.items() for arm in agent.arms}
+        again: list[GroupPlanner] = []
         for group in meeting_groups(paths, self._near, self.diagrams, exactly=True, watch=self._watch):
             first, *others = dict.fromkeys(owner[arm] for arm in group)
             # Arms that meet may already be in one group.
             if not others:
                 continue
             for other in others:
-                first.join(other)
+                first.group.join(other.group)
                 self.planners.remove(other)
-                owner.update(dict.fromkeys(other.arms, first))
+                owner.update(dict.fromkeys(other.group.arms, first))
             again.append(first)
         return list(dict.fromkeys(planner for planner in again if planner in self.planners))
 

@@ -7,7 +7,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.multi.search.prioritized import PrioritizedPlanner
+from rr1plan.multi.search.group_planner import GroupPlanner
 from rr1plan.planning import Budget
 from rr1plan.scene.model_library import load_problems
 
@@ -39,12 +39,12 @@ def test_few_arms_are_planned_as_one_again_where_all_else_fails(
 ) -> None:
     efforts = []
 
-    def fail(_: PrioritizedPlanner, effort: int = 0) -> bool:
+    def fail(_: GroupPlanner, effort: int = 0) -> bool:
         efforts.append(effort)
         return False
 
     for stage in ("_plan_few", "_couple", "_move_in_turn"):
-        monkeypatch.setattr(PrioritizedPlanner, stage, fail)
+        monkeypatch.setattr(GroupPlanner, stage, fail)
     result = rp.plan_many_arms(change_places, rng=1, budget=Budget(seconds=60.0))
     assert [group.stage for group in result.groups] == ["composite"]
     assert rp.validate(result.trajectory, change_places.scene, change_places).valid

@@ -16,7 +16,7 @@ from rr1plan.multi import portfolio
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.path_pool import PathPool
-from rr1plan.multi.search.prioritized import PrioritizedPlanner
+from rr1plan.multi.search.group_planner import GroupPlanner
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import ends_are_apart, may_touch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
@@ -55,15 +55,13 @@ def test_arms_of_different_groups_never_touch(grid: rp.Problem, pools: dict[str,
 
 def test_groups_are_joined_without_work_after_the_deadline(grid: rp.Problem, pools: dict[str, PathPool]) -> None:
     near, diagrams, over = arms_in_reach(grid.scene, grid.arms, 0.002), DiagramCache(), Stopwatch(math.inf)
-    one, two = (
-        PrioritizedPlanner([pools[arm]], near, diagrams, np.random.default_rng(0), over) for arm in grid.arms[:2]
-    )
+    one, two = (GroupPlanner([pools[arm]], near, diagrams, np.random.default_rng(0), over) for arm in grid.arms[:2])
     assert one.run()
     assert two.run()
     over.cancel()
-    one.join(two)
+    one.group.join(two.group)
     assert len(diagrams) == 0
-    assert one.arms == grid.arms[:2]
+    assert one.group.arms == grid.arms[:2]
     assert not one.run()
 
 

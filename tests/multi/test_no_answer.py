@@ -17,6 +17,7 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.preflight import MARGINS, affordable_margin
 from rr1plan.multi.search.coupled_windows import CoupledWindows
+from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.search.prioritized import PrioritizedPlanner
 from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.stopwatch import Stopwatch
@@ -299,10 +300,10 @@ def test_no_stage_begins_after_the_deadline(rr1: rp.Robot, monkeypatch: pytest.M
         begun.append(1)
 
     monkeypatch.setattr(CoupledWindows, "solve", solve)
-    for stage in ("_prepare_diagrams", "_time_first_paths", "_repair"):
-        monkeypatch.setattr(PrioritizedPlanner, stage, begin)
+    for stage in ("prepare_diagrams", "time_first_paths", "fastest_alone"):
+        monkeypatch.setattr(GroupSchedules, stage, begin)
+    monkeypatch.setattr(PrioritizedPlanner, "schedule_all", begin)
     monkeypatch.setattr(RetreatSearch, "find", begin)
-    monkeypatch.setattr(PrioritizedPlanner, "fastest_alone", begin)
     result = plan_many_arms(rp.ring_swap(rr1, 6, 0.5015, 1, 2), rng=0, budget=Budget(seconds=600.0))
     assert result.status is PlanStatus.TIMEOUT
     assert "no schedule found for arm01, arm02" in result.reason

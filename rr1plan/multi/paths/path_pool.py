@@ -17,7 +17,9 @@ from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_refinement import PathRefiner
+from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.coordination import are_apart
 from rr1plan.path import Path
 from rr1plan.planners import RrtConnect, plan
 from rr1plan.planners.shortcut import shorten
@@ -82,6 +84,19 @@ class PathPool:
             return self.add_shortened(parts, question), ""
         except RetimingError as error:
             return None, str(error)
+
+    def ends_are_apart_from(self, other: Agent, q: Array) -> bool:
+        """Whether the agent keeps the margin from another one at its start and at the goal of its first path.
+
+        Args:
+            other: Another agent.
+            q: Configuration of the other agent, shape (nq,).
+        """
+        placed = placed_configuration(other.bodies, q)
+        return all(
+            are_apart(self.agent, placed_configuration(self.agent.bodies, end), other, placed, self.margin)
+            for end in (self.agent.start, self.paths[0].goal)
+        )
 
     def _shortened(self, parts: Sequence[Path], question: Problem) -> list[Array]:
         """Waypoints of each part of a path, shortened separately; each part begins where the previous one ends."""

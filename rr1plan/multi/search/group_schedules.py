@@ -1,0 +1,320 @@
+"""Schedules of the agents of an interaction group, timed among each other on paths of their pools.
+
+Coordination diagrams certify that the schedules have no conflicts. The arms of a group may be divided among agents in
+several ways: each arm separately, or some arms, planned in their joint space, as one agent.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain, combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.preflight import affordable_margin
+from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.coordination import Blocked
+from rr1plan.multi.timing.diagram_cache import DiagramCache
+from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
+from rr1plan.multi.timing.schedule import Schedule
+
+STAGES = ("timing", "detours", "eviction", "composite", "windows", "sequential")
+"""Stages of a search, in order of cost."""
+# Ratios to the duration of the slowest arm alone: a makespan that is good enough, and one above which another method is
+# tried.
+_GOOD_ENOUGH, _SLOW = 1.15, 1.3
+
+
+@dataclass
+class Statistics:
+    """Counters of a search for schedules."""
+
+    paths: int = 0
+    detours: int = 0
+    diagrams: int = 0
+    timings: int = 0
+    evictions: int = 0
+    merged: int = 0
+    windows: int = 0
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def add_time(self, stage: str, began: float) -> None:
+        """Add the wall time since `began` to a stage."""
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
+
+
+class Snapshot(NamedTuple):
+    """Agents, pools and schedules of a group, to be restored later."""
+
+    agents: list[Agent]
+    pools: dict[Agent, PathPool]
+    schedules: dict[Agent, Schedule]
+    stage: str
+
+
+class GroupSchedules:
+    """The agents of one interaction group, their path pools, and the schedules of those that have one.
+
+    Args:
+        pools: The path pool of each agent, with its first path.
+        near: For each arm, the arms that can collide with it.
+        diagrams: Coordination diagrams, shared by groups.
+        rng: Source of random numbers.
+        watch: Stopwatch with the deadline.
+
+    Attributes:
+        agents: The agents; together they have all arms of the group.
+        pools: The path pool of each agent.
+        alone: Pools of single arms, which bound the makespan and provide the initial paths of other methods.
+        schedules: Schedules of the agents that have one.
+        stage: The stage that scheduled all agents, one of `STAGES`; empty before.
+        reason: Why not all agents have a schedule; empty if unknown.
+        impossible: Whether it is proven that some agents together have no path to their goal configurations.
+        statistics: Counters of the search.
+    """
+
+    def __init__(
+        self,
+        pools: Iterable[PathPool],
+        near: Mapping[str, frozenset[str]],
+        diagrams: DiagramCache,
+        rng: np.random.Generator,
+        watch: Stopwatch,
+    ) -> None:
+        self.near, self.diagrams, self.rng, self.watch = near, diagrams, rng, watch
+        self.pools = {pool.agent: pool for pool in pools}
+        self.agents = list(self.pools)
+        self.alone = {agent.arms[0]: pool for agent, pool in self.pools.items() if len(agent.arms) == 1}
+        self.schedules: dict[Agent, Schedule] = {}
+        self.statistics = Statistics(paths=len(self.pools))
+        self.stage = ""
+        self.reason = ""
+        self.impossible = False
+        self._made = {frozenset(agent.arms): agent for agent in self.agents}
+        self._margins: dict[Agent, float] = {}
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """The arms of all agents, in the order of the problem."""
+        own = {arm for agent in self.agents for arm in agent.arms}
+        return tuple(arm for arm in self.agents[0].problem.arms if arm in own)
+
+    def join(self, other: GroupSchedules) -> None:
+        """Take over the agents of another group and, while time is left, their schedules without conflicts with ours.
+
+        Args:
+            other: The schedules of that group, not used afterwards.
+        """
+        for agent in other.agents:
+            theirs = other.schedules.get(agent)
+            if theirs is not None and all(
+                self.watch.goes_on() and self.diagrams.diagram(theirs.path, ours.path) is None
+                for ours in self.schedules.values()
+            ):
+                self.schedules[agent] = theirs
+        self.agents += other.agents
+        self.pools |= other.pools
+        self.alone |= other.alone
+        self._made |= other._made
+        self.set_stage_at_least(other.stage)
+
+    def set_stage_at_least(self, stage: str) -> None:
+        """Note that a stage was needed, unless a later one already was."""
+        self.stage = max(self.stage, stage, key=("", *STAGES).index)
+
+    # ---- agents ----------------------------------------------------------------------------
+
+    def agent_of(self, arms: Iterable[str]) -> Agent:
+        """The agent of some arms, created once, because its scene caches derived data."""
+        chosen = frozenset(arms)
+        if chosen not in self._made:
+            self._made[chosen] = Agent(self.agents[0].problem, chosen, self.agents[0].timing)
+        return self._made[chosen]
+
+    def pool_of(self, arms: Iterable[str]) -> PathPool:
+        """An empty pool for some arms as one agent, with the largest margin that their starts and goals allow."""
+        agent = self.agent_of(arms)
+        pools = [self.alone[arm] for arm in agent.arms]
+        margin = min(pool.margin for pool in pools)
+        if len(pools) > 1:
+            # The arms keep the margin from each other, too.
+            if agent not in self._margins:
+                goal = np.concatenate([pool.paths[0].goal for pool in pools])
+                self._margins[agent] = affordable_margin(agent, goal, margin)
+            margin = self._margins[agent]
+        return PathPool(agent, margin, self.rng, self.watch)
+
+    def add_path(self, pool: PathPool, effort: int = 0) -> AgentPath | None:
+        """One more path from the start to the goal, regardless of other agents; None if none is found."""
+        began = time.perf_counter()
+        path, reason = pool.add({}, effort=effort)
+        self.statistics.add_time("paths", began)
+        self.statistics.paths += 1
+        if pool.impossible:
+            self.impossible, self.reason = True, reason
+        return path
+
+    def adopt(self, pools: Sequence[PathPool], stage: str) -> bool:
+        """Replace all agents by those of some pools if all of them can be timed; returns whether they can."""
+        if not all(pool.paths for pool in pools):
+            return False
+        before = self.snapshot()
+        self.agents = [pool.agent for pool in pools]
+        self.pools = {pool.agent: pool for pool in pools}
+        self.schedules = {}
+        if self.time_first_paths():
+            self.restore(before)
+            return False
+        self.stage = stage
+        return True
+
+    def snapshot(self) -> Snapshot:
+        """The present agents, pools and schedules."""
+        return Snapshot(list(self.agents), dict(self.pools), dict(self.schedules), self.stage)
+
+    def restore(self, before: Snapshot) -> None:
+        """Return to the agents, pools and schedules of a snapshot."""
+        self.agents, self.pools = list(before.agents), dict(before.pools)
+        self.schedules, self.stage = dict(before.schedules), before.stage
+
+    def neighbors(self, agent: Agent) -> list[Agent]:
+        """Agents that can collide with an agent."""
+        near = frozenset().union(*(self.near[arm] for arm in agent.arms))
+        return [other for other in self.agents if other is not agent and not near.isdisjoint(other.arms)]
+
+    def scheduled_neighbors(self, agent: Agent) -> list[Agent]:
+        """Agents that can collide with an agent and have a schedule."""
+        return [other for other in self.neighbors(agent) if other in self.schedules]
+
+    def slowest_first(self) -> list[Agent]:
+        """All agents by the duration of their first path alone, descending."""
+        return sorted(self.agents, key=lambda agent: -self.pools[agent].paths[0].fastest)
+
+    # ---- durations -------------------------------------------------------------------------
+
+    @property
+    def makespan(self) -> float:
+        """When the last agent arrives [s]."""
+        return max((schedule.arrival for schedule in self.schedules.values()), default=0.0)
+
+    def slowest_alone(self) -> float:
+        """Duration of the fastest known motion of the slowest arm alone [s]."""
+        return max(self.fastest_alone().values(), default=0.0)
+
+    def fastest_alone(self) -> dict[str, float]:
+        """Duration of the fastest known motion of each arm alone [s]."""
+        # The motion of an arm together with others is also feasible alone.
+        arrivals = {arm: schedule.arrival for agent, schedule in self.schedules.items() for arm in agent.arms}
+        return {
+            arm: min(arrivals.get(arm, math.inf), *(path.fastest for path in pool.paths))
+            for arm, pool in self.alone.items()
+        }
+
+    def good_enough(self) -> float:
+        """Makespan that is not reduced further [s]."""
+        return self.slowest_alone() * _GOOD_ENOUGH
+
+    def slow_from(self) -> float:
+        """Makespan above which another method is tried [s]."""
+        alone = (min(path.fastest for path in pool.paths) for pool in self.alone.values())
+        return max(alone, default=0.0) * _SLOW
+
+    def time_limit(self) -> float:
+        """Arrival up to which no better path is needed [s]: others arrive later anyway, or it is good enough."""
+        return max(self.makespan, self.good_enough())
+
+    # ---- timing ----------------------------------------------------------------------------
+
+    def time_first_paths(self) -> list[Agent]:
+        """Time the paths of agents without a schedule; returns the agents for which this failed."""
+        limit = self.time_limit() if self.watch.goes_on() else 0.0
+        return [
+            agent for agent in self.slowest_first() if agent not in self.schedules and not self.schedule(agent, limit)
+        ]
+
+    def schedule(self, agent: Agent, limit: float, detours: Iterable[AgentPath] = ()) -> bool:
+        """Time the paths of an agent's pool, then detours, until one arrives within a limit.
+
+        Args:
+            agent: The agent.
+            limit: Arrival up to which no better path is needed [s].
+            detours: More paths, which are searched for only if they are needed.
+
+        Returns:
+            Whether any path could be timed; the agent then has the schedule that arrives first.
+        """
+        best: Schedule | None = None
+        for path in chain(list(self.pools[agent].paths), detours):
+            timed = self.timed(path, self.scheduled_neighbors(agent))
+            if timed is not None and (best is None or timed.arrival < best.arrival):
+                best = timed
+            if best is not None and best.arrival <= limit:
+                break
+        for path in self.pools[agent].paths:
+            if best is None or path is not best.path:
+                path.release()
+        if best is None:
+            return False
+        self.schedules[agent] = best
+        return True
+
+    def timed(self, path: AgentPath, others: Iterable[Agent]) -> Schedule | None:
+        """The earliest schedule of a path among those of others; None if there is none or time runs out."""
+        found = []
+        for other in others:
+            # A diagram may take long.
+            if not self.watch.goes_on():
+                return None
+            theirs = self.schedules[other]
+            blocked = self.diagram(path, theirs.path)
+            if blocked is not None:
+                found.append((blocked, theirs.occupancy))
+        began = time.perf_counter()
+        schedule = earliest_schedule(path, blocked_times(path, found))
+        self.statistics.add_time("timing", began)
+        self.statistics.timings += 1
+        return schedule
+
+    def diagram(self, one: AgentPath, two: AgentPath) -> Blocked | None:
+        """The extended diagram of two paths; None if all of it is free."""
+        began, before = time.perf_counter(), len(self.diagrams)
+        blocked = self.diagrams.diagram(one, two)
+        if len(self.diagrams) > before:
+            self.statistics.add_time("diagrams", began)
+            self.statistics.diagrams += 1
+        return blocked
+
+    def prepare_diagrams(self, threads: int) -> None:
+        """Compute the diagrams of all first paths in parallel.
+
+        Args:
+            threads: Number of threads.
+        """
+        began = time.perf_counter()
+        paths = {arm: pool.paths[0] for pool in self.pools.values() for arm in pool.agent.arms}
+        pairs = [(paths[a], paths[b]) for a, b in combinations(paths, 2) if b in self.near[a]]
+        self.diagrams.prepare([both for both in dict.fromkeys(pairs) if both[0] is not both[1]], threads, self.watch)
+        self.statistics.add_time("diagrams", began)
+
+    def why_unscheduled(self) -> str:
+        """The agents without a schedule and the neighbors that have one, as text."""
+        texts: list[str] = []
+        together: list[str] = []
+        for agent in self.agents:
+            if agent in self.schedules:
+                continue
+            others = [arm for other in self.scheduled_neighbors(agent) for arm in other.arms]
+            if others:
+                texts.append(f"{' and '.join(agent.arms)} (among {', '.join(others)})")
+            else:
+                together += agent.arms
+        if together:
+            texts.insert(0, ", ".join(together) + (" among each other" if len(together) > 1 else ""))
+        return f"no schedule found for {'; '.join(texts)}"
