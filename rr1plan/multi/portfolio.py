@@ -35,7 +35,7 @@ from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality
 from rr1plan.multi.preflight import MARGINS, Preflight, preflight, with_other_goals
 from rr1plan.multi.search.group_planner import COUPLED_FIRST, NO_TIME, GroupPlanner
-from rr1plan.multi.search.group_schedules import Statistics
+from rr1plan.multi.search.group_schedules import GroupSchedules, Statistics
 from rr1plan.multi.search.improvement import PlanImprover
 from rr1plan.multi.search.small_teams import plan_small_team
 from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
@@ -416,7 +416,7 @@ class _GroupSearch:
     def _planner(self, group: tuple[str, ...]) -> GroupPlanner:
         rng = np.random.default_rng([self._seeds[arm] for arm in group])
         pools = [self._pools[arm] for arm in group]
-        return GroupPlanner(pools, self._near, self.diagrams, rng, self._watch)
+        return GroupPlanner(GroupSchedules(pools, self._near, self.diagrams, rng, self._watch))
 
     def _solve_all(self, planners: list[GroupPlanner]) -> dict[GroupPlanner, GroupResult]:
         """Plan some groups, small ones first, so that a hard group takes no time from them; on threads if several meet.

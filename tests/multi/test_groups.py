@@ -17,6 +17,7 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.search.group_planner import GroupPlanner
+from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import ends_are_apart, may_touch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
@@ -55,7 +56,10 @@ def test_arms_of_different_groups_never_touch(grid: rp.Problem, pools: dict[str,
 
 def test_groups_are_joined_without_work_after_the_deadline(grid: rp.Problem, pools: dict[str, PathPool]) -> None:
     near, diagrams, over = arms_in_reach(grid.scene, grid.arms, 0.002), DiagramCache(), Stopwatch(math.inf)
-    one, two = (GroupPlanner([pools[arm]], near, diagrams, np.random.default_rng(0), over) for arm in grid.arms[:2])
+    one, two = (
+        GroupPlanner(GroupSchedules([pools[arm]], near, diagrams, np.random.default_rng(0), over))
+        for arm in grid.arms[:2]
+    )
     assert one.run()
     assert two.run()
     over.cancel()

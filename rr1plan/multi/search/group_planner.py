@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -19,14 +19,11 @@ from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import RetimingError
 from rr1plan.multi.paths.agent_path import AgentPath
-from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.search.coupled_windows import CoupledWindows
 from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.search.prioritized import PrioritizedPlanner
 from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.search.sequential_moves import SequentialMoves
-from rr1plan.multi.stopwatch import Stopwatch
-from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.path import Path
 
 NO_TIME = "no time was left to schedule it"
@@ -49,29 +46,18 @@ class GroupPlanner:
     """Plans the motions of one interaction group.
 
     Args:
-        pools: The path pool of each agent, with its first path.
-        near: For each arm, the arms that can collide with it.
-        diagrams: Coordination diagrams, shared by groups.
-        rng: Source of random numbers.
-        watch: Stopwatch with the deadline.
+        group: The agents of the group and their schedules, which it changes.
 
     Attributes:
-        group: The agents of the group and their schedules.
+        group: Like the argument.
         threads: Number of threads that compute diagrams.
     """
 
-    def __init__(
-        self,
-        pools: Iterable[PathPool],
-        near: Mapping[str, frozenset[str]],
-        diagrams: DiagramCache,
-        rng: np.random.Generator,
-        watch: Stopwatch,
-    ) -> None:
-        self.group = GroupSchedules(pools, near, diagrams, rng, watch)
+    def __init__(self, group: GroupSchedules) -> None:
+        self.group = group
         self.threads = 1
-        self._rng, self._watch = rng, watch
-        self._prioritized = PrioritizedPlanner(self.group)
+        self._rng, self._watch = group.rng, group.watch
+        self._prioritized = PrioritizedPlanner(group)
 
     def run(self, rounds: float = math.inf) -> bool:
         """Schedule all agents; returns whether this succeeded in time.

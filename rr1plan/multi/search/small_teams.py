@@ -24,6 +24,7 @@ from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.search.arm_roadmap import ArmRoadmap, build_roadmap
 from rr1plan.multi.search.conflict_based_search import ConflictBasedSearch, schedule_of
 from rr1plan.multi.search.group_planner import GroupPlanner
+from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.search.relative_conflicts import RelativeConflicts
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import are_apart
@@ -115,8 +116,8 @@ def plan_small_team(
         if known:
             break
         # Schedule the paths of the pools, which need no roadmap.
-        planner = GroupPlanner(pools.values(), near, DiagramCache(largest_margin, watch), rng, watch)
-        known = tuple(planner.group.schedules.values()) if planner.run() else ()
+        group = GroupSchedules(pools.values(), near, DiagramCache(largest_margin, watch), rng, watch)
+        known = tuple(group.schedules.values()) if GroupPlanner(group).run() else ()
         cost = math.fsum(s.arrival * len(s.arms) for s in known) if known else math.inf
     if known:
         return TeamPlan(known, alone, max(1.0, cost / bound) if bound > 0.0 else None)
