@@ -21,7 +21,7 @@ from rr1plan.motion_plan import MotionPlan
 from rr1plan.planners import chosen_planner, plan, planner_names
 from rr1plan.planners.goal_configurations import joint_goals
 from rr1plan.planners.shortcut import shorten as shorten_path
-from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_question
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, Progress, ProgressCallback, check_plan_arguments
 from rr1plan.planning_constants import SHORTCUTS, TREES
 from rr1plan.retiming import retime, retiming_names
 from rr1plan.scene import Scene
@@ -84,7 +84,7 @@ def plan_motion(
     """
     imports = import_clock.read_once()
     seconds = {"imports": imports} if imports > _NO_IMPORTS else {}
-    check_question(problem, budget, progress)
+    check_plan_arguments(problem, budget, progress)
     known_name("retiming", retiming, retiming_names())
     planner = default_planner(problem, retiming) if planner is None else _known_planner(planner)
     if isinstance(planner, str) and planner in MANY_ARMS_PLANNERS:
@@ -233,7 +233,7 @@ def warm_up(problem: Problem, *, progress: ProgressCallback | None = None) -> No
         InputError: `problem` is not a `Problem`, or the scene cannot be checked.
         CancelledError: `progress` returned False.
     """
-    check_question(problem, None, progress)
+    check_plan_arguments(problem, None, progress)
     _cut_meshes(problem.scene, progress)
     with checker_from_pool(problem.scene, problem.arms, problem.margin) as motions:
         motions.warm_up()

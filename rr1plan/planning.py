@@ -185,7 +185,7 @@ class PlannerInfo:
     optimizing: bool = False
 
 
-def check_question(problem: object, budget: object, progress: object) -> None:
+def check_plan_arguments(problem: object, budget: object, progress: object) -> None:
     """Check the types of a planner's arguments.
 
     Args:

@@ -136,19 +136,19 @@ class Agent:
 
     @cached_property
     def _alone(self) -> Problem:
-        """The question without other moving arms, cached together with the tables of its scene."""
-        return self._question({})
+        """The query without other moving arms, cached together with the tables of its scene."""
+        return self._query_among({})
 
-    def question(self, others: Mapping[str, Array | None], margin: float) -> Problem:
+    def query(self, others: Mapping[str, Array | None], margin: float) -> Problem:
         """The problem of these arms while `others` are stationary.
 
         Args:
             others: Configurations of moving arms of the problem, shape (nq,); moving arms not named here are ignored.
             margin: Distance to keep in addition to the padding [m].
         """
-        return (self._question(others) if others else self._alone).with_margin(margin)
+        return (self._query_among(others) if others else self._alone).with_margin(margin)
 
-    def _question(self, others: Mapping[str, Array | None]) -> Problem:
+    def _query_among(self, others: Mapping[str, Array | None]) -> Problem:
         scene = self.among(others)
         start = scene.split(self.start, self.arms)
         goal = {name: self.problem.goal[name] for name in self.arms}

@@ -42,7 +42,7 @@ from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
 from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.path import Path
-from rr1plan.planning import Budget, PlanStatus, ProgressCallback, check_question
+from rr1plan.planning import Budget, PlanStatus, ProgressCallback, check_plan_arguments
 from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
@@ -193,9 +193,9 @@ def plan_many_arms(
         InputError: not a problem, a margin below zero, a retiming that leaves the paths, a scene that cannot be
             checked, or too many arms for the method.
     """
-    check_question(problem, budget, progress)
+    check_plan_arguments(problem, budget, progress)
     if improvement is not None:
-        check_question(problem, improvement, progress)
+        check_plan_arguments(problem, improvement, progress)
     known_name("method", method, _METHODS)
     timing = HopTiming(retiming, torque_limits)
     seconds = (budget or Budget()).seconds

@@ -79,9 +79,9 @@ def preflight(
     for arm, agent in agents.items():
         if not watch.goes_on():
             return _too_late(watch)
-        question = agent.question({}, 0.0)
-        with checker_from_pool(question.scene, question.arms) as checker:
-            blocked = "" if _is_usable(checker, question.start) else check_start(question, checker)
+        query = agent.query({}, 0.0)
+        with checker_from_pool(query.scene, query.arms) as checker:
+            blocked = "" if _is_usable(checker, query.start) else check_start(query, checker)
         if blocked:
             return Preflight({}, {}, PlanStatus.INVALID_START, f"{arm}: {blocked}")
     touching = _first_contact(agents, starts, near)
@@ -89,11 +89,11 @@ def preflight(
         return Preflight({}, {}, PlanStatus.INVALID_START, f"the starts exclude each other: {touching}")
 
     def is_reached(arm: str, q: Array) -> bool:
-        question = agents[arm].question({}, 0.0)
-        ends = {arm: question.start}, {arm: q}
+        query = agents[arm].query({}, 0.0)
+        ends = {arm: query.start}, {arm: q}
         budget = Budget(watch.time_left, _ITERATIONS)
         planned = RrtConnect().plan(
-            Problem(question.scene, *ends, arms=(arm,)), budget=budget, rng=0, progress=watch.let_planner_go_on
+            Problem(query.scene, *ends, arms=(arm,)), budget=budget, rng=0, progress=watch.let_planner_go_on
         )
         return planned.found or not watch.goes_on()
 
@@ -161,8 +161,8 @@ def warm_up_agents(problem: Problem) -> None:
     """
     agents = {arm: Agent(problem, [arm]) for arm in problem.arms}
     for agent in agents.values():
-        question = agent.question({}, MARGINS[0])
-        with checker_from_pool(question.scene, question.arms, MARGINS[0]) as checker:
+        query = agent.query({}, MARGINS[0])
+        with checker_from_pool(query.scene, query.arms, MARGINS[0]) as checker:
             checker.warm_up()
     for one, others in arms_in_reach(problem.scene, problem.arms, MARGINS[0]).items():
         for two in others:
@@ -214,11 +214,11 @@ def _goal_choices(
         if not watch.goes_on():
             late = _too_late(watch)
             return {}, late.status, late.reason, None
-        question = agent.question({}, 0.0)
-        with checker_from_pool(question.scene, question.arms) as checker:
-            goals = joint_goals(question)
+        query = agent.query({}, 0.0)
+        with checker_from_pool(query.scene, query.arms) as checker:
+            goals = joint_goals(query)
             if goals is None or len(goals) > 1 or not _is_usable(checker, goals[0]):
-                search = GoalSearch(question, checker, rng).find()
+                search = GoalSearch(query, checker, rng).find()
                 if search.status is not None:
                     return {}, search.status, f"{arm}: {search.reason}", None
                 goals = search.configurations
@@ -256,8 +256,8 @@ def affordable_margin(agent: Agent, goal: Array, largest: float) -> float:
         goal: Its goal configuration, shape (nq,).
         largest: Upper bound [m].
     """
-    question = agent.question({}, 0.0)
-    with checker_from_pool(question.scene, question.arms) as checker:
+    query = agent.query({}, 0.0)
+    with checker_from_pool(query.scene, query.arms) as checker:
         room = min(checker.moving_clearance(q, 2.0 * largest) for q in (agent.start, goal)) if largest > 0.0 else 0.0
     return next((m for m in (largest, *MARGINS) if m <= largest and 2.0 * m <= room), 0.0)
 

@@ -16,11 +16,19 @@ from rr1plan.errors import InputError, PlannerError
 from rr1plan.planners.anytime import AnytimePlanner
 from rr1plan.planners.cartesian import CartesianPlanner
 from rr1plan.planners.ompl_planners import KINDS, OmplPlanner
-from rr1plan.planners.planner_contract import checked_answer
+from rr1plan.planners.planner_contract import checked_result
 from rr1plan.planners.roadmap import Roadmap, RoadmapPlanner
 from rr1plan.planners.rrt_connect import RrtConnect
 from rr1plan.planners.timeout_hints import split_budget, with_hint
-from rr1plan.planning import Budget, Planner, PlannerInfo, PlanResult, PlanStatus, ProgressCallback, check_question
+from rr1plan.planning import (
+    Budget,
+    Planner,
+    PlannerInfo,
+    PlanResult,
+    PlanStatus,
+    ProgressCallback,
+    check_plan_arguments,
+)
 from rr1plan.scene.problem import Problem
 
 __all__ = [
@@ -184,13 +192,13 @@ def plan(
         PlannerError: a planner of your own raised an exception, or returned a path that does not solve the problem.
         KeyboardInterrupt: Ctrl-C, after cleaning up.
     """
-    check_question(problem, budget, progress)
+    check_plan_arguments(problem, budget, progress)
     chosen = chosen_planner(planner)
     search, rest = split_budget(budget or Budget())
     if type(chosen) in _TRUSTED:
         result = chosen.plan(problem, budget=search, rng=rng, progress=progress)
     else:
-        result = checked_answer(chosen, problem, search, rng, progress)
+        result = checked_result(chosen, problem, search, rng, progress)
     if result.status is not PlanStatus.TIMEOUT or rest is None or chosen.keeps_shape:
         return result
     return with_hint(problem, result, rest, progress)

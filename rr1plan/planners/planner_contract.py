@@ -22,7 +22,7 @@ from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 _EQUAL = 1e-9
 
 
-def checked_answer(
+def checked_result(
     planner: Planner, problem: Problem, budget: Budget, rng: Seed, progress: ProgressCallback | None
 ) -> PlanResult:
     """The checked result of a planner from outside this package; a missing name or time is added.

@@ -14,7 +14,15 @@ from rr1plan.model.joint_space import Space, joint_space
 from rr1plan.path import Path
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
 from rr1plan.planners.joint_barriers import find_joint_barrier
-from rr1plan.planning import Budget, PlanResult, PlanStatus, Progress, ProgressCallback, SearchTree, check_question
+from rr1plan.planning import (
+    Budget,
+    PlanResult,
+    PlanStatus,
+    Progress,
+    ProgressCallback,
+    SearchTree,
+    check_plan_arguments,
+)
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 
@@ -89,7 +97,7 @@ class Query:
         progress: ProgressCallback | None,
         scene: Scene | None = None,
     ) -> None:
-        check_question(problem, budget, progress)
+        check_plan_arguments(problem, budget, progress)
         self.planner, self.problem, self.budget, self.progress = planner, problem, budget or _DEFAULT_BUDGET, progress
         self.seed = as_seed(rng)
         self.most = NO_LIMIT if self.budget.iterations is None else int(self.budget.iterations)

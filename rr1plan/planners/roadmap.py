@@ -17,7 +17,7 @@ from rr1plan.planners import tree_search
 from rr1plan.planners.planning_query import Query
 from rr1plan.planners.roadmap_graph import Graph
 from rr1plan.planners.shortcut import shorten
-from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_question
+from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_plan_arguments
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 
@@ -100,11 +100,11 @@ class Roadmap(Planner):
         Raises:
             InputError: a problem in another scene, for other arms or with a margin.
         """
-        check_question(problem, budget, progress)
+        check_plan_arguments(problem, budget, progress)
         self._check_fits(problem)
         with self._lock, Query(_NAME, problem, budget, rng, progress, self.scene) as query:
             refused = query.early_exit()
-            return _answer(query, self._graph, learn=True) if refused is None else refused
+            return _solve(query, self._graph, learn=True) if refused is None else refused
 
     def _check_fits(self, problem: Problem) -> None:
         if problem.arms != self.arms:
@@ -172,7 +172,7 @@ class RoadmapPlanner(Planner):
             try:
                 graph.sample(samples, query.motion, query.in_time)
                 query.iterations += graph.samples
-                return _answer(query, graph, learn=False)
+                return _solve(query, graph, learn=False)
             finally:
                 if samples == self.samples:
                     idle.append(graph)
@@ -187,7 +187,7 @@ def checked_samples(samples: int) -> int:
     return whole_number("samples", samples, 1, _MOST_SAMPLES)
 
 
-def _answer(query: Query, graph: Graph, *, learn: bool) -> PlanResult:
+def _solve(query: Query, graph: Graph, *, learn: bool) -> PlanResult:
     """The shortest path along the roadmap, or that of RRT-Connect if there is none."""
     problem, motion = query.problem, query.motion
     before = graph.checks

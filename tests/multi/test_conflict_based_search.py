@@ -342,8 +342,8 @@ def test_roadmaps_hold_certified_edges_and_join_the_known_path(rr1: rp.Robot) ->
     roadmap = build_roadmap(agent, goal, 0.0, 60, [np.array([agent.start, middle, goal])])
     assert roadmap is not None
     np.testing.assert_array_equal(roadmap.vertices[[0, 1, 2]], [agent.start, goal, middle])
-    question = agent.question({}, 0.0)
-    checker = CollisionChecker(question.scene, question.arms)
+    query = agent.query({}, 0.0)
+    checker = CollisionChecker(query.scene, query.arms)
     for vertex, others in enumerate(roadmap.neighbors):
         for other in others:
             assert checker.edge_is_free(roadmap.vertices[vertex], roadmap.vertices[other])

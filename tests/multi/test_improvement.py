@@ -100,7 +100,7 @@ def _moves_in_turn(problem: rp.Problem, rng: int) -> PlanImprover:
     agent, watch, generator = Agent(problem, problem.arms), Stopwatch(math.inf), np.random.default_rng(rng)
     points = next(sequential_moves(problem, generator).paths(), None)
     assert points is not None
-    with checker_from_pool(agent.question({}, 0.0).scene, agent.arms) as checker:
+    with checker_from_pool(agent.query({}, 0.0).scene, agent.arms) as checker:
         path = AgentPath(agent, rp.Path(agent.joint_names, points), checker)
     schedule = earliest_schedule(path, blocked_times(path, []))
     assert schedule is not None
@@ -269,7 +269,7 @@ def _slow_duration(points: Array, agent: Agent, checker: CollisionChecker) -> fl
 def test_refined_paths_are_those_that_certify_every_change_whole(planar2r: rp.Robot) -> None:
     ((agent, schedule),) = _moves_in_turn(planar_ring(planar2r, 4), 1).schedules.items()
     path = schedule.path
-    with checker_from_pool(agent.question({}, 0.0).scene, agent.arms) as checker:
+    with checker_from_pool(agent.query({}, 0.0).scene, agent.arms) as checker:
         refined = PathRefiner(checker, np.random.default_rng(5)).refine(path, lambda: True)
         # Each change is certified first, and nothing is remembered.
         rng, best = np.random.default_rng(5), clean(path.path.waypoints)

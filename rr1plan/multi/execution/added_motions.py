@@ -346,14 +346,14 @@ class _Change:
 
     def _goals(self, agent: Agent) -> list[Array]:
         """Configurations of an arm's goal without contact with the others at their goals, nearest first."""
-        question = agent.question({}, 0.0)
+        query = agent.query({}, 0.0)
         (arm,) = agent.arms
-        with checker_from_pool(question.scene, question.arms) as checker:
-            blocked = check_start(question, checker)
+        with checker_from_pool(query.scene, query.arms) as checker:
+            blocked = check_start(query, checker)
             if blocked:
                 self._reason = f"{arm}: {blocked}"
                 return []
-            found = GoalSearch(question, checker, self._rng).find()
+            found = GoalSearch(query, checker, self._rng).find()
         if found.status is not None:
             self._reason = f"{arm}: {found.reason}"
             return []
@@ -531,8 +531,8 @@ class _Change:
     def _rest_at(self, arm: str, stop: Stop) -> Part:
         """An arm that remains at a stop."""
         agent = self._agent(arm, stop.q, stop.q)
-        question = agent.question({}, 0.0)
-        with checker_from_pool(question.scene, question.arms) as checker:
+        query = agent.query({}, 0.0)
+        with checker_from_pool(query.scene, query.arms) as checker:
             path = AgentPath(agent, Path(agent.joint_names, np.array([stop.q, stop.q])), checker)
         return part_of(Schedule(path, ()), stop.time)
 
@@ -540,10 +540,10 @@ class _Change:
         """A random free configuration of an arm, more often one near its current configuration."""
         q = self.plan.configuration(arm, self.now)
         agent = self._agent(arm, q, q)
-        limits, question = agent.limits, agent.question({}, 0.0)
+        limits, query = agent.limits, agent.query({}, 0.0)
         low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
         high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
-        with checker_from_pool(question.scene, question.arms, self.plan.margin) as checker:
+        with checker_from_pool(query.scene, query.arms, self.plan.margin) as checker:
             for _ in range(_SAMPLES):
                 other = q + self._rng.random() * (self._rng.uniform(low, high) - q)
                 if checker.is_free(other):

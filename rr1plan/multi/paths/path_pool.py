@@ -67,12 +67,12 @@ class PathPool:
         Returns:
             The path, which has been added to the pool, or None and the reason.
         """
-        question = self.agent.question(others, self.margin)
-        via = self._via(question) if detour else None
+        query = self.agent.query(others, self.margin)
+        via = self._via(query) if detour else None
         if detour and via is None:
             return None, "no random configuration is free"
         parts: list[Path] = []
-        for leg in [question] if via is None else _split(question, via):
+        for leg in [query] if via is None else _split(query, via):
             result = self._plan(leg, effort, patient=patient)
             self.impossible = result.status is PlanStatus.INFEASIBLE
             if result.path is None:
@@ -81,7 +81,7 @@ class PathPool:
                 return None, f"no path found in {self._watch.seconds:.3g} s" if late else result.reason
             parts.append(result.path)
         try:
-            return self.add_shortened(parts, question), ""
+            return self.add_shortened(parts, query), ""
         except RetimingError as error:
             return None, str(error)
 
@@ -98,14 +98,14 @@ class PathPool:
             for end in (self.agent.start, self.paths[0].goal)
         )
 
-    def _shortened(self, parts: Sequence[Path], question: Problem) -> list[Array]:
+    def _shortened(self, parts: Sequence[Path], query: Problem) -> list[Array]:
         """Waypoints of each part of a path, shortened separately; each part begins where the previous one ends."""
         shorter: list[Array] = []
-        with checker_from_pool(question.scene, question.arms, self.margin) as checker:
+        with checker_from_pool(query.scene, query.arms, self.margin) as checker:
             for part in parts:
                 points = shorten(
                     part,
-                    question.scene,
+                    query.scene,
                     checker=checker,
                     iterations=_SHORTCUTS,
                     seconds=self._watch.time_left,
@@ -115,19 +115,19 @@ class PathPool:
                 shorter.append(points + (shorter[-1][-1] - points[0]) if shorter else points)
         return shorter
 
-    def add_shortened(self, parts: Sequence[Path], question: Problem | None = None) -> AgentPath:
+    def add_shortened(self, parts: Sequence[Path], query: Problem | None = None) -> AgentPath:
         """Shorten a certified path, round its corners, and add it.
 
         Args:
             parts: The path in parts, each shortened separately.
-            question: The problem with the objects to avoid (default: all stationary ones).
+            query: The problem with the objects to avoid (default: all stationary ones).
 
         Raises:
             RetimingError: it cannot be timed under the limits.
         """
-        question = question or self.agent.question({}, self.margin)
-        points = np.concatenate(self._shortened(parts, question))
-        with checker_from_pool(question.scene, question.arms, self.margin) as checker:
+        query = query or self.agent.query({}, self.margin)
+        points = np.concatenate(self._shortened(parts, query))
+        with checker_from_pool(query.scene, query.arms, self.margin) as checker:
             path = AgentPath(self.agent, Path(self.agent.joint_names, points), checker)
         self.paths.append(path)
         return path
@@ -139,8 +139,8 @@ class PathPool:
             path: A path of the agent, of several arms.
             enough: Duration that is not reduced further [s].
         """
-        question = self.agent.question({}, self.margin)
-        with checker_from_pool(question.scene, question.arms, self.margin) as checker:
+        query = self.agent.query({}, self.margin)
+        with checker_from_pool(query.scene, query.arms, self.margin) as checker:
             refiner = PathRefiner(checker, self._rng)
             made = refiner.refine(path, self._watch.goes_on, enough)
         self.paths.append(made)
@@ -154,7 +154,7 @@ class PathPool:
         budget = Budget(seconds, _ITERATIONS * len(self.agent.arms) << effort)
         return RrtConnect().plan(leg, budget=budget, rng=self._rng, progress=goes_on)
 
-    def _via(self, question: Problem) -> Array | None:
+    def _via(self, query: Problem) -> Array | None:
         """A random free configuration, nearer ones more often."""
         limits = self.agent.limits
         goals = [self.agent.problem.goal[arm][0] for arm in self.agent.arms]
@@ -162,7 +162,7 @@ class PathPool:
         goal = np.concatenate(ends) if len(ends) == len(goals) else self.agent.start
         low = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
         high = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
-        with checker_from_pool(question.scene, question.arms, self.margin) as checker:
+        with checker_from_pool(query.scene, query.arms, self.margin) as checker:
             for _ in range(_SAMPLES):
                 middle = self.agent.start + self._rng.random() * (goal - self.agent.start)
                 share = self._rng.random()
@@ -172,13 +172,13 @@ class PathPool:
         return None
 
 
-def _split(question: Problem, via: Array) -> list[Problem]:
+def _split(query: Problem, via: Array) -> list[Problem]:
     """The problems from the start to a configuration, and from there to the goal."""
-    scene, arms = question.scene, question.arms
+    scene, arms = query.scene, query.arms
     middle = scene.split(via, arms)
-    begin = {name: q for name, q in scene.split(question.start, arms).items() if name in arms}
+    begin = {name: q for name, q in scene.split(query.start, arms).items() if name in arms}
     between = {name: middle[name] for name in arms}
     return [
-        Problem(scene, begin, between, arms=arms).with_margin(question.margin),
-        Problem(scene, between, dict(question.goal), arms=arms).with_margin(question.margin),
+        Problem(scene, begin, between, arms=arms).with_margin(query.margin),
+        Problem(scene, between, dict(query.goal), arms=arms).with_margin(query.margin),
     ]

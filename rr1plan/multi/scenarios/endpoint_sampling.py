@@ -234,8 +234,8 @@ def _barred_joint(agent: Agent, start: Array, goal: Array) -> int | None:
     for joint, low, high in _own_bands(robot):
         if min(start[joint], goal[joint]) < low and max(start[joint], goal[joint]) > high:
             return joint
-    question = agent.question({}, 0.0)
-    with checker_from_pool(question.scene, question.arms) as checker:
+    query = agent.query({}, 0.0)
+    with checker_from_pool(query.scene, query.arms) as checker:
         barrier = find_joint_barrier(checker, start, goal)
         return None if barrier is None else checker.joint_names.index(barrier.joint)
 
@@ -253,9 +253,9 @@ def _free_among(
     agent: Agent, others: list[tuple[Agent, CStruct]], draw: Draw, tries: int, rng: np.random.Generator
 ) -> Array | None:
     """A configuration of an arm without contact with the scene or other arms."""
-    question = agent.question({}, 0.0)
+    query = agent.query({}, 0.0)
     needed = max(_own_clearance(agent.problem.scene.arms[arm].robot) for arm in agent.arms)
-    with checker_from_pool(question.scene, question.arms) as checker:
+    with checker_from_pool(query.scene, query.arms) as checker:
         for _ in range(tries if checker.static_is_free else 0):
             q = draw(rng)
             # A base may be nearer to the floor.

@@ -135,18 +135,18 @@ def build_roadmap(
     if len(clean(np.stack([agent.start, goal]))) == 1:
         # Paths merge points this near, so the arm rests.
         goal = agent.start
-    question = agent.question({}, margin)
-    with checker_from_pool(question.scene, question.arms, margin) as checker:
+    query = agent.query({}, margin)
+    with checker_from_pool(query.scene, query.arms, margin) as checker:
 
         def sampled() -> SearchTree | None:
-            graph = Graph(question.scene, question.arms)
+            graph = Graph(query.scene, query.arms)
             graph.sample(samples, checker, goes_on)
             return graph.picture() if graph.samples == samples else None
 
         key = ("roadmap of an arm", agent.arms, margin, samples)
-        tree = kept_in(question.scene.kept, key, sampled)
+        tree = kept_in(query.scene.kept, key, sampled)
         if tree is None:
-            del question.scene.kept[key]
+            del query.scene.kept[key]
             return None
         inner = [points[1:-1] for points in known_paths]
         vertices = np.vstack([agent.start, goal, *inner, tree.vertices])

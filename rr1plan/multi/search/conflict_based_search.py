@@ -1,11 +1,12 @@
 """Conflict-based search on the roadmaps of a few arms, in continuous time, with a bound on the sum of arrivals.
 
 Each arm moves on its roadmap and stops at each vertex, where it may wait. The search branches on conflicts: one of the
-two arms is forbidden its action at the times in question (Sharon et al., Conflict-based search for optimal multi-agent
-pathfinding, 2015; in continuous time: Andreychuk et al., Multi-agent pathfinding with continuous time, 2019). Certified
-coordination diagrams determine conflicts of two actions, without sampling of time. Each pair of constraints excludes
-only pairs of actions that conflict, so no solution is lost; in particular, constraints on waiting are chosen such that
-each excluded time of waiting is in conflict with each departure that the other constraint excludes.
+two arms is forbidden its action at the times of the conflict (Sharon et al., Conflict-based search for optimal
+multi-agent pathfinding, 2015; in continuous time: Andreychuk et al., Multi-agent pathfinding with continuous time,
+2019). Certified coordination diagrams determine conflicts of two actions, without sampling of time. Each pair of
+constraints excludes only pairs of actions that conflict, so no solution is lost; in particular, constraints on waiting
+are chosen such that each excluded time of waiting is in conflict with each departure that the other constraint
+excludes.
 
 Among all nodes whose cost is at most `suboptimality` times the lower bound, the node with the fewest conflicts is
 expanded (Barer et al., Suboptimal variants of the conflict-based search algorithm, 2014, with a bound on the high

@@ -123,7 +123,7 @@ class CoupledWindows:
         Args:
             effort: How often to double the planner's iterations for a window that covers the whole motion.
         """
-        scene = self._agent.question({}, self._margin).scene
+        scene = self._agent.query({}, self._margin).scene
         with checker_from_pool(scene, self.arms, self._margin) as checker:
             after = 0.0
             for _ in range(_MOST_WINDOWS * len(self.arms)):
@@ -242,9 +242,9 @@ class CoupledWindows:
         """Waypoints of a window's arms between their configurations at its ends, shape (n, nq); None if not found."""
         agent = self._agent_of(window.arms)
         ends = self._composite(agent.arms, np.array([window.begin, window.end]))
-        scene = agent.question({}, self._margin).scene
+        scene = agent.query({}, self._margin).scene
         begin, end = (scene.split(q, agent.arms) for q in ends)
-        question = Problem(
+        query = Problem(
             scene, {arm: begin[arm] for arm in agent.arms}, {arm: end[arm] for arm in agent.arms}, arms=agent.arms
         ).with_margin(self._margin)
         with checker_from_pool(scene, agent.arms, self._margin) as checker:
@@ -252,7 +252,7 @@ class CoupledWindows:
             if not (checker.edge_is_free(ends[0], ends[0]) and checker.edge_is_free(ends[1], ends[1])):
                 return None
             budget = Budget(max(self._watch.left, 1e-3), iterations)
-            result = RrtConnect().plan(question, budget=budget, rng=self._rng, progress=self._watch.let_planner_go_on)
+            result = RrtConnect().plan(query, budget=budget, rng=self._rng, progress=self._watch.let_planner_go_on)
             if result.path is None:
                 return None
             short = shorten(

@@ -218,8 +218,8 @@ class GroupPlanner:
         pools = []
         for arms in sets:
             pool, path = self.group.pool_of(arms), windows.path(arms)
-            question = pool.agent.question({}, pool.margin)
-            with checker_from_pool(question.scene, question.arms, pool.margin) as checker:
+            query = pool.agent.query({}, pool.margin)
+            with checker_from_pool(query.scene, query.arms, pool.margin) as checker:
                 if not checker.path_is_free(path):
                     return False
             try:

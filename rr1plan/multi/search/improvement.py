@@ -195,13 +195,13 @@ class PlanImprover:
     ) -> AgentPath | None:
         """A path of an agent, after random shortcuts; None if an edge of the waypoints is not free."""
         margin = self._margin(agent) if margin is None else margin
-        question = agent.question({}, margin)
-        with checker_from_pool(question.scene, question.arms, margin) as checker:
+        query = agent.query({}, margin)
+        with checker_from_pool(query.scene, query.arms, margin) as checker:
             if not all(checker.edge_is_free(a, b) for a, b in pairwise(waypoints)):
                 return None
             path = Path(agent.joint_names, waypoints)
             if shortcuts:
-                path = shorten(path, question.scene, checker=checker, iterations=shortcuts, rng=self._rng)
+                path = shorten(path, query.scene, checker=checker, iterations=shortcuts, rng=self._rng)
             try:
                 return AgentPath(agent, path, checker)
             except RetimingError:
@@ -211,8 +211,8 @@ class PlanImprover:
     def _refiner(self, agent: Agent) -> Iterator[PathRefiner]:
         """A refiner of paths of an agent."""
         margin = self._margin(agent)
-        question = agent.question({}, margin)
-        with checker_from_pool(question.scene, question.arms, margin) as checker:
+        query = agent.query({}, margin)
+        with checker_from_pool(query.scene, query.arms, margin) as checker:
             yield PathRefiner(checker, self._rng)
 
     # ---- neighborhoods -----------------------------------------------------------------------

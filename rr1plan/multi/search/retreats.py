@@ -54,7 +54,7 @@ class RetreatSearch:
         self._single = [single[arm] for arm in agent.arms]
         self._columns = list(agent.columns.values())
         self._near = [[k for k, other in enumerate(agent.arms) if other in near[arm]] for arm in agent.arms]
-        self._space = Space.around(agent.question({}, margin), goal[None])
+        self._space = Space.around(agent.query({}, margin), goal[None])
 
     def find(self) -> Array | None:
         """Retreats with few conflicts with starts, goals and each other, shape (nq,); None if time runs out."""
@@ -91,9 +91,9 @@ class RetreatSearch:
         durations = sum(
             joint_times(drawn - end, agent.limits).max(axis=1) for end in (agent.start, self._goal[columns])
         )
-        question = agent.question({}, self._margin)
+        query = agent.query({}, self._margin)
         found: list[int] = []
-        with checker_from_pool(question.scene, question.arms, self._margin) as checker:
+        with checker_from_pool(query.scene, query.arms, self._margin) as checker:
             for number in np.argsort(durations, kind="stable").tolist():
                 if checker.is_free(drawn[number]):
                     found.append(number)

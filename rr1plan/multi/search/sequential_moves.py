@@ -75,8 +75,8 @@ class SequentialMoves:
         self._agent, self._goal, self._margin, self._rng, self._watch = agent, goal, margin, rng, watch
         self._retreats = retreats
         self._columns = list(agent.columns.values())
-        self._question = agent.question({}, margin)
-        self._space = Space.around(self._question, goal[None])
+        self._query = agent.query({}, margin)
+        self._space = Space.around(self._query, goal[None])
 
     def paths(self, effort: int = 0) -> Iterator[Array]:
         """Waypoints of paths from the starts to the goals, each of shape (n, nq).
@@ -218,7 +218,7 @@ class SequentialMoves:
     # ---- moves -------------------------------------------------------------------------------
 
     def _checker(self) -> AbstractContextManager[CollisionChecker]:
-        return checker_from_pool(self._question.scene, self._agent.arms, self._margin)
+        return checker_from_pool(self._query.scene, self._agent.arms, self._margin)
 
     def _withdraw(self, checker: CollisionChecker, q: Array, retreats: Array, effort: int) -> list[Array] | None:
         """Moves of all arms from a configuration to their retreats, each of shape (n, nq); None if some get stuck."""
