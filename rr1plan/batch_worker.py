@@ -70,12 +70,12 @@ def _go_on(progress: Progress) -> bool:
 
 def run_chunk(chunk: list[Task], settings: Settings) -> list[Any]:
     """Results or exceptions, one for each task."""
-    answers = []
+    results = []
     for task in chunk:
-        answers.append(_run(task, settings))
+        results.append(_run(task, settings))
         if _ended is not None and not _should_stop():
             _ended[task.number] = 1
-    return answers
+    return results
 
 
 def _run(task: Task, settings: Settings) -> Any:

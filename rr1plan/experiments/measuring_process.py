@@ -14,7 +14,7 @@ Row = Mapping[str, float]
 # Set `sys.path` first: the parent process may have found the package anywhere.
 _CHILD = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from rr1plan.experiments.measuring_process import answer; answer(*sys.argv[2:])"
+    "from rr1plan.experiments.measuring_process import print_measurement; print_measurement(*sys.argv[2:])"
 )
 _MARK = "measured: "
 
@@ -45,7 +45,7 @@ def measure(name: str, arguments: Mapping[str, float]) -> list[Row]:
     return list(result["rows"])
 
 
-def answer(name: str, arguments: str) -> None:
+def print_measurement(name: str, arguments: str) -> None:
     """Run a measurement in this process and print the result as JSON."""
     from rr1plan.experiments.falling_tower import measure_tower
     from rr1plan.experiments.message_latency import measure_latency

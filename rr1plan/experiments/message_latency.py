@@ -42,7 +42,7 @@ def measure_latency(size: int, *, repeats: int = 200, seed: int = 0) -> dict[str
     acknowledged: queue.Queue[float] = queue.Queue()
     options = ViewOptions(port=0, panels=(Panel(_PANEL, "Latency", data={}),))
     scene = Scene().with_arm("rr1", load_robot("rr1"))
-    arrived, answered = [], []
+    arrived, returned = [], []
     with Viewer(scene, options=options) as viewer:
         viewer.on_slider(lambda _joint, _value: acknowledged.put(time.perf_counter()))
         client = threading.Thread(target=lambda: asyncio.run(_acknowledge(viewer.url, arrivals)), daemon=True)
@@ -52,12 +52,12 @@ def measure_latency(size: int, *, repeats: int = 200, seed: int = 0) -> dict[str
             sent = time.perf_counter()
             viewer.update_panel(_PANEL, {"number": i, "content": letters})
             try:
-                answered.append(acknowledged.get(timeout=_PATIENCE) - sent)
+                returned.append(acknowledged.get(timeout=_PATIENCE) - sent)
             except queue.Empty:
                 raise BackendError(f"no acknowledgment of message {i} within {_PATIENCE:g} s") from None
             arrived.append(arrivals.get(timeout=_PATIENCE) - sent)
     client.join(_PATIENCE)
-    one_way, round_trip = (1e3 * np.array(times[_WARM_UP:]) for times in (arrived, answered))
+    one_way, round_trip = (1e3 * np.array(times[_WARM_UP:]) for times in (arrived, returned))
     return {
         "bytes": size,
         "messages": repeats,

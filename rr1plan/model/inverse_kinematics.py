@@ -106,7 +106,7 @@ def solve_ik(
         max_solutions: Stop after this number of accepted solutions (default: return all that are found).
         patience: Once there is an accepted solution, stop after this number of consecutive starts without a new one
             (default: never).
-        rng: Generator or seed of the random starts; the same seed gives the same answer.
+        rng: Generator or seed of the random starts; the same seed gives the same solutions.
 
     Raises:
         UnknownNameError: no such frame.

@@ -120,14 +120,14 @@ def _call_ruckig(rates: Array, place: str) -> list[Any]:
     given = ruckig.InputParameter(n)
     given.current_position, given.target_position = [0.0] * n, [1.0] * n
     given.max_velocity, given.max_acceleration, given.max_jerk = (row.tolist() for row in rates)
-    answer = ruckig.Trajectory(n)
+    trajectory = ruckig.Trajectory(n)
     try:
-        result = ruckig.Ruckig(n).calculate(given, answer)
+        result = ruckig.Ruckig(n).calculate(given, trajectory)
     except (ruckig.RuckigError, ValueError) as error:
         raise RetimingError(f"Ruckig fails {place}: {error}") from error
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise RetimingError(f"Ruckig fails {place}: {result.name}")
-    profiles = list(answer.profiles[0])
+    profiles = list(trajectory.profiles[0])
     if any(profile.brake.duration != 0.0 or not np.isfinite(profile.t).all() for profile in profiles):
         raise RetimingError(f"Ruckig fails {place}: its motion does not start at rest")
     return profiles

@@ -66,17 +66,17 @@ def expand_xacro(
         "bytes": _MEMORY,
         "seconds": seconds,
     }
-    answer = _answer(file, request, seconds)
-    if "package" in answer:
-        package = answer["package"]
+    response = _run_worker(file, request, seconds)
+    if "package" in response:
+        package = response["package"]
         raise FormatError(
             f"refers to the package {package!r}, which is not found; name the folder that holds "
             f"it with option package_dirs or, where the arm itself needs nothing from it, an empty folder {package!r}",
             file,
         )
-    if "error" in answer:
-        raise FormatError(f"cannot be expanded: {answer['error']}", file)
-    return str(answer["urdf"])
+    if "error" in response:
+        raise FormatError(f"cannot be expanded: {response['error']}", file)
+    return str(response["urdf"])
 
 
 def _packages(folders: Sequence[str | Path]) -> dict[str, str]:
@@ -100,7 +100,7 @@ def _texts(arguments: Mapping[str, str] | None) -> dict[str, str]:
     return {str(name): str(value) for name, value in (arguments or {}).items()}
 
 
-def _answer(file: Path, request: dict[str, Any], seconds: float) -> dict[str, str]:
+def _run_worker(file: Path, request: dict[str, Any], seconds: float) -> dict[str, str]:
     """The response of the worker process."""
     if getattr(sys, "frozen", False) or not sys.executable:
         raise BackendError("a frozen program has no Python to expand xacro files with; try the URDF: xacro FILE > URDF")
@@ -119,9 +119,9 @@ def _answer(file: Path, request: dict[str, Any], seconds: float) -> dict[str, st
         raise BackendError(f"{sys.executable} does not start, to expand {file}: {error}") from error
     said = _COLOR.sub("", done.stderr.decode(errors="replace")).strip()
     try:
-        answer: dict[str, str] = json.loads(done.stdout)
+        response: dict[str, str] = json.loads(done.stdout)
     except ValueError as error:
         raise FormatError(f"cannot be expanded: xacro ended with {done.returncode} and says {said!r}", file) from error
     if said:
         log.warning("%s: xacro says: %s", file, said)
-    return answer
+    return response

@@ -51,7 +51,7 @@ def decompose(
 
     Raises:
         DecompositionTimeout: it takes longer than `seconds`.
-        BackendError: CoACD failed, or its process ended without an answer.
+        BackendError: CoACD failed, or its process ended without a result.
     """
     if not _is_python(sys.executable):
         # Embedded in another program there is no interpreter to start, and no time limit.
@@ -61,7 +61,7 @@ def decompose(
     pipe, flags = subprocess.PIPE, getattr(subprocess, "CREATE_NO_WINDOW", 0)
     with subprocess.Popen(arguments, stdin=pipe, stdout=pipe, stderr=pipe, creationflags=flags) as child:
         try:
-            output, errors = _answer(child, _packed({"vertices": vertices, "faces": faces}), seconds, wait)
+            output, errors = _communicate(child, _packed({"vertices": vertices, "faces": faces}), seconds, wait)
         finally:
             if child.poll() is None:
                 child.kill()
@@ -78,7 +78,9 @@ def _is_python(executable: str | None) -> bool:
     return Path(executable or "").name.lower().startswith("python") and not getattr(sys, "frozen", False)
 
 
-def _answer(child: subprocess.Popen[bytes], message: bytes | None, seconds: float, wait: Wait) -> tuple[bytes, bytes]:
+def _communicate(
+    child: subprocess.Popen[bytes], message: bytes | None, seconds: float, wait: Wait
+) -> tuple[bytes, bytes]:
     """Standard output and error of the child."""
     began = time.monotonic()
     while True:
@@ -102,12 +104,12 @@ def serve(seconds: float, options: Mapping[str, Any]) -> None:
     """Main function of the child; it exits after `seconds`."""
     if hasattr(signal, "alarm"):
         signal.alarm(int(np.ceil(seconds)))
-    answer = os.fdopen(os.dup(1), "wb")
+    result = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # CoACD prints its messages to standard output
     with np.load(io.BytesIO(sys.stdin.buffer.read()), allow_pickle=False) as mesh:
         pieces = _pieces(mesh["vertices"], mesh["faces"], options)
-    answer.write(_packed({str(i): piece for i, piece in enumerate(pieces)}))
-    answer.close()
+    result.write(_packed({str(i): piece for i, piece in enumerate(pieces)}))
+    result.close()
 
 
 def _pieces(vertices: Array, faces: NDArray[np.int32], options: Mapping[str, object]) -> list[Array]:
