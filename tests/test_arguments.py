@@ -659,12 +659,12 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "run_experiments": (
             partial(cancelled, rp.run_experiments),
-            {"experiments": ["latency"], "out": folder, "quick": True, "seed": 0, "arms": None}
+            {"experiments": ["latency"], "folder": folder, "quick": True, "seed": 0, "arms": None}
             | {"progress": lambda _: False},
         ),
         "save_figures": (
             partial(cancelled, rp.save_figures),
-            {"out": folder, "names": ["no_path"], "progress": lambda _: False},
+            {"folder": folder, "names": ["no_path"], "progress": lambda _: False},
         ),
         "stack_bodies": (
             rp.stack_bodies,

@@ -46,7 +46,7 @@ class ExperimentReport:
 
 def run_experiments(
     experiments: Sequence[str],
-    out: str | Path,
+    folder: str | Path,
     *,
     quick: bool = False,
     seed: int = 0,
@@ -63,7 +63,7 @@ def run_experiments(
     Args:
         experiments: "static" (an arm among stationary boats), "dynamic" (a falling tower of boats), "multi" (arms
             that follow seven poses), "latency" (messages from planner to viewer); or "all".
-        out: Folder for the files; it is created if it does not exist, and older results in it are replaced.
+        folder: The folder for the files; it is created if it does not exist, and older results in it are replaced.
         quick: Few and short measurements, in less than half a minute.
         seed: Seed of the tilt of the boats and of the content of messages.
         arms: Numbers of arms of "multi" (default: 1 to 120, as in the thesis).
@@ -80,11 +80,11 @@ def run_experiments(
     whole_number("seed", seed, 0, 2**63 - 1)
     counts = _checked_counts(arms, true_or_false("quick", quick))
     check_callback("progress", progress)
-    folder = make_folder(out, "experiments.md")
+    target = make_folder(folder, "experiments.md")
     tasks = [(name, task) for name in names for task in _tasks(name, quick, int(seed), counts)]
     with library_bar("experiments") as advance:
-        results, failures, files = _measure_all(tasks, folder, _reporting(progress, advance))
-    files += save_report(folder, results, failures)
+        results, failures, files = _measure_all(tasks, target, _reporting(progress, advance))
+    files += save_report(target, results, failures)
     return ExperimentReport({name: tuple(rows) for name, rows in results.items()}, tuple(failures), tuple(files))
 
 

@@ -33,7 +33,7 @@ def figure_names() -> tuple[str, ...]:
 
 
 def save_figures(
-    out: str | FilePath, names: Sequence[str] | None = None, *, progress: ProgressCallback | None = None
+    folder: str | FilePath, names: Sequence[str] | None = None, *, progress: ProgressCallback | None = None
 ) -> dict[str, tuple[FilePath, ...]]:
     """Write the figures of the lessons and the pictures of the README into a folder.
 
@@ -41,7 +41,7 @@ def save_figures(
     thesis in which RR1's digital twin was built.
 
     Args:
-        out: The folder; it is created if it does not exist.
+        folder: The folder; it is created if it does not exist.
         names: Some of `figure_names()` (default: all; "first_motion" only if the extra `video` and a browser are
             installed).
         progress: Called before each figure; False cancels.
@@ -59,14 +59,14 @@ def save_figures(
     if names is not None and (isinstance(names, str) or not isinstance(names, Sequence) or not names):
         raise InputError(f"names is {shown(names)}, expected some of {', '.join(figure_names())}")
     wanted = figure_names() if names is None else tuple(known_name("figure", name, figure_names()) for name in names)
-    folder = make_folder(out, f"{wanted[0]}.png")
+    target = make_folder(folder, f"{wanted[0]}.png")
     began, files = time.perf_counter(), {}
     for i, name in enumerate(wanted):
         now = Progress(name, time.perf_counter() - began, i / len(wanted))
         if progress is not None and progress(now) is False:
             raise CancelledError(f"cancelled: the progress callback returned False before figure {name!r}")
         try:
-            files[name] = _README[name](folder / name) if name in _README else _save_both(lesson(name), folder / name)
+            files[name] = _README[name](target / name) if name in _README else _save_both(lesson(name), target / name)
         except MissingPackageError:
             if names is not None:
                 raise

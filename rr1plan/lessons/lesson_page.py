@@ -7,7 +7,7 @@ import os
 from dataclasses import replace
 from pathlib import Path as FilePath
 
-from rr1plan.files.file_access import write_text
+from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.lessons.lesson_content import LessonContent
 from rr1plan.playback.viewer.html_page import page_html
 from rr1plan.playback.viewer.live_viewer import Viewer, announced
@@ -20,7 +20,7 @@ _PACKAGE = "rr1plan.lessons"
 
 def save_page(lesson: LessonContent, file: str | os.PathLike[str], options: ViewOptions | None) -> FilePath:
     """Write a lesson as one self-contained page; see `Lesson.save_html`."""
-    return write_text(file, page_html(*page_parts(lesson, options)))
+    return write_text(check_writable(file, ".html"), page_html(*page_parts(lesson, options)))
 
 
 def show_page(lesson: LessonContent, options: ViewOptions | None) -> Viewer:

@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from rr1plan.checks import Array, of_kind
-from rr1plan.files.file_access import write_text
+from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.playback.viewer import view_document
 from rr1plan.playback.viewer.html_page import page_html
 from rr1plan.playback.viewer.live_viewer import Viewer
@@ -28,8 +28,9 @@ def save_sequence_html(
     file: str | FilePath, motion: StagedMotion, replay: SequenceReplay | None, options: ViewOptions | None
 ) -> FilePath:
     """Write one self-contained page of a sequence; see `SequencePlan.save_html`."""
+    target = check_writable(file, ".html")
     document, options = page_parts(motion, replay, options)
-    return write_text(file, page_html(document, options))
+    return write_text(target, page_html(document, options))
 
 
 class SequenceViewer(Viewer):

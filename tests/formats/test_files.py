@@ -93,6 +93,7 @@ SAVERS: dict[str, Callable[[Path, rp.Scene], Any]] = {
     ".csv": lambda file, scene: rp.save_csv(file, rp.Trajectory.rest(scene.joint_names(), scene.configuration())),
     ".toml": rp.save_scene,
     ".xml": rp.save_mjcf,
+    ".html": rp.save_html,
 }
 
 

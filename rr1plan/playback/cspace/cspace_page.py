@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, of_kind
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
-from rr1plan.files.file_access import write_text
+from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.model.flat_arm import flat_arm
 from rr1plan.path import Path
 from rr1plan.playback.cspace.cspace_colors import SELF_COLOR, layer_colors
@@ -61,7 +61,7 @@ def save_page(
 
     Args:
         cspace: The configuration space, with a query and its result if it has one.
-        file: The file, written atomically.
+        file: The file (.html), written atomically.
         trajectory: The timed motion to play; None plays the path at a steady speed.
         options: How the page looks (default: `ViewOptions()`).
 
@@ -69,12 +69,13 @@ def save_page(
         The file.
 
     Raises:
-        InputError: the trajectory moves other joints than the two shown, or a file that cannot be
+        InputError: the trajectory moves other joints than the two shown, another suffix, or a file that cannot be
             written.
         MissingPackageError: Meshcat is not installed.
     """
+    target = check_writable(file, ".html")
     document, panel = page_parts(cspace, trajectory=trajectory, options=options)
-    return write_text(file, page_html(document, with_panel(options, panel)))
+    return write_text(target, page_html(document, with_panel(options, panel)))
 
 
 def page_parts(

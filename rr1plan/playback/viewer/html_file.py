@@ -7,7 +7,7 @@ from pathlib import Path as FilePath
 from typing import TypedDict
 
 from rr1plan.errors import InputError
-from rr1plan.files.file_access import write_text
+from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.path import Path
 from rr1plan.playback.simulation.replay import Replay
 from rr1plan.playback.viewer.html_page import page_html
@@ -35,7 +35,7 @@ def save_html(
     """Write one self-contained page, which loads nothing from the network.
 
     Args:
-        file: The file, written atomically.
+        file: The file (.html), written atomically.
         scene: The arms and obstacles; or a value that has a page, without the arguments up to `replay`: a motion, a
             sequence plan, a C-space, a lesson, a problem or a robot.
         trajectory: The motion to play; its columns are joints of the scene.
@@ -52,21 +52,22 @@ def save_html(
 
     Raises:
         UnknownNameError: a column that is not a joint of the scene.
-        InputError: a value without a page, an argument given together with a value that has its own content, a file
-            that cannot be written, or data that JSON cannot represent.
+        InputError: a value without a page, an argument given together with a value that has its own content, another
+            suffix, a file that cannot be written, or data that JSON cannot represent.
         NoPlanError: a plan without a motion.
         MissingPackageError: Meshcat is not installed.
     """
     given = _Content(trajectory=trajectory, path=path, problem=problem, report=report, replay=replay)
+    target = check_writable(file, ".html")
     if isinstance(scene, Scene):
-        return write_text(file, page_html(view_document(scene, **given, options=options), options))
+        return write_text(target, page_html(view_document(scene, **given, options=options), options))
     document, options = page_content(scene, options)
     extra = [name for name, value in given.items() if value is not None]
     if extra:
         raise InputError(
             f"{extra[0]} is given together with a {type(scene).__name__}, which has its own content; expected its scene"
         )
-    return write_text(file, page_html(document, options))
+    return write_text(target, page_html(document, options))
 
 
 class _Content(TypedDict):
