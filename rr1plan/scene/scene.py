@@ -51,6 +51,9 @@ class Scene(SceneContent):
     def without_arm(self, name: str) -> Scene:
         """A scene without that arm and its attached objects.
 
+        Args:
+            name: The arm.
+
         Raises:
             UnknownNameError: no such arm.
         """
@@ -141,6 +144,9 @@ class Scene(SceneContent):
     def without_obstacle(self, name: str) -> Scene:
         """A scene without that obstacle.
 
+        Args:
+            name: The obstacle.
+
         Raises:
             UnknownNameError: no such obstacle.
         """
@@ -216,7 +222,8 @@ class Scene(SceneContent):
             arm: The arm (default: the only one).
             link: The link (default: the robot's tool).
             touch: Other links of that arm that it may touch, e.g. the fingers.
-            pose: T_link_object; default: its current pose relative to the link in the arm's configuration.
+            pose: T_link_object: (4, 4), or a position (3,) [m] (default: its current pose relative to the link in the
+                arm's configuration).
 
         Raises:
             UnknownNameError: no such obstacle, arm or link.
@@ -237,6 +244,9 @@ class Scene(SceneContent):
 
     def detach(self, name: str) -> Scene:
         """A scene in which an attached object is an obstacle at its pose in the arm's configuration.
+
+        Args:
+            name: The object.
 
         Raises:
             UnknownNameError: no such attached object.

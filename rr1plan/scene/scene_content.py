@@ -175,8 +175,18 @@ class SceneContent(Value, NotebookView):
         return configurations
 
     def link_poses(self, configurations: Mapping[str, Array] | None = None) -> dict[str, Array]:
-        """T_world_link of every link as "arm/link", by plain numpy; `configurations` by arm (default: the scene's)."""
+        """T_world_link of every link, shape (4, 4), by "arm/link", by plain numpy.
+
+        Args:
+            configurations: Configuration of each arm [rad or m], shape (nq,) (default: the scene's).
+
+        Raises:
+            UnknownNameError: no such arm.
+            InputError: not a mapping, a configuration of another shape, or not finite.
+        """
         of_kind("configurations", configurations, Mapping, optional=True)
+        for name in configurations or ():
+            self.arm(name)
         poses = {}
         for name, arm in self.arms.items():
             q = arm.q if configurations is None else configurations.get(name, arm.q)
@@ -185,8 +195,16 @@ class SceneContent(Value, NotebookView):
         return poses
 
     def may_touch(self, a: str, b: str) -> bool:
-        """Whether contact between two elements is allowed or not checked, by rules of the scene and the robots."""
-        arm_a, arm_b = self.owner(a), self.owner(b)
+        """Whether contact between two elements is allowed or not checked, by rules of the scene and the robots.
+
+        Args:
+            a: An element: "arm/link", an obstacle or an attached object.
+            b: Another one.
+
+        Raises:
+            UnknownNameError: no such element.
+        """
+        arm_a, arm_b = self._owner(a), self._owner(b)
         if arm_a is None and arm_b is None:
             return True
         if any(pair(x, y) in self.allowed for x in {a, arm_a} for y in {b, arm_b} if x and y and x != y):
@@ -218,13 +236,33 @@ class SceneContent(Value, NotebookView):
             return self.attachments[element].arm
         return element.split("/", 1)[0] if "/" in element else None
 
+    def _owner(self, element: str) -> str | None:
+        """As `owner`, for names of elements only.
+
+        Raises:
+            UnknownNameError: no such element; a link without a shape counts as one.
+        """
+        arm = self.owner(element)
+        if arm is None:
+            known_name("element", element, self.obstacles)
+        elif element not in self.attachments:
+            self.arm(arm).robot.link(element.split("/", 1)[1])
+        return arm
+
     def padding_of(self, a: str, b: str) -> float:
         """Distance to keep between two elements [m].
 
         A rule for the two elements precedes one for an element and the other's arm, which precedes one for both arms.
         If each element has a rule with the other's arm, the larger distance counts.
+
+        Args:
+            a: An element: "arm/link", an obstacle or an attached object.
+            b: Another one.
+
+        Raises:
+            UnknownNameError: no such element.
         """
-        arm_a, arm_b = self.owner(a), self.owner(b)
+        arm_a, arm_b = self._owner(a), self._owner(b)
         for rank in (((a, b),), ((a, arm_b), (arm_a, b)), ((arm_a, arm_b),)):
             rules = [pair(x, y) for x, y in rank if x and y]
             found = [self.pair_padding[both] for both in rules if both in self.pair_padding]

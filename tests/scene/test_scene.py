@@ -303,3 +303,14 @@ def test_pairs_of_rules_are_checked_and_unordered(two: Scene) -> None:
             replace(two, pair_padding={wrong: 0.1})
     with pytest.raises(InputError, match="one of pair_padding is 'left'"):
         replace(two, pair_padding={"left": 0.1})
+
+
+def test_rules_and_poses_of_names_that_the_scene_does_not_have_are_refused(rr1_table: Scene) -> None:
+    for a, b in (("nothing", "table"), ("rr1/nothing", "table"), ("table", "other/hand_link"), ("rr1", "table")):
+        for verb in (rr1_table.may_touch, rr1_table.padding_of):
+            with pytest.raises(UnknownNameError):
+                verb(a, b)
+            with pytest.raises(UnknownNameError):
+                verb(b, a)
+    with pytest.raises(UnknownNameError, match="unknown arm 'other'"):
+        rr1_table.link_poses({"other": rr1_table.arms["rr1"].q})
