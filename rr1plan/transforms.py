@@ -133,6 +133,10 @@ def pose(
 def as_pose(value: ArrayLike | None, name: str = "pose") -> Array:
     """A validated read-only transform from a (4, 4) array, a position (3,) or None (identity).
 
+    Args:
+        value: The pose, its position [m], or None.
+        name: Its name in messages.
+
     Raises:
         InputError: another shape, not finite, not a rigid transform, or farther than 10 km.
     """
@@ -158,6 +162,9 @@ def _is_rotation(R: Array) -> bool:
 
 def inverse(T: ArrayLike) -> Array:
     """The inverse of a rigid transform, shape (4, 4).
+
+    Args:
+        T: The transform, shape (4, 4).
 
     Raises:
         InputError: another shape, or not finite.

@@ -833,7 +833,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Viewer.set_speed": (partial(in_viewer, "set_speed"), {"speed": 1.0}),
         **{
             f"CSpaceGrid.{verb}": (getattr(picture.grid, verb), {"q": q})
-            for verb in ("cell", "component_of", "holds", "why_not_free", "wrapped")
+            for verb in ("cell", "component_of", "holds", "wrapped")
         },
         "CSpaceGrid.connected": (picture.grid.connected, {"a": q, "b": q}),
         "CSpaceGrid.shortest_path": (picture.grid.shortest_path, {"a": q, "b": q}),

@@ -175,7 +175,14 @@ class CoalChecker:
         return tuple((self.joint_names[j], float(excess[j])) for j in np.flatnonzero(excess > 0.0))
 
     def within_limits(self, q: ArrayLike) -> bool:
-        """Whether every joint is within its position limits; `limit_violations` lists those that are not."""
+        """Whether every joint is within its position limits; `limit_violations` lists those that are not.
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
         return not self.limit_violations(q)
 
     # ---- one configuration ---------------------------------------------------------------
@@ -319,6 +326,10 @@ class CoalChecker:
     def solid_distances(self, q: ArrayLike, pairs: NDArray[np.intp] | None = None) -> Array:
         """Distance of every pair in `solid_pairs`, or of the given ones [m], negative if they overlap, shape (m,).
 
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+            pairs: Indices of pairs, shape (m,) (default: all).
+
         Raises:
             InputError: wrong shape or not finite, or pair numbers that do not exist.
         """
@@ -334,6 +345,10 @@ class CoalChecker:
     def solid_distance(self, q: ArrayLike, pair: int) -> float:
         """Distance of one pair in `solid_pairs` [m], negative if they overlap.
 
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+            pair: Index of the pair.
+
         Raises:
             InputError: wrong shape or not finite, or a pair number that does not exist.
         """
@@ -343,6 +358,10 @@ class CoalChecker:
     @exclusive
     def solid_points(self, q: ArrayLike, pair: int) -> tuple[Array, Array]:
         """The nearest points of one pair in `solid_pairs`, in world coordinates [m], shape (3,) each.
+
+        Args:
+            q: Configuration [rad or m], shape (nq,).
+            pair: Index of the pair.
 
         Raises:
             InputError: wrong shape or not finite, or a pair number that does not exist.

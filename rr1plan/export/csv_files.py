@@ -62,6 +62,9 @@ def load_csv(file: _File) -> Trajectory:
     velocities, `a:<joint>` for accelerations, in any order; SI units and radians. Rows are joined by straight lines,
     cubics or quintics, depending on the columns; see `Trajectory.from_samples`.
 
+    Args:
+        file: The file, UTF-8, also compressed (.csv.gz).
+
     Raises:
         FormatError: another header, a row of another length, not numbers, or times that do not increase.
     """

@@ -68,7 +68,17 @@ class DhTable(Value):
     tool: Array
 
     def frames(self, q: ArrayLike) -> Array:
-        """Frames 0 to n in the robot's base at a configuration (nq,), shape (n + 1, 4, 4)."""
+        """T_base_frame of the frames 0 to n.
+
+        Args:
+            q: Configuration of the planning joints [rad or m], shape (n,).
+
+        Returns:
+            Transforms, shape (n + 1, 4, 4).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
         values = finite_array("q", q, (len(self.rows),))
         frames = [self.base]
         for row, value in zip(self.rows, values, strict=True):
@@ -76,7 +86,17 @@ class DhTable(Value):
         return np.array(frames)
 
     def pose(self, q: ArrayLike) -> Array:
-        """The tool in the robot's base at a configuration (nq,), shape (4, 4)."""
+        """T_base_tool.
+
+        Args:
+            q: Configuration of the planning joints [rad or m], shape (n,).
+
+        Returns:
+            Transform, shape (4, 4).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
         return np.asarray(self.frames(q)[-1] @ self.tool)
 
     def __repr__(self) -> str:

@@ -34,7 +34,12 @@ class CurveChecker(Protocol):
     """Interface of a checker that certifies blends, e.g. `rr1plan.collision.CollisionChecker`."""
 
     def polynomial_is_free(self, coefficients: Array, duration: float) -> bool:
-        """Whether q(s) = sum_k coefficients[k] s^k, 0 <= s <= duration, is certified free of collision."""
+        """Whether q(s) = sum_k coefficients[k] s^k, 0 <= s <= duration, is certified free of collision.
+
+        Args:
+            coefficients: Lowest power first [rad or m], shape (k, nq).
+            duration: End of the interval of s.
+        """
         ...
 
 

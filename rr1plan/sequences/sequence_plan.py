@@ -155,9 +155,12 @@ class SequencePlan(Value, NotebookView):
     # ---- pages and files -------------------------------------------------------------------------
 
     def show(self, *, replay: SequenceReplay | None = None, options: ViewOptions | None = None) -> Viewer:
-        """Open the motion in a live page, where held objects move with the hand; arguments as in `rr1plan.show`.
+        """Open the motion in a live page, where held objects move with the hand.
 
-        With a replay, objects have their simulated poses, and a shadow shows the simulated arms.
+        Args:
+            replay: The result of `simulate_sequence`: objects have their simulated poses, and a shadow shows the
+                simulated arms.
+            options: How the page looks (default: `ViewOptions()`).
 
         Raises:
             NoPlanError: there is no motion.
@@ -170,7 +173,12 @@ class SequencePlan(Value, NotebookView):
     def save_html(
         self, file: str | FilePath, *, replay: SequenceReplay | None = None, options: ViewOptions | None = None
     ) -> FilePath:
-        """Write one self-contained page that plays the motion offline; arguments as in `show`.
+        """Write one self-contained page that plays the motion offline.
+
+        Args:
+            file: The file (.html), written atomically.
+            replay: As in `show`.
+            options: As in `show`.
 
         Raises:
             NoPlanError: there is no motion.

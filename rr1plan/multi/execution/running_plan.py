@@ -124,6 +124,9 @@ class RunningPlan(Value):
         Its margin is that of the problem, or 2 mm if the problem has none;
         `dataclasses.replace(plan, margin=...)` sets another one, such as that of `plan_many_arms(margin=...)`.
 
+        Args:
+            result: What `plan_many_arms` returned.
+
         Raises:
             InputError: it found none.
         """

@@ -196,6 +196,9 @@ class PlanGraph(Value):
     def from_dict(entries: Mapping[str, Any]) -> PlanGraph:
         """The graph from the result of `to_dict`; motion files check types and keys before (`export/motion_schema.py`).
 
+        Args:
+            entries: The entries, in lists and plain values.
+
         Raises:
             FormatError: content that is not a plan graph.
         """

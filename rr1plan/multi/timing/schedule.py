@@ -88,7 +88,7 @@ class Schedule:
         return last.departure + self.leg_duration(last)
 
     def instants(self, leg: Leg) -> Array:
-        """Times of a leg at its gridpoints [s]."""
+        """Times of a leg at its gridpoints [s], shape (n,)."""
         return np.asarray(leg.departure + self.path.hop_times(leg.begin, leg.end))
 
     def leg_duration(self, leg: Leg) -> float:

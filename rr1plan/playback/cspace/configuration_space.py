@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 class CSpace(CSpaceQuery, NotebookView):
     """The configuration space of two joints with a query and its result, as figures and pages.
 
-    `CSpaceQuery` documents its fields.
+    `cspace` computes one; `rr1plan.playback.cspace.cspace_query.CSpaceQuery` documents its fields.
     """
 
     @property

@@ -69,7 +69,10 @@ class CSpaceGrid(Value):
         return int(self.labels.max(initial=0))
 
     def cell(self, q: ArrayLike) -> tuple[int, int]:
-        """The cell that contains a configuration (2,) [rad]; periodic joints are wrapped.
+        """Indices of the cell that contains a configuration, along the first and the second joint.
+
+        Args:
+            q: Values of the two joints [rad or m], shape (2,). Periodic joints are wrapped.
 
         Raises:
             InputError: not two finite numbers, or outside the picture.
@@ -91,7 +94,10 @@ class CSpaceGrid(Value):
         return index
 
     def wrapped(self, q: ArrayLike) -> Array:
-        """A configuration (2,) [rad or m] inside the picture: periodic joints without whole turns.
+        """A configuration without the whole turns of periodic joints, so that it is inside the picture, shape (2,).
+
+        Args:
+            q: Values of the two joints [rad or m], shape (2,).
 
         Raises:
             InputError: not two finite numbers, or outside the picture.
@@ -105,7 +111,11 @@ class CSpaceGrid(Value):
         return pair
 
     def holds(self, q: ArrayLike) -> bool:
-        """Whether a configuration (2,) is inside the picture."""
+        """Whether a configuration is inside the picture.
+
+        Args:
+            q: Values of the two joints [rad or m], shape (2,).
+        """
         try:
             self.cell(q)
         except InputError:
@@ -113,28 +123,32 @@ class CSpaceGrid(Value):
         return True
 
     def component_of(self, q: ArrayLike) -> int:
-        """Number of the component of free space that contains a configuration (2,), 0 if it is not free or outside."""
+        """Number of the component of free space that contains a configuration, from 1; 0 if it is not free or outside.
+
+        Args:
+            q: Values of the two joints [rad or m], shape (2,).
+        """
         return int(self.labels[self.cell(q)]) if self.holds(q) else 0
 
     def connected(self, a: ArrayLike, b: ArrayLike) -> bool:
-        """Whether two configurations (2,) are free and in the same component of free space on the grid."""
+        """Whether two configurations are free and in the same component of free space on the grid.
+
+        Args:
+            a: Values of the two joints [rad or m], shape (2,).
+            b: Other values.
+        """
         first, second = self.component_of(a), self.component_of(b)
         return first > 0 and first == second
-
-    def why_not_free(self, q: ArrayLike) -> tuple[str, ...]:
-        """Names of the layers that block the cell of a configuration (2,)."""
-        cell = self.cell(q)
-        return tuple(name for name, mask in self.layers.items() if mask[cell])
 
     def shortest_path(self, a: ArrayLike, b: ArrayLike) -> Array | None:
         """A shortest path over free cells (8 neighbors), unwrapped across the seams.
 
         Args:
-            a: Start [rad], shape (2,).
-            b: Goal [rad], shape (2,).
+            a: Start [rad or m], shape (2,).
+            b: Goal [rad or m], shape (2,).
 
         Returns:
-            Cell centers from the cell of a to that of b, shape (k, 2), or None if there is no path.
+            Cell centers from the cell of a to that of b [rad or m], shape (k, 2), or None if there is no path.
         """
         if not self.connected(a, b):
             return None

@@ -288,7 +288,10 @@ class Simulation:
         return self.positions[self._indices(names)]
 
     def state(self, joint_names: Sequence[str]) -> JointState:
-        """The state of some joints.
+        """The state of some joints: a copy of time, positions, velocities and efforts.
+
+        Args:
+            joint_names: Names such as "arm/joint".
 
         Raises:
             UnknownNameError: an unknown joint.
@@ -330,6 +333,9 @@ class Simulation:
     def body_pose(self, name: str) -> Array:
         """T_world_body of a loose body, shape (4, 4).
 
+        Args:
+            name: The body.
+
         Raises:
             UnknownNameError: no such loose body.
         """
@@ -342,6 +348,9 @@ class Simulation:
     def body_coordinates(self, name: str) -> Array:
         """Position [m] and quaternion (wxyz) of a loose body, shape (7,).
 
+        Args:
+            name: The body.
+
         Raises:
             UnknownNameError: no such loose body.
         """
@@ -350,6 +359,9 @@ class Simulation:
     @exclusive
     def body_velocity(self, name: str) -> Array:
         """Linear velocity of a loose body's origin [m/s] and its angular velocity [rad/s], in world axes, shape (6,).
+
+        Args:
+            name: The body.
 
         Raises:
             UnknownNameError: no such loose body.

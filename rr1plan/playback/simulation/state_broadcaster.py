@@ -71,6 +71,9 @@ class JointStateBroadcaster:
     def attach(self, sim: Simulation) -> None:
         """Publish the states of a simulation from now on.
 
+        Args:
+            sim: The simulation.
+
         Raises:
             UnknownNameError: the simulation has no such joint.
             InputError: the broadcaster is closed, or its file or socket cannot be opened.

@@ -212,6 +212,9 @@ class Viewer:
     def seek(self, t: float) -> None:
         """Show the motion at a time [s].
 
+        Args:
+            t: The time [s], on the clock of the motion.
+
         Raises:
             InputError: not a finite number.
         """
