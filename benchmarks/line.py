@@ -12,7 +12,7 @@ from shared import Clock
 
 import rr1plan as rp
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.pipeline import affordable_margin
+from rr1plan.pipeline import halved_margin
 
 STAGES = ("set up", "plan", "shorten", "retime", "validate")
 
@@ -89,7 +89,7 @@ def run_line(
 def find_margin(out: Outcome, problem: rp.Problem, margin: float) -> float:
     """The margin that the start allows [m]; this creates the scene's first checker."""
     with out.clock.stage("set up"):
-        return affordable_margin(problem, margin)
+        return halved_margin(problem, margin)
 
 
 def find_path(

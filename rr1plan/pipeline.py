@@ -97,7 +97,7 @@ def plan_motion(
     try:
         with _timed(seconds, "set up", progress):
             _cut_meshes(problem.scene, progress)
-            margin = affordable_margin(problem, (problem.margin or TREES.margin) if margin is None else margin)
+            margin = halved_margin(problem, (problem.margin or TREES.margin) if margin is None else margin)
             roomy = problem.with_margin(margin)
     except CancelledError as error:
         return MotionPlan(problem, PlanResult(PlanStatus.CANCELLED, None, str(error), chosen.name), seconds)
@@ -244,7 +244,7 @@ def warm_up(problem: Problem, *, progress: ProgressCallback | None = None) -> No
     moving_scene(problem.scene, problem.joint_names)
 
 
-def affordable_margin(problem: Problem, margin: float) -> float:
+def halved_margin(problem: Problem, margin: float) -> float:
     """The margin [m], halved until the clearance of start and goal is twice as large; 0 after seven halvings.
 
     Of several goal configurations the one with the largest clearance counts; goal poses are not considered, because

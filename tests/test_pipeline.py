@@ -15,7 +15,7 @@ import rr1plan as rp
 from rr1plan import pipeline
 from rr1plan.collision import checker as checkers
 from rr1plan.multi import agents
-from rr1plan.pipeline import affordable_margin
+from rr1plan.pipeline import halved_margin
 from rr1plan.transforms import pose
 from rr1plan.validation import referee_scene as referee_scenes
 from rr1plan.validation.compiled_search import TOUCH
@@ -157,11 +157,11 @@ def test_a_margin_is_halved_until_the_start_has_twice_as_much() -> None:
     scene = rp.load_scene("rr1_table")
     problem = rp.Problem(scene, None, "home")
     clearance = rp.CollisionChecker(scene).clearance(problem.start, 1.0)
-    margin = affordable_margin(problem, clearance)
+    margin = halved_margin(problem, clearance)
     assert margin == pytest.approx(0.5 * clearance)
-    assert affordable_margin(problem, 0.0) == 0.0
+    assert halved_margin(problem, 0.0) == 0.0
     with pytest.raises(rp.InputError, match="margin"):
-        affordable_margin(problem, -0.1)
+        halved_margin(problem, -0.1)
 
 
 def test_a_start_near_contact_leaves_a_margin_that_the_referee_can_tell_from_contact() -> None:
@@ -169,7 +169,7 @@ def test_a_start_near_contact_leaves_a_margin_that_the_referee_can_tell_from_con
     gap = rp.CollisionChecker(scene).clearance([0.0, 0.0])
     scene = scene.with_obstacle_at("ball", pose([0.5, 1.0 - gap + 5e-5, 0.0]))
     problem = rp.Problem(scene, [0.0, 0.0], [-1.0, 0.0])
-    assert affordable_margin(problem, 0.002) == pytest.approx(0.002 / 2**7)
+    assert halved_margin(problem, 0.002) == pytest.approx(0.002 / 2**7)
     motion = rp.plan_motion(problem, rng=0)
     assert motion.report.certified
     assert motion.margin > 10.0 * TOUCH
@@ -184,11 +184,11 @@ def test_a_margin_is_one_that_the_goal_has_too() -> None:
         near = rng.uniform(robot.limits.lower, robot.limits.upper)
     clearance = checker.clearance(near, 1.0)
     one = rp.Problem(scene, "home", near)
-    assert 0.25 * clearance < affordable_margin(one, margin) <= 0.5 * clearance
-    assert affordable_margin(rp.Problem(scene, "home", [rp.JointGoal(near), rp.JointGoal("home")]), margin) == margin
+    assert 0.25 * clearance < halved_margin(one, margin) <= 0.5 * clearance
+    assert halved_margin(rp.Problem(scene, "home", [rp.JointGoal(near), rp.JointGoal("home")]), margin) == margin
     motion = rp.plan_motion(one, margin=margin, rng=0)
     assert motion.valid
-    assert motion.margin == affordable_margin(one, margin)
+    assert motion.margin == halved_margin(one, margin)
 
 
 def test_a_margin_counts_what_the_arm_can_never_reach() -> None:
@@ -198,8 +198,8 @@ def test_a_margin_counts_what_the_arm_can_never_reach() -> None:
     problem = straight.in_scene(scene.with_obstacle("ball", rp.Sphere(0.1), [tip + 0.5, 0.0, 0.0]))
     clearance = rp.CollisionChecker(problem.scene).clearance(problem.start)
     assert 0.2 < clearance < 0.41
-    assert affordable_margin(problem, 0.8 * clearance) == pytest.approx(0.4 * clearance)
-    assert affordable_margin(problem, 1.5 * clearance) == pytest.approx(0.375 * clearance)
+    assert halved_margin(problem, 0.8 * clearance) == pytest.approx(0.4 * clearance)
+    assert halved_margin(problem, 1.5 * clearance) == pytest.approx(0.375 * clearance)
     assert rp.plan_motion(problem, margin=1.5 * clearance, rng=0).valid
 
 

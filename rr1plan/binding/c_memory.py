@@ -30,7 +30,7 @@ _DATA = object.__basicsize__
 _pointer_at: Callable[[int], ctypes.c_size_t] = ctypes.c_size_t.from_address
 
 
-class CStruct:
+class KernelStruct:
     """A C struct that keeps the targets of its pointers alive. Subclasses specify the sources that declare it.
 
     Args:
@@ -118,10 +118,10 @@ class CStruct:
     @property
     def arrays(self) -> list[NDArray[Any]]:
         """The arrays that its pointers point to."""
-        return [given for given in self.targets.values() if not isinstance(given, CStruct)]
+        return [given for given in self.targets.values() if not isinstance(given, KernelStruct)]
 
 
-def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str) -> int:
+def address_of(sources: KernelSources, given: KernelStruct | NDArray[Any], kind: str) -> int:
     """Address of a struct or an array, to be kept alive by the caller.
 
     Args:
@@ -144,7 +144,7 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
         elif given.dtype is not expected and given.dtype != expected:
             raise TypeError(f"an array of {given.dtype} is not an array of {kind}")
         return _pointer_at(id(given) + _DATA).value  # a tenth of the time of `__array_interface__`
-    if not isinstance(given, CStruct):
+    if not isinstance(given, KernelStruct):
         raise TypeError(f"a {type(given).__name__} is not an array of {kind}")
     if given.name != kind:
         raise TypeError(f"a {given.name} is no {kind}")
@@ -152,7 +152,7 @@ def address_of(sources: KernelSources, given: CStruct | NDArray[Any], kind: str)
 
 
 def bound(sources: KernelSources, function: Any, prototype: Prototype) -> Callable[..., Any]:
-    """An exported function that takes numbers, and for each pointer an array, a `CStruct`, bytes or an address.
+    """An exported function that takes numbers, and for each pointer an array, a `KernelStruct`, bytes or an address.
 
     Arguments are converted before `ctypes` gets them, because it turns any exception during conversion, including that
     of Ctrl-C, into an ArgumentError. The attribute `native` is the faster function for numbers and addresses only.

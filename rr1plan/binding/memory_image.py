@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.binding.c_memory import CStruct, address_of
+from rr1plan.binding.c_memory import KernelStruct, address_of
 from rr1plan.binding.c_sources import KernelSources
 
 # Vectors of eight doubles have 64 bytes.
 _ALIGNMENT = 64
 
-Root = CStruct | tuple[str, NDArray[Any]]
+Root = KernelStruct | tuple[str, NDArray[Any]]
 """A struct, or a C type and an array of it."""
 
 
@@ -40,7 +40,7 @@ def memory_image(sources: KernelSources, **roots: Root) -> bytes:
 
     Raises:
         TypeError: an array of another type than declared; a pointer to memory that is neither a root nor a target
-            of a `CStruct`, or to the middle of an item; or two arrays that overlap partially.
+            of a `KernelStruct`, or to the middle of an item; or two arrays that overlap partially.
     """
     regions: dict[int, _Region] = {}
     named = {name: _collect(sources, root, regions) for name, root in roots.items()}
@@ -81,21 +81,21 @@ class _Region:
 
 def _collect(sources: KernelSources, root: Root, regions: dict[int, _Region]) -> tuple[str, int, int]:
     """Add a root and all targets of its pointers to `regions`. Returns type, address and count of the root."""
-    kind, given = (root.name, root) if isinstance(root, CStruct) else root
+    kind, given = (root.name, root) if isinstance(root, KernelStruct) else root
     address = address_of(sources, given, kind)
-    data = bytes(given.value) if isinstance(given, CStruct) else given.tobytes()
+    data = bytes(given.value) if isinstance(given, KernelStruct) else given.tobytes()
     known = regions.get(address)
     if known is None or len(known.data) < len(data):
         regions[address] = _Region(kind, address, data)
-        if isinstance(given, CStruct):
+        if isinstance(given, KernelStruct):
             pointers = sources.pointers(kind)
             for field, target in given.targets.items():
-                if not isinstance(target, CStruct) and target.size == 0:
+                if not isinstance(target, KernelStruct) and target.size == 0:
                     # NumPy does not keep the address of an empty part.
                     at = getattr(given.value, field)
                     regions.setdefault(at, _Region(pointers[field], at, b""))
                     continue
-                _collect(sources, target if isinstance(target, CStruct) else (pointers[field], target), regions)
+                _collect(sources, target if isinstance(target, KernelStruct) else (pointers[field], target), regions)
     return kind, address, len(data) // sources.item_sizes[kind]
 
 

@@ -30,8 +30,8 @@ def constants() -> dict[str, int]:
     return SOURCES.constants
 
 
-class CStruct(memory.CStruct):
-    """A struct of these kernels; see `rr1plan.binding.c_memory.CStruct`.
+class CStruct(memory.KernelStruct):
+    """A struct of these kernels; see `rr1plan.binding.c_memory.KernelStruct`.
 
     Args:
         name: Its name.
@@ -44,7 +44,7 @@ class CStruct(memory.CStruct):
     sources = SOURCES
 
 
-def address_of(given: memory.CStruct | NDArray[Any], kind: str) -> int:
+def address_of(given: memory.KernelStruct | NDArray[Any], kind: str) -> int:
     """Address of a struct or an array, to be kept alive by the caller; see `rr1plan.binding.c_memory.address_of`."""
     return memory.address_of(SOURCES, given, kind)
 

@@ -22,7 +22,7 @@ from rr1plan.robot.arm_finder import ArmFinder
 from rr1plan.robot.mesh_lookup import MeshLookup
 from rr1plan.robot.mjcf_document import read_document
 from rr1plan.robot.mjcf_joints import HINGE, SLIDE, JointReader
-from rr1plan.robot.mjcf_links import PLANE, LinkReader
+from rr1plan.robot.mjcf_links import PLANE, MjcfLinkReader
 from rr1plan.robot.mjcf_model import CompiledDocument, compile_document
 from rr1plan.robot.srdf import Semantics
 from rr1plan.robot.urdf import MAX_LINKS, Tree
@@ -120,7 +120,7 @@ class _Reader:
         self.keyframes = self._keyframes()
         self.rest = self.keyframes.get("home", next(iter(self.keyframes.values()), np.array(self.model.qpos0)))
         self.joints = JointReader(compiled, self.rest)
-        self.shapes = LinkReader(compiled, convex)
+        self.shapes = MjcfLinkReader(compiled, convex)
         self.roots = self._roots()
         robots = set(self.roots)
         self.bodies = {b: None for b in range(1, self.model.nbody) if int(self.model.body_rootid[b]) in robots}

@@ -32,7 +32,7 @@ _ROUNDING = 1e-9
 _DECIMALS = 12
 
 
-class LinkReader:
+class MjcfLinkReader:
     """Reads bodies, each mesh once.
 
     Args:

@@ -21,7 +21,7 @@ from rr1plan.robot import Joint, Link
 from rr1plan.robot.gltf_axes import with_fitting_axes
 from rr1plan.robot.mesh_lookup import MeshLookup
 from rr1plan.robot.urdf_joints import read_joint, with_constant_joints_fixed
-from rr1plan.robot.urdf_links import LinkReader
+from rr1plan.robot.urdf_links import UrdfLinkReader
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity
 
 # All pairs of links are compared.
@@ -82,7 +82,7 @@ def read_urdf(
     _check_mimics(joint_elements, joints)
     joints = with_constant_joints_fixed(joint_elements, joints)
     order = _order(root, link_elements, joint_elements, joints)
-    reader = LinkReader(root, MeshLookup(package_dirs, file), convex)
+    reader = UrdfLinkReader(root, MeshLookup(package_dirs, file), convex)
     base = (set(link_elements) - {j.child for j in order}).pop()
     source = name if file is None else str(file)
     links = [reader.link(link_elements[n]) for n in (base, *(j.child for j in order))]

@@ -24,7 +24,7 @@ _ROUNDING = 1e-9
 _SHAPES = ("box", "sphere", "cylinder", "capsule", "mesh")
 
 
-class LinkReader:
+class UrdfLinkReader:
     """Reads links one after the other, each mesh file once.
 
     Args:

@@ -29,7 +29,7 @@ _POLL = 0.1
 _GRACE = 5.0
 _CHILD = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]);"
-    "import rr1plan.shapes.coacd_process as child; child.serve(float(sys.argv[2]), json.loads(sys.argv[3]))"
+    "import rr1plan.shapes.coacd_process as child; child.write_pieces(float(sys.argv[2]), json.loads(sys.argv[3]))"
 )
 
 
@@ -37,7 +37,7 @@ class DecompositionTimeout(Exception):
     """The decomposition exceeded its time limit."""
 
 
-def decompose(
+def coacd_pieces(
     vertices: Array, faces: NDArray[np.int32], options: Mapping[str, object], seconds: float, wait: Wait
 ) -> list[Array]:
     """The corners of CoACD's pieces of a mesh, each (n, 3).
@@ -100,7 +100,7 @@ def _packed(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     return stream.getvalue()
 
 
-def serve(seconds: float, options: Mapping[str, Any]) -> None:
+def write_pieces(seconds: float, options: Mapping[str, Any]) -> None:
     """Main function of the child; it exits after `seconds`."""
     if hasattr(signal, "alarm"):
         signal.alarm(int(np.ceil(seconds)))

@@ -28,7 +28,7 @@ from rr1plan.files.npy_files import Arrays
 from rr1plan.progress import Progress, ProgressCallback
 from rr1plan.progress_bar import Advance, library_bar, no_progress
 from rr1plan.shapes import Mesh
-from rr1plan.shapes.coacd_process import DecompositionTimeout, decompose
+from rr1plan.shapes.coacd_process import DecompositionTimeout, coacd_pieces
 from rr1plan.shapes.convex_hulls import convex_hull, distance_outside, is_convex
 
 log = logging.getLogger(__name__)
@@ -252,7 +252,7 @@ def _part(part: Mesh, size: float, clock: _Clock) -> _Part:
         log.warning("the cache entry %s is damaged, it is made anew", key[:12])
     if found is None:
         try:
-            corners = decompose(part.vertices, part.faces, options, max(clock.left, 0.1), clock.wait)
+            corners = coacd_pieces(part.vertices, part.faces, options, max(clock.left, 0.1), clock.wait)
         except DecompositionTimeout:
             raise clock.too_slow() from None
         pieces = _covering(part, [convex_hull(points) for points in corners])

@@ -103,7 +103,7 @@ def _fcl() -> Any:
 # ---- Coal ----------------------------------------------------------------------------------------
 
 
-class CoalChecker:
+class CoalOnlyChecker:
     """Coal alone, without a broad phase and without guesses cached between queries.
 
     Args:
@@ -114,7 +114,7 @@ class CoalChecker:
         import coal
 
         self._coal = coal
-        self._geometries = [coal_geometry(body.shape) for body in bodies]
+        self._geometries = [_geometry(body.shape) for body in bodies]
         # Without contacts, Coal misses some shapes whose core lies in the other's surface.
         self._request = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1)
         self._surfaces = [body.is_surface for body in bodies]
@@ -138,7 +138,7 @@ class CoalChecker:
         return [self._geometries[a], one, self._geometries[b], two]
 
 
-def coal_geometry(shape: Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh) -> Any:
+def _geometry(shape: Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh) -> Any:
     """A shape in Coal."""
     import coal
 
@@ -286,9 +286,9 @@ class ElementChecker:
         self.bodies = SceneBodies(scene, joint_names)
         self.queries = 0
         parts = self.bodies.bodies
-        self._coal = CoalChecker(parts)
+        self._coal = CoalOnlyChecker(parts)
         self._names = frozenset(checkers)
-        self._libraries: dict[str, FclChecker | CoalChecker] = {}
+        self._libraries: dict[str, FclChecker | CoalOnlyChecker] = {}
         if "FCL" in self._names:
             self._libraries["FCL"] = FclChecker(parts)
         if "Coal" in self._names:

@@ -38,7 +38,7 @@ class TimedColumns:
         return tuple(dict.fromkeys(name.split("/", 1)[0] for name in self.joint_names))
 
 
-class Frames(NamedTuple):
+class LinkFrames(NamedTuple):
     """Poses at n times: of the world and all links, and the lines about which joints turn.
 
     Args:
@@ -145,7 +145,7 @@ class LinkMotion:
             if number >= 0:
                 self.moving.append(step)
 
-    def frames(self, q: Array) -> Frames:
+    def frames(self, q: Array) -> LinkFrames:
         """Poses of all links at n values of the columns (n, nq)."""
         n = len(q)
         rotation = np.zeros((n, len(self.links), 3, 3))
@@ -167,7 +167,7 @@ class LinkMotion:
             elif joint.kind != "fixed":
                 R = R @ _turns(joint.axis, value)
             rotation[:, step.index], origin[:, step.index] = R, p
-        return Frames(rotation, origin, axis, pivot)
+        return LinkFrames(rotation, origin, axis, pivot)
 
 
 def _turns(axis: Array, angles: Array) -> Array:

@@ -22,8 +22,8 @@ def load_library() -> ctypes.CDLL:
     return LIBRARY.fastest
 
 
-class RefereeStruct(memory.CStruct):
-    """A struct of the referee's kernels; see `rr1plan.binding.c_memory.CStruct`.
+class RefereeStruct(memory.KernelStruct):
+    """A struct of the referee's kernels; see `rr1plan.binding.c_memory.KernelStruct`.
 
     Args:
         name: Its name.

@@ -65,7 +65,7 @@ class HeldThing(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ArmTables:
+class RefereeModel:
     """A model as the kernels read it.
 
     Args:
@@ -95,7 +95,7 @@ class ArmTables:
     placement: tuple[Array, Array, Array]
 
 
-def arm_tables(robot: Robot, held: tuple[HeldThing, ...]) -> ArmTables:
+def robot_model(robot: Robot, held: tuple[HeldThing, ...]) -> RefereeModel:
     """The model of a robot with attached objects, made once for equal content.
 
     Raises:
@@ -114,7 +114,7 @@ class _Content:
 
 
 @lru_cache(maxsize=64)
-def _build(content: _Content) -> ArmTables:
+def _build(content: _Content) -> RefereeModel:
     robot = content.robot
     columns = {name: i for i, name in enumerate(robot.joint_names)}
     driven = drives(robot, columns, {})
@@ -160,7 +160,7 @@ def _build(content: _Content) -> ArmTables:
     )
     planes = _half_spaces(shapes, first)
     moving = tuple(i for i in planes if depth[first[i]] > 0)
-    return ArmTables(
+    return RefereeModel(
         links, shapes, bodies, model, len(counts), int(depth.max(initial=0)), planes, moving, own_checked, placement
     )
 
@@ -222,7 +222,7 @@ def _own_checked(links: tuple[str, ...], content: _Content) -> NDArray[np.uint8]
     return checked
 
 
-def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
+def obstacle_model(obstacles: Iterable[Obstacle]) -> RefereeModel:
     """The model of all obstacles of a scene: elements on a single link at the world's origin."""
     parts = [(obstacle.geometries, obstacle.pose) for obstacle in obstacles]
     first = _starts([len(geometries) for geometries, _ in parts])
@@ -232,7 +232,7 @@ def obstacle_tables(obstacles: Iterable[Obstacle]) -> ArmTables:
     model = RefereeStruct(
         "RefereeModel", bodies=bodies, element_bodies=first, element_count=len(parts), base_element=-1
     )
-    return ArmTables((), shapes, bodies, model, len(parts), 0, _half_spaces(shapes, first), (), None, placement)
+    return RefereeModel((), shapes, bodies, model, len(parts), 0, _half_spaces(shapes, first), (), None, placement)
 
 
 def _bodies(

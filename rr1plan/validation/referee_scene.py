@@ -12,7 +12,7 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.scene import Scene
 from rr1plan.validation.contact_paddings import Elements, block_paddings, rules_by_owners
-from rr1plan.validation.referee_models import ArmTables, HeldThing, arm_tables, obstacle_tables
+from rr1plan.validation.referee_models import HeldThing, RefereeModel, obstacle_model, robot_model
 
 
 class RefereeScene:
@@ -31,7 +31,7 @@ class RefereeScene:
         self._held: dict[str, list[str]] = {}
         for name, thing in scene.attachments.items():
             self._held.setdefault(thing.arm, []).append(name)
-        self.models: list[ArmTables] = []
+        self.models: list[RefereeModel] = []
         known: dict[tuple[int, tuple[HeldThing, ...]], int] = {}
         self.model_of: list[int] = []
         for name, arm in scene.arms.items():
@@ -42,9 +42,9 @@ class RefereeScene:
             number = known.get(key)
             if number is None:
                 number = known[key] = len(self.models)
-                self.models.append(arm_tables(arm.robot, held))
+                self.models.append(robot_model(arm.robot, held))
             self.model_of.append(number)
-        self.models.append(obstacle_tables(scene.obstacles.values()))
+        self.models.append(obstacle_model(scene.obstacles.values()))
         if any(model.planes for model in self.models[:-1]):
             self._check_half_spaces()
 
@@ -86,7 +86,7 @@ class RefereeScene:
         thing = self._held[arm][number - len(links)]
         return self._link_starts[arms] + len(self.obstacles) + self._attachment_order[thing], thing, arm
 
-    def model(self, arm: int) -> ArmTables:
+    def model(self, arm: int) -> RefereeModel:
         """The model of an arm, by its number."""
         return self.models[self.model_of[arm]]
 

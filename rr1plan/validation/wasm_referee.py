@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rr1plan.binding.c_memory import CStruct
+from rr1plan.binding.c_memory import KernelStruct
 from rr1plan.binding.memory_image import Root, memory_image
 from rr1plan.scene import Scene
 from rr1plan.validation.compiled_search import TOUCH
@@ -67,7 +67,7 @@ def referee_image(scene: Scene, joint_names: Sequence[str]) -> tuple[bytes, dict
         obstacle_shapes=("ShapeRow", rows),
         obstacle_frames=("double", frames),
         obstacle_poses=("double", poses),
-        **{name: model for name, model in models.items() if isinstance(model, CStruct)},
+        **{name: model for name, model in models.items() if isinstance(model, KernelStruct)},
     )
     elements = [moving.element(i)[1] for i in range(moving.first_element[-1])]
     return image, {"elements": elements, "obstacles": list(tables.obstacles), "farthest": FARTHEST}

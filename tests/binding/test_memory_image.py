@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rr1plan.binding.c_memory import CStruct, address_of, zeroed
+from rr1plan.binding.c_memory import KernelStruct, address_of, zeroed
 from rr1plan.binding.c_sources import KernelSources
 from rr1plan.binding.memory_image import memory_image
 
@@ -37,8 +37,8 @@ def sources(tmp_path: Path) -> KernelSources:
     return KernelSources(tmp_path / "unit.c")
 
 
-def struct(sources: KernelSources, name: str, **fields: Any) -> CStruct:
-    class Struct(CStruct):
+def struct(sources: KernelSources, name: str, **fields: Any) -> KernelStruct:
+    class Struct(KernelStruct):
         pass
 
     Struct.sources = sources

@@ -130,7 +130,7 @@ def slow(vertices, faces, options, seconds, wait):
         wait(0.0)
     return [vertices]
 
-convex_decomposition.decompose, convex_decomposition._ANNOUNCED = slow, 0.0
+convex_decomposition.coacd_pieces, convex_decomposition._ANNOUNCED = slow, 0.0
 ring = trimesh.creation.annulus(0.5, 1.0, 0.2)
 mesh = rp.Mesh(ring.vertices, ring.faces)
 print(len(rp.convex_pieces(mesh{more})), "piece")

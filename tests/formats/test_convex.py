@@ -225,7 +225,7 @@ def test_a_time_that_is_none_is_refused(gate: Mesh, seconds: float) -> None:
 
 @pytest.fixture
 def no_decomposition(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(convex_decomposition, "decompose", lambda *_: pytest.fail("decomposed"))
+    monkeypatch.setattr(convex_decomposition, "coacd_pieces", lambda *_: pytest.fail("decomposed"))
 
 
 def joined(*meshes: Mesh) -> Mesh:
@@ -291,7 +291,7 @@ def test_a_room_keeps_its_inside_free(monkeypatch: pytest.MonkeyPatch) -> None:
     outer, inner = box_mesh((-2, -2, -2), (2, 2, 2)), box_mesh((-1.8, -1.8, -1.8), (1.8, 1.8, 1.8))
     walls = [sign * np.roll((1.9, 0.0, 0.0), axis) for axis in range(3) for sign in (1, -1)]
     slabs = [np.where(at == 0.0, outer.vertices, at + 0.05 * outer.vertices) for at in walls]
-    monkeypatch.setattr(convex_decomposition, "decompose", lambda vertices, faces, *_: slabs[: len(faces) // 4])
+    monkeypatch.setattr(convex_decomposition, "coacd_pieces", lambda vertices, faces, *_: slabs[: len(faces) // 4])
     pieces = convex_pieces(joined(outer, turned_inside_out(inner)))
     inside = np.random.default_rng(0).uniform(-1.5, 1.5, (200, 3))
     assert np.min([outside(piece, inside) for piece in pieces], axis=0).min() > 0.0
@@ -301,7 +301,7 @@ def test_a_room_keeps_its_inside_free(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_how_far_pieces_stick_out_is_logged(
     gate: Mesh, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(convex_decomposition, "decompose", lambda vertices, *_: [vertices])
+    monkeypatch.setattr(convex_decomposition, "coacd_pieces", lambda vertices, *_: [vertices])
     convex_pieces(gate)
     convex_pieces(gate)
     # The doorway is two wide and two high: its middle is one away from the nearest post.
@@ -326,7 +326,7 @@ def test_pieces_are_made_once_and_read_back_equal(gate: Mesh, own_cache: Path, m
     first = convex_pieces(gate)
     assert len(list(own_cache.glob("*.npz"))) == 1
     assert not list(own_cache.glob("*.part"))
-    monkeypatch.setattr(convex_decomposition, "decompose", lambda *_: pytest.fail("made twice"))
+    monkeypatch.setattr(convex_decomposition, "coacd_pieces", lambda *_: pytest.fail("made twice"))
     assert same(convex_pieces(gate), first)
 
 
@@ -341,7 +341,7 @@ def test_a_damaged_entry_is_made_anew(
     gate: Mesh, own_cache: Path, damage: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pieces = [convex_hull(gate.vertices)]
-    monkeypatch.setattr(convex_decomposition, "decompose", lambda vertices, *_: [vertices])
+    monkeypatch.setattr(convex_decomposition, "coacd_pieces", lambda vertices, *_: [vertices])
     first = convex_pieces(gate)
     assert same(first, pieces)
     (file,) = own_cache.glob("*.npz")
@@ -369,7 +369,7 @@ def test_a_cache_that_cannot_be_written_costs_nothing_but_time(
     in_the_way = tmp_path / "file"
     in_the_way.write_text("not a folder")
     monkeypatch.setenv("RR1PLAN_CACHE", str(in_the_way))
-    monkeypatch.setattr(convex_decomposition, "decompose", lambda vertices, *_: [vertices])
+    monkeypatch.setattr(convex_decomposition, "coacd_pieces", lambda vertices, *_: [vertices])
     assert len(convex_pieces(gate)) == 1
     assert in_the_way.read_text() == "not a folder"
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.binding.c_memory import CStruct
+from rr1plan.binding.c_memory import KernelStruct
 from rr1plan.kernels import wasm_core
 from rr1plan.kernels.planner_kernels import SOURCES, load_library
 
@@ -52,11 +52,11 @@ class Recorder:
     def _call(self, kernel: str, function: Any, given: Sequence[Any]) -> Any:
         roots: dict[str, Any] = {}
         arguments: list[Any] = []
-        structs: dict[str, CStruct] = {}
+        structs: dict[str, KernelStruct] = {}
         arrays: list[tuple[str, str | None, np.ndarray[Any, Any]]] = []
         for i, (one, kind) in enumerate(zip(given, SOURCES.prototypes[kernel].arguments, strict=True)):
             name = f"argument{i}"
-            if isinstance(one, CStruct):
+            if isinstance(one, KernelStruct):
                 roots[name] = structs[name] = one
                 arrays += [(name, field, to) for field, to in one.targets.items() if isinstance(to, np.ndarray)]
             elif isinstance(one, np.ndarray):
@@ -73,7 +73,7 @@ class Recorder:
         return result
 
 
-def number_fields(struct: CStruct) -> list[str]:
+def number_fields(struct: KernelStruct) -> list[str]:
     """The fields of a struct that are single numbers."""
     fields = SOURCES.structs[struct.name]
     return [f.name for f in fields if not f.pointer and isinstance(getattr(struct.value, f.name), int | float)]

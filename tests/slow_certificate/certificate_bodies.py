@@ -14,7 +14,7 @@ from rr1plan.errors import InputError
 from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import HalfSpace, Shape
-from rr1plan.validation.link_motion import Frames
+from rr1plan.validation.link_motion import LinkFrames
 from slow_certificate.coal_distance import CoalDistance
 from slow_certificate.polynomial_bounds import Index
 from slow_certificate.scene_motion import SceneMotion
@@ -190,7 +190,7 @@ class Bodies:
 
     # ---- at n times ---------------------------------------------------------------------
 
-    def place(self, frames: Frames) -> Placed:
+    def place(self, frames: LinkFrames) -> Placed:
         """Poses of all bodies."""
         R = frames.rotation[:, self.link]
         rotation = R @ self.local_rotation
@@ -198,7 +198,7 @@ class Bodies:
         center = np.einsum("nbij,bj->nbi", R, self.local_center) + frames.origin[:, self.link]
         return Placed(rotation, origin, center)
 
-    def sweeps(self, frames: Frames, placed: Placed, change: Array) -> Array:
+    def sweeps(self, frames: LinkFrames, placed: Placed, change: Array) -> Array:
         """Largest displacement of each body by each joint alone [m], shape (n, bodies, chain).
 
         The motion from one configuration to another is split into motions of one joint after the other,

@@ -11,7 +11,7 @@ from concave_meshes import torus
 
 import rr1plan as rp
 from rr1plan.testing.closed_meshes import is_inside
-from rr1plan.testing.collision_checkers import CoalChecker
+from rr1plan.testing.collision_checkers import CoalOnlyChecker
 from rr1plan.testing.scene_bodies import SceneBodies, boxes_meet, link_frames
 from rr1plan.transforms import pose
 
@@ -143,7 +143,7 @@ def test_no_pair_in_contact_is_left_out(scene: rp.Scene) -> None:
     curve = rp.Trajectory.from_samples(scene.joint_names(), np.arange(30.0), q)
     reachable = bodies.reachable_pairs(curve, np.arange(30.0))
     near = {(n, *reachable[k].tolist()) for n, k in zip(*bodies.nearby_pairs(bodies.frames(q), reachable), strict=True)}
-    library, frames, touching = CoalChecker(bodies.bodies), bodies.frames(q), 0
+    library, frames, touching = CoalOnlyChecker(bodies.bodies), bodies.frames(q), 0
     for n in range(30):
         for a, b in bodies.pairs.tolist():
             if library.touches(a, frames[n, a], b, frames[n, b]):

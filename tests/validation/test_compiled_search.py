@@ -21,7 +21,7 @@ from rr1plan.scene import Obstacle
 from rr1plan.transforms import pose
 from rr1plan.validation.collision_proof import CollisionProof
 from rr1plan.validation.referee_kernels import RefereeStruct, load_library
-from rr1plan.validation.referee_models import ArmTables, obstacle_tables
+from rr1plan.validation.referee_models import RefereeModel, obstacle_model
 
 Make = Callable[..., Any]
 # Largest overestimate of Coal's distance of two convex shapes [m].
@@ -43,7 +43,7 @@ def one_of_each(rng: np.random.Generator) -> list[Any]:
 class Pairs:
     """Bodies in the tables of the search at arbitrary poses, and Coal's results for them."""
 
-    def __init__(self, model: ArmTables) -> None:
+    def __init__(self, model: RefereeModel) -> None:
         self.model = model
         self.solids = [solid(shape) for shape in model.shapes]
         self.meter = CoalDistance()
@@ -90,7 +90,7 @@ def bodies() -> Callable[[np.random.Generator], Pairs]:
 
     def make(rng: np.random.Generator) -> Pairs:
         shapes = one_of_each(rng) + one_of_each(rng)
-        return Pairs(obstacle_tables(Obstacle((Geometry("part", shape),)) for shape in shapes))
+        return Pairs(obstacle_model(Obstacle((Geometry("part", shape),)) for shape in shapes))
 
     return make
 
@@ -147,7 +147,7 @@ def test_bodies_that_all_but_touch_are_told_from_touching_ones(seed: int) -> Non
     rng = np.random.default_rng(seed)
     shapes: list[Any] = [hull(rng, count, flat) for count in (4, 6, 8, 30, 200) for flat in (False, True)]
     shapes += [rp.Box(tuple(10.0 ** rng.uniform(-2.0, 0.0, 3))) for _ in range(3)]
-    pairs = Pairs(obstacle_tables(Obstacle((Geometry("part", shape),)) for shape in shapes))
+    pairs = Pairs(obstacle_model(Obstacle((Geometry("part", shape),)) for shape in shapes))
     compared = 0
     for _ in range(400):
         a, b = rng.choice(len(shapes), 2, replace=False).tolist()

@@ -129,7 +129,7 @@ def shape_core(shape: Shape) -> CoreTables:
 
 @lru_cache(maxsize=512)
 def _blocks(shape: Shape) -> tuple[Array, Array, _INTS]:
-    points, balls = in_vertex_blocks(extremes(shape))
+    points, balls = in_vertex_blocks(core_points(shape))
     # Few corners are all tested.
     lowest = support_cells(points) if len(points) > _KIND["BLOCK_POINTS"] else _NONE
     return read_only(points), read_only(balls), read_only(lowest)
@@ -144,7 +144,7 @@ def _placed_blocks(shape: Shape, rotate: Array, shift: Array) -> tuple[Array, Ar
     return points @ rotate.T + shift, balls, lowest, corners_per_bit(len(points)) if len(lowest) else 0
 
 
-def extremes(shape: Shape) -> Array:
+def core_points(shape: Shape) -> Array:
     """Points of a shape's core, in its frame, whose hull contains the core, shape (n, 3)."""
     match shape:
         case Sphere():

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances
 from rr1plan.collision.convex.bounding_spheres import SphereCover, cover
-from rr1plan.collision.convex.convex_cores import NO_CORES, Cores, CoreTables, core_radius, extremes
+from rr1plan.collision.convex.convex_cores import NO_CORES, Cores, CoreTables, core_points, core_radius
 from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
 from rr1plan.collision.tables.arm_tables import ArmTables, arm_tables, joint_motion, moved
 from rr1plan.kernels.planner_kernels import CStruct, constants
@@ -243,7 +243,7 @@ def _arm_spheres(geometry: ArmGeometry) -> LinkSpheres:
         spheres.append(rows)
         chains.append(above[::-1])
         cores.add(above[0], solid.shape, T)
-        corners = extremes(solid.shape) @ T[:3, :3].T + T[:3, 3]
+        corners = core_points(solid.shape) @ T[:3, :3].T + T[:3, 3]
         boxes[i, :3] = corners.min(axis=0) - core_radius(solid.shape) - _ROUNDING
         boxes[i, 3:] = corners.max(axis=0) + core_radius(solid.shape) + _ROUNDING
         reaches.append(_reaches(joints, above, np.concatenate([rows[:, :3], corners])))

@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 
 from rr1plan.checks import Array, number_from_zero, whole_number
-from rr1plan.lessons.search.search_record import CLOSED, PARENT, Recorder, SearchRecord
+from rr1plan.lessons.search.search_record import CLOSED, PARENT, SearchRecord, SearchRecorder
 from rr1plan.lessons.search.search_space import SearchSpace
 from rr1plan.scene.problem import Problem
 
@@ -37,7 +37,7 @@ def search_lattice(problem: Problem, *, cells: int = 36, weight: float = 1.0) ->
     """
     cells, weight = whole_number("cells", cells, 4, 120), number_from_zero("weight", weight)
     space = SearchSpace(problem)
-    note = Recorder("Dijkstra" if weight == 0.0 else "A*" if weight == 1.0 else f"A* × {weight:g}", space)
+    note = SearchRecorder("Dijkstra" if weight == 0.0 else "A*" if weight == 1.0 else f"A* × {weight:g}", space)
     lattice = Lattice(space, cells)
     origin: Index = (0,) * len(space.start)
     numbers, indices = {origin: note.add_vertex(space.start)}, [origin]

@@ -11,7 +11,7 @@ import heapq
 import numpy as np
 
 from rr1plan.checks import Seed, as_generator, positive_number, whole_number
-from rr1plan.lessons.search.search_record import BLOCKED, EDGE, SAMPLE, Recorder, SearchRecord
+from rr1plan.lessons.search.search_record import BLOCKED, EDGE, SAMPLE, SearchRecord, SearchRecorder
 from rr1plan.lessons.search.search_space import SearchSpace
 from rr1plan.scene.problem import Problem
 
@@ -36,7 +36,7 @@ def grow_prm(
     neighbors = whole_number("neighbors", neighbors, 1, 100)
     longest, samples = positive_number("longest", longest), whole_number("samples", samples, 1, 5000)
     space, generator = SearchSpace(problem), as_generator(rng)
-    note = Recorder("PRM", space)
+    note = SearchRecorder("PRM", space)
     graph: list[dict[int, float]] = [{}, {}]
     note.add_vertex(space.start)
     note.add_vertex(space.goal, side=1)

@@ -90,7 +90,7 @@ class SearchRecord(Value):
         return sum(event.kind in kinds for step in self.steps for event in step)
 
 
-class Recorder:
+class SearchRecorder:
     """Collects the events of a search; `step()` ends a step, `record()` the search."""
 
     def __init__(self, planner: str, space: SearchSpace) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from rr1plan.checks import Array, Seed, as_generator, finite_number, positive_number, whole_number
 from rr1plan.errors import InputError
-from rr1plan.lessons.search.search_record import PARENT, SAMPLE, Recorder, SearchRecord
+from rr1plan.lessons.search.search_record import PARENT, SAMPLE, SearchRecord, SearchRecorder
 from rr1plan.lessons.search.search_space import SearchSpace
 from rr1plan.scene.problem import Problem
 
@@ -21,7 +21,7 @@ _MOST_SAMPLES = 20_000
 class _Tree:
     """Vertices of one tree and their parents, by their indices in the record."""
 
-    def __init__(self, note: Recorder, root: Array, side: int = 0) -> None:
+    def __init__(self, note: SearchRecorder, root: Array, side: int = 0) -> None:
         self.note, self.side = note, side
         self.members: list[int] = []
         self.parents: dict[int, int] = {}
@@ -75,7 +75,7 @@ def grow_rrt(
     """
     space, step, samples, generator = _checked(problem, step, samples, rng)
     bias = _share(goal_bias)
-    note = Recorder("RRT", space)
+    note = SearchRecorder("RRT", space)
     tree = _Tree(note, space.start)
     note.step()
     for _ in range(samples):
@@ -104,7 +104,7 @@ def grow_rrt_connect(problem: Problem, *, step: float = 0.3, samples: int = 2000
         InputError: a problem that `SearchSpace` rejects, or a number out of range.
     """
     space, step, samples, generator = _checked(problem, step, samples, rng)
-    note = Recorder("RRT-Connect", space)
+    note = SearchRecorder("RRT-Connect", space)
     trees = [_Tree(note, space.start, 0), _Tree(note, space.goal, 1)]
     note.step()
     for k in range(samples):
@@ -151,7 +151,7 @@ def grow_rrt_star(
     """
     space, step, samples, generator = _checked(problem, step, samples, rng)
     bias = _share(goal_bias)
-    note = Recorder("RRT*", space)
+    note = SearchRecorder("RRT*", space)
     tree, costs = _Tree(note, space.start), {0: 0.0}
     goal = -1
     # The constant of Karaman and Frazzoli, theorem 38, in two dimensions, with the whole space instead of its free

@@ -276,7 +276,7 @@ def _own_clearance(robot: Robot) -> float:
     return next((margin for margin in MARGINS if margin <= usual), MARGINS[-1])
 
 
-def check_robot(robot: Robot) -> None:
+def check_position_limits(robot: Robot) -> None:
     """Reject a robot for which no configurations can be drawn.
 
     Raises:

@@ -21,7 +21,7 @@ from rr1plan.multi.scenarios.endpoint_sampling import (
     CLEARANCE,
     Draw,
     ToolBox,
-    check_robot,
+    check_position_limits,
     floor_under,
     front_of,
     horizontal_reach,
@@ -101,7 +101,7 @@ def _grid(robot: Robot | Sequence[Robot], count: int, spacing: float) -> Scene:
     if not robots:
         raise InputError("robot is an empty sequence, expected at least one Robot")
     for one in robots:
-        check_robot(one)
+        check_position_limits(one)
     whole_number("count", count, 1, 10_000)
     rows = max(k for k in range(1, math.isqrt(count) + 1) if count % k == 0)
     scene = place_grid(robots[0], rows, count // rows, spacing=spacing, scene=Scene(name=f"grid of {count}"))

@@ -15,7 +15,7 @@ from rr1plan.checks import Array, Seed, as_generator, positive_number, whole_num
 from rr1plan.errors import InputError
 from rr1plan.multi.scenarios.endpoint_sampling import (
     ToolBox,
-    check_robot,
+    check_position_limits,
     facing,
     floor_under,
     horizontal_reach,
@@ -88,7 +88,7 @@ def handover_window(robot: Robot, width: float = 0.12, rng: Seed = None, *, gap:
     Raises:
         InputError: a width out of range, or a window too narrow for collision-free configurations of all arms.
     """
-    check_robot(robot)
+    check_position_limits(robot)
     generator = as_generator(rng)
     width = positive_number("width", width)
     if not _WINDOWS[0] <= width <= _WINDOWS[1]:
@@ -127,7 +127,7 @@ def shared_bin(robot: Robot, count: int = 4, rng: Seed = None) -> Problem:
     Raises:
         InputError: another count, or no collision-free configurations of all arms.
     """
-    check_robot(robot)
+    check_position_limits(robot)
     generator = as_generator(rng)
     if whole_number("count", count, 2, 4) == 3:
         raise InputError("count is 3, expected 2 or 4")
@@ -168,7 +168,7 @@ def conveyor_line(robot: Robot, count: int, rng: Seed = None) -> Problem:
     Raises:
         InputError: numbers out of range, or no collision-free configurations of all arms.
     """
-    check_robot(robot)
+    check_position_limits(robot)
     generator = as_generator(rng)
     whole_number("count", count, 2, 1000)
     far = horizontal_reach(robot)
@@ -200,7 +200,7 @@ def shelf_rows(robot: Robot, count: int = 8, rng: Seed = None) -> Problem:
     Raises:
         InputError: numbers out of range, or no collision-free configurations of all arms.
     """
-    check_robot(robot)
+    check_position_limits(robot)
     generator = as_generator(rng)
     if whole_number("count", count, 2, 100) % 2:
         raise InputError(f"count is {count}, expected an even number")
