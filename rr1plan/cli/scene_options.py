@@ -32,7 +32,7 @@ def check_scene_name(name: str) -> None:
             f"{name} is a robot, expected a scene: a file with the lines [arms.NAME] and robot = {name!r}; to see the "
             f"robot: rr1plan view {name}"
         )
-    if file.is_file() and file.suffix == ".jsonl":
+    if file.is_file() and file.suffix.lower() == ".jsonl":
         raise InputError(f"{name} is a recording, expected a scene; to see it: rr1plan mirror {name}")
     if file.is_file() and is_motion_file(name):
         raise InputError(

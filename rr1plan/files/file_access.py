@@ -43,7 +43,7 @@ def read_bytes(file: str | Path, max_bytes: int = MAX_BYTES) -> bytes:
     try:
         with _open(path) as stream:
             size = os.fstat(stream.fileno()).st_size
-            with gzip.GzipFile(fileobj=stream) if path.suffix == ".gz" else stream as content:
+            with gzip.GzipFile(fileobj=stream) if path.suffix.lower() == ".gz" else stream as content:
                 data = b"" if size > max_bytes else content.read(max_bytes + 1)
     except FileNotFoundError as error:
         raise FormatError("there is no such file", path) from error

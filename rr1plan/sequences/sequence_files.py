@@ -26,7 +26,7 @@ _HEAD = 200
 def holds_sequence(file: str | pathlib.Path) -> bool:
     """Whether a file declares itself a sequence; `load_sequence` reports its errors."""
     path = file_path(file)
-    if path.suffix != ".json" or not path.is_file():
+    if path.suffix.lower() != ".json" or not path.is_file():
         return False
     try:
         with path.open("rb") as stream:

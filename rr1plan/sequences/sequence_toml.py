@@ -56,7 +56,7 @@ _MAX_BYTES = 16 * 1024 * 1024
 def is_sequence_file(file: str | Path) -> bool:
     """Whether a file is TOML with segments; `load_segments` reports its errors."""
     path = file_path(file)
-    if path.suffix != ".toml" or not is_regular(path):
+    if path.suffix.lower() != ".toml" or not is_regular(path):
         return False
     return re.search(r"^\s*(\[\[\s*)?segments\s*[]=]", read_text(path), re.MULTILINE) is not None
 

@@ -38,6 +38,10 @@ def test_a_file_that_cannot_be_opened_is_no_sequence(tmp_path: Path, monkeypatch
     assert not holds_sequence(tmp_path / "a.json")
 
 
+def test_a_sequence_saved_under_a_name_in_capitals_is_recognized(moved: rp.SequencePlan, tmp_path: Path) -> None:
+    assert holds_sequence(moved.save(tmp_path / "PICK.JSON"))
+
+
 def test_a_sequence_is_read_back_exactly(moved: rp.SequencePlan, saved: Path) -> None:
     again = rp.load_sequence(saved)
     assert again

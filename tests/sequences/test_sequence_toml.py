@@ -210,6 +210,8 @@ def test_only_files_with_segments_are_sequences(folder: Path) -> None:
     (folder / "inline.toml").write_text('scene = "cell.toml"\nsegments = [{ pause = 1 }]\n')
     assert is_sequence_file(folder / "inline.toml")
     assert len(rp.load_segments(folder / "inline.toml").segments) == 1
+    (folder / "SHOUTED.TOML").write_text((folder / "inline.toml").read_text())
+    assert is_sequence_file(folder / "SHOUTED.TOML")
     assert not is_sequence_file(folder / "cell.toml")
     assert not is_sequence_file("rr1_table")
     assert not is_sequence_file(folder / "none.toml")
