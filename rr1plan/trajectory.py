@@ -272,7 +272,7 @@ class Trajectory(Value, NotebookView):
         piece, local = locate(self.breaks, flat)
         first = int(piece.min(initial=len(self.coefficients) - 1))
         used = self.coefficients[first : int(piece.max(initial=first)) + 1]
-        coefficients = _derived(used, derivative)
+        coefficients = differentiate(used, derivative)
         if len(used) > 1:  # else a row for all times
             coefficients = coefficients[piece - first]
         value = np.zeros((len(flat), len(self.joint_names)))
@@ -290,7 +290,7 @@ class Trajectory(Value, NotebookView):
             InputError: a derivative that is negative or above 100.
         """
         whole_number("derivative", derivative, 0, _MOST_DERIVATIVE)
-        return _derived(self.coefficients, derivative)
+        return differentiate(self.coefficients, derivative)
 
     def sample_times(self, dt: float) -> Array:
         """Times start, start + dt, ..., and the end [s], shape (n,).
@@ -381,8 +381,16 @@ def _interpolate(h: Array, rows: list[Array]) -> Array:
     return np.stack([q0, v0, a0 / 2.0, cubic, quartic, quintic], axis=1)
 
 
-def _derived(coefficients: Array, derivative: int) -> Array:
-    """Local coefficients of a derivative, lowest power first."""
+def differentiate(coefficients: Array, derivative: int) -> Array:
+    """Local coefficients of a derivative of polynomials.
+
+    Args:
+        coefficients: Lowest power first, shape (m, k + 1, n).
+        derivative: 1 velocity, 2 acceleration, and so on.
+
+    Returns:
+        Shape (m, max(k + 1 - derivative, 1), n).
+    """
     c = coefficients
     for _ in range(derivative):
         c = np.asarray(c[:, 1:] * np.arange(1, c.shape[1])[None, :, None] if c.shape[1] > 1 else np.zeros_like(c))

@@ -335,7 +335,6 @@ def calls(folder: Path) -> dict[str, Call]:
         "CollisionChecker.clearance": (checker.clearance, {"q": q, "most": 1.0}),
         "CollisionChecker.moving_clearance": (checker.moving_clearance, {"q": q, "most": 1.0}),
         "CollisionChecker.solid_distances": (checker.solid_distances, {"q": q, "pairs": None}),
-        "CollisionChecker.solid_distance": (checker.solid_distance, {"q": q, "pair": 0}),
         "CollisionChecker.solid_points": (checker.solid_points, {"q": q, "pair": 0}),
         "ElementCover.at": (cover.at, {"level": 0}),
         **{
@@ -364,7 +363,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "CollisionChecker.path_is_free": (checker.path_is_free, {"waypoints": [q, q + 0.1]}),
         **{
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"coefficients": [q, q + 0.1], "duration": 1.0})
-            for verb in ("polynomial_is_free", "polynomial_is_free_slowly", "first_contact_on")
+            for verb in ("polynomial_is_free", "first_contact_on")
         },
         "cover_with_spheres": (rp.cover_with_spheres, {"thing": robot}),
         "load_csv": (rp.load_csv, {"file": folder / "t.csv"}),

@@ -9,6 +9,7 @@ import pytest
 
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.model import Kinematics
+from rr1plan.model.arm_model import hang
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.robot import Geometry, Inertial, Joint, Link, Mimic, Robot
 from rr1plan.robot.joint_limits import Limits
@@ -139,8 +140,8 @@ def test_shapes_ride_on_the_joint_that_carries_their_element():
     poses = scene.link_poses(scene.split(q, ["right"]))
     poses["floor"] = np.eye(4)
     poses["ball"] = poses["right/e"] @ scene.attachments["ball"].pose
-    held = model.geometries_of("ball", scene.attachments["ball"].geometries)
-    standing = model.geometries_of("floor", scene.obstacles["floor"].geometries)
+    held = hang("ball", model.body("ball"), scene.attachments["ball"].geometries)
+    standing = hang("floor", model.body("floor"), scene.obstacles["floor"].geometries)
     hung = (*model.arm_model.link_geometries, *held, *standing)
     assert {e.element for e in hung} == set(scene.element_names)
     for e in hung:

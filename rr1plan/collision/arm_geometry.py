@@ -130,8 +130,8 @@ def _held(arm_model: ArmModel, name: str, thing: Attachment) -> tuple[ElementGeo
     return hang(name, Body(link.joint, read_only(link.placement @ thing.pose)), thing.geometries)
 
 
-def solids_of(geometries: Iterable[ElementGeometry], pieces: Pieces = solid_pieces) -> list[Solid]:
-    """Shapes of elements as solids: convex pieces, or those that `pieces` returns.
+def solids_of(geometries: Iterable[ElementGeometry]) -> list[Solid]:
+    """Shapes of elements as solids: their convex pieces.
 
     Raises:
         InputError: a shape that cannot be made solid.
@@ -139,7 +139,7 @@ def solids_of(geometries: Iterable[ElementGeometry], pieces: Pieces = solid_piec
     return [
         Solid(g.element, piece, g.joint, g.placement)
         for g in geometries
-        for piece in pieces_of(g.element, g.geometry.shape, pieces)
+        for piece in pieces_of(g.element, g.geometry.shape, solid_pieces)
     ]
 
 

@@ -375,19 +375,6 @@ class CollisionChecker(CoalChecker):
             return self.static_is_free and self._kernel.certify_parabola(curve, duration)[0] == FREE
 
     @exclusive
-    def polynomial_is_free_slowly(self, coefficients: ArrayLike, duration: float) -> bool:
-        """Like `polynomial_is_free`, by the exact kernel alone; the reference in tests.
-
-        Args:
-            coefficients: c_k [rad/s^k or m/s^k], shape (k + 1, nq).
-            duration: End of the curve [s], >= 0.
-
-        Raises:
-            InputError: wrong shape, no coefficient, not finite, or a negative duration.
-        """
-        return self._certify_exactly(*self._checked_curve(coefficients, duration))[0] == FREE
-
-    @exclusive
     def first_contact(self, q0: ArrayLike, q1: ArrayLike, *, precision: float = _PRECISION) -> FirstContact | None:
         """The first contact on the straight line from q0 to q1, or None if it is free.
 

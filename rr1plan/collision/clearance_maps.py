@@ -19,13 +19,12 @@ from rr1plan.collision.tables.arm_tables import ArmTables, arm_tables, chain_rea
 from rr1plan.collision.tables.exact_tables import ExactTables, exact_scratch, exact_struct
 from rr1plan.files.disk_cache import cache_key, load_cached, store_cached
 from rr1plan.kernels.planner_kernels import constants, load_library
+from rr1plan.model.joint_turns import TURN
 from rr1plan.object_cache import kept_in
 
 _INTS = NDArray[np.int64]
 # Upper ends of the ranges of gaps that maps resolve [m]; a map uses the smallest one that the padding allows.
 _STEPS = (0.02, 0.06, 0.2)
-# Maps of continuous joints cover one turn to both sides; those of unlimited sliding joints as many meters.
-_TURN = 2.0 * np.pi
 _VERSION = "clearance-maps-1"
 CELLS = constants()["MAP_CELLS"]
 """Cells of a map along each side."""
@@ -226,7 +225,8 @@ def _between(pair: _Pair) -> _Between | None:
 
 def _range(low: float, high: float) -> tuple[float, float]:
     """The range of a map: the joint limits, or a turn to both sides."""
-    low, high = max(low, -_TURN), min(high, _TURN)
+    # Maps of continuous joints cover one turn to both sides; those of unlimited sliding joints as many meters.
+    low, high = max(low, -TURN), min(high, TURN)
     # A joint at its limit is on the map in spite of rounding.
     return low - 1e-6, max(high, low) + 1e-6
 

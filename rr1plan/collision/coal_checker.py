@@ -342,20 +342,6 @@ class CoalChecker:
         return np.array([placed.distance(int(i))[0] for i in numbers])
 
     @exclusive
-    def solid_distance(self, q: ArrayLike, pair: int) -> float:
-        """Distance of one pair in `solid_pairs` [m], negative if they overlap.
-
-        Args:
-            q: Configuration [rad or m], shape (nq,).
-            pair: Index of the pair.
-
-        Raises:
-            InputError: wrong shape or not finite, or a pair number that does not exist.
-        """
-        whole_number("pair", pair, 0, len(self.solid_pairs) - 1)
-        return self._placed(q).distance(pair)[0]
-
-    @exclusive
     def solid_points(self, q: ArrayLike, pair: int) -> tuple[Array, Array]:
         """The nearest points of one pair in `solid_pairs`, in world coordinates [m], shape (3,) each.
 

@@ -54,8 +54,7 @@ class CollisionGeometry:
     """
 
     def __init__(self, scene: Scene, arms: tuple[str, ...], distance: float) -> None:
-        held = held_by_arm(scene)
-        geometries = {name: arm_geometry(arm, held.get(name, {})) for name, arm in scene.arms.items()}
+        geometries = geometries_of(scene)
         obstacles = obstacle_geometry(scene.obstacles)
         near = find_near(scene, geometries, obstacles, arms, distance)
         self._arms = arms

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rr1plan.checks import Array, positive_number, read_only
+from rr1plan.checks import Array, read_only
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.kernels.random_state import RandomState
 from rr1plan.model.ik_descent import Target, descend, errors_at
@@ -51,16 +51,11 @@ class IkSearch:
         seeds: First starts, within the limits, shape (k, nq), k >= 1. Of all copies of a solution modulo whole turns,
             the nearest to the first seed counts.
         state: State of the random numbers; it advances.
-        separation: Solutions are distinct if they differ by at least this in some joint [rad or m]; None: 0.001, or 0.2
-            if the arm has more joints than the goal needs.
 
     Attributes:
         target: Target of the frame.
         accepted: Accepted solutions so far.
         rejected: Rejected solutions so far.
-
-    Raises:
-        InputError: a separation that is not positive.
     """
 
     def __init__(
@@ -70,14 +65,11 @@ class IkSearch:
         goal: PoseGoal | RegionGoal,
         seeds: Array,
         state: RandomState,
-        separation: float | None = None,
     ) -> None:
         self.chain, self.robot, self.target, self._goal = chain, robot, _target_of(goal), goal
         self.accepted: list[Array] = []
         self.rejected: list[Array] = []
-        if separation is None:
-            fixed = int((self.target.lower == self.target.upper).sum()) + 3 * (self.target.rotation is not None)
-            separation = DISTINCT_REDUNDANT if robot.nq > fixed else DISTINCT
+        fixed = int((self.target.lower == self.target.upper).sum()) + 3 * (self.target.rotation is not None)
         tolerance = goal.position_tolerance if isinstance(goal, PoseGoal) else _REGION_TOLERANCE
         self._whole = WHOLE * tolerance, WHOLE * goal.orientation_tolerance
         self.position_tolerance = SHARE * tolerance
@@ -100,7 +92,7 @@ class IkSearch:
             column_count=robot.nq,
             position_tolerance=self.position_tolerance,
             orientation_tolerance=self.orientation_tolerance,
-            separation=positive_number("separation", separation),
+            separation=DISTINCT_REDUNDANT if robot.nq > fixed else DISTINCT,
             solutions=self._solutions,
             nearest=self._nearest,
             nearest_squared=np.inf,

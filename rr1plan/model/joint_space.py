@@ -157,7 +157,7 @@ def _joint_space(robots: tuple[Robot, ...]) -> Space:
 def with_copies(problem: Problem, goals: Array) -> Array:
     """Goals and their copies one turn away in joints that wrap, nearest to the start first, shape (k, nq)."""
     space = joint_space(problem.scene, problem.arms)
-    turns = np.where(goals > problem.start, -2.0 * np.pi, 2.0 * np.pi)
+    turns = np.where(goals > problem.start, -TURN, TURN)
     chosen = _choices(tuple(np.flatnonzero(space.wraps).tolist()), len(problem.start))
     copies = (goals + chosen[:, None] * turns).reshape(-1, len(problem.start))[: 16 * _MOST_GOALS]
     far = np.linalg.norm(copies - problem.start, axis=1)

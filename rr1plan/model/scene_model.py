@@ -11,7 +11,7 @@ Instances are cheap, contain no scratch memory, and are thread-safe.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array, known_name, read_only
 from rr1plan.errors import InputError
-from rr1plan.model.arm_model import Body, ElementGeometry, arm_model_of, hang
-from rr1plan.robot import Geometry
+from rr1plan.model.arm_model import Body, arm_model_of
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
 
@@ -119,11 +118,3 @@ class SceneModel:
         held = self.scene.attachments[name]
         link = self._bodies[f"{held.arm}/{held.link}"]
         return Body(link.joint, read_only(link.placement @ held.pose))
-
-    def geometries_of(self, element: str, geometries: Iterable[Geometry]) -> tuple[ElementGeometry, ...]:
-        """Shapes of an element, placed in the frame of its joint.
-
-        Raises:
-            UnknownNameError: no such element.
-        """
-        return hang(element, self.body(element), geometries)

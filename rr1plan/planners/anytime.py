@@ -18,9 +18,7 @@ import numpy as np
 
 from rr1plan.checks import Array, Seed, number_from_zero
 from rr1plan.kernels.random_state import draw_uniform
-from rr1plan.path import Path
 from rr1plan.planners.planning_query import NO_LIMIT, Query
-from rr1plan.planners.shortcut import shorten
 from rr1plan.planners.tree_search import TreeSearch
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
 from rr1plan.scene.problem import Problem
@@ -105,22 +103,10 @@ class _Rounds:
 
     def improve(self, waypoints: Array) -> None:
         """Shorten a path, and keep it if it is the best."""
-        query, motion = self.query, self.query.motion
-        checked = motion.edges_checked
-        path = Path.trusted(motion.joint_names, waypoints)
-        seed = int(draw_uniform(self.search.state) * 2**53)
-        path = shorten(
-            path,
-            query.problem.scene,
-            checker=motion,
-            iterations=_SHORTCUTS,
-            seconds=max(query.seconds_left, 1e-6),
-            rng=seed,
-        )
-        query.edges += motion.edges_checked - checked
+        path = self.query.shorten(waypoints, _SHORTCUTS, int(draw_uniform(self.search.state) * 2**53))
         if path.length < self.length:
             self.best, self.length = path.waypoints, path.length
-            query.history.append((query.seconds, path.length))
+            self.query.history.append((self.query.seconds, path.length))
 
 
 def luby(number: int) -> int:

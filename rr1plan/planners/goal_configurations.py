@@ -31,6 +31,8 @@ from rr1plan.scene.problem import Goal, JointGoal, Problem, frame_link
 _MOST_COMPOSITES = 2000
 # Rounds of further configurations of each arm if no composite configuration is free.
 _ROUNDS = 3
+# Starts of inverse kinematics for each pose or region goal.
+_ATTEMPTS = 200
 # Consecutive starts of inverse kinematics without another free configuration, after which it stops.
 _PATIENCE = 20
 # Separates the random stream from that of a planner with the same seed.
@@ -78,7 +80,6 @@ class GoalSearch:
         rng: Generator or seed of inverse kinematics' random starts.
         max_per_goal: Most configurations of one pose or region goal.
         max_composites: Most configurations in all.
-        attempts: Starts of inverse kinematics for each pose or region goal.
 
     Raises:
         InputError: a number below one.
@@ -92,13 +93,11 @@ class GoalSearch:
         *,
         max_per_goal: int = 8,
         max_composites: int = 32,
-        attempts: int = 200,
     ) -> None:
-        for name, number in (("attempts", attempts), ("max_per_goal", max_per_goal)):
-            if number < 1:
-                raise InputError(f"{name} is {number!r}, expected at least one")
+        if max_per_goal < 1:
+            raise InputError(f"max_per_goal is {max_per_goal!r}, expected at least one")
         self._problem, self._motion = problem, motion
-        self._most, self._most_composites, self._attempts = max_per_goal, max_composites, attempts
+        self._most, self._most_composites = max_per_goal, max_composites
         state = random_state(as_seed(rng) ^ _STREAM)
         self._finders = [_Finder(problem, motion, arm, state) for arm in problem.arms]
         self._tried: set[bytes] = set()
@@ -107,7 +106,7 @@ class GoalSearch:
         """The first configurations, or why there are none."""
         for finder in self._finders:
             for goal in self._problem.goal[finder.arm]:
-                finder.add(goal, self._most, self._attempts)
+                finder.add(goal, self._most)
             if not finder.found:
                 invalid = PlanStatus.INVALID_GOAL in finder.statuses
                 status = PlanStatus.INVALID_GOAL if invalid else PlanStatus.INFEASIBLE
@@ -125,7 +124,7 @@ class GoalSearch:
     def more(self) -> Array:
         """Further configurations after `find`, at most as many of each goal as there, shape (k, nq)."""
         for finder in self._finders:
-            finder.resume(self._most, self._attempts)
+            finder.resume(self._most)
         return np.array(self._combine()[0]).reshape(-1, self._problem.nq)
 
     def _combine(self) -> tuple[list[Array], Array]:
@@ -190,7 +189,7 @@ class _Finder:
         self.statuses: list[PlanStatus] = []
         self.searches: list[IkSearch] = []
 
-    def add(self, goal: Goal, most: int, attempts: int) -> None:
+    def add(self, goal: Goal, most: int) -> None:
         """Find the configurations of one goal, or record why there is none."""
         if isinstance(goal, JointGoal):
             self._add_configuration(goal.q)
@@ -201,7 +200,7 @@ class _Finder:
         seeds = np.clip([self.start, self.robot.home], limits.lower, limits.upper)
         search = IkSearch(chain, self.robot, goal, seeds, self.state)
         self.searches.append(search)
-        self.found += search.collect(attempts, self._is_free, most, _PATIENCE)
+        self.found += search.collect(_ATTEMPTS, self._is_free, most, _PATIENCE)
         if search.accepted:
             return
         if search.rejected:
@@ -215,10 +214,10 @@ class _Finder:
         else:
             self._refuse(PlanStatus.INFEASIBLE, why_none(search, link))
 
-    def resume(self, most: int, attempts: int) -> None:
+    def resume(self, most: int) -> None:
         """Find further configurations of all goals."""
         for search in self.searches:
-            self.found += search.collect(attempts, self._is_free, most, _PATIENCE)
+            self.found += search.collect(_ATTEMPTS, self._is_free, most, _PATIENCE)
 
     def _add_configuration(self, q: Array) -> None:
         continuous = self.robot.continuous > 0.0

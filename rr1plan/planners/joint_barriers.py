@@ -50,16 +50,16 @@ def find_joint_barrier(
     start: Array,
     goal: Array,
     *,
-    own_links: bool = False,
     goes_on: Callable[[], bool] = lambda: True,
 ) -> JointBarrier | None:
     """Search for a value that a joint has to pass on every path from a start to a goal, and cannot.
+
+    Two links of one arm do not count, because they may be in contact only because their shapes are too large.
 
     Args:
         checker: Collision checker of the moving arms.
         start: Configuration within the limits, shape (nq,).
         goal: Configuration, shape (nq,); joints without limits count modulo whole turns.
-        own_links: Whether two links of one arm count, which may be in contact only because their shapes are too large.
         goes_on: Whether time is left for the next value.
 
     Returns:
@@ -68,7 +68,7 @@ def find_joint_barrier(
     groups: dict[frozenset[int], list[int]] = {}
     for pair, columns in enumerate(columns_between(checker)):
         a, b = (checker.scene.owner(element) for element in checker.pairs[checker.solid_owner[pair]])
-        if 1 <= len(columns) <= 2 and (own_links or a != b):
+        if 1 <= len(columns) <= 2 and a != b:
             groups.setdefault(columns, []).append(pair)
     limits = checker.limits
     for columns, pairs in groups.items():

@@ -14,6 +14,7 @@ from rr1plan.model.joint_space import Space, joint_space
 from rr1plan.path import Path
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
 from rr1plan.planners.joint_barriers import find_joint_barrier
+from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import (
     Budget,
     PlanResult,
@@ -211,6 +212,20 @@ class Query:
         if self._visible is None or k >= STRAIGHT_LINES:
             return self.motion.edge_is_free(self.problem.start, self.goals[k])
         return k == self._visible
+
+    def shorten(self, waypoints: Array, iterations: int, seed: int) -> Path:
+        """A free path shortened within the time left; the edges checked are counted.
+
+        Args:
+            waypoints: Its waypoints, shape (n, nq), which the caller must not keep.
+            iterations: Shortcuts to try.
+            seed: Seed of the shortcuts.
+        """
+        path, checked = Path.trusted(self.motion.joint_names, waypoints), self.motion.edges_checked
+        seconds = max(self.seconds_left, 1e-6)
+        path = shorten(path, self.problem.scene, checker=self.motion, iterations=iterations, seconds=seconds, rng=seed)
+        self.edges += self.motion.edges_checked - checked
+        return path
 
     @property
     def seconds(self) -> float:

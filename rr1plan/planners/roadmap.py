@@ -12,11 +12,9 @@ from collections.abc import Sequence
 from rr1plan.checks import Seed, of_kind, whole_number
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
-from rr1plan.path import Path
 from rr1plan.planners import tree_search
 from rr1plan.planners.planning_query import Query
 from rr1plan.planners.roadmap_graph import Graph
-from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_plan_arguments
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
@@ -189,29 +187,18 @@ def checked_samples(samples: int) -> int:
 
 def _solve(query: Query, graph: Graph, *, learn: bool) -> PlanResult:
     """The shortest path along the roadmap, or that of RRT-Connect if there is none."""
-    problem, motion = query.problem, query.motion
     before = graph.checks
-    way = graph.find_path(problem.start, query.goals, motion, query.in_time)
+    way = graph.find_path(query.problem.start, query.goals, query.motion, query.in_time)
     query.edges += graph.checks - before
     if way is not None:
         return query.result(PlanStatus.FOUND, way)
     search = tree_search.TreeSearch(query)
     if not search.connect():
         return query.unsolved(f"the roadmap of {graph.size} vertices does not connect them; {search.describe()}")
-    path = Path.trusted(motion.joint_names, search.trees.path())
-    checked = motion.edges_checked
-    path = shorten(
-        path,
-        query.problem.scene,
-        checker=motion,
-        iterations=_SHORTCUTS,
-        seconds=max(query.seconds_left, 1e-6),
-        rng=query.seed,
-    )
-    query.edges += motion.edges_checked - checked
+    waypoints = query.shorten(search.trees.path(), _SHORTCUTS, query.seed).waypoints
     if learn:
-        graph.learn(path.waypoints)
-    return query.result(PlanStatus.FOUND, path.waypoints)
+        graph.learn(waypoints)
+    return query.result(PlanStatus.FOUND, waypoints)
 
 
 def _fixed_content_hash(scene: Scene, arms: Sequence[str]) -> str:

@@ -15,6 +15,7 @@ from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct, constants, load_library
 from rr1plan.kernels.random_state import random_state
 from rr1plan.model.joint_space import joint_space
+from rr1plan.model.joint_turns import TURN
 from rr1plan.planners.planning_query import Pace
 from rr1plan.planning import SearchTree
 from rr1plan.scene import Scene
@@ -22,7 +23,6 @@ from rr1plan.scene import Scene
 _T = TypeVar("_T", bound=np.generic)
 
 _CAPACITY = 256  # vertices to begin with
-_TURN = 2.0 * np.pi
 
 
 class Graph:
@@ -46,7 +46,7 @@ class Graph:
         space = joint_space(scene, arms).bounded_near(home[None])
         self._wraps = space.wraps
         self._lower = np.where(self._wraps, -np.pi, space.lower)
-        self._extent = np.where(self._wraps, _TURN, space.extent)
+        self._extent = np.where(self._wraps, TURN, space.extent)
         unbounded = np.flatnonzero(~np.isfinite(self._lower) | ~np.isfinite(self._extent))
         if len(unbounded):
             name = scene.joint_names(arms)[unbounded[0]]
@@ -152,7 +152,7 @@ class Graph:
 
     def _wrapped(self, q: Array) -> Array:
         """Angles that wrap around in [-pi, pi)."""
-        return np.ascontiguousarray(np.where(self._wraps, q - _TURN * np.rint(q / _TURN), q))
+        return np.ascontiguousarray(np.where(self._wraps, q - TURN * np.rint(q / TURN), q))
 
     def _make_room(self, vertices: int) -> None:
         """Allocate `vertices` vertices, all their edges, and one more edge per vertex."""

@@ -14,14 +14,6 @@ from rr1plan.kernels.planner_kernels import load_library
 MAX_DEGREE = 4
 
 
-def differentiate(coefficients: Array, order: int = 1) -> Array:
-    """Local coefficients of a derivative, lowest power first, shape (m, k + 1 - order or 1, n)."""
-    for _ in range(order):
-        powers = np.arange(1, coefficients.shape[1])[None, :, None]
-        coefficients = coefficients[:, 1:] * powers if coefficients.shape[1] > 1 else np.zeros_like(coefficients)
-    return coefficients
-
-
 def evaluate(coefficients: Array, t: Array) -> Array:
     """Values of m polynomials for n columns at local times t (m, n) or (m, 1), shape (m, n)."""
     value = np.zeros(np.broadcast_shapes(coefficients[:, 0].shape, t.shape))

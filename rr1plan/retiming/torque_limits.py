@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from rr1plan.checks import Array
 from rr1plan.errors import RetimingError
 from rr1plan.path import Path
-from rr1plan.retiming.polynomial_extrema import differentiate, evaluate
+from rr1plan.retiming.polynomial_extrema import evaluate
 from rr1plan.retiming.timed_pieces import Pieces
+from rr1plan.trajectory import differentiate
 
 InverseDynamics = Callable[[Array, Array, Array], Array]
 

@@ -128,16 +128,14 @@ def sampled_reasons(
     return found, frozenset(pair for pair, outcomes in seen.items() if len(outcomes) == 2)
 
 
-def always_colliding(robot: Robot, samples: int, rng: Seed = None) -> frozenset[Pair]:
+def always_colliding(robot: Robot, samples: int) -> frozenset[Pair]:
     """Pairs of links that may not touch, but do at home and in each of some random configurations.
 
     Args:
         robot: The robot.
-        samples: Number of random configurations.
-        rng: Generator or seed.
+        samples: Number of random configurations, the same in each call.
     """
-    generator = as_generator(rng)
-    bodies = LinkBodies(robot)
+    generator, bodies = np.random.default_rng(0), LinkBodies(robot)
     touching = touching_links(robot, robot.home, bodies)
     for _ in range(samples):
         if not touching:
@@ -146,10 +144,9 @@ def always_colliding(robot: Robot, samples: int, rng: Seed = None) -> frozenset[
     return frozenset(touching)
 
 
-def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int, rng: Seed = None) -> frozenset[Pair]:
+def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int) -> frozenset[Pair]:
     """The pairs of links that touch in each of some random configurations, with locked joints at their values."""
-    generator = as_generator(rng)
-    bodies = LinkBodies(robot)
+    generator, bodies = np.random.default_rng(0), LinkBodies(robot)
     stuck = set(pairs)
     for _ in range(samples):
         if not stuck:
@@ -158,19 +155,17 @@ def stuck_pairs(robot: Robot, pairs: Set[Pair], samples: int, rng: Seed = None) 
     return frozenset(stuck)
 
 
-def free_configuration(robot: Robot, wish: Array, rng: Seed = None) -> Array:
+def free_configuration(robot: Robot, wish: Array) -> Array:
     """A configuration without self-collision near `wish`, or `wish` itself if it is free.
 
     Args:
         robot: The robot.
-        wish: Desired configuration [rad], shape (nq,).
-        rng: Generator or seed.
+        wish: Desired configuration [rad or m], shape (nq,).
 
     Returns:
         The nearest free configuration found; `wish` if none was found.
     """
-    generator = as_generator(rng)
-    bodies = LinkBodies(robot)
+    generator, bodies = np.random.default_rng(0), LinkBodies(robot)
     pairs = [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]
     values = robot.joint_values(wish)
     if not bodies.touching(values, pairs):

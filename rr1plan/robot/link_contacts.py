@@ -11,6 +11,7 @@ import numpy as np
 from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.robot import Robot
+from rr1plan.robot.robot import poses_at
 from rr1plan.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
 Pair = frozenset[str]
@@ -25,7 +26,7 @@ class LinkBodies:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._shapes = {
-            link.name: [(coal_shape(g.shape), np.array(g.pose)) for g in link.collisions]
+            link.name: [(coal_solid(g.shape), np.array(g.pose)) for g in link.collisions]
             for link in robot.links
             if link.collisions
         }
@@ -38,7 +39,8 @@ class LinkBodies:
 
     def touching(self, values: Mapping[str, float], pairs: Sequence[Pair]) -> set[Pair]:
         """The pairs in contact at the given joint values."""
-        poses = self._poses(values, frozenset[str]().union(*pairs))
+        named = frozenset[str]().union(*pairs)
+        poses = poses_at(self._robot, values, frozenset[str]().union(*(self._above[name] for name in named)))
         near = self._near(poses, pairs)
         names = frozenset[str]().union(*near)
         placed = {
@@ -56,15 +58,6 @@ class LinkBodies:
         one, other = np.array([[place[name] for name in pair] for pair in pairs]).T
         gaps = np.linalg.norm(centers[one] - centers[other], axis=1) - radii[one] - radii[other]
         return [pairs[i] for i in np.flatnonzero(gaps <= _SLACK).tolist()]
-
-    def _poses(self, values: Mapping[str, float], names: frozenset[str]) -> dict[str, Array]:
-        """T_base_link of links and their ancestors, at the values of all movable joints."""
-        needed = frozenset[str]().union(*(self._above[name] for name in names))
-        poses = {self._robot.base: np.eye(4)}
-        for joint in self._robot.joints:
-            if joint.child in needed:
-                poses[joint.child] = poses[joint.parent] @ joint.origin @ joint.motion(values.get(joint.name, 0.0))
-        return poses
 
 
 def _ball(shapes: list[tuple[coal.CollisionGeometry, Array]]) -> tuple[Array, float]:
@@ -86,8 +79,12 @@ def _transform(T: Array) -> coal.Transform3s:
     return coal.Transform3s(T[:3, :3], T[:3, 3])
 
 
-def coal_shape(shape: Shape) -> coal.CollisionGeometry:
-    """A link's shape as a Coal geometry (link meshes are convex)."""
+def coal_solid(shape: Shape) -> coal.CollisionGeometry:
+    """A box, sphere, cylinder, capsule or convex mesh as a Coal geometry.
+
+    Raises:
+        InputError: another shape.
+    """
     if isinstance(shape, Box):
         return coal.Box(*shape.size)
     if isinstance(shape, Sphere):

@@ -12,7 +12,7 @@ import pinocchio as pin
 from rr1plan.checks import read_only
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Inertial, Link, Robot
-from rr1plan.robot.link_contacts import coal_shape
+from rr1plan.robot.link_contacts import coal_solid
 from rr1plan.shapes import Mesh
 from rr1plan.shapes.convex_hulls import convex_hull
 
@@ -70,7 +70,7 @@ def solid_inertial(geometries: tuple[Geometry, ...], mass: float | None = None) 
                 shape = convex_hull(shape.vertices)
             except InputError:  # flat
                 continue
-        solid = coal_shape(shape)
+        solid = coal_solid(shape)
         weight, center = DENSITY * solid.computeVolume(), solid.computeCOM().ravel()
         own = pin.Inertia(weight, center, DENSITY * solid.computeMomentofInertiaRelatedToCOM())
         total += own.se3Action(pin.SE3(np.array(geometry.pose)))

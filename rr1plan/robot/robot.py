@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import numbers
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -296,11 +296,7 @@ class Robot(Value, NotebookView):
             UnknownNameError: no configuration of that name.
             InputError: wrong shape or not finite.
         """
-        values = self.joint_values(self.configuration(q))
-        poses = {self.base: np.eye(4)}
-        for joint in self.joints:
-            poses[joint.child] = poses[joint.parent] @ joint.origin @ joint.motion(values.get(joint.name, 0.0))
-        return poses
+        return poses_at(self, self.joint_values(self.configuration(q)))
 
     @cached_property
     def _joints(self) -> dict[str, Joint]:
@@ -309,6 +305,21 @@ class Robot(Value, NotebookView):
     @cached_property
     def _links(self) -> dict[str, Link]:
         return {link.name: link for link in self.links}
+
+
+def poses_at(robot: Robot, values: Mapping[str, float], links: Set[str] | None = None) -> dict[str, Array]:
+    """T_base_link of links by name, each (4, 4), in plain NumPy.
+
+    Args:
+        robot: The robot.
+        values: The value of every movable joint [rad or m] by name, as of `Robot.joint_values`.
+        links: The links and all their ancestors (default: all links).
+    """
+    poses = {robot.base: np.eye(4)}
+    for joint in robot.joints:
+        if links is None or joint.child in links:
+            poses[joint.child] = poses[joint.parent] @ joint.origin @ joint.motion(values.get(joint.name, 0.0))
+    return poses
 
 
 def _is_joint_value(value: object) -> bool:

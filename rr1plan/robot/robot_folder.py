@@ -43,7 +43,6 @@ class RobotFolder:
     limits: str | None = None
     locked_joints: Mapping[str, float] = field(default_factory=dict)
     presets: Mapping[str, Rows] = field(default_factory=dict)
-    about: Mapping[str, str] = field(default_factory=dict)
 
     def apply(self, robot: Robot) -> Robot:
         """The robot with this folder's locked joints, presets and first limits.
@@ -70,6 +69,8 @@ def read_robot_folder(folder: Path) -> RobotFolder:
     table = read_toml(file)
     locked = table.table("locked_joints")
     presets, about = table.table("presets"), table.table("about")
+    for name in about.names():
+        about.string(name)
     found = RobotFolder(
         file=file,
         urdf=folder / table.string("urdf"),
@@ -79,7 +80,6 @@ def read_robot_folder(folder: Path) -> RobotFolder:
         limits=table.string("limits") if "limits" in table else None,
         locked_joints={name: locked.number(name) for name in locked.names()},
         presets={name: _rows(presets.table(name)) for name in presets.names()},
-        about={name: about.string(name) for name in about.names()},
     )
     table.finish()
     return found

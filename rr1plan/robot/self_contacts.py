@@ -74,16 +74,16 @@ def self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContac
 
 def _sampled(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContacts:
     if has_rules:
-        always = always_colliding(robot, SAMPLES, rng=0)
+        always = always_colliding(robot, SAMPLES)
     else:
         reasons, _ = sampled_reasons(robot, SAMPLES, as_generator(0))
         always = frozenset(pair for pair, reason in reasons.items() if reason != "Never")
     robot = replace(robot, disabled_collisions=robot.disabled_collisions | always)
     if keeps_home and not has_rules:
-        stuck = stuck_pairs(robot, touching_links(robot, robot.home), SAMPLES, rng=0)
+        stuck = stuck_pairs(robot, touching_links(robot, robot.home), SAMPLES)
         always |= stuck
         robot = replace(robot, disabled_collisions=robot.disabled_collisions | stuck)
-    home = robot.home if keeps_home else free_configuration(robot, robot.home, rng=0)
+    home = robot.home if keeps_home else free_configuration(robot, robot.home)
     return SelfContacts(always, home, frozenset(touching_links(robot, home)))
 
 

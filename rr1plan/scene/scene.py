@@ -59,7 +59,8 @@ class Scene(SceneContent):
         """
         self.arm(name)
         gone = {n for n, held in self.attachments.items() if held.arm == name}
-        return self._keep(
+        return with_fewer(
+            self,
             arms={n: a for n, a in self.arms.items() if n != name},
             attachments={n: h for n, h in self.attachments.items() if n not in gone},
         )
@@ -151,7 +152,7 @@ class Scene(SceneContent):
             UnknownNameError: no such obstacle.
         """
         known_name("obstacle", name, self.obstacles)
-        return self._keep(obstacles={n: o for n, o in self.obstacles.items() if n != name})
+        return with_fewer(self, obstacles={n: o for n, o in self.obstacles.items() if n != name})
 
     def allow(self, a: str, b: str) -> Scene:
         """A scene in which two elements may touch.
@@ -257,12 +258,20 @@ class Scene(SceneContent):
         thing = Obstacle(held.geometries, T, held.mass, held.friction)
         return replace(self, attachments=rest, obstacles={**self.obstacles, name: thing})
 
-    def _keep(self, **changes: Any) -> Scene:
-        """`replace`, without rules about removed elements."""
-        bare = replace(self, allowed=frozenset(), pair_padding={}, **changes)
-        names = {*bare.element_names, *bare.arms}
-        return replace(
-            bare,
-            allowed=frozenset(p for p in self.allowed if p <= names),
-            pair_padding={p: d for p, d in self.pair_padding.items() if p <= names},
-        )
+
+def with_fewer(scene: Scene, **parts: Any) -> Scene:
+    """A scene with fewer arms, obstacles or attached objects, without the rules about those removed.
+
+    Args:
+        scene: The scene.
+        **parts: `arms`, `obstacles` or `attachments`, by name; the others are kept.
+    """
+    if not scene.allowed and not scene.pair_padding:
+        return replace(scene, **parts)
+    bare = replace(scene, allowed=frozenset(), pair_padding={}, **parts)
+    names = {*bare.element_names, *bare.arms}
+    return replace(
+        bare,
+        allowed=frozenset(both for both in scene.allowed if both <= names),
+        pair_padding={both: distance for both, distance in scene.pair_padding.items() if both <= names},
+    )

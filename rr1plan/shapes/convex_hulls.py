@@ -17,6 +17,8 @@ Faces = NDArray[np.int32]
 _MOST_PRODUCTS = 20_000_000
 # Tolerance for vertices outside the plane of a face, as a share of the mesh's size.
 _FLAT_TOLERANCE = 1e-7
+# Tolerance for triangles below the hull of a mesh that counts as convex, as a share of its size.
+_CONVEX_TOLERANCE = 2e-3
 # Relative tolerance of volume and area for a mesh that is its own hull.
 _WHOLE = 1e-6
 # Coal stores the number of neighbors of a vertex in a byte.
@@ -78,11 +80,12 @@ def _zigzag(points: Array, corners: NDArray[np.int32], normal: Array) -> Faces:
     return np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
 
 
-def is_convex(mesh: Mesh, tolerance: float = 2e-3) -> bool:
-    """Whether every triangle of a mesh lies on the hull of the mesh, within `tolerance` times its size."""
+def is_convex(mesh: Mesh) -> bool:
+    """Whether every triangle of a mesh lies on the hull of the mesh, within two thousandths of its size."""
     centers = mesh.vertices[mesh.faces].mean(axis=1)
     return bool(
-        -distance_outside(mesh.vertices, centers).min() <= tolerance * float(np.ptp(mesh.vertices, axis=0).max())
+        -distance_outside(mesh.vertices, centers).min()
+        <= _CONVEX_TOLERANCE * float(np.ptp(mesh.vertices, axis=0).max())
     )
 
 

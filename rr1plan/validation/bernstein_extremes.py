@@ -47,11 +47,6 @@ class Extremes:
         """Time of the lowest value [s], shape (4, nq)."""
         return self.peaks[:, :, 3]
 
-    @property
-    def jump(self) -> Array:
-        """Largest jumps of position, velocity and acceleration at breaks, shape (3, nq)."""
-        return self.jumps[:, :, 0]
-
 
 def extremes(breaks: Array, coefficients: Array) -> Extremes:
     """Highest and lowest values of every column and its rates, and jumps between pieces.

@@ -11,11 +11,12 @@ from rr1plan.checks import Array
 from rr1plan.errors import InputError
 from rr1plan.report import Violation
 from rr1plan.robot import Robot
+from rr1plan.robot.robot import poses_at
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem, frame_link
 from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 from rr1plan.validation.limit_checks import Findings
-from rr1plan.validation.link_motion import LinkMotion, TimedColumns
+from rr1plan.validation.link_motion import TimedColumns
 from rr1plan.validation.moving_scene import MovingScene
 
 # Tolerance for equal joint values [rad or m]; goal tolerances are extended by it.
@@ -69,12 +70,8 @@ def _pose_of(scene: Scene, arm: str, q: list[float]) -> Callable[[str], Array]:
     """T_world_link as a function of the link's name, for an arm in a configuration (nq,)."""
 
     def pose(link: str) -> Array:
-        names = scene.joint_names((arm,))
-        configuration = np.array([q])
-        motion = LinkMotion({arm: scene.arms[arm]}, names)
-        frames, i = motion.frames(configuration), motion.links[f"{arm}/{link}"]
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = frames.rotation[0, i], frames.origin[0, i]
+        placed = scene.arms[arm]
+        T: Array = placed.base @ poses_at(placed.robot, placed.robot.joint_values(np.array(q)))[link]
         return T
 
     return pose

@@ -62,7 +62,7 @@ def test_no_map_promises_more_than_coal_measures(robot, request, own_cache):
         near = np.diff(np.diff(sums.astype(np.int64), axis=0), axis=1)
         for q in rng.uniform(checker.limits.lower, checker.limits.upper, (40, checker.nq)):
             cell = int((q[x] - low_x) * per_x), int((q[y] - low_y) * per_y) if width > 1 else 0
-            gap = checker.solid_distance(q, number)
+            gap = checker.solid_distances(q, [number])[0]
             seen += 1
             if not near[cell]:
                 free += 1

@@ -68,7 +68,7 @@ def test_what_is_told_apart_is_apart_and_what_touches_touches(odd, name):
         q = rng.uniform(-2.0, 2.0, checker.nq)
         separation.place(q, q, 0.0)
         for candidate in separation.candidates():
-            distance = checker.solid_distance(q, candidate[3])
+            distance = checker.solid_distances(q, [candidate[3]])[0]
             for padding in (0.0, max(distance - 0.002, 0.0), max(distance, 0.0) + 0.002):
                 left, touching = separation.ask(candidate, padding, 0.0)
                 assert touching in (0, ALL)
@@ -100,5 +100,5 @@ def test_an_interval_that_is_told_apart_is_apart_everywhere(odd):
                 continue
             proven += 1
             for t in np.linspace(0.0, 1.0, 9):
-                assert checker.solid_distance(q0 + t * (q1 - q0), candidate[3]) > 0.0
+                assert checker.solid_distances(q0 + t * (q1 - q0), [candidate[3]])[0] > 0.0
     assert proven > 100

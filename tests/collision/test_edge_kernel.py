@@ -108,11 +108,11 @@ def test_verdicts_are_those_of_the_exact_kernel_and_contacts_are_coals(worlds, n
         status, fraction, pair = kernel.certify_edge(q0, q1)
         assert (status == FREE) == motion.edge_is_free_slowly(q0, q1)
         parabola = kernel.certify_parabola(curve, duration)
-        assert (parabola[0] == FREE) == motion.polynomial_is_free_slowly(curve, duration)
+        assert (parabola[0] == FREE) == (motion.first_contact_on(curve, duration) is None)
         free += status == FREE
         if status == CONTACT:
             contacts += 1
-            distance = checker.solid_distance(q0 + fraction * (q1 - q0), pair)
+            distance = checker.solid_distances(q0 + fraction * (q1 - q0), [pair])[0]
             assert distance <= checker.solid_padding[pair] + 1e-6
     assert 20 < free < 290
     assert contacts > 5
@@ -132,7 +132,7 @@ def test_the_exact_kernel_is_right_about_curves_of_any_degree(worlds, name):
             found[status] += 1
             if status == CONTACT:
                 q = where ** np.arange(terms) @ curve
-                assert checker.solid_distance(q, pair) <= checker.solid_padding[pair] + 1e-6
+                assert checker.solid_distances(q, [pair])[0] <= checker.solid_padding[pair] + 1e-6
             else:
                 samples = np.power.outer(np.linspace(0.0, 1.3, 15), np.arange(terms)) @ curve
                 assert all(checker.is_free_slowly(q) for q in samples)
@@ -251,7 +251,7 @@ def test_bodies_of_a_planar_arm_are_no_contact_for_lack_of_a_volume():
     motion = checker
     kernel, free = kernel_of(checker), 0
     for q0, q1, curve, duration in questions(checker.nq, 3.0, 300, 38):
-        answer = motion.polynomial_is_free_slowly(curve, duration)
+        answer = motion.first_contact_on(curve, duration) is None
         free += answer
         assert (kernel.certify_parabola(curve, duration)[0] == FREE) == answer
         assert (kernel.certify_edge(q0, q1)[0] == FREE) == motion.edge_is_free_slowly(q0, q1)

@@ -240,8 +240,6 @@ LOCKED: dict[str, Question] = {
     "nearest": lambda c: c.nearest(_Q),
     "path_is_free": lambda c: c.path_is_free([_Q, _Q]),
     "polynomial_is_free": lambda c: c.polynomial_is_free(_CURVE, 1.0),
-    "polynomial_is_free_slowly": lambda c: c.polynomial_is_free_slowly(_CURVE, 1.0),
-    "solid_distance": lambda c: c.solid_distance(_Q, 0),
     "solid_distances": lambda c: c.solid_distances(_Q),
     "solid_points": lambda c: c.solid_points(_Q, 0),
     "static_contacts": lambda c: c.static_contacts,

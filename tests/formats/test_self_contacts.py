@@ -11,7 +11,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.robot import Robot, self_contacts
-from rr1plan.robot.link_contacts import LinkBodies, coal_shape
+from rr1plan.robot.link_contacts import LinkBodies, coal_solid
 
 
 def touching_plainly(robot: Robot, q: np.ndarray) -> set[frozenset[str]]:
@@ -22,7 +22,7 @@ def touching_plainly(robot: Robot, q: np.ndarray) -> set[frozenset[str]]:
             for b in other.collisions:
                 at, bt = (poses[link.name] @ g.pose for link, g in ((one, a), (other, b)))
                 placed = [coal.Transform3s(T[:3, :3], T[:3, 3]) for T in (at, bt)]
-                shapes = coal_shape(a.shape), coal_shape(b.shape)
+                shapes = coal_solid(a.shape), coal_solid(b.shape)
                 result = coal.CollisionResult()
                 if coal.collide(shapes[0], placed[0], shapes[1], placed[1], coal.CollisionRequest(), result):
                     found.add(frozenset((one.name, other.name)))

@@ -116,7 +116,7 @@ def test_a_region_goal_ends_inside_the_region(rr1):
 def test_of_a_set_of_goals_the_bad_ones_are_left_out(rr1):
     beyond = FREE.copy()
     beyond[1] = 2.0
-    goals = goals_of(Problem(alone(rr1), "home", [beyond, FREE, PoseGoal("tool", [9.0, 0.0, 0.0])]), attempts=5)
+    goals = goals_of(Problem(alone(rr1), "home", [beyond, FREE, PoseGoal("tool", [9.0, 0.0, 0.0])]))
     np.testing.assert_array_equal(goals.configurations, [FREE])
 
 
@@ -196,7 +196,7 @@ def test_goals_at_which_the_arms_touch_each_other_are_refused(planar2r):
 def test_many_arms_with_many_goals_are_combined_in_bounded_time(planar2r):
     arms = {f"a{i}": Arm(planar2r, [4.0 * i, 0.0, 0.0]) for i in range(12)}
     goal = {name: PoseGoal("tool", arm.base[:3, 3] + [1.0, 0.5, 0.0]) for name, arm in arms.items()}
-    goals = goals_of(Problem(Scene(arms), None, goal), attempts=10, max_composites=6)
+    goals = goals_of(Problem(Scene(arms), None, goal), max_composites=6)
     assert goals.configurations.shape == (6, 24)
     assert len(np.unique(goals.configurations.round(6), axis=0)) == 6
 
@@ -240,7 +240,7 @@ def test_goals_that_collide_with_each_other_are_followed_by_others(planar2r):
     motion = CollisionChecker(scene)
     search = GoalSearch(problem, motion, 0, max_per_goal=1)
     # The first configurations of both, each free by itself, touch each other.
-    first = [finder for finder in search._finders if finder.add(problem.goal[finder.arm][0], 1, 100) is None]
+    first = [finder for finder in search._finders if finder.add(problem.goal[finder.arm][0], 1) is None]
     assert not motion.is_free(np.concatenate([finder.found[0] for finder in first]))
     goals = GoalSearch(problem, motion, 0, max_per_goal=1).find()
     assert goals.status is None
@@ -265,11 +265,10 @@ def test_a_start_in_collision_names_the_pair_and_the_depth(rr1):
     assert re.search("'arm/hand_link' and 'ball' overlap by [0-9.]+ mm", reason)
 
 
-@pytest.mark.parametrize("settings", [{"max_per_goal": 0}, {"attempts": 0}])
-def test_settings_that_make_no_sense_are_told(rr1, settings):
+def test_settings_that_make_no_sense_are_told(rr1):
     problem = Problem(alone(rr1), "home", PoseGoal("tool", [-0.3, 0.0, 0.3]))
     with pytest.raises(rp.InputError, match="expected at least one"):
-        goals_of(problem, **settings)
+        goals_of(problem, max_per_goal=0)
 
 
 @pytest.mark.parametrize("name", ["rr1_cage", "planar2r_path"])

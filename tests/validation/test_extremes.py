@@ -67,7 +67,7 @@ def test_jumps_and_ends_are_those_of_the_pieces(seed: int) -> None:
             assert found.end[order, j] == pytest.approx(after[-1], rel=1e-10, abs=1e-8)
             jumps = [abs(float(p(0.0)) - end) for p, end in zip(rates[1:], after[:-1], strict=True)]
             if order < ORDERS - 1 and max(jumps, default=0.0) > 1e-6:
-                assert found.jump[order, j] == pytest.approx(max(jumps), rel=1e-9, abs=1e-8)
+                assert found.jumps[order, j, 0] == pytest.approx(max(jumps), rel=1e-9, abs=1e-8)
                 assert found.jumps[order, j, 1] == breaks[1 + int(np.argmax(jumps))]
 
 

@@ -1,4 +1,4 @@
-"""The referee's kinematics against the plain kinematics of the robot."""
+"""What drives each joint, and the kinematics of the slow certificate against the plain kinematics of the robot."""
 
 from __future__ import annotations
 

@@ -16,8 +16,9 @@ from rr1plan.checks import Array
 from rr1plan.collision.convex.mesh_trees import orientations_of
 from rr1plan.errors import BackendError, InputError
 from rr1plan.progress import ProgressCallback
+from rr1plan.robot.link_contacts import coal_solid
 from rr1plan.scene import Scene
-from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from rr1plan.shapes import HalfSpace, Mesh, PointCloud, Shape
 from rr1plan.shapes.convex_decomposition import convex_pieces
 from rr1plan.shapes.convex_hulls import convex_hull, is_own_hull
 
@@ -137,14 +138,6 @@ def coal_geometry(shape: Shape) -> coal.CollisionGeometry:
 
 def _coal_geometry(shape: Shape) -> coal.CollisionGeometry:
     match shape:
-        case Box(size):
-            return coal.Box(*size)
-        case Sphere(radius):
-            return coal.Sphere(radius)
-        case Cylinder(radius, length):
-            return coal.Cylinder(radius, length)
-        case Capsule(radius, length):
-            return coal.Capsule(radius, length)
         case HalfSpace(normal, offset):
             return coal.Halfspace(np.array(normal), offset)
         case PointCloud():
@@ -152,16 +145,7 @@ def _coal_geometry(shape: Shape) -> coal.CollisionGeometry:
             # Centers of cells, not the points: a point on a face between two cells could be assigned to either.
             return coal.makeOctree(occupied_cells(shape), shape.resolution)
         case _:
-            return _convex(shape) if shape.convex else surface_of(shape)
-
-
-def _convex(mesh: Mesh) -> coal.CollisionGeometry:
-    vertices, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    for vertex in mesh.vertices:
-        vertices.append(vertex)
-    for a, b, c in mesh.faces:
-        triangles.append(coal.Triangle(int(a), int(b), int(c)))
-    return coal.Convex(vertices, triangles)
+            return surface_of(shape) if is_concave(shape) else coal_solid(shape)
 
 
 # ---- concave meshes ------------------------------------------------------------------------------------
