@@ -40,6 +40,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import BackendError, InputError
 from rr1plan.motion_plan import MotionPlan
+from rr1plan.multi.in_parallel import processors
 from rr1plan.pipeline import MANY_ARMS_PLANNERS, check_many_arms_retiming
 from rr1plan.planners import chosen_planner, is_own
 from rr1plan.planning import Budget, Planner, PlanResult, Progress, ProgressCallback
@@ -176,7 +177,7 @@ def plan_many(
     true_or_false("full", full)
     checked = _checked(problems, executor, workers)
     tasks = [Task(i, p, s) for i, (p, s) in enumerate(zip(checked, problem_seeds(rng, len(checked)), strict=True))]
-    chunks = _chunks(tasks, workers or _processors())
+    chunks = _chunks(tasks, workers or processors())
     board = _Board(checked, progress)
     if not chunks:
         return []
@@ -186,7 +187,7 @@ def plan_many(
         for task in [*lost, *chain.from_iterable(left)] if lost else []:
             board.note(task.number, Raised("BrokenExecutor", "the executor broke before this problem was done"))
         return board.results()
-    _work_in_processes(chunks, settings, board, min(workers or _processors(), len(chunks)))
+    _work_in_processes(chunks, settings, board, min(workers or processors(), len(chunks)))
     return board.results()
 
 
@@ -230,11 +231,6 @@ def _checked(problems: Iterable[Problem], executor: object, workers: int | None)
     if workers is not None:
         whole_number("workers", workers, 1, _MOST_WORKERS)
     return checked
-
-
-def _processors() -> int:
-    """Number of processors available to this process."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _chunks(tasks: Sequence[Task], workers: int) -> list[list[Task]]:

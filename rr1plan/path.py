@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -51,6 +51,11 @@ def check_joint_names(joint_names: Any, *, empty: bool = True) -> tuple[str, ...
     return names
 
 
+def arms_of(joint_names: Iterable[str]) -> tuple[str, ...]:
+    """Names of the arms of columns "arm/joint", in the order of the columns."""
+    return tuple(dict.fromkeys(name.split("/", 1)[0] for name in joint_names))
+
+
 @dataclass(frozen=True, eq=False)
 class Path(Value):
     """Waypoints joined by straight lines in joint space.
@@ -89,6 +94,11 @@ class Path(Value):
         path = object.__new__(cls)
         path.__dict__.update(joint_names=joint_names, waypoints=read_only(waypoints))
         return path
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Names of the arms, in the order of their columns."""
+        return arms_of(self.joint_names)
 
     def __len__(self) -> int:
         return len(self.waypoints)

@@ -29,7 +29,7 @@ from rr1plan.checks import (
 )
 from rr1plan.errors import InputError
 from rr1plan.notebook_view import NotebookView
-from rr1plan.path import MOST_SAMPLES, check_joint_names
+from rr1plan.path import MOST_SAMPLES, arms_of, check_joint_names
 
 _MOST_DERIVATIVE = 100
 
@@ -228,7 +228,7 @@ class Trajectory(Value, NotebookView):
     @property
     def arms(self) -> tuple[str, ...]:
         """Names of the arms, in the order of their columns."""
-        return tuple(dict.fromkeys(name.split("/", 1)[0] for name in self.joint_names))
+        return arms_of(self.joint_names)
 
     @property
     def degree(self) -> int:

@@ -74,3 +74,8 @@ def test_what_is_no_path_is_refused(names: tuple[str, ...], waypoints: object, m
 def test_a_step_that_is_not_above_zero_is_refused(step: float) -> None:
     with pytest.raises(InputError, match="step"):
         Path(NAMES, [[0, 0]]).sample(step)
+
+
+def test_arms_are_those_of_the_columns_in_order() -> None:
+    path = Path(("b/x", "b/y", "a/x"), [[0.0, 0.0, 0.0]])
+    assert path.arms == ("b", "a")

@@ -66,7 +66,7 @@ def shorten(
     of_kind("scene", scene, Scene)
     of_kind("checker", checker, CollisionChecker, optional=True)
     if checker is None:
-        checker = CollisionChecker(scene, tuple(dict.fromkeys(name.split("/", 1)[0] for name in path.joint_names)))
+        checker = CollisionChecker(scene, path.arms)
     if path.joint_names != checker.joint_names:
         raise InputError(
             f"the path has joints {', '.join(path.joint_names)}, "

@@ -128,7 +128,7 @@ def retiming_table() -> Mapping[str, str]:
 
 
 def _arms(path: Path, scene: Scene) -> tuple[str, ...]:
-    arms = scene.arm_names(tuple(dict.fromkeys(name.split("/", 1)[0] for name in path.joint_names)))
+    arms = scene.arm_names(path.arms)
     expected = scene.joint_names(arms)
     if path.joint_names != expected:
         raise InputError(f"the path's joints are {path.joint_names}, expected those of the arms in order: {expected}")

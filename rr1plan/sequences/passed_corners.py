@@ -68,9 +68,7 @@ def _timed_together(run: Sequence[PlannedSegment]) -> list[PlannedSegment]:
     points = [motion.path.waypoints for motion in motions]
     path = Path(motions[0].path.joint_names, np.concatenate([points[0], *(part[1:] for part in points[1:])]))
     margin = min(motion.margin for motion in motions)
-    with checker_from_pool(
-        scene, tuple(dict.fromkeys(n.split("/", 1)[0] for n in path.joint_names)), margin
-    ) as checker:
+    with checker_from_pool(scene, path.arms, margin) as checker:
         trajectory = retime(path, scene, checker=checker)
     lengths = np.array([float(np.linalg.norm(np.diff(part, axis=0), axis=1).sum()) for part in points])
     shares = lengths.cumsum() / lengths.sum()

@@ -88,9 +88,7 @@ def _on_one_clock(
         scene: The same scene with all moving joints as planning joints.
         steps: The planned segments.
     """
-    moving = {
-        name.split("/", 1)[0] for step in steps if step.trajectory is not None for name in step.trajectory.joint_names
-    }
+    moving = {arm for step in steps if step.trajectory is not None for arm in step.trajectory.arms}
     names = scene.joint_names([arm for arm in scene.arms if arm in moving]) if moving else ()
     q: Array = scene.configuration([arm for arm in scene.arms if arm in moving]) if moving else np.zeros(0)
     breaks, pieces, stages, clock = [0.0], [], [], 0.0

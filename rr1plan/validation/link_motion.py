@@ -23,11 +23,6 @@ class TimedColumns:
     breaks: Array
     coefficients: Array
 
-    @property
-    def arms(self) -> tuple[str, ...]:
-        """Names of the arms that have columns here, in order."""
-        return tuple(dict.fromkeys(name.split("/", 1)[0] for name in self.joint_names))
-
 
 @dataclass(frozen=True)
 class Drive:

@@ -10,6 +10,7 @@ from itertools import accumulate
 import numpy as np
 
 from rr1plan.errors import InputError
+from rr1plan.path import arms_of
 from rr1plan.scene import Scene
 from rr1plan.validation.limit_checks import columns_of
 from rr1plan.validation.referee_scene import RefereeScene, referee_scene
@@ -36,7 +37,7 @@ class MovingScene:
 
     def __init__(self, tables: RefereeScene, joint_names: tuple[str, ...]) -> None:
         self.tables, scene = tables, tables.scene
-        moving = list(dict.fromkeys(name.split("/", 1)[0] for name in joint_names))
+        moving = arms_of(joint_names)
         places = {name: i for i, name in enumerate(joint_names)}
         self.columns_of_arm = {
             name: [places[f"{name}/{joint}"] for joint in scene.arms[name].robot.joint_names] for name in moving
