@@ -222,7 +222,7 @@ class Query:
             seed: Seed of the shortcuts.
         """
         path, checked = Path.trusted(self.motion.joint_names, waypoints), self.motion.edges_checked
-        seconds = max(self.seconds_left, 1e-6)
+        seconds = max(self.budget.seconds - self.seconds, 1e-6)
         path = shorten(path, self.problem.scene, checker=self.motion, iterations=iterations, seconds=seconds, rng=seed)
         self.edges += self.motion.edges_checked - checked
         return path
@@ -231,11 +231,6 @@ class Query:
     def seconds(self) -> float:
         """Wall time so far [s]."""
         return time.perf_counter() - self.began
-
-    @property
-    def seconds_left(self) -> float:
-        """Wall time left of the budget [s], negative after its end."""
-        return self.budget.seconds - self.seconds
 
     def goes_on(self) -> bool:
         """Whether iterations are left and `in_time()`."""

@@ -10,7 +10,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rr1plan.checks import (
     Array,
@@ -21,7 +20,6 @@ from rr1plan.checks import (
     known_name,
     number_from_zero,
     of_kind,
-    read_only,
     shown,
 )
 from rr1plan.errors import InputError
@@ -274,17 +272,7 @@ class SceneContent(Value, NotebookView):
     def checked_pairs(self) -> tuple[tuple[str, str], ...]:
         """All pairs of elements that must not touch, in a fixed order (never two obstacles)."""
         names = self.element_names
-        return tuple((names[i], names[j]) for i, j in self.checked_index.tolist())
-
-    @cached_property
-    def checked_index(self) -> NDArray[np.int64]:
-        """Indices in `element_names` of the `checked_pairs`, shape (m, 2)."""
-        return self.contact_rules.checked
-
-    @cached_property
-    def checked_padding(self) -> Array:
-        """Distance to keep between each of the `checked_pairs` [m], shape (m,)."""
-        return read_only(self.contact_rules.paddings(self.padding, self.pair_padding))
+        return tuple((names[i], names[j]) for i, j in self.contact_rules.checked.tolist())
 
     @cached_property
     def contact_rules(self) -> ContactRules:

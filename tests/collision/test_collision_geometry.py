@@ -175,7 +175,7 @@ def test_scenes_whose_obstacles_have_other_rules_have_other_pairs(odd):
     scene = furnished(Scene().with_arm("a", odd))
     first = CollisionChecker(scene).geometry.pairs
     for other in (scene.allow("a", "two"), scene.without_obstacle("two"), scene.with_obstacle("two", HULL)):
-        same = len(other.checked_index) == len(scene.checked_index)
+        same = len(other.checked_pairs) == len(scene.checked_pairs)
         assert (CollisionChecker(other).geometry.pairs is first) == same
     ground = scene.with_obstacle("two", HalfSpace((0, 0, 1), -0.5))
     assert CollisionChecker(ground).geometry.pairs is not first
@@ -214,7 +214,7 @@ def test_clearance_is_coals_least_distance_beyond_the_padding(name):
     checker, rng = CollisionChecker(scene), np.random.default_rng(3)
     apart = 0
     for q in rng.uniform(-1.5, 1.5, (60, checker.nq)):
-        expected = float((checker.distances(q) - scene.checked_padding).min())
+        expected = float((checker.distances(q) - checker.padding).min())
         found = checker.clearance(q)
         if expected > -0.01 + 1e-6:
             apart += 1
