@@ -84,7 +84,7 @@ def _plan(parser: Parser) -> None:
         help="distance to keep beyond the scene's padding [m], reduced where start or goal are closer (default: 0.002)",
     )
     parser.add_argument("--torque-limits", action="store_true", help="also keep the joints' effort limits")
-    parser.add_argument("--seconds", type=_positive, default=10.0, help="budget of wall time (%(default)s)")
+    parser.add_argument("--seconds", type=_positive, default=10.0, help="budget of wall time [s] (%(default)s)")
     parser.add_argument("--iterations", type=_count, help="budget of iterations, for plans that repeat to the byte")
     parser.add_argument("--seed", type=_seed, default=0, help="seed of the planner (%(default)s)")
     parser.add_argument("--limits", help="limit preset of every arm, e.g. sim or hardware")
@@ -136,8 +136,8 @@ def _query(parser: Parser) -> None:
     group = parser.add_argument_group("the query (default: the scene's first)")
     group.add_argument("--query", help="a query of the scene, by name")
     group.add_argument("--arm", help="the arm that --goal or --position is for (default: the only one)")
-    group.add_argument("--start", nargs="+", metavar="Q", help="a configuration's name, or its numbers [rad]")
-    group.add_argument("--goal", nargs="+", metavar="Q", help="a configuration's name, or its numbers [rad]")
+    group.add_argument("--start", nargs="+", metavar="Q", help="a configuration's name, or its numbers [rad or m]")
+    group.add_argument("--goal", nargs="+", metavar="Q", help="a configuration's name, or its numbers [rad or m]")
     group.add_argument("--position", nargs=3, type=_finite, metavar=("X", "Y", "Z"), help="goal of the frame [m]")
     group.add_argument("--quaternion", nargs=4, type=_finite, metavar=("W", "X", "Y", "Z"), help="its orientation")
     group.add_argument("--frame", help="the frame that --position is for (tool)")
@@ -164,7 +164,12 @@ def _play(parser: Parser) -> None:
     parser.add_argument("motion", metavar="MOTION", help=_MOTION)
     parser.add_argument("--scene", help="the scene to replay it in (default: the one that the file holds)")
     _topic(parser)
-    parser.add_argument("--mode", choices=("dynamic", "kinematic"), default="dynamic", help="(%(default)s)")
+    parser.add_argument(
+        "--mode",
+        choices=("dynamic", "kinematic"),
+        default="dynamic",
+        help="dynamic: servos drive the joints; kinematic: the joints have their planned positions (%(default)s)",
+    )
     parser.add_argument("--timestep", type=_positive, default=0.002, help="step of the simulator [s] (%(default)s)")
     parser.add_argument(
         "--html",
@@ -289,12 +294,12 @@ def _cspace(parser: Parser) -> None:
         "--at",
         nargs="+",
         metavar="Q",
-        help="where the other joints are: a configuration's name, or its numbers [rad] (default: as in the scene)",
+        help="positions of the other joints: a configuration's name, or its numbers [rad or m] (default: the scene's)",
     )
     parser.add_argument("--resolution", type=_count, default=360, help="cells along each axis, 8 to 2000 (%(default)s)")
     parser.add_argument("--planner", default="rrt_connect", help="planner of the path and tree drawn (%(default)s)")
     parser.add_argument(
-        "--seconds", type=_positive, default=5.0, help="the planner's budget of wall time (%(default)s)"
+        "--seconds", type=_positive, default=5.0, help="the planner's budget of wall time [s] (%(default)s)"
     )
     parser.add_argument("--seed", type=_seed, default=0, help="seed of the planner (%(default)s)")
     parser.add_argument(
@@ -413,7 +418,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     ),
     "send": (
         "send.send",
-        "send a saved motion to RR1's control box; a dry run where no port is named",
+        "send a saved motion to RR1's control box, or without a port to an emulated one (a dry run)",
         (
             "rr1plan send motion.json --calibration arm.toml",
             "rr1plan send motion.json --calibration arm.toml --port /dev/ttyACM0",
@@ -444,7 +449,7 @@ _COMMANDS: dict[str, tuple[str, str, tuple[str, ...], Callable[[Parser], None]]]
     ),
     "cspace": (
         "cspace_command.cspace",
-        "draw the configuration space of two joints, and prove or answer a query in it",
+        "draw the configuration space of two joints, and plan a query in it or prove that no path exists",
         (
             "rr1plan cspace planar2r_path",
             "rr1plan cspace planar2r_no_path --svg figure.svg --html page.html",
