@@ -32,6 +32,9 @@ class Roadmap(Planner):
     RRT-Connect does, and its path is added to the roadmap. Results therefore depend on earlier queries; the
     same queries in the same order have the same results. An iteration of a budget is a sample of RRT-Connect.
 
+    Problems with a margin, such as those of `plan_motion`, have a roadmap of as many samples whose edges keep it; the
+    first query with a margin builds it.
+
     Several threads may call `plan`; their queries are processed one at a time.
 
     Args:
@@ -49,7 +52,7 @@ class Roadmap(Planner):
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None, *, samples: int = _SAMPLES) -> None:
         of_kind("scene", scene, Scene)
         self.scene, self.arms = scene, scene.arm_names(arms)
-        self._graph = Graph(scene, self.arms)
+        self._graphs = {0.0: Graph(scene, self.arms)}  # by margin [m]
         self._lock = threading.Lock()
         self.grow(samples)
 
@@ -57,14 +60,14 @@ class Roadmap(Planner):
         return f"Roadmap({self.scene.name!r}, arms={list(self.arms)}, {len(self)} vertices)"
 
     def __len__(self) -> int:
-        """Number of vertices."""
-        return self._graph.size
+        """Number of vertices, of the roadmap without a margin."""
+        return self._graphs[0.0].size
 
     @property
     def graph(self) -> SearchTree:
-        """Vertices and the edges that are not known to be blocked."""
+        """Vertices and the edges that are not known to be blocked, of the roadmap without a margin."""
         with self._lock:
-            return self._graph.picture()
+            return self._graphs[0.0].picture()
 
     def grow(self, samples: int) -> None:
         """Draw more samples.
@@ -77,7 +80,8 @@ class Roadmap(Planner):
         """
         samples = checked_samples(samples)
         with self._lock, checker_from_pool(self.scene, self.arms) as motion:
-            self._graph.sample(self._graph.samples + samples, motion, lambda: True)
+            graph = self._graphs[0.0]
+            graph.sample(graph.samples + samples, motion, lambda: True)
 
     def plan(
         self,
@@ -96,24 +100,25 @@ class Roadmap(Planner):
             progress: Called about ten times a second; it may return False to cancel.
 
         Raises:
-            InputError: a problem in another scene, for other arms or with a margin.
+            InputError: a problem in another scene or for other arms.
         """
         check_plan_arguments(problem, budget, progress)
         self._check_fits(problem)
         with self._lock, Query(_NAME, problem, budget, rng, progress, self.scene) as query:
             refused = query.early_exit()
-            return _solve(query, self._graph, learn=True) if refused is None else refused
+            if refused is not None:
+                return refused
+            if problem.margin not in self._graphs:
+                self._graphs[problem.margin] = Graph(self.scene, self.arms)
+            graph = self._graphs[problem.margin]
+            graph.sample(self._graphs[0.0].samples, query.motion, query.in_time)
+            return _solve(query, graph, learn=True)
 
     def _check_fits(self, problem: Problem) -> None:
         if problem.arms != self.arms:
             raise InputError(
                 f"the problem moves {', '.join(problem.arms)}, but the roadmap is for {', '.join(self.arms)}; "
                 "build one for these arms"
-            )
-        if problem.margin != 0.0:
-            raise InputError(
-                f"the problem keeps a margin of {problem.margin:g} m, but the roadmap was built without; "
-                "build one for the scene with that margin (Scene.with_margin) and plan without"
             )
         if problem.scene is self.scene:
             return

@@ -159,12 +159,23 @@ def test_a_question_for_another_scene_or_other_arms_is_refused(shelf, seam):
         roadmap.plan(rp.Problem(stone, shelf.start, shelf.goal))
     with pytest.raises(UnknownNameError, match="nobody"):
         Roadmap(shelf.scene, ["nobody"])
-    # Its edges are proven without a margin.
-    with pytest.raises(InputError, match="keeps a margin"):
-        roadmap.plan(shelf.with_margin(0.01))
     # The configuration of the arm is not part of the roadmap.
     moved = shelf.scene.with_configuration(shelf.arms[0], shelf.start + 0.01)
     assert roadmap.plan(rp.Problem(moved, shelf.start, shelf.goal), budget=COUNTED, rng=0).status is PlanStatus.FOUND
+
+
+def test_a_problem_with_a_margin_gets_edges_that_keep_it(shelf):
+    roadmap = Roadmap(shelf.scene, samples=300)
+    motion = rp.plan_motion(shelf, planner=roadmap, rng=0)
+    assert motion.valid
+    assert motion.margin > 0.0
+    before, tight = len(roadmap), shelf.with_margin(motion.margin)
+    checker = CollisionChecker(shelf.scene, shelf.arms, margin=motion.margin)
+    assert checker.path_is_free(roadmap.plan(tight, budget=COUNTED, rng=0).path)
+    # What queries with a margin learn is not part of the roadmap without.
+    assert len(roadmap) == before
+    roadmap.grow(50)
+    assert roadmap.plan(tight, budget=COUNTED, rng=0).found
 
 
 def test_a_blocked_start_or_goal_is_reported_by_name(seam):

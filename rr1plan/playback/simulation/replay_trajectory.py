@@ -57,7 +57,7 @@ def simulate(
     Args:
         trajectory: The motion; arms without columns hold their configuration in the scene.
         scene: The scene it was planned in.
-        mode: "dynamic" or "kinematic".
+        mode: "dynamic": servos drive the joints; "kinematic": the joints have their planned positions.
         dt: Time of a step [s].
         record_dt: Time between recorded positions [s].
         stiffness: Natural frequency of the joint servos [rad/s] (default: 160, or 0.8 / dt if that is lower, because
