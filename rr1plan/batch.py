@@ -211,6 +211,8 @@ def _sent_planner(planner: str | Planner | None, executor: Executor | None) -> s
     if executor is None:
         try:
             pickle.dumps(chosen)
+        except InputError:
+            raise
         except Exception as error:
             raise InputError(
                 f"planner {chosen.name!r} cannot be sent to other processes: {error}; "

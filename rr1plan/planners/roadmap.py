@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from typing import NoReturn
 
 from rr1plan.checks import Seed, of_kind, whole_number
 from rr1plan.collision.checker_pool import checker_from_pool
@@ -58,6 +59,17 @@ class Roadmap(Planner):
 
     def __repr__(self) -> str:
         return f"Roadmap({self.scene.name!r}, arms={list(self.arms)}, {len(self)} vertices)"
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to pickle or copy: the roadmap would not learn from the queries to its copy.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(
+            "a Roadmap cannot be pickled or copied, because it learns from its queries; use a RoadmapPlanner, which "
+            "keeps a roadmap with each scene"
+        )
 
     def __len__(self) -> int:
         """Number of vertices, of the roadmap without a margin."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import heapq
+import pickle
 
 import numpy as np
 import pytest
@@ -176,6 +178,13 @@ def test_a_problem_with_a_margin_gets_edges_that_keep_it(shelf):
     assert len(roadmap) == before
     roadmap.grow(50)
     assert roadmap.plan(tight, budget=COUNTED, rng=0).found
+
+
+def test_a_copy_is_refused_with_the_planner_to_take_instead(seam):
+    roadmap = Roadmap(seam.scene, samples=1)
+    for use in (copy.copy, pickle.dumps, lambda one: rp.plan_many([seam], planner=one, workers=1)):
+        with pytest.raises(InputError, match="use a RoadmapPlanner"):
+            use(roadmap)
 
 
 def test_a_blocked_start_or_goal_is_reported_by_name(seam):
