@@ -15,6 +15,7 @@ from rr1plan.path import Path
 from rr1plan.planning import PlanResult, PlanStatus
 from rr1plan.report import Report
 from rr1plan.scene import Scene
+from rr1plan.scene.joint_units import length_unit
 from rr1plan.scene.problem import Problem
 from rr1plan.trajectory import Trajectory
 
@@ -137,7 +138,10 @@ class MotionPlan(NotebookView):
     def size(self) -> str:
         """Summary of path and trajectory: "57 waypoints, 2.31 rad long, 1.20 s in 112 quartic pieces"."""
         path, trajectory = self._path_if_any(), self._trajectory
-        parts = [] if path is None else [f"{counted(len(path), 'waypoint')}, {path.length:.2f} rad long"]
+        parts = []
+        if path is not None:
+            unit = length_unit(path.joint_names, self.scene)
+            parts.append(f"{counted(len(path), 'waypoint')}, {path.length:.2f} {unit} long")
         if trajectory is not None:
             kind = _DEGREES.get(trajectory.degree, f"degree-{trajectory.degree}")
             parts.append(f"{trajectory.duration:.3f} s in {counted(len(trajectory.coefficients), f'{kind} piece')}")

@@ -104,11 +104,13 @@ class Path(Value):
         return len(self.waypoints)
 
     def __repr__(self) -> str:
-        return f"Path({counted(len(self), 'waypoint')}, {self.length:.2f} rad, joints=[{', '.join(self.joint_names)}])"
+        return (
+            f"Path({counted(len(self), 'waypoint')}, length {self.length:.2f}, joints=[{', '.join(self.joint_names)}])"
+        )
 
     @cached_property
     def length(self) -> float:
-        """Euclidean length in joint space [rad]."""
+        """Euclidean length in joint space [rad, or m of prismatic joints]."""
         points = self.waypoints.tolist()
         return math.fsum(map(math.dist, points[1:], points))
 

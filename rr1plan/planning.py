@@ -135,7 +135,9 @@ class PlanResult:
 
     def __repr__(self) -> str:
         said = (
-            self.reason if self.path is None else f"{counted(len(self.path), 'waypoint')}, {self.path.length:.2f} rad"
+            self.reason
+            if self.path is None
+            else f"{counted(len(self.path), 'waypoint')}, length {self.path.length:.2f}"
         )
         return f"PlanResult({self.planner}, {self.status.value}: {said})"
 

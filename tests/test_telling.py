@@ -24,7 +24,15 @@ def test_every_value_of_the_line_shows_itself_in_a_line(motion: rp.MotionPlan) -
         assert "\n" not in repr(value)
     assert "certified" in repr(motion)
     assert repr(motion.problem) == "Problem('rr1_table', rr1: JointGoal)"
-    assert f"{motion.path.length:.2f} rad" in repr(motion.result)
+    assert f"length {motion.path.length:.2f}" in repr(motion.result)
+
+
+@pytest.mark.parametrize(("joints", "unit"), [("RR", "rad"), ("PP", "m"), ("RP", "rad and m")])
+def test_a_motion_says_its_length_in_the_unit_of_its_joints(joints: str, unit: str) -> None:
+    scene = rp.Scene().with_arm("arm", rp.planar_arm(joints))
+    home = scene.configuration()
+    motion = rp.plan_motion(rp.Problem(scene, home, home + 0.1), rng=0)
+    assert f"{motion.path.length:.2f} {unit} long" in str(motion)
 
 
 def test_every_public_value_shows_itself_in_a_line(motion: rp.MotionPlan) -> None:

@@ -13,6 +13,7 @@ from rr1plan.model.joint_space import Space, with_copies
 from rr1plan.planners.ompl_query import OmplQuery, OmplResult, Watch
 from rr1plan.planners.planning_query import STRAIGHT_LINES, Query
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback
+from rr1plan.scene.joint_units import length_unit
 from rr1plan.scene.problem import Problem
 
 
@@ -174,7 +175,9 @@ class _Search:
 
     def why(self, difference: float | None) -> str:
         """Why there is no path."""
-        near = "" if difference is None else f"; the nearest it came to a goal is {difference:.3g} rad"
+        problem = self.query.problem
+        unit = length_unit(problem.joint_names, problem.scene)
+        near = "" if difference is None else f"; the nearest it came to a goal is {difference:.3g} {unit}"
         done = "budget used up" if self.watch.over else "the planner gave up"
         used = f"{self.query.seconds:.3g} s and {counted(self.watch.checks, 'iteration')}"
         return f"no path found: {done} after {used}{near}"

@@ -20,3 +20,12 @@ def joint_units(joint_names: Iterable[str], scene: Scene) -> list[str]:
         for name in placed.robot.joint_names
     }
     return [known[known_name("joint", name, known)] for name in joint_names]
+
+
+def length_unit(joint_names: Iterable[str], scene: Scene) -> str:
+    """The unit of lengths in the space of some joints: "rad", "m", or "rad and m" if both kinds are among them.
+
+    Raises:
+        UnknownNameError: a joint the scene does not have.
+    """
+    return " and ".join(dict.fromkeys(joint_units(joint_names, scene)))

@@ -15,7 +15,7 @@ from rr1plan.robot import Geometry
 from rr1plan.scene import Scene
 from rr1plan.shapes import HalfSpace, Shape
 from slow_certificate.coal_distance import CoalDistance
-from slow_certificate.link_motion import LinkFrames
+from slow_certificate.link_frames import LinkFrames
 from slow_certificate.polynomial_bounds import Index
 from slow_certificate.scene_motion import SceneMotion
 from slow_certificate.solids import HALF_SPACE, Solid, solid, support

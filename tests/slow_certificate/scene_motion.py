@@ -9,7 +9,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.scene import Arm
-from slow_certificate.link_motion import LinkMotion
+from slow_certificate.link_frames import LinkMotion
 from slow_certificate.polynomial_bounds import Index, RangeTable, bernstein, evaluate
 
 
