@@ -43,11 +43,12 @@ class BlendConstants(NamedTuple):
     """Constants of rounded corners.
 
     Args:
-        largest: Largest distance from a corner to the beginning of its blend [rad].
+        largest: Largest distance from a corner to the beginning of its blend [rad or m].
         halvings: Number of halvings of a blend after which the motion stops at its corner.
         reversal: The motion stops at corners where the sum of both unit directions is shorter than this.
         smallest: Smallest blend, as a share of the length of the polyline.
-        duplicate: Waypoints closer than this to another one or to the line between their neighbors are dropped [rad].
+        duplicate: Waypoints closer than this to another one or to the line between their neighbors are dropped
+            [rad or m].
     """
 
     largest: float = 1.0

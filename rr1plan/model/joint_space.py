@@ -123,7 +123,7 @@ class Space:
 
     @cached_property
     def diagonal(self) -> float:
-        """Length of the space's diagonal [rad], with 2 pi for a continuous joint and a wide range."""
+        """Length of the space's diagonal [rad or m], with 2 pi for a continuous joint and a wide range."""
         # The longest edge follows from the diagonal; it must not grow with turns that hardly any path makes.
         extents = np.where(self.continuous | self.is_wide, TURN, self.extent)
         return float(np.sqrt(extents.dot(extents)))

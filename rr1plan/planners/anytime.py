@@ -37,7 +37,7 @@ class AnytimePlanner(Planner):
     iterations alone the same seed gives the same path. An iteration is a sample.
 
     Args:
-        range: Longest edge of a tree [rad]; 0: a share of the diagonal of the joint space.
+        range: Longest edge of a tree [rad or m]; 0: a share of the diagonal of the joint space.
 
     Raises:
         InputError: a negative range.

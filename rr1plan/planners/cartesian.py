@@ -27,7 +27,7 @@ from rr1plan.scene.problem import JointGoal, PoseGoal, Problem
 from rr1plan.transforms import quaternion_from_rotation
 
 _FIRST_STEP, _LARGEST_STEP, _SMALLEST_STEP = 0.1, 0.25, 1e-4  # parts of the line
-_LARGEST_EDGE = 0.5  # sum of joint changes [rad]
+_LARGEST_EDGE = 0.5  # sum of joint changes [rad or m]
 _WAYPOINT_SHARE = 0.01  # share of the tolerance for the error of a waypoint
 _REACHED = 1e-12  # squared error below which a descent has converged
 _EXACT = 1e-6  # tolerance of the check whether another configuration reaches a pose [m], [rad]

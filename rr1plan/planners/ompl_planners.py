@@ -56,7 +56,8 @@ class OmplPlanner(Planner):
     Args:
         name: A name of `planner_names()`, e.g. "ompl_rrt_connect".
         tree: Whether the result keeps what was explored.
-        settings: The planner's own settings by OMPL's names, e.g. {"range": 0.5, "goal_bias": 0.1}; lengths in [rad].
+        settings: The planner's own settings by OMPL's names, e.g. {"range": 0.5, "goal_bias": 0.1}; lengths in
+            rad (or m).
 
     Raises:
         UnknownNameError: no such planner or setting; the message lists them.

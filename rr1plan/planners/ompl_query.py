@@ -135,7 +135,7 @@ class OmplResult:
 
     Args:
         waypoints: The path from the start to a goal, shape (m, n), or None.
-        difference: Distance from the explored graph to a goal without a path [rad], if known.
+        difference: Distance from the explored graph to a goal without a path [rad or m], if known.
         tree: The explored graph, if requested.
     """
 

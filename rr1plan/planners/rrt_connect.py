@@ -19,7 +19,7 @@ class RrtConnect(Planner):
     Under a budget of iterations alone the same seed gives the same path. An iteration is a sample.
 
     Args:
-        range: Longest edge of a tree [rad]; 0: a share of the diagonal of the joint space.
+        range: Longest edge of a tree [rad or m]; 0: a share of the diagonal of the joint space.
         tree: Whether the result contains the explored trees.
 
     Raises:

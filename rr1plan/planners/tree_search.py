@@ -28,7 +28,7 @@ class TreeSearch:
 
     Args:
         query: The query; its start, goals and budget are used.
-        step: Longest edge of a tree [rad]; 0: a share of the diagonal of the joint space.
+        step: Longest edge of a tree [rad or m]; 0: a share of the diagonal of the joint space.
 
     Attributes:
         trees: Trees of the last search.
@@ -53,7 +53,7 @@ class TreeSearch:
         """Grow new trees until they are connected, or a limit or the budget is reached. Returns whether they are.
 
         Args:
-            bound: Longest path [rad] (inf: any).
+            bound: Longest path [rad or m] (inf: any).
             samples: Most samples.
         """
         query, trees = self.query, self.trees
@@ -129,9 +129,9 @@ class Trees:
         Args:
             lower: Lower corner of the sampling box, shape (nq,).
             extent: Side lengths of the box, infinite for joints that wrap, shape (nq,).
-            step: Longest edge of a tree [rad].
-            domain: Sampling radius around vertices with a blocked edge [rad].
-            bound: Longest path [rad] (inf: any).
+            step: Longest edge of a tree [rad or m].
+            domain: Sampling radius around vertices with a blocked edge [rad or m].
+            bound: Longest path [rad or m] (inf: any).
         """
         self._query.set(lower=lower, extent=extent, step=step, domain=domain, bound=bound)
         trees = self.memory.struct.value

@@ -14,7 +14,7 @@ def check_limits(joint_names: tuple[str, ...], waypoints: Array, limits: Limits,
 
     Args:
         joint_names: Name of each joint, length nq.
-        waypoints: Configurations [rad], shape (n, nq).
+        waypoints: Configurations [rad or m], shape (n, nq).
         limits: Limits of the same joints.
         jerk: Whether jerk limits are required.
 

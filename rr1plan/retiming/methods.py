@@ -71,7 +71,7 @@ def retime(
         torque_limits: Whether to satisfy the effort limits too, by inverse dynamics with the masses of held objects.
         velocity_scale: Share of the velocity limits to use, above 0, at most 1.
         acceleration_scale: Share of the acceleration limits to use, above 0, at most 1.
-        max_blend: Largest distance from a corner to the beginning of its blend [rad, Euclidean], >= 0; the
+        max_blend: Largest distance from a corner to the beginning of its blend [rad or m, Euclidean], >= 0; the
             deviation from the polyline is at most half of it.
 
     Returns:

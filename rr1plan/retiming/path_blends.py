@@ -24,7 +24,7 @@ from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.planning_constants import BLENDS
 
 DUPLICATE = BLENDS.duplicate
-"""Waypoints closer than this to another one or to the line between their neighbors are dropped [rad]."""
+"""Waypoints closer than this to another one or to the line between their neighbors are dropped [rad or m]."""
 
 HALVINGS = BLENDS.halvings
 """Number of halvings of a blend after which the motion stops at its corner."""
@@ -48,7 +48,7 @@ class Curve(Value):
     """A C1-continuous geometric curve: q = sum_k coefficients[i, k] s^k, 0 <= s <= lengths[i].
 
     Args:
-        lengths: Parameter range of each piece [rad], shape (m,).
+        lengths: Parameter range of each piece [rad or m], shape (m,).
         coefficients: Lowest power first, shape (m, 3, nq).
         corners: Indices of the waypoints at its two ends in the cleaned polyline.
     """
@@ -70,11 +70,11 @@ def clean(waypoints: Array) -> Array:
 
 
 def blend_sizes(points: Array, max_blend: float, checker: CurveChecker | None) -> Array:
-    """Blend size of each waypoint, the distance r before and behind it [rad], shape (m,); zero means a stop.
+    """Blend size of each waypoint, the distance r before and behind it [rad or m], shape (m,); zero means a stop.
 
     Args:
-        points: Cleaned waypoints [rad], shape (m, nq).
-        max_blend: Largest size [rad].
+        points: Cleaned waypoints [rad or m], shape (m, nq).
+        max_blend: Largest size [rad or m].
         checker: Certifies blends; None for a curve that needs no certificate.
     """
     sizes = np.empty(len(points))
@@ -110,7 +110,7 @@ def round_corners(points: Array, sizes: Array) -> tuple[Array, Array, NDArray[np
     """The pieces of a rounded polyline, alternating lines and parabolas; empty pieces are dropped.
 
     Args:
-        points: Cleaned waypoints [rad], shape (m, nq).
+        points: Cleaned waypoints [rad or m], shape (m, nq).
         sizes: See `blend_sizes`.
 
     Returns:

@@ -31,8 +31,8 @@ class Grid(NamedTuple):
 
     Args:
         piece: Index of the piece that contains each interval, shape (n,).
-        offset: Parameter s at the beginning of each interval on its piece [rad], shape (n,).
-        delta: Length of each interval [rad], shape (n,).
+        offset: Parameter s at the beginning of each interval on its piece [rad or m], shape (n,).
+        delta: Length of each interval [rad or m], shape (n,).
     """
 
     piece: NDArray[np.int64]
@@ -60,7 +60,7 @@ class Grid(NamedTuple):
 
 
 def make_grid(curve: Curve, limits: Limits, longest: Array) -> Grid:
-    """An adaptive grid, with intervals of at most `longest` (m,) [rad] on each piece."""
+    """An adaptive grid, with intervals of at most `longest` (m,) [rad or m] on each piece."""
     path, rates, longest = _curve_struct(curve), _limits_struct(limits), np.ascontiguousarray(longest)
     capacity = _PIECES
     while True:
@@ -108,8 +108,8 @@ def time_polyline(points: Array, sizes: Array, limits: Limits) -> Pieces:
     The motion stops at waypoints without a blend, and at those where a blend would be slower.
 
     Args:
-        points: Cleaned waypoints [rad], shape (m, nq), m >= 2.
-        sizes: Blend sizes, see `blend_sizes` [rad], shape (m,).
+        points: Cleaned waypoints [rad or m], shape (m, nq), m >= 2.
+        sizes: Blend sizes, see `blend_sizes` [rad or m], shape (m,).
         limits: Velocity and acceleration limits, finite for moving joints.
 
     Raises:

@@ -96,7 +96,7 @@ def _solve(delta: Array, rates: Array, place: str) -> tuple[Array, Array]:
     """Cubic pieces of n synchronized motions by delta (n,) from rest to rest.
 
     Args:
-        delta: Displacements [rad], not zero, shape (n,).
+        delta: Displacements [rad or m], not zero, shape (n,).
         rates: Limits of velocity, acceleration and jerk, shape (3, n).
         place: Location of the motion on the path, for the message.
 

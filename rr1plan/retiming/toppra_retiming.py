@@ -51,7 +51,7 @@ def time_curve_with_torque(curve: Curve, limits: Limits, inverse_dynamics: Inver
     Args:
         curve: The curve.
         limits: Velocity and acceleration limits, finite for moving joints; effort limits.
-        inverse_dynamics: Torques [Nm] of q, qd, qdd, each (n, nq).
+        inverse_dynamics: Torques [Nm or N] of q, qd, qdd, each (n, nq).
 
     Raises:
         RetimingError: TOPPRA finds no speed; the message names the waypoints.

@@ -31,7 +31,7 @@ _ROUNDS = 20
 def within_torque(
     pieces: Pieces, joint_names: tuple[str, ...], effort: Array, inverse_dynamics: InverseDynamics
 ) -> Pieces:
-    """The same motion, stretched until its torques are within `effort` (nq,) [Nm].
+    """The same motion, stretched until its torques are within `effort` (nq,) [Nm or N].
 
     Raises:
         RetimingError: the gravity torque of a joint exceeds its limit, or stretching does not converge.
@@ -50,9 +50,9 @@ def check_gravity(
     """Require gravity torques within the effort limits along a polyline.
 
     Args:
-        waypoints: The polyline [rad], shape (n, nq).
+        waypoints: The polyline [rad or m], shape (n, nq).
         joint_names: Name of each joint, for the message.
-        effort: Effort limits [Nm], shape (nq,).
+        effort: Effort limits [Nm or N], shape (nq,).
         inverse_dynamics: Torques of q, qd, qdd, each (n, nq).
 
     Raises:
@@ -80,7 +80,7 @@ def torque_stretch(
     Args:
         pieces: A motion.
         joint_names: Name of each joint, for the message.
-        effort: Effort limits [Nm], shape (nq,).
+        effort: Effort limits [Nm or N], shape (nq,).
         inverse_dynamics: Torques of q, qd, qdd, each (n, nq).
 
     Raises:

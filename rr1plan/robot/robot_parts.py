@@ -129,8 +129,8 @@ class Joint(_ReadOnlyArrays):
         lower, upper: Position limits [rad or m]; -inf and inf for a continuous joint.
         velocity: Highest speed [rad/s or m/s].
         effort: Highest torque or force [Nm or N].
-        damping: Viscous friction [Nm s/rad].
-        friction: Coulomb friction [Nm].
+        damping: Viscous friction [Nm s/rad or N s/m].
+        friction: Coulomb friction [Nm or N].
         mimic: The leading joint and the relation to it, or None.
         acceleration: Highest acceleration [rad/s² or m/s²]; inf if unknown.
         jerk: Highest jerk [rad/s³ or m/s³]; inf if unknown.
