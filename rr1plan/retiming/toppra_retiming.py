@@ -162,7 +162,7 @@ def _failure(curve: Curve, grid: Grid, algorithm: Any, stage: int | None = None)
     code = getattr(data.return_code, "name", data.return_code)
     return RetimingError(
         f"TOPPRA finds no speed between waypoints {begin} and {end}: {code} at gridpoint {stage} of {len(grid.delta)}, "
-        f"{place:.6g} rad of {float(grid.delta.sum()):.6g} rad along"
+        f"{place:.6g} of {float(grid.delta.sum()):.6g} rad (or m) along"
     )
 
 
