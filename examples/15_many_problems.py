@@ -5,7 +5,7 @@ import numpy as np
 import rr1plan as rp
 
 
-def tell(progress):
+def report(progress):
     print(f"{progress.fraction:4.0%} after {progress.seconds:.1f} s")
 
 
@@ -15,7 +15,7 @@ def main():
     places = [[-0.30, y, 0.20] for y in np.linspace(-0.3, 0.3, 6)] + [[3.0, 0.0, 0.2]]
     problems = [rp.Problem(scene, "home", rp.PoseGoal("tool", place)) for place in places]
 
-    motions = rp.plan_many(problems, workers=2, rng=0, progress=tell)
+    motions = rp.plan_many(problems, workers=2, rng=0, progress=report)
     for place, motion in zip(places, motions, strict=True):
         if isinstance(motion, rp.PlanFailure):  # it raised, or its process died
             print(np.round(place, 2), motion.error, "-", motion.reason)

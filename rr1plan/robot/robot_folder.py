@@ -8,7 +8,7 @@ Keys, all but the first optional:
 - `locked_joints`: values of joints that are not planned for [rad or m].
 - `presets.<preset>.<joint>`: lower, upper, velocity, acceleration, jerk and effort of a planning
   joint; missing values are those of the URDF.
-- `about`: title, licence, provenance and notes, free text.
+- `about`: title, license, provenance and notes, free text.
 """
 
 from __future__ import annotations
