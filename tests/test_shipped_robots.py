@@ -26,7 +26,7 @@ def test_the_folders_are_found() -> None:
 
 def test_it_bears_the_name_of_its_folder_and_says_its_licence_and_provenance(shipped: rp.Robot) -> None:
     about = tomllib.loads((robot_folder(shipped.name) / "robot.toml").read_text())["about"]
-    assert {"title", "licence", "provenance"} <= set(about)
+    assert {"title", "license", "provenance"} <= set(about)
     assert (models_folder() / "robots" / shipped.name).is_dir()
 
 
