@@ -65,8 +65,8 @@ def solid_inertial(geometries: tuple[Geometry, ...], mass: float | None = None) 
     total = pin.Inertia.Zero()
     for geometry in geometries:
         shape = geometry.shape
-        if isinstance(shape, Mesh) and not shape.convex:
-            try:
+        if isinstance(shape, Mesh):
+            try:  # also for convex meshes, whose faces may be oriented either way
                 shape = convex_hull(shape.vertices)
             except InputError:  # flat
                 continue

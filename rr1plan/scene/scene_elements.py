@@ -16,6 +16,8 @@ from rr1plan.shapes.convex_hulls import is_own_hull
 from rr1plan.transforms import as_pose, identity
 
 Pair = frozenset[str]
+# Largest friction coefficient; rubber has about one, and MuJoCo's squares of much larger ones overflow.
+_MOST_FRICTION = 1e6
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -54,7 +56,7 @@ class Obstacle(Value):
         friction: Coulomb friction coefficient of a loose body; of two bodies that touch, the larger one counts.
 
     Raises:
-        InputError: no shape, a mass that is not positive, a negative friction, or a mass and a shape that cannot move.
+        InputError: no shape, a mass that is not positive, a negative friction or one above 1e6, or a mass and a shape that cannot move.
     """
 
     geometries: tuple[Geometry, ...]
@@ -83,6 +85,8 @@ class Obstacle(Value):
 def _check_loose_body(thing: Obstacle | Attachment) -> None:
     """Check mass and friction, and convert them to floats."""
     object.__setattr__(thing, "friction", number_from_zero("friction", thing.friction))
+    if thing.friction > _MOST_FRICTION:
+        raise InputError(f"friction is {thing.friction:g}, expected a coefficient of at most {_MOST_FRICTION:g}")
     if thing.mass is None:
         return
     object.__setattr__(thing, "mass", positive_number("mass", thing.mass))

@@ -79,6 +79,31 @@ def test_a_stack_of_boxes_stays_and_presses_with_its_weight() -> None:
     assert 0.0 < sim.max_penetration < 2e-3
 
 
+@pytest.mark.parametrize("solver", ["newton", "cg"])
+@pytest.mark.parametrize("friction", [0.5, 10.0, 1e6])
+def test_bodies_do_not_sink_at_any_friction(solver: str, friction: float) -> None:
+    stack = rp.stack_bodies(replace(box(), friction=friction), 3, gap=0.0)
+    sim = rp.Simulation(FLOOR.with_obstacles(stack), solver=solver)
+    sim.run(duration=0.5)
+    heights = [sim.body_pose(name)[2, 3] for name in sim.body_names]
+    np.testing.assert_allclose(heights, [0.05, 0.15, 0.25], atol=1e-3)
+    with pytest.raises(rp.InputError, match="friction is 1e\\+300, expected a coefficient of at most 1e\\+06"):
+        replace(box(), friction=1e300)
+
+
+def test_faces_of_a_convex_mesh_may_be_oriented_either_way() -> None:
+    hull = rp.Mesh([[0, 0, 0], [0.2, 0, 0], [0, 0.1, 0], [0, 0, 0.3]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    models = []
+    for flipped in ([], [0, 2], [0, 1, 2, 3]):
+        faces = np.array(hull.faces)
+        faces[flipped] = faces[flipped][:, ::-1]
+        scene = rp.Scene().with_obstacle("body", rp.Mesh(hull.vertices, faces, convex=True), mass=1.0)
+        models.append(rp.Simulation(scene).model)
+    for model in models:
+        np.testing.assert_allclose(model.body_inertia[1], models[0].body_inertia[1], rtol=1e-9)
+        np.testing.assert_allclose(model.body_ipos[1], models[0].body_ipos[1], atol=1e-12)
+
+
 def test_colliding_bodies_keep_their_momentum() -> None:
     ball = rp.Obstacle([rp.Geometry("ball", rp.Sphere(0.1), np.eye(4))], mass=1.0)
     heavy = replace(ball, mass=3.0, pose=pose([0.5, 0.02, 0.0]))
