@@ -40,6 +40,8 @@ def mirror(options: Namespace, console: Console) -> int:
             "max_deviation": dict(report.max_deviation),
             "outside": [list(interval) for interval in report.outside],
             "faults": dict(report.faults),
+            "contacts": [[*pair, count] for pair, count in report.contacts.items()],
+            "unmeasured": list(report.unmeasured),
         }
     )
     return 0 if report else 4

@@ -7,10 +7,12 @@ the stream.
 from __future__ import annotations
 
 import json
+import math
 import pathlib
 import socket
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, Self
 
 from numpy.typing import ArrayLike
@@ -30,7 +32,7 @@ from rr1plan.export.ros_trajectories import BAG_SUFFIXES, read_joint_states
 from rr1plan.files.file_access import read_text
 from rr1plan.path import check_joint_names
 
-StreamFault = Literal["format", "joints", "finite", "order", "restart", "jump", "silence"]
+StreamFault = Literal["format", "joints", "finite", "order", "restart", "clock", "jump", "silence"]
 _LARGEST_DATAGRAM = 65_536
 
 
@@ -42,7 +44,7 @@ class StateMessage(Value):
         time: Time of measurement, on the clock of the sender [s].
         joint_names: Their names; "joint" alone if only one arm has it.
         positions: Positions [rad or m], shape (n,); NaN and infinities are kept, for the receiver to report.
-        received: Time of arrival, on the clock of the receiver [s]; None: the time of use.
+        received: Time of arrival, on the clock of the receiver [s]; None: unknown, as in a file.
 
     Raises:
         InputError: a time that is not finite, no names or a repeated one, or another number of positions.
@@ -71,8 +73,8 @@ class StreamError:
 
     Args:
         fault: "format" (cannot be read), "joints" (unknown or missing ones), "finite" (NaN, infinite, or beyond 1e4),
-            "order" (not after the previous message), "restart" (the clock of the sender begins anew), "jump" (faster
-            than the joint can move), or "silence" (no message for too long).
+            "order" (not after the previous message), "restart" (the clock of the sender begins anew), "clock" (it jumps
+            ahead), "jump" (faster than the joint can move), or "silence" (no message for too long).
         message: Description for people.
     """
 
@@ -112,7 +114,8 @@ def read_states(source: str | pathlib.Path, *, silence: float = 1.0, topic: str 
     Args:
         source: "udp://HOST:PORT" to listen for the datagrams of a `JointStateBroadcaster`; a file of its lines
             (.jsonl); or a bag with `sensor_msgs/JointState` (.mcap, .db3, .bag, a folder).
-        silence: Interval without messages from a socket [s] after which a `StreamError` is reported, repeatedly.
+        silence: Interval without messages [s] after which a `StreamError` is reported, repeatedly by a socket. In a
+            file it is an interval of the times of arrival, or of measurement if these are unknown.
         topic: The topic of a bag (default: the only one with such messages).
 
     Returns:
@@ -128,9 +131,9 @@ def read_states(source: str | pathlib.Path, *, silence: float = 1.0, topic: str 
     path = file_path(source)
     if path.suffix in BAG_SUFFIXES or path.is_dir():
         messages = read_joint_states(path, topic=topic)
-        return StateStream((_of_bag(*fields) for fields in messages), messages.close)
+        return StateStream(_with_silence((_of_bag(*fields) for fields in messages), silence), messages.close)
     lines = [line for line in read_text(path).splitlines() if line.strip()]
-    return StateStream(map(parse_state, lines), lambda: None)
+    return StateStream(_with_silence(map(parse_state, lines), silence), lambda: None)
 
 
 def parse_state(text: str | bytes) -> StateMessage | StreamError:
@@ -141,6 +144,18 @@ def parse_state(text: str | bytes) -> StateMessage | StreamError:
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:  # an InputError is a ValueError
         what = f"no {error}" if isinstance(error, KeyError) else str(error)
         return StreamError("format", f"{shown(text[:60])} is not a joint state: {what[:200]}")
+
+
+def _with_silence(items: Iterable[StateMessage | StreamError], silence: float) -> Iterator[StateMessage | StreamError]:
+    """The items of a file, and an error before each message that comes after an interval without messages."""
+    last = math.inf
+    for item in items:
+        if isinstance(item, StateMessage):
+            now = item.time if item.received is None else item.received
+            if now - last > silence:
+                yield StreamError("silence", f"no message for {now - last:.3g} s, from {last:.3f} s to {now:.3f} s")
+            last = now
+        yield item
 
 
 def _of_bag(time: float, names: tuple[str, ...], positions: Array) -> StateMessage | StreamError:
@@ -175,6 +190,8 @@ def _from_socket(host: str, port: int, silence: float) -> StateStream:
 def _datagrams(receiver: socket.socket, silence: float) -> Iterator[StateMessage | StreamError]:
     while True:
         try:
-            yield parse_state(receiver.recv(_LARGEST_DATAGRAM))
+            item = parse_state(receiver.recv(_LARGEST_DATAGRAM))
         except TimeoutError:
             yield StreamError("silence", f"no message for {silence:g} s")
+        else:
+            yield item if isinstance(item, StreamError) else replace(item, received=time.monotonic())

@@ -1,85 +1,120 @@
-"""Conversion of messages to configurations of a scene, or to faults."""
+"""Configurations of a scene from messages of joint states, which may have some joints each."""
 
 from __future__ import annotations
 
+import math
 from difflib import get_close_matches
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan.checks import FARTHEST, Array
 from rr1plan.mirror.joint_states import StateMessage, StreamError
+from rr1plan.mirror.sender_clock import SenderClock
 from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.scene import Scene
 
 # A joint jumps if it moves farther between messages than at this multiple of its velocity limit plus this [rad or m].
 _FASTER, _SLACK = 1.5, 0.01
+# A needed joint is missing if messages do not have it for longer than this [s].
+_MISSING = 1.0
 
 
 class MessageReader:
-    """Reads messages one after the other.
+    """Merges messages, joint by joint; messages of the same joints are from one sender, with a clock of its own.
 
     Args:
         scene: The scene; joints without messages keep their values in it.
-        needed: Joints that each message must contain, "arm/joint".
+        needed: Joints that are measured anew for each state, "arm/joint".
 
     Attributes:
         joints: All movable joints of the scene.
+        positions: Their latest positions [rad or m], shape (n,).
+        times: Times of these measurements, on the clocks of the senders, continued over restarts [s], shape (n,); -inf
+            for joints without messages.
     """
 
     def __init__(self, scene: Scene, needed: tuple[str, ...]) -> None:
         self.joints = JointMap(scene)
-        self._names = scene.joint_names()
-        # Planning joints among all movable ones.
-        self._columns = np.array([self.joints.index[name] for name in self._names], dtype=np.int64)
-        self._needed = needed
+        self.positions = self.joints.expand(scene.configuration())
+        self.times = np.full(len(self.positions), -math.inf)
+        self._planned = np.array([self.joints.index[name] for name in scene.joint_names()], dtype=np.int64)
+        self._speeds = np.full(len(self.positions), math.inf)
+        self._speeds[self._planned] = scene.limits().velocity
+        self._needed = [self.joints.index[name] for name in needed]
+        # Needed joints that are not measured since the latest state.
+        self._waiting = set(self._needed)
         self._arm = f"{next(iter(scene.arms))}/" if len(scene.arms) == 1 else ""
-        self._speeds = scene.limits().velocity
-        self._time: float | None = None
-        self._positions = self.joints.expand(scene.configuration())
+        self._clocks: dict[frozenset[str], SenderClock] = {}
+        self._began: float | None = None  # time of the first message
 
-    def read(self, message: StateMessage) -> Array | StreamError:
-        """The positions of all movable joints [rad or m], shape (n,); or why the message cannot be used."""
+    @property
+    def unmeasured(self) -> tuple[str, ...]:
+        """Needed joints without messages."""
+        return tuple(self.joints.names[i] for i in self._needed if self.times[i] == -math.inf)
+
+    @property
+    def configuration(self) -> Array:
+        """The latest positions of the planning joints of all arms, shape (nq,)."""
+        return np.asarray(self.positions[self._planned])
+
+    def read(self, message: StateMessage) -> tuple[float | None, list[StreamError]]:
+        """Merge a message.
+
+        Returns:
+            The time of the new state [s], that of its latest measurement, or None without one, because the message
+            cannot be used or other joints are still to be measured; and the faults.
+        """
         names = [name if "/" in name else self._arm + name for name in message.joint_names]
         error = self._error(message, names)
         if error is not None:
-            return error
-        measured = [self.joints.index[name] for name in names]
-        positions = self._positions.copy()
-        positions[measured] = message.positions
+            return None, [error]
+        now, late = self._clocks.setdefault(frozenset(names), SenderClock()).read(message.time, message.received)
+        if now is None:
+            return None, [late] if late is not None else []
+        joints = np.array([self.joints.index[name] for name in names], dtype=np.int64)
+        jump, missing = self._merge(joints, now, message.positions), self._missing(now)
+        faults = [fault for fault in (late, jump, missing) if fault is not None]
+        if self._waiting:
+            return None, faults
+        self._waiting.update(self._needed)
+        return float(self.times[self._needed].max()), faults
+
+    def _merge(self, joints: NDArray[np.int64], now: float, positions: Array) -> StreamError | None:
+        """Store positions of joints at a time; returns a fault if one jumps from its previous position."""
+        newer = now > self.times[joints]  # another sender may have joints of this one, too
+        joints, positions = joints[newer], positions[newer]
+        elapsed, moved = now - self.times[joints], np.abs(positions - self.positions[joints])
+        self.positions[joints], self.times[joints] = positions, now
         # Joints that mimic others follow them, unless they are measured, too.
-        positions = self.joints.follow(positions)
-        positions[measured] = message.positions
-        return positions
-
-    def configuration(self, positions: Array) -> Array:
-        """The planning joints of all arms, shape (nq,), among the positions of all movable joints (n,)."""
-        return np.asarray(positions[self._columns])
-
-    def accept(self, time: float, positions: Array) -> StreamError | None:
-        """Store the state to compare with the next message; returns an error if it jumps from the previous one.
-
-        Args:
-            time: Time of measurement, by a monotonic clock [s].
-            positions: The positions of all movable joints [rad or m], shape (n,).
-        """
-        last, moved = self._time, np.abs(self.configuration(positions - self._positions))
-        self._time, self._positions = time, positions
-        if last is None:
-            return None
-        over = moved - _FASTER * self._speeds * (time - last) - _SLACK
+        assumed = self.times == -math.inf
+        self.positions[assumed] = self.joints.follow(self.positions)[assumed]
+        self._waiting.difference_update(joints.tolist())
+        over = moved - _FASTER * self._speeds[joints] * elapsed - _SLACK
         if not (over > 0.0).any():
             return None
         i = int(np.argmax(over))
-        return StreamError("jump", f"joint {self._names[i]!r} moved by {moved[i]:.3g} in {time - last:.3g} s")
+        name = self.joints.names[joints[i]]
+        return StreamError("jump", f"joint {name!r} moved by {moved[i]:.3g} in {elapsed[i]:.3g} s")
+
+    def _missing(self, now: float) -> StreamError | None:
+        """A fault if messages have lacked a needed joint for too long."""
+        self._began = now if self._began is None else self._began
+        for i in sorted(self._waiting):
+            lacking = now - max(self._began, float(self.times[i]))
+            if lacking > _MISSING:
+                return StreamError(
+                    "joints", f"no joint {self.joints.names[i]!r} for {lacking:.3g} s, until {now:.3f} s"
+                )
+        return None
 
     def _error(self, message: StateMessage, names: list[str]) -> StreamError | None:
         when = f"in the message of {message.time:.3f} s"
-        unknown = [name for name in names if name not in self.joints.index]
-        missing = [name for name in self._needed if name not in names]
-        if unknown or missing:
-            what = f"unknown joint {unknown[0]!r}" if unknown else f"no joint {missing[0]!r}"
-            near = get_close_matches(unknown[0], self.joints.index, 1) if unknown else []
-            return StreamError("joints", f"{what} {when}" + (f". Did you mean {near[0]!r}?" if near else ""))
+        for name in names:
+            if name not in self.joints.index:
+                near = get_close_matches(name, self.joints.index, 1)
+                hint = f". Did you mean {near[0]!r}?" if near else ""
+                return StreamError("joints", f"unknown joint {name!r} {when}{hint}")
         plausible = np.abs(message.positions) <= FARTHEST
         if not plausible.all():
             k = int(np.argmin(plausible))

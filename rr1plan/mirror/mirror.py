@@ -4,8 +4,9 @@
         mirror.show()
         print(mirror.run(rp.read_states("udp://127.0.0.1:9000"), duration=10.0))
 
-A message that cannot be used never ends the stream: it is counted in the report. If the sender is restarted and its
-time stamps jump back, its clock is continued by that of this machine.
+A message may have some joints only, as those of several drivers in ROS: messages are merged joint by joint. One that
+cannot be used never ends the stream: it is counted in the report. If a sender is restarted and its time stamps jump
+back, or its clock jumps ahead, its times are continued by the clock of this machine.
 """
 
 from __future__ import annotations
@@ -28,7 +29,6 @@ from rr1plan.mirror.joint_states import StateMessage, StreamError
 from rr1plan.mirror.message_reader import MessageReader
 from rr1plan.mirror.mirror_page import MirrorPage
 from rr1plan.mirror.mirror_report import MirrorEvent, MirrorReport, MirrorState, MirrorStatistics
-from rr1plan.mirror.sender_clock import SenderClock
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
 from rr1plan.playback.viewer import Viewer, ViewOptions
 from rr1plan.playback.viewer.view_options import checked_options
@@ -43,6 +43,10 @@ _MOVED = 1e-3
 class Mirror:
     """Follows a stream of joint states; use it in a `with` statement, or `close` it.
 
+    There is a new state when all planning joints of the plan's arms (without a plan, of all arms) have been measured
+    since the last one, in one message or several. Each joint is compared with the plan at the time of its measurement.
+    If one of these joints is in no message for more than 1 s, this is a fault.
+
     The corridor is proven for the joints of the plan; other joints (of a gripper, of other arms) are assumed at their
     values in the scene. If a message has one of them elsewhere, by more than 1e-3 rad or m, nothing is proven, and this
     counts as outside.
@@ -51,7 +55,7 @@ class Mirror:
         scene: The scene; joints without messages keep their values in it.
         plan: The planned motion; None: states are not compared with a plan.
         corridor: The certified corridor of the plan (default: computed).
-        start: Start of the plan, on the clock of the sender [s] (default: at the first message).
+        start: Start of the plan, on the clock of the sender [s] (default: at the first state).
         record: A file (.jsonl) for all messages, readable by `read_states`; emptied at the first message.
         on_event: Called with each `MirrorEvent`.
 
@@ -59,7 +63,7 @@ class Mirror:
         scene, plan, corridor: The arguments, with the computed corridor.
         model, data: MuJoCo's model and data, in the latest state.
         events: All events so far.
-        state: The latest `MirrorState`; None before the first message.
+        state: The latest `MirrorState`; None before the first.
 
     Raises:
         InputError: a scene without arms, a plan that is in collision or of other joints, a corridor of other joints,
@@ -90,7 +94,6 @@ class Mirror:
         self._start = None if start is None else finite_number("start", start)
         self._on_event = on_event
         planned = () if self.corridor is None else self.corridor.joint_names
-        self._clock = SenderClock()
         self._reader = MessageReader(scene, scene.joint_names(None if plan is None else plan.arms))
         self._world = build_mujoco(scene)
         self.model: mujoco.MjModel = self._world.model
@@ -164,7 +167,8 @@ class Mirror:
             item: The message; an error of the stream is counted.
 
         Returns:
-            The state of the arms; None if the message cannot be used; `events` gives the reason.
+            The new state of the arms; None if there is none, because other joints are still to be measured, or because
+            the message cannot be used; `events` gives the reason.
 
         Raises:
             InputError: a value other than a message, or the mirror is closed.
@@ -175,31 +179,23 @@ class Mirror:
             self._fault(item)
             return None
         of_kind("item", item, StateMessage)
-        arrival = time.monotonic() if item.received is None else item.received
         if self._record_path is not None:
             if self._record is None:
                 # Not earlier, because the file may be the one that the stream reads at its start.
                 self._record = self._record_path.open("w", encoding="utf-8")
             fields = {"time": item.time, "name": item.joint_names, "position": item.positions.tolist()}
-            print(json.dumps(fields | {"received": arrival}), file=self._record, flush=True)
-        positions = self._reader.read(item)
-        if isinstance(positions, StreamError):
-            self._fault(positions)
-            return None
-        now, error = self._clock.read(item.time, arrival)
-        if error is not None:
-            self._fault(error)
+            print(json.dumps(fields | {"received": item.received}), file=self._record, flush=True)
+        now, faults = self._reader.read(item)
+        for fault in faults:
+            self._fault(fault)
         if now is None:
             return None
-        self._clock.accept(now, arrival)
-        jump = self._reader.accept(now, positions)
-        if jump is not None:
-            self._fault(jump)
+        arrival = time.monotonic() if item.received is None else item.received
         self._start = now if self._start is None else self._start
-        q = self._reader.configuration(positions)
+        q, positions = self._reader.configuration, self._reader.positions
         assumed = self._assumed(q, positions)
         moved = np.flatnonzero(np.abs(positions - assumed) > _MOVED).tolist()
-        compared = self._compared(now, q, self._displacement(assumed, positions))
+        compared = self._compared(q, self._displacement(assumed, positions))
         names = tuple(self._reader.joints.names[i] for i in moved)
         state = MirrorState(now, read_only(q), *compared, self._contacts(positions), names)
         was_inside = self.state is None or self.state.corridor is None or self.state.proven_free
@@ -212,7 +208,7 @@ class Mirror:
 
     def report(self) -> MirrorReport:
         """The report on all messages so far."""
-        return self._statistics.report()
+        return self._statistics.report(self._reader.unmeasured)
 
     # ---- inside --------------------------------------------------------------------------
 
@@ -227,14 +223,15 @@ class Mirror:
         if self._on_event is not None:
             self._on_event(event)
 
-    def _compared(self, now: float, q: Array, displacement: float) -> tuple[Array | None, CorridorPosition | None]:
-        """Deviation from the plan at its time, and the position in the corridor with other bodies displaced [m]."""
+    def _compared(self, q: Array, displacement: float) -> tuple[Array | None, CorridorPosition | None]:
+        """Deviation of each joint from the plan, and the position in the corridor with other bodies displaced [m]."""
         if self.plan is None or self.corridor is None or self._start is None:
             return None, None
-        names = self.corridor.joint_names
+        names, joints = self.corridor.joint_names, self._reader.joints.index
         measured = q[[self.scene.joint_names().index(name) for name in names]]
-        planned = self.plan(self.plan.start_time + now - self._start)
-        planned = planned[[self.plan.joint_names.index(name) for name in names]]
+        times = self._reader.times[[joints[name] for name in names]]
+        planned = self.plan(self.plan.start_time + times - self._start)
+        planned = planned[np.arange(len(names)), [self.plan.joint_names.index(name) for name in names]]
         return read_only(self.corridor.deviation(measured, planned)), self.corridor.position(
             measured, displacement=displacement
         )

@@ -41,10 +41,10 @@ class MirrorEvent:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MirrorState(Value):
-    """The arms according to the latest message.
+    """The arms according to the latest messages.
 
     Args:
-        time: Time of measurement, on the clock of the sender, continued over restarts [s].
+        time: Time of the latest measurement, on the clock of the sender, continued over restarts [s].
         q: Planning joints of all arms of the scene [rad or m], shape (nq,).
         deviation: Measured minus planned positions [rad or m], of the joints of the corridor; None without a plan.
         corridor: Position of the arms in the certified corridor; None without a plan.
@@ -70,14 +70,15 @@ class MirrorReport(Value):
     """Summary of the messages, and their comparison with the plan.
 
     Args:
-        messages: Number of messages that were used.
-        rate: Messages per second, by their arrival.
+        messages: Number of messages that gave a new state.
+        rate: Such messages per second, by their arrival.
         delays: Median and largest delay of messages beyond that of the fastest one [s]; clocks may differ.
         max_deviation: Largest deviation from the plan of each of its joints [rad or m], by name.
         outside: Intervals in which the arms were not proven free of collision, on the clock of the sender, continued
             over restarts [s].
         faults: Number of faults of the stream of each kind.
         contacts: Number of messages with each pair of elements in forbidden contact.
+        unmeasured: Joints that no message had; without them there is no state.
     """
 
     messages: int
@@ -87,6 +88,7 @@ class MirrorReport(Value):
     outside: tuple[tuple[float, float], ...]
     faults: Mapping[StreamFault, int]
     contacts: Mapping[tuple[str, str], int]
+    unmeasured: tuple[str, ...]
 
     def __post_init__(self) -> None:
         for name in ("max_deviation", "faults", "contacts"):
@@ -102,7 +104,8 @@ class MirrorReport(Value):
             f"{counted(self.messages, 'message')}, {self.rate:.1f}/s, delay {typical:.1f} ms, at most {longest:.1f} ms"
         )
         if self.max_deviation and not self.messages:
-            text += "\nnothing was compared with the plan"
+            lacking = f": no message had {', '.join(self.unmeasured)}" if self.unmeasured else ""
+            text += f"\nnothing was compared with the plan{lacking}"
         elif self.max_deviation:
             name = max(self.max_deviation, key=lambda joint: self.max_deviation[joint])
             text += f"\nat most {self.max_deviation[name]:.3g} rad or m off the plan ({name})"
@@ -161,8 +164,8 @@ class MirrorStatistics:
         """Delay of the latest message beyond that of the fastest one [s]."""
         return self.offsets[-1] - self.totals.least_offset
 
-    def report(self) -> MirrorReport:
-        """The statistics so far."""
+    def report(self, unmeasured: tuple[str, ...]) -> MirrorReport:
+        """The statistics so far, with the joints that no message had."""
         totals = self.totals
         lasted, delays = totals.last - totals.first, (0.0, 0.0)
         if totals.count:
@@ -176,6 +179,7 @@ class MirrorStatistics:
             outside=tuple(self.outside),
             faults=dict(self.faults),
             contacts=dict(self.contacts),
+            unmeasured=unmeasured,
         )
 
 
