@@ -17,7 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from rr1plan.calibration.joint_calibration import Calibration, CalibrationFit, JointCalibration
+from rr1plan.calibration.joint_calibration import (
+    Calibration,
+    CalibrationFit,
+    JointCalibration,
+    check_position_units,
+)
 from rr1plan.calibration.measured_points import MeasuredPoints, Parameters
 from rr1plan.checks import Array, counted, finite_array, near_array, of_kind, positive_number, shape_of, true_or_false
 from rr1plan.errors import InputError
@@ -81,8 +86,8 @@ def calibrate(
         values have a standard deviation of inf; as few of them as possible are fixed at those of `start`.
 
     Raises:
-        InputError: arguments of wrong shapes or types, fewer measurements than unknowns, poses that determine no joint,
-            or no signs, zeros and scales near the start that explain the measurements.
+        InputError: arguments of wrong shapes or types, a start in other units, fewer measurements than unknowns, poses
+            that determine no joint, or no signs, zeros and scales near the start that explain the measurements.
     """
     of_kind("robot", robot, Robot)
     of_kind("start", start, Calibration, optional=True)
@@ -90,6 +95,7 @@ def calibrate(
     missing = [name for name in robot.joint_names if name not in start.joints]
     if missing:
         raise InputError(f"start has no joint {missing[0]!r}, expected all of {', '.join(robot.joint_names)}")
+    check_position_units(start, robot)
     if robot.nq > _MOST_JOINTS:
         raise InputError(f"robot {robot.name!r} has {robot.nq} joints, expected at most {_MOST_JOINTS}")
     rows = finite_array("readings", readings, (None, robot.nq))

@@ -288,11 +288,15 @@ class Calibration(Value):
         was zeroed elsewhere.
 
         Raises:
-            InputError: a calibration of another robot, or of other joints.
+            InputError: a calibration of another robot, of other joints, or of a joint in another unit.
         """
         of_kind("earlier", earlier, Calibration)
         if earlier.robot != self.robot or set(earlier.joints) != set(self.joints):
             raise InputError(f"the earlier calibration is of {earlier.robot!r} with {', '.join(earlier.joints)}")
+        for name, joint in self.joints.items():
+            units = {joint.position_unit, earlier.joints[name].position_unit} - {""}
+            if len(units) > 1:
+                raise InputError(f"joint {name!r} is calibrated in {joint.position_unit}, earlier in another unit")
         shifts = [
             ZeroShift(name, joint.zero - old.zero, math.hypot(joint.zero_std, old.zero_std), joint.position_unit)
             for name, joint in self.joints.items()
@@ -313,6 +317,22 @@ class Calibration(Value):
         data["units"] = {"position": "rad", "reading": self.unit}
         data["joints"] = {name: _row(joint) for name, joint in self.joints.items()}
         return write_text(file, f"# position = zero + sign * reading / scale\n{to_toml(data)}")
+
+
+def check_position_units(calibration: Calibration, robot: Robot) -> None:
+    """Raise if positions of a joint are in another unit than those of the robot's joint.
+
+    Raises:
+        InputError: a joint that turns, calibrated in meters, or one that slides, calibrated in radians.
+    """
+    units = {joint.name: joint.unit for joint in robot.joints}
+    for name, joint in calibration.joints.items():
+        unit = units.get(name, joint.position_unit)
+        if joint.position_unit not in ("", unit):
+            raise InputError(
+                f"joint {name!r} is calibrated in {joint.position_unit}, robot {robot.name!r} moves it in {unit}; "
+                "calibrate the joint of this robot"
+            )
 
 
 def _row(joint: JointCalibration) -> dict[str, Any]:

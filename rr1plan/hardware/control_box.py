@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from rr1plan.calibration.joint_calibration import Calibration
+from rr1plan.calibration.joint_calibration import Calibration, check_position_units
 from rr1plan.checks import Array, Value, check_text, finite_number, known_name, of_kind, positive_number, whole_number
 from rr1plan.errors import InputError
 from rr1plan.files.checked_tables import Table
@@ -143,8 +143,8 @@ class StepScale:
         unchecked: Values of the locked joints that no channel drives [rad or m], by name.
 
     Raises:
-        InputError: another robot, readings other than steps, a planning joint without a channel, or a channel whose
-            joint is neither planned nor locked, is not calibrated, or has an assumed scale or zero.
+        InputError: another robot or unit of positions, readings other than steps, a planning joint without a channel,
+            or a channel whose joint is neither planned nor locked, is not calibrated, or has an assumed scale or zero.
     """
 
     def __init__(self, robot: Robot, calibration: Calibration, box: ControlBox) -> None:
@@ -154,6 +154,7 @@ class StepScale:
             )
         if calibration.unit != "steps":
             raise InputError(f"the calibration has readings in {calibration.unit}, expected steps of the motors")
+        check_position_units(calibration, robot)
         channel_of = {channel.joint: name for name, channel in box.channels.items()}
         for name in robot.joint_names:
             if name not in channel_of:

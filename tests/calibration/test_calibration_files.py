@@ -100,3 +100,17 @@ def test_other_arms_have_no_shifts(calibration: rp.Calibration, planar2r: rp.Rob
     assert [shift.significance for shift in calibration.zero_shifts(calibration)] == [0.0] * 6
     with pytest.raises(rp.InputError, match="the earlier calibration is of 'planar2r'"):
         calibration.zero_shifts(rp.Calibration.assumed(planar2r))
+
+
+def test_units_of_positions_are_those_of_the_robots_joints(rr1: rp.Robot) -> None:
+    right = rp.Calibration.assumed(rr1)
+    wrong = rp.Calibration(
+        "rr1", dict(right.joints) | {"elbow_joint": rp.JointCalibration(1, 0.0, 1.0, position_unit="m")}
+    )
+    q = np.zeros((20, 6))
+    with pytest.raises(rp.InputError, match="'elbow_joint' is calibrated in m, robot 'rr1' moves it in rad"):
+        rp.calibrate(rr1, q, np.zeros((20, 3)), start=wrong)
+    with pytest.raises(rp.InputError, match="'elbow_joint' is calibrated in m, earlier in another unit"):
+        wrong.zero_shifts(right)
+    unknown = rp.Calibration("rr1", dict(right.joints) | {"elbow_joint": rp.JointCalibration(1, 0.0, 1.0)})
+    assert len(unknown.zero_shifts(right)) == 6
