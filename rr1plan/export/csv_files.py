@@ -36,8 +36,9 @@ def save_csv(file: _File, trajectory: Trajectory, *, dt: float = 0.01) -> pathli
 def csv_text(trajectory: Trajectory, dt: float = 0.01) -> str:
     """Samples of a trajectory as CSV, from which `load_csv` restores a motion within the same limits.
 
-    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`; the `a` columns are omitted if accelerations jump, because
-    interpolation between rows would exceed them. SI units and radians; the velocities of the last row are exactly zero.
+    The header is `t,q:<joint>...,v:<joint>...,a:<joint>...`; the `a` columns are omitted if accelerations jump, and the
+    `v` columns if velocities jump, because interpolation between rows would exceed them. SI units and radians; the
+    velocities of the last row are exactly zero.
 
     Args:
         trajectory: A trajectory that ends at rest.

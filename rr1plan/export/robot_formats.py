@@ -42,8 +42,8 @@ def save_rosbag(
 
     Args:
         folder: The bag, a folder that does not exist yet.
-        trajectory: A motion that ends at rest. Points have positions and velocities, and accelerations unless these
-            jump, so that a controller that interpolates between them keeps the limits of the motion.
+        trajectory: A motion that ends at rest. Points have the fields that `save_joint_trajectory` writes, so that a
+            controller that interpolates between them keeps the limits of the motion.
         dt: Longest time between points [s]; there is one at each break of the motion, too.
         lead: Time from the start of the controller to the first point [s]; above zero it blends in from the arm's
             position.

@@ -127,8 +127,8 @@ def save_joint_trajectory(
 
     Args:
         file: The file, .yaml or .yml.
-        trajectory: A trajectory that ends at rest. Points have positions and velocities, and accelerations unless these
-            jump.
+        trajectory: A trajectory that ends at rest. Points have positions, velocities unless these jump, and
+            accelerations unless velocities or accelerations jump.
         dt: Longest time between points [s]; there is one at each break, too.
         lead: Time from the start of the controller to the first point [s]; above zero it blends in from the arm's
             position.
@@ -157,7 +157,7 @@ def save_joint_trajectory(
 def sampled_message(
     trajectory: Trajectory, dt: float, lead: float, rename: Mapping[str, str] | None
 ) -> JointTrajectoryMessage:
-    """A trajectory as points that a controller accepts: times in whole nanoseconds, the last velocity exactly zero.
+    """A trajectory as points that a controller accepts: times in whole nanoseconds, no velocity at the end.
 
     Args:
         trajectory: A trajectory that ends at rest.
@@ -179,12 +179,12 @@ def sampled_message(
     from_zero = trajectory.shifted(-trajectory.start_time)
     times, positions, velocities, accelerations = sample_within_limits(from_zero, dt, tick=1.0 / _NANO)
     stamps = (np.round(times * _NANO).astype(np.int64) + round(lead * _NANO)).tolist()
+    none: list[list[float]] = [[]] * len(stamps)
+    rates = (none if rows is None else rows.tolist() for rows in (velocities, accelerations))
     points = [
-        JointTrajectoryPoint(q, Duration(sec=t // _NANO, nanosec=t % _NANO), v)
-        for t, q, v in zip(stamps, positions.tolist(), velocities.tolist(), strict=True)
+        JointTrajectoryPoint(q, Duration(sec=t // _NANO, nanosec=t % _NANO), v, a)
+        for t, q, v, a in zip(stamps, positions.tolist(), *rates, strict=True)
     ]
-    for point, row in zip(points, [] if accelerations is None else accelerations.tolist(), strict=False):
-        point.accelerations = row
     return JointTrajectoryMessage(names, points)
 
 

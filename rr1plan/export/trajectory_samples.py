@@ -4,6 +4,8 @@
 samples with accelerations by quintics. If the acceleration of a motion jumps, these exceed its acceleration limit
 between samples by a quarter and more. Therefore there is a sample at each break of the motion, accelerations are
 omitted if they jump, and the remaining excess (a few thousandths for rounded corners) is removed by stretching time.
+If velocities jump, as those of positions joined by straight lines, they are omitted, too: cubics and quintics would
+overshoot at each jump, and straight lines are no faster than the motion.
 """
 
 from __future__ import annotations
@@ -37,18 +39,18 @@ class TrajectorySamples(NamedTuple):
     Args:
         times: Times [s], shape (n,).
         positions: Positions [rad or m], shape (n, nq).
-        velocities: Velocities, shape (n, nq); the last ones are zero.
-        accelerations: Accelerations, shape (n, nq); None if they jump.
+        velocities: Velocities, shape (n, nq); the last ones are zero. None if they jump.
+        accelerations: Accelerations, shape (n, nq); None if they or the velocities jump.
     """
 
     times: Array
     positions: Array
-    velocities: Array
+    velocities: Array | None
     accelerations: Array | None
 
 
 def sample_within_limits(trajectory: Trajectory, dt: float, *, tick: float | None = None) -> TrajectorySamples:
-    """Samples between which no speed and no acceleration is higher than those of the motion.
+    """Samples between which no speed and no acceleration is higher than those of the motion, unless velocities jump.
 
     Args:
         trajectory: A trajectory that ends at rest.
@@ -61,7 +63,8 @@ def sample_within_limits(trajectory: Trajectory, dt: float, *, tick: float | Non
     of_kind("trajectory", trajectory, Trajectory)
     times = _times(trajectory, dt)
     _check_rest_at_end(trajectory)
-    smooth, continuous = (_is_continuous(trajectory, derivative) for derivative in (2, 1))
+    continuous = _is_continuous(trajectory, 1)
+    smooth = continuous and _is_continuous(trajectory, 2)
     begin, factor = trajectory.start_time, 1.0
     for attempt in range(_ATTEMPTS):
         # The motion is sampled at the rounded times that are written.
@@ -71,7 +74,7 @@ def sample_within_limits(trajectory: Trajectory, dt: float, *, tick: float | Non
         own = np.clip(begin + (written - begin) / factor, begin, trajectory.end_time)
         q, v, a = (trajectory(own, derivative) / factor**derivative for derivative in range(3))
         v[-1] = 0.0
-        samples = TrajectorySamples(written, q, v, a if smooth else None)
+        samples = TrajectorySamples(written, q, v if continuous else None, a if smooth else None)
         if len(times) == 1 or not continuous or trajectory.degree > MAX_DEGREE + 1:
             break
         excess = _excess(trajectory, Trajectory.from_samples(trajectory.joint_names, *samples))

@@ -114,6 +114,25 @@ def test_accelerations_are_written_where_they_do_not_jump(scene: rp.Scene) -> No
     assert np.diff(jumping.times).min() >= 0.0019
 
 
+@pytest.mark.parametrize("kind", ["csv", "yaml", "bag"])
+def test_positions_joined_by_straight_lines_stay_straight(kind: str, tmp_path: Path) -> None:
+    """Velocities jump, so that cubics or quintics between samples would overshoot them."""
+    motion = rp.Trajectory.from_samples(["x", "y"], [0, 0.5, 1, 2], [[0, 0], [1, 0.5], [0, 1], [0, 1]])
+    if kind == "csv":
+        read = rp.load_csv(rp.save_csv(tmp_path / "m.csv", motion))
+    else:
+        names = {name: name for name in motion.joint_names}
+        if kind == "bag":
+            pytest.importorskip("rosbags")
+        save = rp.save_rosbag if kind == "bag" else rp.save_joint_trajectory
+        file = save(tmp_path / ("bag" if kind == "bag" else "m.yaml"), motion, rename=names)
+        read = rp.load_joint_trajectory(file)
+        assert rp.check_joint_trajectory(file) == ()
+    times = np.linspace(0.0, 2.0, 1001)
+    np.testing.assert_allclose(read(times), motion(times), atol=1e-9)
+    assert np.abs(read(times, 1)).max() <= 2.0 + 1e-6
+
+
 def test_samples_of_samples_are_the_same(scene: rp.Scene, tmp_path: Path) -> None:
     """A quintic of samples has a sample at each of its breaks, and no others where its own are near enough."""
     smooth = rp.retime(corners(scene, 5), scene, method="ruckig")
