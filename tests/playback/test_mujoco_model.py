@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,18 @@ def mixed_team(count: int) -> rp.Scene:
 @pytest.fixture
 def team() -> rp.Scene:
     return mixed_team(5)
+
+
+def test_inertias_that_no_body_can_have_are_balanced_in_arms_of_groups_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = rp.load_robot("planar2r")
+    inertial = rp.Inertial(1.0, np.zeros(3), np.diag([1e-3, 1e-3, 2.5e-3]))
+    robot = replace(robot, links=tuple(replace(link, inertial=inertial) for link in robot.links))
+    scene = rp.Scene()
+    for i in range(3):
+        scene = scene.with_arm(f"arm{i}", robot, [3.0 * i, 0.0, 0.0])
+    alone = build_mujoco(scene).model
+    monkeypatch.setattr(mujoco_model, "_MANY", 2)
+    assert_same(build_mujoco(scene).model, alone)
 
 
 def test_arms_that_are_added_in_groups_are_the_same_model_without_a_warning(

@@ -188,6 +188,15 @@ def test_seven_poses_are_followed_also_with_an_unknown_kilogram(payload: float, 
     assert replay.worst_error <= tolerance
 
 
+def test_joints_without_an_effort_limit_have_no_friction() -> None:
+    robot = rp.load_robot("planar2r")
+    joints = tuple(replace(joint, effort=np.inf) for joint in robot.joints)
+    scene = rp.Scene().with_arm("arm", replace(robot, joints=joints))
+    for friction in (0.0, 0.1):
+        varied = rp.Simulation(scene, variation=rp.ArmVariation(mass=1.1, friction=friction))
+        assert not varied.model.dof_frictionloss.any()
+
+
 def test_masses_and_friction_change_the_model_that_is_stepped_only() -> None:
     scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
     plain = rp.Simulation(scene)

@@ -61,7 +61,7 @@ def varied_model(model: mujoco.MjModel, scene: Scene, effort_limits: Array, vari
         if variation.payload > 0.0:
             _add_payload(varied, varied.body(f"{name}/{arm.robot.tool}").id, variation.payload)
     limited = np.isfinite(effort_limits)
-    varied.dof_frictionloss[: len(effort_limits)] += np.where(limited, variation.friction * effort_limits, 0.0)
+    varied.dof_frictionloss[: len(effort_limits)] += variation.friction * np.where(limited, effort_limits, 0.0)
     # Update the constants that MuJoCo derives from the masses.
     mujoco.mj_setConst(varied, mujoco.MjData(varied))
     return varied

@@ -186,6 +186,13 @@ def stack_memory(degrees_of_freedom: int) -> int:
     return int(_LEAST_MEMORY + _PAIR_MEMORY * degrees_of_freedom**2 + _CONTACT_MEMORY * degrees_of_freedom)
 
 
+def _new_spec() -> mujoco.MjSpec:
+    spec = mujoco.MjSpec()
+    # Rounded or estimated inertias of descriptions may violate the triangle inequality.
+    spec.compiler.balanceinertia = True
+    return spec
+
+
 def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
     try:
         with _groups_without_prefix():
@@ -216,12 +223,11 @@ class _Builder:
 
     def __init__(self, scene: Scene, timestep: float, solver: Solver) -> None:
         self.scene = scene
-        self.spec = mujoco.MjSpec()
+        self.spec = _new_spec()
         self.spec.modelname = scene.name
         self.spec.option.timestep = timestep
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
-        self.spec.compiler.balanceinertia = True
         self._loose = loose_bodies(scene)
         if self._loose:
             self._set_solver(solver)
@@ -259,7 +265,7 @@ class _Builder:
             return
         size = math.isqrt(len(arms))
         for start in range(0, len(arms), size):
-            group = mujoco.MjSpec()
+            group = _new_spec()
             group.default.name = f"arms{start}"
             for arm in arms[start : start + size]:
                 self._add_arm(group.worldbody, arm)
