@@ -33,7 +33,7 @@ from rr1plan.sequences.grippers import (
     opening_value,
 )
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, Segment, StraightLine
-from rr1plan.shapes import Box
+from rr1plan.shapes import Box, Sphere
 from rr1plan.transforms import as_pose, inverse, pose, quaternion_from_rotation, rotation_about
 
 # Heights at which fingers grasp an object, as shares of its height.
@@ -52,8 +52,8 @@ def top_grasps(scene: Scene, obstacle: str, *, arm: str | None = None, yaws: int
     """Poses of the tool from which a gripper with two fingers can grasp an object from above.
 
     A box that stands on a face is grasped at two opposite faces, other objects at several angles around the vertical,
-    each at mid-height or higher up. Sides too wide for the gripper are omitted. The tool's z axis has to point out of
-    the hand.
+    each at mid-height or higher up; a ball as near to its middle as possible. Sides too wide for the gripper are
+    omitted. The tool's z axis has to point out of the hand.
 
     Args:
         scene: The scene with the object at its pose.
@@ -156,6 +156,7 @@ def _grasps(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple[f
         angles = [2.0 * np.pi * k / yaws for k in range(yaws)]
     found: list[tuple[float, PoseGoal]] = []
     widths, why = [], ""
+    is_ball = len(thing.geometries) == 1 and isinstance(thing.geometries[0].shape, Sphere)
     for angle in angles:
         turn = rotation_about([0.0, 0.0, 1.0], angle)
         low, high = bounding_box(thing.geometries, _posed(turn.T) @ thing.pose)
@@ -173,6 +174,8 @@ def _grasps(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple[f
             T = _posed(R, turn @ at - depth * R[:, 2]) @ inverse(grip_frame(robot))
             if fits(T):
                 found.append((width, PoseGoal(robot.tool, T)))
+                if is_ball:
+                    break  # fingers that close above the middle push a ball out of their grip
     if not found:
         raise InputError(
             f"the gripper cannot grasp {name!r} from above, which is {1e3 * min(widths):.3g} mm wide at least{why}"

@@ -152,6 +152,19 @@ def test_bad_arguments(table: rp.Scene, arguments: dict, message: str) -> None:
 
 
 @pytest.mark.usefixtures("foreign_robots")
+def test_a_ball_is_grasped_and_held_at_its_middle(table: rp.Scene) -> None:
+    scene = standing(table, rp.Sphere(0.02), 0.04)
+    heights = {round(goal.position[2], 9) for goal in rp.top_grasps(scene, "block", yaws=3)}
+    cylinder = standing(table, rp.Cylinder(0.02, 0.04), 0.04)
+    assert heights == {min(round(goal.position[2], 9) for goal in rp.top_grasps(cylinder, "block", yaws=3))}
+    scene = rp.Scene().with_arm("arm", rp.load_robot("panda"))
+    scene = scene.with_obstacle("table", rp.Box((0.6, 1.0, 0.04)), [0.6, 0.0, -0.02])
+    scene = scene.with_obstacle("ball", rp.Sphere(0.025), [0.5, 0.0, 0.025], mass=0.05)
+    plan = rp.plan_sequence(rp.Sequence(scene, rp.pick_and_place(scene, "ball", [0.5, 0.2, 0.025])), rng=0)
+    assert plan, plan
+    assert rp.simulate_sequence(plan, hold=0.0).carried
+
+
 def test_a_hand_whose_fingers_travel_along_y_grasps_as_well() -> None:
     """The Panda's fingers slide along the y axis of its tool frame, and weigh 15 g."""
     scene = rp.Scene().with_arm("arm", rp.load_robot("panda"))
