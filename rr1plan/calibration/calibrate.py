@@ -37,8 +37,11 @@ _UNDETERMINED = 0.2
 _SHARE = 0.1
 # An outlier exceeds this many standard deviations of a coordinate; by chance 1 measurement in 7000 does.
 _OUTLIER = 4.5
-# Signs are accepted at once if half of the coordinates are within this many of the stated standard deviations.
-_GOOD = 3.0
+# Residuals above this many stated standard deviations count linearly.
+_LINEAR = 3.0
+# Signs are accepted at once if the standard deviation of their residuals is at most this many stated ones; wrong signs
+# of a joint with a short lever fit nearly as well.
+_GOOD = 1.5
 # A fit has failed if half of the measurements are farther off than this fraction of their spread.
 _FAILED = 0.1
 _ROUNDS = 10
@@ -120,7 +123,7 @@ def calibrate(
     found = _search_signs(data, begin, noise)
     spread = float(np.linalg.norm(measured - measured.mean(axis=0), axis=1).mean())
     off = float(np.median(np.linalg.norm(data.residuals(found), axis=1)))
-    if off > max(_FAILED * spread, _GOOD * noise):
+    if off > max(_FAILED * spread, _LINEAR * noise):
         raise InputError(
             f"no signs, zeros and scales near the start explain the measurements: half of them are more than "
             f"{1e3 * off:.0f} mm off; check units, the point of the tool, and the scales and zeros of start"
@@ -182,7 +185,7 @@ def _fitted(
 def _search_signs(data: MeasuredPoints, begin: Parameters, noise: float) -> Parameters:
     """The signs with the best fit, or the first good ones, tried in the order of their fit at the start."""
     every, rows = np.ones(len(begin.values), dtype=bool), np.ones(len(data.positions), dtype=bool)
-    loss = _GOOD * noise
+    loss = _LINEAR * noise
     signs = [begin.signs * flips for flips in itertools.product((1.0, -1.0), repeat=len(begin.signs))]
     starts = [data.with_signs(begin, each) for each in signs]
     at_start = [float(np.abs(data.residuals(each)).sum()) for each in starts]
@@ -193,7 +196,7 @@ def _search_signs(data: MeasuredPoints, begin: Parameters, noise: float) -> Para
         cost = float((np.sqrt(1.0 + (off / loss) ** 2) - 1.0).sum())
         if cost < least:
             best, least = found, cost
-        if np.median(off) <= loss:
+        if _robust_std(off, len(every)) <= _GOOD * noise:
             break
     return best
 
@@ -224,7 +227,7 @@ def _hold_undetermined(data: MeasuredPoints, begin: Parameters, found: Parameter
     if undetermined[: 2 * joints].all() or not free[: 2 * joints].any():
         raise InputError("these measurements determine no joint; move all joints between them")
     values = np.where(free, found.values, begin.values)
-    held = _fitted(data, replace(found, values=values), free, kept, _GOOD * noise)
+    held = _fitted(data, replace(found, values=values), free, kept, _LINEAR * noise)
     return _Estimate(held, free, undetermined, kept)
 
 

@@ -53,6 +53,15 @@ def columns(calibration: rp.Calibration, *names: str) -> tuple[np.ndarray, ...]:
     return tuple(np.array([getattr(joint, name) for joint in calibration.joints.values()]) for name in names)
 
 
+@pytest.mark.parametrize("seed", [4, 8])
+def test_signs_come_back_from_coarse_measurements(rr1: rp.Robot, seed: int) -> None:
+    """Wrong signs of the last joints, whose levers are ten times the noise, fit within three standard deviations."""
+    arm = bench(rr1, seed, 12)
+    found = rp.calibrate(rr1, arm.readings(), arm.positions(noise=1e-2), start=arm.start(), point=POINT, noise=1e-2)
+    np.testing.assert_array_equal(columns(found, "sign")[0], SIGNS)
+    assert not fit(found).undetermined
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_signs_zeros_and_scales_come_back_within_their_uncertainty(rr1: rp.Robot, seed: int) -> None:
     arm = bench(rr1, seed)
