@@ -190,7 +190,7 @@ class Mirror:
             self._fault(fault)
         if now is None:
             return None
-        arrival = time.monotonic() if item.received is None else item.received
+        arrival = now if item.received is None else item.received
         self._start = now if self._start is None else self._start
         q, positions = self._reader.configuration, self._reader.positions
         assumed = self._assumed(q, positions)

@@ -41,7 +41,7 @@ class MirrorPage:
         self._next_frame = self._next_panel = -math.inf
 
     def draw(self, state: MirrorState, now: float, statistics: MirrorStatistics, event: MirrorEvent | None) -> None:
-        """Show a state that arrived at a time of this machine's clock [s], with the latest event."""
+        """Show a state that arrived at a time [s], with the latest event."""
         if self.viewer.closed:
             return
         if now >= self._next_frame:

@@ -71,8 +71,9 @@ class MirrorReport(Value):
 
     Args:
         messages: Number of messages that gave a new state.
-        rate: Such messages per second, by their arrival.
-        delays: Median and largest delay of messages beyond that of the fastest one [s]; clocks may differ.
+        rate: Such messages per second, by their arrival; by their times of measurement if it is unknown, as in a file.
+        delays: Median and largest delay of messages beyond that of the fastest one [s]; clocks may differ. Zero if
+            their arrival is unknown.
         max_deviation: Largest deviation from the plan of each of its joints [rad or m], by name.
         outside: Intervals in which the arms were not proven free of collision, on the clock of the sender, continued
             over restarts [s].
@@ -126,7 +127,7 @@ class MirrorStatistics:
     Args:
         joint_names: Joints of the plan.
         max_deviation: Largest deviation of each so far [rad or m], shape (n,).
-        arrivals: Arrival times of the latest messages, on this machine's clock [s].
+        arrivals: Arrival times of the latest messages, of their measurement if unknown [s].
         offsets: Arrival times minus times of measurement, on different clocks [s].
         totals: Number of messages, first and last arrival, least and largest offset [s].
         outside: Intervals in which the arms were not proven free of collision [s].

@@ -349,6 +349,13 @@ def test_a_clock_that_jumps_ahead_is_a_fault_and_goes_on(scene: rp.Scene, plan: 
         assert mirror.run([*stream[:5], *held[5:]])
 
 
+def test_rates_are_those_of_the_sender_where_arrivals_are_unknown(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    with rp.Mirror(scene, plan) as mirror:
+        report = mirror.run([replace(message, received=None) for message in messages(plan)])
+    assert report.rate == pytest.approx(50.0)
+    assert report.delays == (0.0, 0.0)
+
+
 def test_intervals_without_messages_in_a_file_are_faults(plan: rp.Trajectory, tmp_path: Path) -> None:
     lines = [{"time": t, "name": ["a"], "position": [0.0]} for t in (0.0, 0.5, 3.0)]
     lines.append(lines[-1] | {"time": 1000.0, "received": 3.5})
