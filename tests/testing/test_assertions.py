@@ -188,6 +188,23 @@ def test_seven_poses_are_followed_also_with_an_unknown_kilogram(payload: float, 
     assert replay.worst_error <= tolerance
 
 
+@pytest.mark.parametrize("dt", [0.002, 0.005])
+def test_friction_holds_joints_that_their_servos_cannot_move(dt: float) -> None:
+    scene = rp.Scene().with_arm("rr1", rp.load_robot("rr1"))
+    sim = rp.Simulation(scene, dt, variation=rp.ArmVariation(friction=0.05))
+    stiffness = -sim.model.actuator_biasprm[: len(sim.joint_names), 1]
+    friction = 0.05 * sim.effort_limits
+    hold = rp.ForwardPositionController(sim.joint_names[:6])
+    sim.activate(hold)
+    start = sim.positions[:6]
+    for share, moves in ((0.5, False), (2.0, True)):
+        way = share * friction[:6] / stiffness[:6]
+        hold.command(start + way)
+        sim.run(duration=0.3)
+        moved = (sim.positions[:6] - start) / way
+        assert (moved > 0.3).all() if moves else (np.abs(moved) < 0.05).all()
+
+
 def test_joints_without_an_effort_limit_have_no_friction() -> None:
     robot = rp.load_robot("planar2r")
     joints = tuple(replace(joint, effort=np.inf) for joint in robot.joints)
