@@ -307,6 +307,22 @@ def test_the_frame_button_looks_at_everything_and_back(calm: Any) -> None:
     assert whole >= near
 
 
+def test_obstacles_within_reach_are_framed_and_larger_ones_are_not(
+    tab: Any, planar2r: rp.Robot, tmp_path: FilePath
+) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r).with_obstacle("ball", rp.Sphere(0.1), [-0.9, -1.0, 0.0])
+    wide = scene.with_obstacle("floor", rp.Box((100.0, 100.0, 0.1)), [0.0, 0.0, -0.2])
+    wide = wide.with_obstacle("far", rp.Sphere(0.3), [8.0, 5.0, 0.0])
+    distances = []
+    for k, one in enumerate((scene, wide)):
+        tab.open(save_html(tmp_path / f"{k}.html", one, options=rp.ViewOptions(planner=False)))
+        x, y = tab.ask("(({ x, y }) => [x, y])(RR1.editing.picker.project({ x: -0.9, y: -1, z: 0 }))")
+        assert 30 < x < 930
+        assert 30 < y < 610
+        distances.append(tab.ask("RR1.stage.camera.position.distanceTo(RR1.stage.controls.target)"))
+    assert distances[1] < 1.5 * distances[0]
+
+
 def small_world(size: float) -> tuple[rp.Scene, rp.Trajectory]:
     """An arm whose links are together as long as `size` [m], a plate beside it, and a motion."""
     robot = rp.planar_arm("RR", (0.6 * size, 0.4 * size), width=0.06 * size)

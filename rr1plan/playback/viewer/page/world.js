@@ -53,7 +53,7 @@ class World {
     this.obstacles.update(this.poses);
     this.addLooseBodies();
     // Unit of elements that scale with the arm, whatever its size [m].
-    this.span = Math.max(0, ...this.reach) || this.obstacleBox().getSize(new THREE.Vector3()).length() / 2 || 1;
+    this.span = Math.max(0, ...this.reach) || unionOf(this.obstacleBoxes()).getSize(new THREE.Vector3()).length() / 2 || 1;
     this.addEdges();
     this.addSpecials();
     this.addGhosts();
@@ -471,7 +471,7 @@ class World {
     for (const box of boxes) arms.union(box);
     // For many arms only the corners of a box around each, because framing evaluates all points dozens of times.
     if (many) boxes.forEach((box, k) => links.push(...cornersOf(box).map(([x, y, z]) => [x, y, z, 0.2 * this.reach[k]])));
-    const whole = this.obstacleBox();
+    const obstacles = this.obstacleBoxes(), whole = unionOf(obstacles), nearby = obstacles.filter((box) => this.isNearby(box));
     if (arms.isEmpty() && whole.isEmpty()) whole.set(new THREE.Vector3(-0.5, -0.5, 0), new THREE.Vector3(0.5, 0.5, 0.5));
     const near = arms.isEmpty() ? whole.clone() : arms.clone(), around = new THREE.Box3();
     const lowest = Math.min(arms.isEmpty() ? Infinity : arms.min.z, whole.isEmpty() ? Infinity : whole.min.z);
@@ -481,12 +481,12 @@ class World {
       near.expandByScalar(0.07 * size);
       around.union(whole.clone().intersect(near.clone().expandByScalar(0.14 * size)));
       this.spheres.expand(around, samples);
-      near.union(around);
+      for (const box of [around, ...nearby]) near.union(box);
     }
     // The start, the middle and the end; for very many arms only the start.
     const instants = [1, samples.length >> 1, samples.length - 1].slice(0, many ? 1 : 3);
     const bodies = instants.flatMap((i) => this.bodyCorners(samples[i]));
-    const framed = arms.isEmpty() ? cornersOf(near) : [...links.map(([x, y, z, far]) => [x, y, z, Math.min(0.08 * size, far)]), ...bodies, ...cornersOf(around)];
+    const framed = arms.isEmpty() ? cornersOf(near) : [...links.map(([x, y, z, far]) => [x, y, z, Math.min(0.08 * size, far)]), ...bodies, ...[around, ...nearby].flatMap(cornersOf)];
     return { near, framed, whole: whole.union(near), floor: this.floor === null ? Math.min(0, lowest) : this.floor };
   }
 
@@ -515,27 +515,35 @@ class World {
     return shape.box;
   }
 
-  obstacleBox() {
-    const box = new THREE.Box3(), T = new THREE.Matrix4();
+  /** Whether an arm can reach an obstacle, which is no longer than the arm: tables and walls would make the arm small. */
+  isNearby(box) {
+    const extent = box.getSize(new THREE.Vector3()).length(), base = new THREE.Vector3();
+    return this.kinematics.arms.some((arm, k) => extent < this.reach[k] && box.distanceToPoint(base.fromArray(arm.base, 12)) < this.reach[k]);
+  }
+
+  /** A box around each obstacle and loose body; half-spaces have none. */
+  obstacleBoxes() {
+    const boxes = new Map(), T = new THREE.Matrix4();
+    const add = (name, box) => { boxes.set(name, (boxes.get(name) || new THREE.Box3()).union(box)); };
     for (const { body, items } of this.obstacles.sets) {
       const geometry = body.geometry(0);
-      geometry.computeBoundingBox();
-      for (const item of items) box.union(geometry.boundingBox.clone().applyMatrix4(T.fromArray(item.local)));
+      if (!geometry.boundingBox) geometry.computeBoundingBox();
+      for (const item of items) add(item.element, geometry.boundingBox.clone().applyMatrix4(T.fromArray(item.local)));
     }
-    if (this.bodyTrack) this.expandByBodies(box);
     for (const object of this.doc.obstacles) {
       for (const part of object.parts) {
         const shape = this.doc.shapes[part.shape];
         if (shape.kind !== "cloud") continue;
         T.fromArray(object.pose).multiply(new THREE.Matrix4().fromArray(part.pose));
-        box.union(new THREE.Box3().setFromArray(unpack(shape.points).values).applyMatrix4(T));
+        add(object.name, new THREE.Box3().setFromArray(unpack(shape.points).values).applyMatrix4(T));
       }
     }
-    return box;
+    if (this.bodyTrack) this.addBodyBoxes(add);
+    return [...boxes.values()];
   }
 
-  /** Extends the box by the first and last poses of loose bodies. */
-  expandByBodies(box) {
+  /** Adds boxes around the first and last poses of loose bodies. */
+  addBodyBoxes(add) {
     const { times } = this.bodyTrack, T = new THREE.Matrix4(), placed = identity();
     for (const time of [times[times.length - 1], times[0]]) {
       this.updateBodies(time);
@@ -543,7 +551,7 @@ class World {
         if (!this.bodyPoses.subarray(16 * k, 16 * k + 3).some(Boolean)) return;
         for (const part of object.parts) {
           multiply(placed, 0, this.bodyPoses, 16 * k, part.pose, 0);
-          box.union(this.boxOf(part.shape).clone().applyMatrix4(T.fromArray(placed)));
+          add(object.name, this.boxOf(part.shape).clone().applyMatrix4(T.fromArray(placed)));
         }
       });
     }
@@ -552,6 +560,11 @@ class World {
   dispose() {
     disposeTree(this.root);
   }
+}
+
+/** The box around some boxes. */
+function unionOf(boxes) {
+  return boxes.reduce((whole, box) => whole.union(box), new THREE.Box3());
 }
 
 /** Frees the graphics memory of an object and its parts. */
