@@ -148,3 +148,15 @@ def test_workspace_steps_and_panels_fit_in_the_window(page: Any, size: tuple[int
     stage, steps, _ = boxes
     assert stage["bottom"] <= steps["top"] + 0.5
     assert page.ask("document.documentElement.scrollWidth") <= size[0]
+
+
+@pytest.mark.parametrize("lesson", ["two_arms"], indirect=True)
+def test_steps_beside_two_pictures_leave_no_empty_area(page: Any) -> None:
+    page.page.set_viewport_size({"width": 1024, "height": 768})
+    wait_until(page.page, "innerWidth === 1024")
+    page.next_frames()
+    card, steps = page.ask(
+        "['panel-pair', 'panel-steps'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON())"
+    )
+    assert 0 <= steps["top"] - card["bottom"] < 40
+    assert steps["width"] > 900
