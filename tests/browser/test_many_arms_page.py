@@ -150,9 +150,9 @@ def test_very_many_arms_have_no_legend_and_no_ghosts_at_first(calm: Any) -> None
 
 def test_a_line_says_how_many_arms_there_are(calm: Any) -> None:
     line = "document.getElementById('hud').textContent"
-    wait_until(calm.page, f"{line} === '30 arms · 0.00 s'")
+    wait_until(calm.page, f"{line} === '30 arms'")
     calm.ask("RR1.play()")
-    wait_until(calm.page, f"/^30 arms · [.0-9]+ s · [.0-9]+ frames.s · [.0-9]+ × real time$/.test({line})")
+    wait_until(calm.page, f"/^30 arms · [.0-9]+ frames.s · [.0-9]+ × real time$/.test({line})")
 
 
 def test_touching_links_are_red_at_their_time_and_the_time_line_says_so(calm: Any, grid: rp.Scene) -> None:

@@ -353,7 +353,7 @@ class Controls {
     this.hudAt = now;
     const rate = player.playing && pace.rate ? [`${pace.rate.toFixed(pace.rate < 10 ? 1 : 0)} frames/s`] : [];
     if (rate.length && player.realTimeFactor !== null) rate.push(`${player.realTimeFactor.toFixed(2)} × real time`);
-    find("hud").textContent = arms > MANY ? [`${arms} arms`, ...(player.track ? [seconds(player.time)] : []), ...rate].join(" · ") : "";
+    find("hud").textContent = arms > MANY ? [`${arms} arms`, ...rate].join(" · ") : "";
   }
 
   refreshJoints() {
