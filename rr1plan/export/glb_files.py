@@ -29,6 +29,7 @@ from rr1plan.trajectory import Trajectory
 
 # Default colors, those of the page.
 _LINK, _OBSTACLE, _HELD = (0.77, 0.79, 0.82), (0.58, 0.65, 0.74), (0.96, 0.73, 0.27)
+_FEWEST_INTERVALS = 10  # between samples of a motion, however short: players interpolate linearly
 _STILL = 1e-9  # [rad or m] a joint that moves less is not animated
 
 
@@ -50,7 +51,7 @@ def save_glb(
         file: The file, whose name ends in .glb; written atomically.
         what: A motion, a sequence plan, a C-space with its path, or a static scene, robot or problem.
         trajectory: A motion of that scene, if `what` is a scene.
-        rate: Samples per second.
+        rate: Samples per second; a motion has at least 11 samples, however short it is.
 
     Returns:
         The file.
@@ -259,7 +260,8 @@ def _sampled_track(document: Document, rate: float) -> tuple[Array, Array]:
     columns = track["columns"]
     breaks, coefficients = (unpack_array(track[name]).astype(float) for name in ("breaks", "coefficients"))
     motion = Trajectory.trusted(tuple(document["columns"][c] for c in columns), breaks, coefficients)
-    times = motion.sample_times(1.0 / rate)
+    step = min(1.0 / rate, motion.duration / _FEWEST_INTERVALS) if motion.duration else 1.0 / rate
+    times = motion.sample_times(step)
     q = np.tile(rest, (len(times), 1))
     q[:, columns] = motion(times)
     return times - times[0], q

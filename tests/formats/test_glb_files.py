@@ -218,6 +218,17 @@ def test_times_increase_in_the_precision_of_the_file(planar2r: rp.Robot, tmp_pat
         assert len(times) == len(values) == 11
 
 
+def test_short_motions_are_not_only_their_ends(planar2r: rp.Robot, tmp_path: Path) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r)
+    coefficients = np.array([[[0.0, 0.0], [0.0, 0.0], [3e4, 3e4], [-2e6, -2e6]]])  # from rest to rest by 1 rad
+    motion = rp.Trajectory(scene.joint_names(), np.array([0.0, 0.01]), coefficients)
+    player = Player(rp.save_glb(tmp_path / "arm.glb", scene, trajectory=motion))
+    model = rp.Kinematics(scene)
+    tool = f"arm/{planar2r.tool}"
+    for t in np.linspace(0.0, 0.01, 23):
+        np.testing.assert_allclose(player.pose(tool, t), model.pose(motion(t), tool), atol=0.02)
+
+
 def test_equal_values_give_equal_bytes(pair: rp.Scene, motion: rp.Trajectory, tmp_path: Path) -> None:
     files = [rp.save_glb(tmp_path / f"{i}.glb", pair, trajectory=motion) for i in range(2)]
     assert files[0].read_bytes() == files[1].read_bytes()
