@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 _INK, _SOFT, _FREE, _OPEN, _TOUCH, _SAMPLE = "#22262b", "#667080", "#14855a", "#e08a00", "#c2255c", "#2f66c8"
 _STEP = np.radians(12.0)
+_LETTER = 0.1  # [m] the height of a name in the figure
 _TITLES = {"through": "Through the plate", "grazing": "Grazing it", "just_past": "Just past it", "far": "Far away"}
 
 _BOUND = math("bound", "=", "∑", sub("ℓ", "j"), "|", "Δ", sub("θ", "j"), "|", "/", "2")
@@ -157,23 +158,25 @@ class ContinuousCheckingLesson(Lesson):
         found = sample_edge(self.checker, q0, q1, float(_STEP))
         for name, obstacle in self.scene.obstacles.items():
             for g in obstacle.geometries:
-                corners = silhouette(g.shape, obstacle.pose @ g.pose)
-                x, y = corners.mean(axis=0).tolist()
-                axes.fill(*corners.T, color=_SOFT if g.color is None else g.color, zorder=3)
-                axes.annotate(
-                    name,
-                    (x, y),
-                    xytext=(0, 9 if name == "plate" else -6),
-                    textcoords="offset points",
-                    ha="center",
-                    zorder=9,
-                )
+                self._draw_obstacle(axes, name, silhouette(g.shape, obstacle.pose @ g.pose), g.color or _SOFT)
         for s, free in zip(found.fractions, found.free, strict=True):
             self._draw_arm(axes, q0 + s * (q1 - q0), _SAMPLE if free else _TOUCH, 0.45)
         words = "all free" if found.passes else f"{int((~found.free).sum())} in contact"
         axes.set_title(f"steps of at most {np.degrees(_STEP):.0f}°: {len(found.free)} samples, {words}", loc="left")
         axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
         axes.spines[["top", "right"]].set_visible(False)
+
+    def _draw_obstacle(self, axes: Axes, name: str, corners: Array, color: str | tuple[float, ...]) -> None:
+        """An obstacle with its name, which is above it if it is too thin."""
+        from matplotlib.colors import to_hex
+
+        from rr1plan.playback.cspace.cspace_lines import write_name
+
+        axes.fill(*corners.T, color=color, zorder=3)
+        thin = bool(np.ptp(corners[:, 1]) < _LETTER)
+        write_name(
+            axes, name, [corners.mean(axis=0) + np.array([0.0, _LETTER * thin])], "#ffffff" if thin else to_hex(color)
+        )
 
     def _draw_arm(self, axes: Axes, q: Array, color: str, alpha: float) -> None:
         name = self.checker.arms[0]

@@ -61,6 +61,13 @@ def test_a_lesson_draws_a_figure_for_slides(name: str, lessons: dict[str, rp.Les
     assert svg.read_text().rstrip().endswith("</svg>")
 
 
+def test_the_name_of_a_dark_obstacle_is_light(lessons: dict[str, rp.Lesson]) -> None:
+    figure = lessons["continuous_checking"].figure()
+    names = {text.get_text(): text.get_color() for axes in figure.axes for text in axes.texts}
+    assert names["post"] == "white"
+    assert names["plate"] != "white"
+
+
 def test_a_figure_has_a_width_that_can_be_drawn_and_the_ending_of_its_format(
     lessons: dict[str, rp.Lesson], tmp_path: Path
 ) -> None:
