@@ -431,3 +431,40 @@ def test_ctrl_c_ends_the_program_and_leaves_nothing(tmp_path: FilePath) -> None:
     # Nothing of its session is left.
     with pytest.raises(ProcessLookupError):
         os.killpg(program.pid, 0)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+def test_a_forked_process_keeps_neither_the_port_nor_the_browsers(tmp_path: FilePath) -> None:
+    script = tmp_path / "program.py"
+    script.write_text(
+        "import os, sys\n"
+        "import rr1plan as rp\n"
+        "viewer = rp.Viewer(rp.load_scene('rr1_table'), options=rp.ViewOptions(port=0))\n"
+        "print(viewer.url, flush=True)\n"
+        "sys.stdin.readline()\n"
+        "if os.fork():\n"
+        "    os._exit(0)\n"
+        "print(viewer.closed, flush=True)\n"
+        "with rp.Viewer(rp.load_scene('rr1_table'), options=rp.ViewOptions(port=0)) as own:\n"
+        "    print(own.url != viewer.url, flush=True)\n"
+        "sys.stdin.readline()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as program:
+        assert program.stdin is not None
+        assert program.stdout is not None
+        url = program.stdout.readline().strip()
+        host, port = url.removeprefix("http://").rstrip("/").split(":")
+        with socket.create_connection((host, int(port)), timeout=20) as browser:
+            browser.sendall(f"GET /none HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
+            assert b"404" in browser.recv(4096)
+            program.stdin.write("\n")
+            program.stdin.flush()
+            assert [program.stdout.readline().strip() for _ in range(2)] == ["True", "True"]
+            # The parent has ended, its child has not.
+            assert browser.recv(4096) == b""
+        with pytest.raises(urllib.error.URLError):
+            fetch(url)
+        program.stdin.write("\n")
+        program.stdin.flush()

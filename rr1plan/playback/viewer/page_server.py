@@ -16,8 +16,10 @@ import socket
 import threading
 from collections.abc import Callable
 from itertools import count
+from weakref import WeakSet
 
 from tornado.httpserver import HTTPServer
+from tornado.iostream import IOStream
 from tornado.web import Application, HTTPError, RequestHandler
 
 from rr1plan.checks import whole_number
@@ -31,6 +33,24 @@ _FIRST_PORT = 7000
 _PORTS_TRIED = 50
 _PATIENCE = 5.0  # [s] for the thread to start or end
 _lock = threading.RLock()  # guards the set of pages
+_servers: WeakSet[PageServer] = WeakSet()
+
+
+class _ConnectionServer(HTTPServer):
+    """An HTTP server that knows its connections.
+
+    Args:
+        streams: Set to which each new connection is added.
+    """
+
+    def initialize(self, application: Application, streams: WeakSet[IOStream]) -> None:  # type: ignore[override]
+        super().initialize(application)
+        self.streams = streams
+
+    def handle_stream(self, stream: IOStream, address: tuple[object, ...]) -> None:
+        """Serve a new connection."""
+        self.streams.add(stream)
+        super().handle_stream(stream, address)
 
 
 class PageServer:
@@ -48,12 +68,14 @@ class PageServer:
         self.listener, self.port = _bind(port)
         self._hosts = {f"{name}:{self.port}" for name in (_ADDRESS, "localhost")}
         self._pages: dict[int, LivePage] = {}
+        self._streams: WeakSet[IOStream] = WeakSet()
         self._ended = False
         self._loop = asyncio.new_event_loop()
         self._started = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"rr1plan-page-{self.port}", daemon=True)
         self._thread.start()
         self._started.wait(_PATIENCE)
+        _servers.add(self)
 
     @property
     def running(self) -> bool:
@@ -79,6 +101,11 @@ class PageServer:
         """Whether a page is served."""
         return self.running and page in self._pages.values()
 
+    def forget(self) -> None:
+        """Close the sockets in a forked process, which has no thread of the server: its parent keeps its own."""
+        for held in [self.listener, *(stream.socket for stream in self._streams)]:
+            held.close()
+
     def _remove(self, number: int, page: LivePage) -> None:
         """Remove a page, and end the thread with the last one; may be called repeatedly."""
         with _lock:
@@ -98,7 +125,7 @@ class PageServer:
         find = {"find": self._find}
         routes = [(r"/(?:(\d+)/)?", PageHandler, find), (r"/(?:(\d+)/)?updates", UpdatesHandler, find)]
         application = Application(routes, log_function=_log, websocket_ping_interval=20)
-        self._http = HTTPServer(application)
+        self._http = _ConnectionServer(application, self._streams)
         self._http.add_socket(self.listener)
         self._loop.call_soon(self._started.set)
         try:
@@ -172,3 +199,15 @@ def _bind(port: int) -> tuple[socket.socket, int]:
 
 def _log(handler: RequestHandler) -> None:
     logger.debug("%s %s %d", handler.request.method, handler.request.uri, handler.get_status())
+
+
+def _forget_servers() -> None:
+    """Leave the port and the browsers to the parent of a forked process; otherwise they would outlive the parent."""
+    global _lock  # another thread of the parent may hold it
+    _lock = threading.RLock()
+    for server in tuple(_servers):
+        server.forget()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_servers)
