@@ -570,3 +570,24 @@ def test_a_motion_without_a_report_is_called_not_checked(tab: Any, planar2r: rp.
     tab.open(rp.save_html(tmp_path / "scene.html", scene, options=rp.ViewOptions(planner=False)))
     assert tab.page.locator("#badge").is_hidden()
     assert tab.complaints == []
+
+
+@pytest.mark.drawn
+def test_paper_shows_the_page_as_the_window_does(tab: Any, page_file: FilePath) -> None:
+    tab.open(page_file)
+    pdf = tab.page.pdf()
+    assert pdf.count(b"/Type /Page\n") == 1
+    # What stands in for the picture, whose drawing buffer is empty on paper.
+    colors = """() => {
+        dispatchEvent(new Event("beforeprint"));
+        const { width, height } = RR1.printing.copy, pen = RR1.printing.copy.getContext("2d");
+        const { data } = pen.getImageData(0, 0, width, height), found = new Set();
+        for (let i = 0; i < data.length; i += 4) found.add((data[i] << 16) | (data[i + 1] << 8) | data[i + 2]);
+        const shown = document.querySelectorAll(".printed").length;
+        dispatchEvent(new Event("afterprint"));
+        return [found.size, shown, document.querySelectorAll(".printed").length];
+    }"""
+    count, during, after = tab.ask(colors)
+    assert count > 500
+    assert (during, after) == (1, 0)
+    assert tab.complaints == []

@@ -32,7 +32,7 @@ _SCRIPTS = (
     *_PLANNER_SCRIPTS, "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js",
     "player.js", "conflicts.js", "keys.js", "controls.js", "overlays.js", "side_by_side.js", "plot_curves.js",
     "plots.js", "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js", "jogging.js",
-    "scene_stages.js", "editing.js", "live.js", "main.js",
+    "scene_stages.js", "editing.js", "live.js", "printing.js", "main.js",
 )  # fmt: skip
 _STYLES = ("page.css", "plots.css", "editing.css")
 

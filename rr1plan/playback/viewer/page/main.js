@@ -47,6 +47,7 @@ class Viewer {
     this.overlays = new Overlays(this);
     this.sideBySide = new SideBySide(this);
     this.plots = new Plots(this);
+    this.printing = new Printing(this.stage);
     this.frames = 0;
   }
 
