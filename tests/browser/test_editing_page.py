@@ -364,6 +364,20 @@ def test_fingers_drag_and_two_of_them_turn_the_camera(calm: Any) -> None:
     frames(calm)
     np.testing.assert_array_equal(q_of(calm), moved)
     assert calm.ask("RR1.stage.camera.position.distanceTo(RR1.stage.controls.target)") < 0.9 * far
+    # The camera also has the second finger, on a link, if it has the first one, beside the arm.
+    calm.ask("RR1.look()")
+    calm.next_frames()
+    far = calm.ask("RR1.stage.camera.position.distanceTo(RR1.stage.controls.target)")
+    x, y = grab_point(calm, "rr1/upper_arm_link")
+    touch("touchStart", (30, 300))
+    touch("touchStart", (30, 300), (x, y))
+    for spread in (20, 40, 60, 80):
+        touch("touchMove", (30, 300), (x + spread, y))
+        frames(calm)
+    touch("touchEnd")
+    frames(calm)
+    np.testing.assert_array_equal(q_of(calm), moved)
+    assert calm.ask("RR1.stage.camera.position.distanceTo(RR1.stage.controls.target)") < 0.95 * far
     calm.ask("RR1.stage.turned = false")
 
 

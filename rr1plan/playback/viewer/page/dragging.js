@@ -82,6 +82,7 @@ class Dragging {
       if (event.pointerType === "touch" && event.pointerId !== this.gesture.id) this.handBack();
       return;
     }
+    if (!event.isPrimary) return; // the second finger of a gesture that the camera has
     const hit = this.picker.at(event), thing = this.thingAt(hit);
     if (!thing) return;
     if (!this.follows(thing)) { this.beginClick(event, thing); return; }
