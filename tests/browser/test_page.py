@@ -573,6 +573,17 @@ def test_a_motion_without_a_report_is_called_not_checked(tab: Any, planar2r: rp.
 
 
 @pytest.mark.drawn
+def test_the_picture_returns_with_its_lost_context(tab: Any, page_file: FilePath) -> None:
+    tab.open(page_file)
+    before = tab.bare_picture()
+    tab.ask("(window.lost = RR1.stage.renderer.getContext().getExtension('WEBGL_lose_context')).loseContext()")
+    wait_until(tab.page, "RR1.stage.renderer.getContext().isContextLost()")
+    tab.ask("lost.restoreContext()")
+    wait_until(tab.page, "!RR1.stage.renderer.getContext().isContextLost()")
+    np.testing.assert_allclose(tab.bare_picture(), before, atol=4)
+
+
+@pytest.mark.drawn
 def test_paper_shows_the_page_as_the_window_does(tab: Any, page_file: FilePath) -> None:
     tab.open(page_file)
     pdf = tab.page.pdf()

@@ -67,6 +67,7 @@ class Stage {
     this.quality = FEW_ARMS[0];
     pane.appendChild(renderer.domElement);
     this.renderer = renderer;
+    renderer.domElement.addEventListener("webglcontextrestored", () => this.meshcat.set_dirty());
     this.meshcat.set_3d_pane_size = () => this.resize();
     for (const path of [["Lights"], ["Grid"], ["Axes"]]) this.meshcat.delete_path(path);
     this.meshcat.set_property(["Background"], "visible", false);
