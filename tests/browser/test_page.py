@@ -388,6 +388,24 @@ def test_more_arms_are_not_more_things_to_draw(calm: Any, planar2r: rp.Robot) ->
     assert drawn_things(24) == drawn_things(6)
 
 
+def test_an_arm_has_dots_at_waypoints_to_which_it_moves(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("left", planar2r).with_arm("right", planar2r, [4.0, 0.0, 0.0])
+    # First the left arm by two edges, then the right one by one, then both.
+    waypoints = [[0, 0, 0, 0], [1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 0.5, 0], [0, 0, 0, 0]]
+    tab.open(save_html(tmp_path / "path.html", scene, path=rp.Path(scene.joint_names(), waypoints)))
+    dots = """RR1.world.layers.path.children[0].children.filter((o) => o.isInstancedMesh).flatMap((balls) => (
+        Array.from({ length: balls.count }, (_, i) => {
+            const T = new RR1.THREE.Matrix4();
+            balls.getMatrixAt(i, T);
+            return T.elements.slice(12, 14);
+        })))"""
+    model = rp.Kinematics(scene)
+    moved = [("left", 0), ("left", 1), ("left", 2), ("left", 4), ("right", 0), ("right", 3), ("right", 4)]
+    tools = [model.pose(np.array(waypoints[i], dtype=float), f"{arm}/{planar2r.tool}")[:2, 3] for arm, i in moved]
+    np.testing.assert_allclose(tab.ask(dots), tools, atol=1e-5)
+    assert tab.complaints == []
+
+
 def test_the_page_follows_its_window(calm: Any) -> None:
     calm.page.set_viewport_size({"width": 640, "height": 480})
     wait_until(calm.page, "RR1.meshcat.renderer.domElement.clientWidth <= 640")

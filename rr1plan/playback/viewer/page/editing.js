@@ -312,6 +312,14 @@ class Editing {
     if (this.planOnDrop && this.planner) this.plan();
   }
 
+  /** Plans on the user's request; first the page says so if many arms will take seconds, in which it draws nothing. */
+  requestPlan() {
+    if (!(this.planner instanceof ManyArmsPlanner)) { this.plan(); return; }
+    this.open();
+    this.card.say("Planning one arm after the other …");
+    requestAnimationFrame(() => setTimeout(() => this.plan()));
+  }
+
   /** Plans from the start to the goal, and plays the motion. Returns the planner's result, or null. */
   plan() {
     const { viewer, planner, card, start } = this;
@@ -332,7 +340,7 @@ class Editing {
     if (!answer.track) { card.say(`A path, but no motion: ${answer.reason}.`, "bad"); return answer; }
     this.remember(null);
     this.reach = null;
-    const shown = this.withRest(answer.track), track = new Track(shown), ms = `${took.toFixed(1)} ms`;
+    const shown = this.withRest(answer.track), track = new Track(shown), spent = took < 1000 ? `${took.toFixed(1)} ms` : `${(took / 1000).toFixed(1)} s`;
     const report = {
       certified: answer.certified, valid: true, violations: [], margins: {},
       title: answer.certified ? "Planned here, certified free" : "Planned here, not proven free",
@@ -341,13 +349,13 @@ class Editing {
     };
     const samples = { torque: null, clearance: null, error: null, places: [] };
     this.motion = {
-      changes: { track: shown, path: answer.shortened, report, replay: null, compare: [], samples, tree: null, planned: `${ms}, seed ${seed}` },
+      changes: { track: shown, path: answer.shortened, report, replay: null, compare: [], samples, tree: null, planned: `${spent}, seed ${seed}` },
       poses: this.poses,
     };
     viewer.setMotion(this.motion.changes);
     this.refreshHeadline();
     viewer.play();
-    const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(track.end - track.start)}${answer.legs ? inTurn(answer.legs) : ""}, planned in ${ms}`;
+    const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(track.end - track.start)}${answer.legs ? inTurn(answer.legs) : ""}, planned in ${spent}`;
     card.say(`${said}.`, answer.certified ? "good" : "open");
     // The first picture does not wait for the clearance, which takes longer than the proof.
     this.unmeasured = { motion: this.motion, track, said, frame: viewer.frames };

@@ -10,7 +10,7 @@ class PlanCard {
     const acts = [
       ["start", "Start here", "A", "The arm as shown becomes the start", () => editing.setEnd("start")],
       ["goal", "Goal here", "B", "The arm as shown becomes the goal", () => editing.setEnd("goal")],
-      ["plan", "Plan", "P", "Plan a certified motion from the start to the goal, and play it", () => editing.plan()],
+      ["plan", "Plan", "P", "Plan a certified motion from the start to the goal, and play it", () => editing.requestPlan()],
       ["drop", "Plan on drop", "", "Plan whenever an obstacle is let go", () => { editing.planOnDrop = !editing.planOnDrop; this.refreshActs(); }],
       ["undo", "Undo", "", "Undo (Ctrl+Z)", () => editing.undo()],
       ["reset", "As planned", "O", "Everything as it was: motion, obstacles, start and goal", () => editing.reset()],

@@ -1,18 +1,22 @@
 // Paths and goals of the tools, and paths without times.
 
-/** Positions of the tools of the moving arms at each configuration: one Float32Array per arm. */
-function toolLines(kinematics, columns, configurations) {
-  const poses = new Float64Array(16 * kinematics.links);
-  const arms = kinematics.arms.filter((a) => columns.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
-  return arms.map((arm) => {
-    const points = [];
-    const at = 16 * kinematics.toolIndex(arm);
-    for (const q of configurations) {
-      kinematics.forward(arm, q, poses);
-      points.push(new THREE.Vector3(poses[at + 12], poses[at + 13], poses[at + 14]));
-    }
-    return { arm, points };
+/** The arms that some columns move. */
+function movedArms(kinematics, columns) {
+  return kinematics.arms.filter((a) => columns.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
+}
+
+/** Positions of an arm's tool at each configuration. */
+function toolPoints(kinematics, arm, configurations) {
+  const poses = new Float64Array(16 * kinematics.links), at = 16 * kinematics.toolIndex(arm);
+  return configurations.map((q) => {
+    kinematics.forward(arm, q, poses);
+    return new THREE.Vector3().fromArray(poses, at + 12);
   });
+}
+
+/** Positions of the tools of the moving arms at each configuration: {arm, points} of each. */
+function toolLines(kinematics, columns, configurations) {
+  return movedArms(kinematics, columns).map((arm) => ({ arm, points: toolPoints(kinematics, arm, configurations) }));
 }
 
 /** Appends rings of points around a line, and their normals; where the line does not advance, its last ring is repeated. */
@@ -157,33 +161,36 @@ function motionLines(kinematics, track, rgb) {
   return group;
 }
 
-/** A path without times: thin dark lines of the tools, a dot at each waypoint. */
+/** A path without times: thin dark lines of the tools, a dot at each waypoint at which the arm has moved. */
 function waypointLines(kinematics, row, radius) {
-  const { values, shape } = unpack(row.waypoints);
-  const at = (i, share) => {
-    const q = kinematics.rest(), j = Math.min(i + 1, shape[0] - 1);
-    row.columns.forEach((column, k) => {
-      q[column] = (1 - share) * values[i * shape[1] + k] + share * values[j * shape[1] + k];
-    });
-    return q;
-  };
-  const pieces = Math.max(2, Math.min(24, Math.floor(2000 / shape[0])));
-  const rows = [];
-  for (let i = 0; i + 1 < shape[0]; i++) for (let k = 0; k < pieces; k++) rows.push(at(i, k / pieces));
-  rows.push(at(shape[0] - 1, 0));
-  const group = new THREE.Group();
-  const material = new THREE.LineBasicMaterial({ color: 0x1b2430, transparent: true, opacity: 0.55 });
-  for (const { points } of toolLines(kinematics, row.columns, rows)) {
-    group.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), material));
-    const dots = new THREE.InstancedMesh(solid({ kind: "sphere", radius: 1 }, 18).geometry, new THREE.MeshBasicMaterial({ color: 0x1b2430 }), shape[0]);
-    dots.frustumCulled = false;
-    for (let i = 0; i < shape[0]; i++) {
-      const p = points[Math.min(i * pieces, points.length - 1)];
-      dots.setMatrixAt(i, new THREE.Matrix4().makeScale(radius, radius, radius).setPosition(p));
-    }
-    group.add(dots);
+  const lines = [], dots = [];
+  for (const arm of movedArms(kinematics, row.columns)) {
+    const stops = ownWaypoints(kinematics, row, arm), pieces = Math.max(2, Math.min(24, Math.floor(2000 / stops.length)));
+    const mixed = (from, to, share) => from.map((v, c) => (1 - share) * v + share * to[c]);
+    const rows = stops.slice(1).flatMap((to, i) => Array.from({ length: pieces }, (_, k) => mixed(stops[i], to, k / pieces)));
+    const points = toolPoints(kinematics, arm, [...rows, stops.at(-1)]);
+    for (let i = 1; i < points.length; i++) lines.push(points[i - 1], points[i]);
+    dots.push(...points.filter((_, i) => i % pieces === 0));
   }
+  const group = new THREE.Group(), ink = 0x1b2430, material = new THREE.LineBasicMaterial({ color: ink, transparent: true, opacity: 0.55 });
+  const balls = new THREE.InstancedMesh(solid({ kind: "sphere", radius: 1 }, 18).geometry, new THREE.MeshBasicMaterial({ color: ink }), dots.length);
+  balls.frustumCulled = false;
+  dots.forEach((p, i) => balls.setMatrixAt(i, new THREE.Matrix4().makeScale(radius, radius, radius).setPosition(p)));
+  group.add(new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(lines), material), balls);
   return group;
+}
+
+/** The waypoints of one arm, as configurations of all, without those at which it is where it was at the last one. */
+function ownWaypoints(kinematics, row, arm) {
+  const { values, shape } = unpack(row.waypoints), [count, width] = shape, stops = [];
+  const own = row.columns.flatMap((c, k) => (c >= arm.firstColumn && c < arm.firstColumn + arm.robot.names.length ? [[c, k]] : []));
+  for (let i = 0; i < count; i++) {
+    if (i && own.every(([, k]) => values[i * width + k] === values[(i - 1) * width + k])) continue;
+    const q = kinematics.rest();
+    for (const [c, k] of own) q[c] = values[i * width + k];
+    stops.push(q);
+  }
+  return stops;
 }
 
 /** Goals in the world: a ball, with axes if the orientation is given; a region as a transparent box. */
