@@ -497,6 +497,12 @@ def test_what_would_take_long_or_much_room_is_left_out(planar2r: rp.Robot, monke
     monkeypatch.setattr(pages, "_MOST_BYTES", 100)
     assert page_planner(rp.Scene().with_arm("arm", planar2r))["missing"].startswith("the tables of the scene have 0.0")
 
+    # Obstacles with too many triangles are not even examined.
+    monkeypatch.setattr(pages, "_MOST_TRIANGLES", 3)
+    mesh = rp.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    scene = rp.Scene().with_arm("arm", planar2r).with_obstacle("rock", mesh, [0.0, 0.0, 5.0])
+    assert page_planner(scene) == {"missing": "the obstacles have 4 triangles"}
+
     def too_slow(scene: rp.Scene, progress: Any) -> None:
         raise CancelledError("too slow")
 

@@ -48,12 +48,14 @@ from rr1plan.playback.viewer.arm_templates import (
 from rr1plan.playback.viewer.page_kinematics import scene_kinematics
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import PoseGoal
+from rr1plan.shapes import Mesh
 from rr1plan.validation.wasm_referee import referee_image, referee_module
 
 _MOST_TOGETHER = 12  # arms that are planned in their joint space
 _NEAR = 0.1  # a template omits elements that stay farther away than this in addition to the padding [m]
 _MOST_SECONDS = 1.0  # of convex decomposition
 _MOST_BYTES = 4_000_000  # of the compressed tables
+_MOST_TRIANGLES = 100_000  # of all meshes of the surroundings: the tables of more are always larger
 
 
 def page_planner(scene: Scene, arms: Sequence[str] | None = None, margin: float = 0.0) -> dict[str, Any]:
@@ -116,7 +118,9 @@ def _why_missing(scene: Scene, arms: tuple[str, ...]) -> str:
     ):
         if not limited.all():
             return f"joint {scene.joint_names(arms)[int(np.argmin(limited))]!r} has no {kind} limit"
-    return ""
+    shapes = [g.shape for o in scene.obstacles.values() for g in o.geometries]
+    triangles = sum(len(shape.faces) for shape in shapes if isinstance(shape, Mesh))
+    return f"the obstacles have {triangles:,} triangles" if triangles > _MOST_TRIANGLES else ""
 
 
 def _planner_data(scene: Scene, arms: tuple[str, ...], margin: float) -> dict[str, Any]:

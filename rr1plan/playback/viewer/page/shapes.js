@@ -120,39 +120,49 @@ function shapeBox(shape) {
   }
 }
 
+/** For each vertex the first one at its position. */
+function weld(vertices) {
+  const known = new Map(), first = new Uint32Array(vertices.length / 3);
+  for (let i = 0; i < first.length; i++) {
+    const key = `${vertices[3 * i]},${vertices[3 * i + 1]},${vertices[3 * i + 2]}`, other = known.get(key);
+    if (other === undefined) known.set(key, i);
+    first[i] = other ?? i;
+  }
+  return first;
+}
+
+/** The corners of faces by vertex: those of vertex v are `corners` from `starts[v]` to `starts[v + 1]`. */
+function cornersAround(owners, count) {
+  const starts = new Uint32Array(count + 1), corners = new Uint32Array(owners.length);
+  for (const v of owners) starts[v + 1] += 1;
+  for (let v = 0; v < count; v++) starts[v + 1] += starts[v];
+  const next = starts.slice();
+  owners.forEach((v, corner) => { corners[next[v]++] = corner; });
+  return { starts, corners };
+}
+
 /** Edges are shaded sharp if faces meet at more than 35 degrees, smooth otherwise. */
 function mesh(vertices, faces) {
-  const count = faces.length / 3;
-  const corner = (f, k) => 3 * faces[3 * f + k];
-  const normals = new Float32Array(9 * count), positions = new Float32Array(9 * count);
-  const flat = new Float32Array(3 * count), area = new Float32Array(3 * count);
-  const around = new Map();
-  for (let f = 0; f < count; f++) {
-    const [a, b, c] = [corner(f, 0), corner(f, 1), corner(f, 2)];
-    const u = [0, 1, 2].map((i) => vertices[b + i] - vertices[a + i]);
-    const v = [0, 1, 2].map((i) => vertices[c + i] - vertices[a + i]);
+  const normals = new Float32Array(3 * faces.length), positions = new Float32Array(3 * faces.length);
+  const flat = new Float32Array(faces.length), area = new Float32Array(faces.length);
+  for (let f = 0; f < faces.length; f += 3) {
+    for (let k = 0; k < 3; k++) positions.set(vertices.subarray(3 * faces[f + k], 3 * faces[f + k] + 3), 3 * (f + k));
+    const [ax, ay, az, bx, by, bz, cx, cy, cz] = positions.subarray(3 * f, 3 * f + 9);
+    const u = [bx - ax, by - ay, bz - az], v = [cx - ax, cy - ay, cz - az];
     const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
     const length = Math.hypot(...n) || 1;
-    for (let i = 0; i < 3; i++) { area[3 * f + i] = n[i]; flat[3 * f + i] = n[i] / length; }
-    for (let k = 0; k < 3; k++) {
-      const p = corner(f, k);
-      const key = `${vertices[p]},${vertices[p + 1]},${vertices[p + 2]}`;
-      if (!around.has(key)) around.set(key, []);
-      around.get(key).push(3 * f);
-      for (let i = 0; i < 3; i++) positions[9 * f + 3 * k + i] = vertices[p + i];
-    }
+    for (let i = 0; i < 3; i++) { area[f + i] = n[i]; flat[f + i] = n[i] / length; }
   }
+  const first = weld(vertices), owners = faces.map((v) => first[v]), { starts, corners } = cornersAround(owners, first.length);
   const limit = Math.cos((35 * Math.PI) / 180);
-  for (let f = 0; f < count; f++) {
-    for (let k = 0; k < 3; k++) {
-      const p = corner(f, k), own = 3 * f, sum = [0, 0, 0];
-      for (const g of around.get(`${vertices[p]},${vertices[p + 1]},${vertices[p + 2]}`)) {
-        const alike = flat[own] * flat[g] + flat[own + 1] * flat[g + 1] + flat[own + 2] * flat[g + 2];
-        if (alike >= limit || g === own) for (let i = 0; i < 3; i++) sum[i] += area[g + i];
-      }
-      const length = Math.hypot(...sum) || 1;
-      for (let i = 0; i < 3; i++) normals[9 * f + 3 * k + i] = sum[i] / length;
+  for (let corner = 0; corner < faces.length; corner++) {
+    const own = corner - (corner % 3), sum = [0, 0, 0];
+    for (let j = starts[owners[corner]]; j < starts[owners[corner] + 1]; j++) {
+      const g = corners[j] - (corners[j] % 3), alike = flat[own] * flat[g] + flat[own + 1] * flat[g + 1] + flat[own + 2] * flat[g + 2];
+      if (alike >= limit || g === own) for (let i = 0; i < 3; i++) sum[i] += area[g + i];
     }
+    const length = Math.hypot(...sum) || 1;
+    for (let i = 0; i < 3; i++) normals[3 * corner + i] = sum[i] / length;
   }
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
