@@ -406,6 +406,16 @@ def test_an_arm_has_dots_at_waypoints_to_which_it_moves(tab: Any, planar2r: rp.R
     assert tab.complaints == []
 
 
+def test_the_clock_of_a_short_motion_has_more_digits(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r)
+    motion = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 0.01], [[0.0, 0.0], [0.01, 0.01]])
+    tab.open(save_html(tmp_path / "short.html", scene, trajectory=motion, options=rp.ViewOptions(play=False)))
+    tab.ask("RR1.seek(0.0042)")
+    assert tab.page.inner_text("#clock") == "0.0042 s"
+    assert tab.page.inner_text("#length") == "/ 0.0100 s"
+    assert "0.0100 s" in tab.page.inner_text("#facts")
+
+
 def test_the_page_follows_its_window(calm: Any) -> None:
     calm.page.set_viewport_size({"width": 640, "height": 480})
     wait_until(calm.page, "RR1.meshcat.renderer.domElement.clientWidth <= 640")

@@ -48,7 +48,8 @@ function showValue(slider, out, text) {
 }
 
 /** Duration of a motion, or a time in it. */
-const seconds = (t) => `${t.toFixed(2)} s`;
+/** A time [s], with more digits if it is in a short span [s]. */
+const seconds = (t, span = Infinity) => `${t.toFixed(span < 0.2 ? 4 : 2)} s`;
 
 // The label of a motion without a report.
 const UNCHECKED = {
@@ -136,7 +137,7 @@ class Controls {
     const scrub = find("scrub");
     scrub.min = player.start;
     scrub.max = player.end;
-    find("length").textContent = `/ ${seconds(player.end)}`;
+    find("length").textContent = `/ ${seconds(player.end, player.end - player.start)}`;
     this.fillMarks();
     this.shownPlaying = null;
     this.refresh();
@@ -162,7 +163,7 @@ class Controls {
     const rows = [];
     const margins = doc.report ? doc.report.margins : {};
     if (doc.planned) rows.push(["Planned here", doc.planned]);
-    if (doc.track) rows.push(doc.track.timed ? ["Duration", seconds(this.viewer.player.track.end - this.viewer.player.track.start)] : ["Path", "no times yet, steady speed"]);
+    if (doc.track) rows.push(doc.track.timed ? ["Duration", seconds(this.viewer.player.track.end - this.viewer.player.track.start, this.viewer.duration)] : ["Path", "no times yet, steady speed"]);
     if (margins.clearance) rows.push(["Clearance", length(margins.clearance.value)]);
     if (margins.self_clearance) rows.push(["Self clearance", length(margins.self_clearance.value)]);
     const around = this.viewer.world.spheres.summary();
@@ -316,7 +317,7 @@ class Controls {
     const scrub = find("scrub");
     scrub.value = player.time;
     fillPart(scrub);
-    showValue(scrub, find("clock"), manual ? this.viewer.origin : seconds(player.time));
+    showValue(scrub, find("clock"), manual ? this.viewer.origin : seconds(player.time, player.end - player.start));
     if (this.shownPlaying !== player.playing) {
       this.shownPlaying = player.playing;
       find("play").replaceChildren(icon(player.playing ? "pause" : "play"));
