@@ -416,6 +416,23 @@ def test_the_clock_of_a_short_motion_has_more_digits(tab: Any, planar2r: rp.Robo
     assert "0.0100 s" in tab.page.inner_text("#facts")
 
 
+def test_a_motion_starts_by_itself_unless_the_reader_wants_less_motion(
+    tab: Any, planar2r: rp.Robot, tmp_path: FilePath
+) -> None:
+    scene = rp.Scene().with_arm("arm", planar2r)
+    motion = rp.Trajectory.from_samples(scene.joint_names(), [0.0, 9.0], [[0.0, 0.0], [1.0, 1.0]])
+    page = save_html(tmp_path / "page.html", scene, trajectory=motion, options=rp.ViewOptions(planner=False))
+    tab.open(page)
+    assert tab.ask("RR1.playing")
+    tab.page.emulate_media(reduced_motion="reduce")
+    tab.open(page)
+    tab.next_frames()
+    assert not tab.ask("RR1.playing")
+    assert tab.ask("RR1.time") == 0.0
+    tab.page.keyboard.press("Space")
+    assert tab.ask("RR1.playing")
+
+
 def test_the_page_follows_its_window(calm: Any) -> None:
     calm.page.set_viewport_size({"width": 640, "height": 480})
     wait_until(calm.page, "RR1.meshcat.renderer.domElement.clientWidth <= 640")

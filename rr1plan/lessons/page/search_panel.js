@@ -86,7 +86,7 @@ class Search {
   play() {
     if (this.playing) { this.stop(); return; }
     if (this.at >= this.length) this.go(0);
-    if (matchMedia("(prefers-reduced-motion: reduce)").matches) { this.go(this.length); return; }
+    if (reducedMotion()) { this.go(this.length); return; }
     const from = this.at, { rate } = this, began = performance.now();
     const frame = (now) => {
       this.go(Math.min(this.length, from + Math.max(0, Math.floor((rate * (now - began)) / 1000))));

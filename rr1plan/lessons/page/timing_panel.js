@@ -223,7 +223,7 @@ class Timing {
   drive() {
     if (this.driving) { this.stop(); return; }
     if (!this.duration) return;
-    if (matchMedia("(prefers-reduced-motion: reduce)").matches) { this.at(1); return; }
+    if (reducedMotion()) { this.at(1); return; }
     const from = this.share >= 1 ? 0 : this.share, began = performance.now();
     const frame = (now) => {
       this.at(Math.min(1, from + Math.max(0, now - began) / 1000 / this.duration));

@@ -63,7 +63,7 @@ class ViewOptions(Value):
             to its configuration space is shown from above.
         spheres: Show the spheres that contain each link and held object, with chips for each of their levels.
         panels: Panels next to the 3-D view, with different names.
-        play: The motion runs from the start.
+        play: The motion runs from the start, unless the reader's system asks for reduced motion.
         planner: The page contains the planners' kernels and can plan by itself; this adds 0.3 MB, for twelve arms about
             1 MB.
         compare: Another motion of the same arms by its name, e.g. {"anytime": other.trajectory}: drawn as a ghost

@@ -47,7 +47,6 @@ function showValue(slider, out, text) {
   out.textContent = text;
 }
 
-/** Duration of a motion, or a time in it. */
 /** A time [s], with more digits if it is in a short span [s]. */
 const seconds = (t, span = Infinity) => `${t.toFixed(span < 0.2 ? 4 : 2)} s`;
 

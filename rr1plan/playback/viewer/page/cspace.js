@@ -402,7 +402,7 @@ class Lesson {
   grow() {
     if (this.growing) { this.pauseTree(); return; }
     if (!this.tree.length) return;
-    if (matchMedia("(prefers-reduced-motion: reduce)").matches) { this.growTo(this.tree.length); return; }
+    if (reducedMotion()) { this.growTo(this.tree.length); return; }
     const rate = this.growthRate / 1000, from = this.grown < this.tree.length ? this.grown : 0;
     const began = performance.now();
     const step = (now) => {

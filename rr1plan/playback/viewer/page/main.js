@@ -366,5 +366,5 @@ const wishes = new URLSearchParams(location.hash.slice(1));
 if (wishes.has("bare")) document.body.classList.add("bare");
 viewer.run();
 if (settings.sideBySide) viewer.sideBySide.toggle(true);
-if (settings.play) viewer.play();
+if (settings.play && !reducedMotion()) viewer.play();
 viewer.ready = true;

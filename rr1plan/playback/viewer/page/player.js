@@ -1,5 +1,8 @@
 // The clock: the current time of the motion, and whether it runs.
 
+/** Whether the reader's system asks for less motion: then nothing moves unless it is started, and drawings appear at once. */
+const reducedMotion = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
+
 const LONGEST_STEP = 0.25; // [s] by which one frame advances the clock at most
 
 class Player {
