@@ -56,7 +56,8 @@ class Obstacle(Value):
         friction: Coulomb friction coefficient of a loose body; of two bodies that touch, the larger one counts.
 
     Raises:
-        InputError: no shape, a mass that is not positive, a negative friction or one above 1e6, or a mass and a shape that cannot move.
+        InputError: no shape, a mass that is not positive, a negative friction or one above 1e6, or a mass and a
+            shape that cannot move.
     """
 
     geometries: tuple[Geometry, ...]
