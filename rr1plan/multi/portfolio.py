@@ -33,7 +33,7 @@ from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality
-from rr1plan.multi.preflight import MARGINS, Preflight, preflight, with_other_goals
+from rr1plan.multi.preflight import MARGINS, Preflight, no_path_to_any_goal, preflight, with_other_goals
 from rr1plan.multi.search.group_planner import COUPLED_FIRST, NO_TIME, GroupPlanner
 from rr1plan.multi.search.group_schedules import GroupSchedules, Statistics
 from rr1plan.multi.search.improvement import PlanImprover
@@ -214,7 +214,7 @@ def plan_many_arms(
     seeds = {arm: int(generator.integers(2**63)) for arm in problem.arms}
     if method == _SEARCH:
         diagrams = DiagramCache(largest, watch)
-        groups, schedules, alone, impossible = _search_small_teams(found, near, seeds, largest, watch)
+        groups, schedules, alone, impossible = _search_small_teams(problem, found, near, seeds, largest, watch)
     else:
         with watch:
             found, search, groups = _search_groups(problem, found, near, seeds, largest, watch)
@@ -277,7 +277,7 @@ def _search_groups(
     rng, now, attempt = np.random.default_rng(list(seeds.values())), found, 0
     failed: list[GroupResult] = []  # of the last search that was not cut short by the deadline
     while True:
-        search = _GroupSearch(problem.arms, now, near, margin, seeds, watch)
+        search = _GroupSearch(problem, now, near, margin, seeds, watch)
         search.rounds = _ROUNDS_OF_GOALS << attempt // _COMBINATIONS
         groups = search.run()
         unsolved = [arm for group in groups if not group.found for arm in group.arms]
@@ -296,7 +296,12 @@ def _search_groups(
 
 
 def _search_small_teams(
-    found: Preflight, near: Mapping[str, frozenset[str]], seeds: Mapping[str, int], margin: float, watch: Stopwatch
+    problem: Problem,
+    found: Preflight,
+    near: Mapping[str, frozenset[str]],
+    seeds: Mapping[str, int],
+    margin: float,
+    watch: Stopwatch,
 ) -> tuple[list[GroupResult], list[Schedule], dict[str, float], str]:
     """Conflict-based search of each group, up to the first that is impossible.
 
@@ -313,8 +318,11 @@ def _search_small_teams(
         stage = "" if team.reason else _SEARCH
         bound = team.suboptimality if team.schedules else None
         groups.append(GroupResult(arms, stage, watch.seconds - began, team.reason, suboptimality=bound))
-        if team.impossible is not None and team.impossible not in found.chosen:
-            return groups, schedules, alone, team.reason
+        impossible = "" if team.impossible is None else team.reason
+        if team.impossible is not None and team.impossible in found.chosen:
+            impossible = no_path_to_any_goal(problem, [team.impossible], watch.goes_on)
+        if impossible:
+            return groups, schedules, alone, impossible
         schedules += team.schedules
         alone.update(team.alone)
     return groups, schedules, alone, ""
@@ -324,8 +332,8 @@ class _GroupSearch:
     """Plans interaction groups in parallel, and merges groups whose paths turn out to meet.
 
     Args:
-        arms: The arms, in the order of the problem.
-        found: Their agents, each with a goal configuration.
+        problem: The problem.
+        found: The agents of its arms, each with a goal configuration.
         near: For each arm, the arms that it can touch at all.
         margin: Largest distance that arms keep from each other in addition to the padding [m].
         seeds: Seed of each arm.
@@ -340,14 +348,14 @@ class _GroupSearch:
 
     def __init__(
         self,
-        arms: Sequence[str],
+        problem: Problem,
         found: Preflight,
         near: Mapping[str, frozenset[str]],
         margin: float,
         seeds: Mapping[str, int],
         watch: Stopwatch,
     ) -> None:
-        self._arms, self._near, self._chosen = tuple(arms), near, found.chosen
+        self._problem, self._near, self._chosen = problem, near, found.chosen
         self._several = frozenset() if found.choices is None else found.choices.several
         self._seeds, self._watch = seeds, watch
         self._pools = {
@@ -379,10 +387,11 @@ class _GroupSearch:
         if result.found or not impossible:
             return result
         names = ", ".join(result.arms)
-        if not self._chosen.isdisjoint(result.arms):
-            return replace(result, reason=f"{names}: to the goal configurations that were chosen, {result.reason}")
         self.impossible = f"{names}: {result.reason}"
-        return replace(result, reason=self.impossible)
+        if not self._chosen.isdisjoint(result.arms):
+            self.impossible = no_path_to_any_goal(self._problem, result.arms, self._watch.goes_on)
+        reason = self.impossible or f"{names}: to the goal configurations that were chosen, {result.reason}"
+        return replace(result, reason=reason)
 
     def _first_paths(self) -> list[GroupResult]:
         """Find the first path of each arm. Returns the first failure, if any."""

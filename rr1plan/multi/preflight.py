@@ -20,6 +20,7 @@ from rr1plan.multi.timing.coordination import are_apart, cross_pairs
 from rr1plan.planners import RrtConnect
 from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
+from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.scene.problem import JointGoal, Problem
 from rr1plan.scene.subscene import subscene
@@ -151,6 +152,35 @@ def _with_goal(
     plain = plain.with_margin(problem.margin)
     made = {arm: Agent(plain, [arm], agent.timing) for arm, agent in agents.items()}
     return Preflight(made, margins, chosen=chosen, choices=choices)
+
+
+def no_path_to_any_goal(problem: Problem, arms: Iterable[str], goes_on: Callable[[], bool]) -> str:
+    """Why one of some arms provably reaches none of its goals; empty if that is not proven.
+
+    A proof needs goals that are configurations: a pose may be reached in others than those found.
+
+    Args:
+        problem: The problem.
+        arms: The arms; the others are ignored, except for their links that no joint moves.
+        goes_on: Whether time is left.
+    """
+    agent = Agent(problem, arms)
+    question = agent.question({}, 0.0)
+    with checker_from_pool(question.scene, question.arms) as checker:
+        for arm in agent.arms:
+            reasons: dict[str, None] = {}
+            for goal in problem.goal[arm]:
+                # The others at their starts: only joints of this arm count.
+                q = agent.start.copy()
+                if isinstance(goal, JointGoal):
+                    q[agent.columns[arm]] = goal.q
+                barrier = find_joint_barrier(checker, agent.start, q, goes_on=goes_on)
+                if barrier is None:
+                    break
+                reasons[str(barrier)] = None
+            else:
+                return f"{', '.join(agent.arms)}: no path exists: {'; '.join(reasons)}"
+    return ""
 
 
 def warm_up_agents(problem: Problem) -> None:

@@ -275,6 +275,34 @@ def test_a_base_of_another_arm_that_cannot_be_passed_is_a_proof() -> None:
     assert result.reason.startswith("left, right: no path exists: joint 'left/joint1' cannot pass")
 
 
+def test_bases_of_others_block_all_of_several_goals_provably() -> None:
+    """Every goal of one arm lies beyond the base of the other one, which has several goals, too."""
+    robot = rp.load_robot("planar2r_limited")
+    scene = rp.Scene().with_arm("left", robot).with_arm("right", robot, (0.35, 0.0, 0.0))
+    start = {"left": [1.8, 0.0], "right": [0.3, 0.0]}
+    goals = {"left": [[-1.8, 0.0], [-1.7, 0.1]], "right": [[-0.3, 0.0], [-0.2, 0.0]]}
+    result = plan_many_arms(rp.Problem(scene, start, goals), rng=0, budget=Budget(seconds=60.0))
+    assert result.status is PlanStatus.INFEASIBLE
+    assert result.reason.startswith("left, right: no path exists: joint 'left/joint1' cannot pass")
+    reached = {**goals, "left": [[-1.8, 0.0], [1.7, 0.1]]}
+    assert plan_many_arms(rp.Problem(scene, start, reached), rng=0, budget=Budget(seconds=60.0)).found
+
+
+@pytest.mark.parametrize("method", ["portfolio", "conflict_based_search"])
+def test_a_wall_before_all_of_several_goals_is_a_proof_unless_one_is_a_pose(method: str) -> None:
+    robot = rp.load_robot("planar2r_limited")
+    scene = rp.Scene().with_arm("arm", robot).with_arm("idle", robot, (5.0, 0.0, 0.0))
+    scene = scene.with_obstacle("wall", rp.Box((0.1, 0.02, 0.4)), (0.35, 0.0, 0.0))
+    start, behind = {"arm": [0.8, 0.0], "idle": [0.5, 0.0]}, [[-0.8, 0.0], [-0.7, 0.1]]
+    result = plan_many_arms(rp.Problem(scene, start, {"arm": behind, "idle": [1.0, 0.0]}), rng=0, method=method)
+    assert result.status is PlanStatus.INFEASIBLE
+    assert result.reason.startswith("arm: no path exists: joint 'arm/joint1' cannot pass")
+    tool = rp.Kinematics(scene, ["arm"]).pose(behind[0], "arm/tool")[:3, 3]
+    pose = rp.Problem(scene, start, {"arm": [behind[0], rp.PoseGoal("tool", tool)], "idle": [1.0, 0.0]})
+    result = plan_many_arms(pose, rng=0, method=method, budget=Budget(seconds=1.5))
+    assert result.status is PlanStatus.TIMEOUT
+
+
 def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
     result = plan_many_arms(_sealed(planar2r), rng=0, budget=Budget(seconds=0.5))
     assert result.status is PlanStatus.TIMEOUT
