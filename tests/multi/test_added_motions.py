@@ -300,6 +300,24 @@ def test_added_motions_keep_limits_of_jerk_and_torque(retiming: str, torque_limi
     assert (graph.retiming, graph.torque_limits) == (retiming, torque_limits)
 
 
+def test_more_time_is_reserved_where_the_referee_computes_torques(
+    rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    budgets = []
+
+    class Clock(added_motions.Stopwatch):
+        def __init__(self, budget: float) -> None:
+            budgets.append(budget)
+            super().__init__(60.0)
+
+    monkeypatch.setattr(added_motions, "Stopwatch", Clock)
+    problem = rp.random_grid(rr1, 4, 0.8, 1)
+    for torque_limits in (False, True):
+        plan = rp.RunningPlan.of(rp.plan_many_arms(problem, torque_limits=torque_limits, rng=0, budget=_BUDGET))
+        assert rp.add_motion(plan, "arm01", "home", at=0.1, budget=Budget(seconds=1.0), rng=0)
+    assert 0.5 <= budgets[1] < budgets[0] < 1.0
+
+
 def test_after_a_rejected_motion_another_one_is_tried(planar2r: rp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = _at_rest(_facing(planar2r), {"left": [1.5, 0.0], "right": [np.pi + 1.5, 0.0]})
     plan = rp.add_motion(plan, "left", [-1.2, 0.3], at=0.0, freeze=0.0, budget=_BUDGET, rng=0).plan

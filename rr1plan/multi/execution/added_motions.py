@@ -57,6 +57,9 @@ _SAME = 1e-9  # largest difference of equal configurations, such as solutions of
 _LATEST = 1e7  # later times are rounded to more than a nanosecond [s]
 # Share of the budget reserved for the referee and for kernel calls, and its upper bound [s].
 _RESERVE, _MOST_RESERVE = 0.2, 0.1
+# Additional reserve for the torques that the referee computes, for each second of an arm's motion [s], and the largest
+# share of the budget that is reserved in all.
+_TORQUES, _MOST_RESERVED = 0.01, 0.5
 # Share of the budget for a motion that changes no other arm, and share of the rest for one to which single arms yield.
 _SHARE, _SHARE_OF_YIELDING = 0.3, 0.6
 # The referee begins this long before the change, so that it checks the transition between the motions [s].
@@ -146,8 +149,16 @@ def add_motion(
     if at < plan.trajectory.start_time or freeze < 0.0:
         raise InputError(f"at is {at} and freeze is {freeze}, expected a time of the plan and a time >= 0")
     seconds = max(freeze, _SHORTEST) if budget is None else budget.seconds
-    watch = Stopwatch(seconds - min(_RESERVE * seconds, _MOST_RESERVE))
+    watch = Stopwatch(seconds - _reserve(plan, at + freeze, seconds))
     return _Change(plan, at + freeze, as_generator(rng), watch).run(arm, goal)
+
+
+def _reserve(plan: RunningPlan, now: float, seconds: float) -> float:
+    """The part of a budget that is reserved for the referee and for kernel calls [s]."""
+    reserve = min(_RESERVE * seconds, _MOST_RESERVE)
+    if plan.torque_limits:
+        reserve += _TORQUES * len(plan.arms) * max(0.0, plan.trajectory.end_time - now)
+    return min(reserve, _MOST_RESERVED * seconds)
 
 
 @dataclass(frozen=True)
