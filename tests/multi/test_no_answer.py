@@ -158,6 +158,7 @@ def test_goals_out_of_limits_or_reach_are_named(rr1: rp.Robot) -> None:
     assert result.reason.startswith("arm02")
 
 
+@pytest.mark.usefixtures("processor_clock")
 def test_what_is_not_found_in_time_is_said_with_who_is_blocked(planar2r: rp.Robot) -> None:
     # A post on either side of the first link at its goal: it cannot turn there from anywhere.
     scene = _facing(planar2r)
@@ -173,6 +174,7 @@ def test_what_is_not_found_in_time_is_said_with_who_is_blocked(planar2r: rp.Robo
 
 
 @pytest.mark.parametrize("seed", range(6))
+@pytest.mark.usefixtures("processor_clock")
 def test_on_a_rail_plans_are_found_exactly_where_the_order_stays(seed: int, assert_safe: Check) -> None:
     rng = np.random.default_rng(seed)
     count = 2 + seed % 3
@@ -303,6 +305,7 @@ def test_a_wall_before_all_of_several_goals_is_a_proof_unless_one_is_a_pose(meth
     assert result.status is PlanStatus.TIMEOUT
 
 
+@pytest.mark.usefixtures("processor_clock")
 def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
     result = plan_many_arms(_sealed(planar2r), rng=0, budget=Budget(seconds=0.5))
     assert result.status is PlanStatus.TIMEOUT
