@@ -165,8 +165,8 @@ def no_path_to_any_goal(problem: Problem, arms: Iterable[str], goes_on: Callable
         goes_on: Whether time is left.
     """
     agent = Agent(problem, arms)
-    question = agent.question({}, 0.0)
-    with checker_from_pool(question.scene, question.arms) as checker:
+    query = agent.query({}, 0.0)
+    with checker_from_pool(query.scene, query.arms) as checker:
         for arm in agent.arms:
             reasons: dict[str, None] = {}
             for goal in problem.goal[arm]:

@@ -127,6 +127,10 @@ def test_problems_that_cannot_be_made_are_refused(rr1: rp.Robot) -> None:
         random_grid([], 3, 0.8)
     with pytest.raises(InputError, match="touch each other, and neither moves"):
         random_grid(rr1, 2, 0.02, 0)
+    with pytest.raises(InputError, match="touch each other, and neither moves; try a larger radius"):
+        ring_swap(rr1, 3, 0.1, rng=0)
+    with pytest.raises(InputError, match="touch each other, and neither moves; try a wider spacing"):
+        dual_arm_shelf(rr1, 0.1, 0)
     with pytest.raises(InputError, match="count is 3, expected 2 or 4"):
         shared_bin(rr1, 3)
     with pytest.raises(InputError, match="an even number"):

@@ -95,7 +95,7 @@ def sample_configurations(
             continue
         failures += 1
         if failures == 1:
-            _check_fixed_links(scene, advice)
+            check_fixed_links(scene, advice)
         if failures > rounds or (not others and draws):
             raise InputError(f"no free configuration found for {arm!r} among the others; {advice}")
         # Its neighbors may be at the place of its base: they are drawn again.
@@ -106,8 +106,12 @@ def sample_configurations(
     return {arm: configurations[arm] for arm in agents}
 
 
-def _check_fixed_links(scene: Scene, advice: str) -> None:
+def check_fixed_links(scene: Scene, advice: str) -> None:
     """Reject a scene in which stationary parts touch each other, such as bases of neighbors.
+
+    Args:
+        scene: The scene.
+        advice: Advice at the end of the message.
 
     Raises:
         InputError: some parts touch; names two of them.

@@ -21,6 +21,7 @@ from rr1plan.multi.scenarios.endpoint_sampling import (
     CLEARANCE,
     Draw,
     ToolBox,
+    check_fixed_links,
     check_position_limits,
     floor_under,
     front_of,
@@ -138,6 +139,7 @@ def ring_swap(
     plank = Box((0.1 * radius, 0.5 * radius, 0.02))
     empty = Scene(name=f"ring of {count}").with_obstacle("plank", plank, (0.0, 0.0, 0.6 * radius))
     scene = place_ring(robot, count, radius, front=front_of(robot, front), scene=empty)
+    check_fixed_links(scene, "try a larger radius")
     if step % count not in (1, count - 1):
         return _swap_across(scene, radius, step, generator)
     reason, reached = "", False
@@ -210,6 +212,7 @@ def dual_arm_shelf(robot: Robot, spacing: float, rng: Seed = None, *, front: Arr
     for k in range(3):
         board = Box((2.0 * spacing, 0.3 * spacing, 0.02))
         scene = scene.with_obstacle(f"board{k + 1}", board, (0.0, 0.7 * spacing, (0.25 + 0.35 * k) * spacing))
+    check_fixed_links(scene, "try a wider spacing")
     reason = ""
     for _ in range(_ATTEMPTS):
         ends = []
