@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.arm_groups import arms_in_reach
+from rr1plan.collision.arm_groups import bases_in_reach
 from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
 from rr1plan.collision.tables.exact_tables import exact_scratch, exact_struct
 from rr1plan.kernels.planner_kernels import CStruct
@@ -136,7 +136,7 @@ class Agent:
         scene, arms = self.problem.scene, self.problem.arms
         still: dict[str, Array | None] = {name: None for name in scene.arms if name not in arms}
         configurations = scene.split(self.start, self.arms)
-        near = kept_in(scene.kept, ("arms in reach", arms), lambda: arms_in_reach(scene, arms, 0.0))
+        near = kept_in(scene.kept, ("bases in reach", arms), lambda: bases_in_reach(scene, arms))
         bases = frozenset().union(*(near[name] for name in self.arms))
         return subscene(scene, {**still, **others, **{name: configurations[name] for name in self.arms}}, bases=bases)
 
