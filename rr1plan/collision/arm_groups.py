@@ -7,16 +7,8 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from rr1plan.collision.collision_geometry import geometries_of
-from rr1plan.collision.reach_broad_phase import (
-    ball_gaps,
-    bases_of,
-    near_balls,
-    placed_balls,
-    reach_ball,
-    stationary_balls,
-)
+from rr1plan.collision.reach_broad_phase import bases_of, near_balls, placed_balls, reach_ball
 from rr1plan.scene import Scene
-from rr1plan.scene.subscene import subscene
 
 
 def arms_in_reach(scene: Scene, arms: Iterable[str], margin: float) -> dict[str, frozenset[str]]:
@@ -36,22 +28,6 @@ def arms_in_reach(scene: Scene, arms: Iterable[str], margin: float) -> dict[str,
         near[names[i]].add(names[j])
         near[names[j]].add(names[i])
     return {name: frozenset(others) for name, others in near.items()}
-
-
-def bases_in_reach(scene: Scene, arms: Iterable[str]) -> dict[str, frozenset[str]]:
-    """For each arm, the others of which it may touch a link that no joint moves.
-
-    Args:
-        scene: The scene.
-        arms: The arms that move.
-    """
-    names = tuple(arms)
-    geometries, still = geometries_of(scene), subscene(scene, {}, obstacles=False, bases=names)
-    balls = placed_balls(np.array([reach_ball(geometries[a]) for a in names]).reshape(-1, 4), bases_of(scene, names))
-    gaps = ball_gaps(balls, stationary_balls(still, geometries_of(still), names))
-    np.fill_diagonal(gaps, np.inf)
-    padding = max((scene.padding, *scene.pair_padding.values()))
-    return {a: frozenset(names[j] for j in np.flatnonzero(row <= padding)) for a, row in zip(names, gaps, strict=True)}
 
 
 def interaction_groups(near: Mapping[str, Iterable[str]]) -> list[tuple[str, ...]]:

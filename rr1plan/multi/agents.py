@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
-from rr1plan.collision.arm_groups import bases_in_reach
 from rr1plan.collision.convex.enclosing_ball import ball_reach, enclosing_ball
 from rr1plan.collision.tables.exact_tables import exact_scratch, exact_struct
 from rr1plan.kernels.planner_kernels import CStruct
@@ -129,16 +128,11 @@ class Agent:
         return Kinematics(self.among({}), self.arms).inverse_dynamics
 
     def among(self, others: Mapping[str, Array | None]) -> Scene:
-        """The scene of these arms, the arms that the problem does not move, and `others` in their configurations.
-
-        Of the remaining arms within reach it has the links that no joint moves.
-        """
-        scene, arms = self.problem.scene, self.problem.arms
-        still: dict[str, Array | None] = {name: None for name in scene.arms if name not in arms}
+        """The scene of these arms, the arms that the problem does not move, and `others` in their configurations."""
+        scene, moving = self.problem.scene, set(self.problem.arms)
+        still: dict[str, Array | None] = {name: None for name in scene.arms if name not in moving}
         configurations = scene.split(self.start, self.arms)
-        near = kept_in(scene.kept, ("bases in reach", arms), lambda: bases_in_reach(scene, arms))
-        bases = frozenset().union(*(near[name] for name in self.arms))
-        return subscene(scene, {**still, **others, **{name: configurations[name] for name in self.arms}}, bases=bases)
+        return subscene(scene, {**still, **others, **{name: configurations[name] for name in self.arms}})
 
     @cached_property
     def _alone(self) -> Problem:

@@ -161,7 +161,7 @@ def no_path_to_any_goal(problem: Problem, arms: Iterable[str], goes_on: Callable
 
     Args:
         problem: The problem.
-        arms: The arms; the others are ignored, except for their links that no joint moves.
+        arms: The arms; the others are ignored.
         goes_on: Whether time is left.
     """
     agent = Agent(problem, arms)

@@ -133,25 +133,6 @@ class Robot(Value, NotebookView):
         return tuple(tuple(body) for body in {id(body): body for body in found.values()}.values())
 
     @cached_property
-    def fixed_part(self) -> Robot:
-        """The links that no joint moves, as a robot without planning joints."""
-        links = self.bodies[0]
-        names = frozenset(link.name for link in links)
-        return replace(
-            self,
-            links=links,
-            joints=tuple(joint for joint in self.joints if joint.child in names),
-            joint_names=(),
-            limits=Limits(*[np.zeros(0)] * len(Limits.__dataclass_fields__)),
-            configurations={"home": np.zeros(0)},
-            locked_joints={},
-            disabled_collisions=frozenset(both for both in self.disabled_collisions if both <= names),
-            tool=self.base,
-            presets={},
-            locked_joint_states={},
-        )
-
-    @cached_property
     def unchecked_links(self) -> tuple[str, ...]:
         """Links that are never checked for collision: links with a visual in a body without a collision shape.
 

@@ -2,38 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 from rr1plan.checks import Array
 from rr1plan.scene import Arm, Scene
 from rr1plan.scene.scene import with_fewer
 
 
-def subscene(
-    scene: Scene,
-    configurations: Mapping[str, Array | None],
-    *,
-    obstacles: bool = True,
-    bases: Collection[str] = frozenset(),
-) -> Scene:
+def subscene(scene: Scene, configurations: Mapping[str, Array | None], *, obstacles: bool = True) -> Scene:
     """The part of a scene with some of its arms and the objects they hold.
 
     Args:
         scene: The scene.
         configurations: The arms to keep, each with a configuration (nq,), or None for that of the scene.
         obstacles: Whether to keep the obstacles.
-        bases: Other arms of which to keep the links that no joint moves.
     """
     arms = {}
     for name, arm in scene.arms.items():
         if name in configurations:
             q = configurations[name]
             arms[name] = arm if q is None else Arm(arm.robot, arm.base, q)
-        elif name in bases:
-            arms[name] = Arm(arm.robot.fixed_part, arm.base)
-    held = {
-        name: thing
-        for name, thing in scene.attachments.items()
-        if thing.arm in arms and thing.link in arms[thing.arm].robot.link_names
-    }
+    held = {name: thing for name, thing in scene.attachments.items() if thing.arm in arms}
     return with_fewer(scene, arms=arms, obstacles=scene.obstacles if obstacles else {}, attachments=held)

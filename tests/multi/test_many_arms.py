@@ -12,8 +12,6 @@ import rr1plan as rp
 from rr1plan import dual_arm_shelf, place_grid, plan_many_arms, random_grid, ring_swap
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
 from rr1plan.errors import InputError
-from rr1plan.multi.agents import Agent
-from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.planning import Budget, PlanStatus
 
 _BUDGET = Budget(seconds=60.0)
@@ -124,18 +122,3 @@ def test_goals_in_space_are_reached_by_configurations_that_go_together(rr1: rp.R
 def test_progress_may_cancel(rr1: rp.Robot) -> None:
     result = plan_many_arms(_problem("grid-4", rr1), rng=0, progress=lambda _: False)
     assert result.status is PlanStatus.CANCELLED
-
-
-def test_the_first_path_of_an_arm_goes_around_bases_of_others(assert_safe: Check) -> None:
-    """A base stands on the straight line of an arm that passes everything else of its neighbor."""
-    slides, turns = rp.planar_arm("PP", (1.0, 1.0), width=0.05), rp.planar_arm("RR", (0.3, 0.2))
-    scene = rp.Scene().with_arm("slides", slides, (0.0, 0.0, -0.14)).with_arm("turns", turns, (0.5, 0.2, 0.0))
-    start = {"slides": [0.1, 0.2], "turns": [1.5, 0.0]}
-    problem = rp.Problem(scene, start, {"slides": [0.9, 0.2]}, arms=tuple(scene.arms))
-    path, reason = PathPool(Agent(problem, ["slides"]), 1e-3, np.random.default_rng(0)).add({}, patient=True)
-    assert path is not None, reason
-    checker = rp.CollisionChecker(scene, ["slides"])
-    base = {frozenset(("slides/link2", "turns/base"))}
-    touching = {frozenset((c.a, c.b)) for q in path.path.sample(0.01) for c in checker.contacts(q)}
-    assert not touching & base, touching
-    assert_safe(problem, plan_many_arms(problem, rng=0))
