@@ -18,6 +18,7 @@ from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.hop_timing import jerk_limited_line, times_along
 from rr1plan.multi.paths.placed_path import placed_path
+from rr1plan.object_cache import kept_in
 from rr1plan.path import Path
 from rr1plan.retiming.check_limits import check_limits
 from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, round_corners
@@ -66,6 +67,7 @@ class AgentPath:
         self._limits_jerk = agent.timing.method == "ruckig"
         self._stretches: dict[tuple[int, int], float] = {}
         self._lines: dict[tuple[int, int], Pieces] = {}
+        self._limited_times: dict[tuple[int, int], Array] = {}
         points = clean(path.waypoints)
         self.start, self.goal = path.waypoints[0], path.waypoints[-1]
         nq = points.shape[1]
@@ -100,7 +102,8 @@ class AgentPath:
         chain.agent = paths[0].agent
         waypoints = np.concatenate([paths[0].path.waypoints, *(part.path.waypoints[1:] for part in paths[1:])])
         chain.path = Path(paths[0].path.joint_names, waypoints)
-        chain._limits_jerk, chain._stretches, chain._lines = paths[0]._limits_jerk, {}, {}
+        chain._limits_jerk, chain._stretches = paths[0]._limits_jerk, {}
+        chain._lines, chain._limited_times = {}, {}
         chain.start, chain.goal = paths[0].start, paths[-1].goal
         lengths = np.concatenate([part.curve.lengths for part in paths])
         coefficients = np.concatenate([part.curve.coefficients for part in paths])
@@ -151,10 +154,6 @@ class AgentPath:
         begin, end = np.triu_indices(count, 1)
         stops = np.array(self.stops)
         times = np.zeros((count, count, self.segments + 1))
-        if self._limits_jerk:
-            for i, j in zip(begin.tolist(), end.tolist(), strict=True):
-                times[i, j, self.stops[i] : self.stops[j] + 1] = self._jerk_limited_times(self.stops[i], self.stops[j])
-            return times
         times[begin, end] = self._hops(stops[begin], stops[end])
         return times
 
@@ -173,11 +172,17 @@ class AgentPath:
         """
         if begin == end:
             return np.zeros(1)
-        i, j = self.stops.index(begin), self.stops.index(end)
         if begin < end:
-            return np.asarray(self._times[i, j, begin : end + 1] * self._stretch(begin, end))
-        forward = self._times[j, i, end : begin + 1] * self._stretch(end, begin)
+            return np.asarray(self._forward_times(begin, end) * self._stretch(begin, end))
+        forward = self._forward_times(end, begin) * self._stretch(end, begin)
         return np.asarray((forward[-1] - forward)[::-1])
+
+    def _forward_times(self, begin: int, end: int) -> Array:
+        """Times of the motion from rest at one stop to rest at a later one, without torque limits [s]."""
+        # Jerk-limited ones take too long to compute all of them.
+        if self._limits_jerk:
+            return kept_in(self._limited_times, (begin, end), lambda: self._jerk_limited_times(begin, end))
+        return np.asarray(self._times[self.stops.index(begin), self.stops.index(end), begin : end + 1])
 
     def hop_duration(self, begin: int, end: int) -> float:
         """Duration of a hop [s]."""
@@ -186,8 +191,7 @@ class AgentPath:
         begin, end = min(begin, end), max(begin, end)
         if end - begin == self.segments:
             return self.fastest
-        duration = self._times[self.stops.index(begin), self.stops.index(end), end]
-        return float(duration * self._stretch(begin, end))
+        return float(self._forward_times(begin, end)[-1] * self._stretch(begin, end))
 
     def hop(self, begin: int, end: int) -> Pieces:
         """The fastest motion from rest at a gridpoint to rest at another, forward or back."""
