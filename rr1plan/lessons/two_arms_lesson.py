@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from rr1plan.playback.viewer.view_options import Panel, ViewOptions
 
 _INK, _SOFT, _BLOCKED, _ACCENT, _START, _GOAL = "#22262b", "#667080", "#c3cad5", "#e4500e", "#2f66c8", "#14855a"
+_OBSTACLE = "#6b9b5e"
 _PICTURE = 240  # cells of a slice in the figure
 _SEED = 0
 _GRAY = ListedColormap([_BLOCKED])
@@ -154,7 +155,7 @@ class TwoArmsLesson(Lesson):
 
     def _arm(self, checker: CollisionChecker, name: str, number: int) -> dict[str, object]:
         other = self.arms[1 - number]
-        layers = {other: arm_color(1 - number), **dict.fromkeys(self.scene.obstacles, "#6b9b5e")}
+        layers = {other: arm_color(1 - number), **dict.fromkeys(self.scene.obstacles, _OBSTACLE)}
         axes = slice_axes(self.scene, name, (0, 1))
         return {
             "name": name,
@@ -213,7 +214,7 @@ class TwoArmsLesson(Lesson):
             axes.annotate(name, (x, y), xytext=(0, -26), textcoords="offset points", ha="center", color=arm_color(k))
         for obstacle in self.scene.obstacles.values():
             for g in obstacle.geometries:
-                axes.fill(*silhouette(g.shape, obstacle.pose @ g.pose).T, color="#6b9b5e", linewidth=0)
+                axes.fill(*silhouette(g.shape, obstacle.pose @ g.pose).T, color=_OBSTACLE, linewidth=0)
         axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
         axes.margins(0.08)
         axes.set_title("workspace", loc="left")
@@ -223,7 +224,7 @@ class TwoArmsLesson(Lesson):
         """The slice of arm k with the other arm fixed, and its path."""
         name, other = self.arms[k], self.arms[1 - k]
         grid = compute_grid(self.scene.with_configuration(other, configurations[1 - k]), name, resolution=_PICTURE)
-        for layer, color in {other: arm_color(1 - k), **dict.fromkeys(self.scene.obstacles, "#6b9b5e")}.items():
+        for layer, color in {other: arm_color(1 - k), **dict.fromkeys(self.scene.obstacles, _OBSTACLE)}.items():
             if layer in grid.layers:
                 axes.contourf(*grid.axes, grid.layers[layer].T.astype(float), levels=(0.5, 1.5), colors=(color,))
         path = pair.configurations[k]
