@@ -53,7 +53,7 @@ from rr1plan.checks import (
 from rr1plan.errors import InputError
 from rr1plan.files.checked_tables import Table
 from rr1plan.files.documents import read_toml
-from rr1plan.files.file_access import write_text
+from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.files.toml_writer import to_toml
 from rr1plan.robot import Robot
 
@@ -310,8 +310,9 @@ class Calibration(Value):
         """Write a TOML file and return its path; numbers read back to the last bit.
 
         Raises:
-            InputError: the file cannot be written.
+            InputError: another suffix, or the file cannot be written.
         """
+        check_writable(file, ".toml")
         data: dict[str, Any] = {"format": _FORMAT, "version": _VERSION, "robot": self.robot}
         data |= {"date": self.date, "source": self.source}
         data["units"] = {"position": "rad", "reading": self.unit}

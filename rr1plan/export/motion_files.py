@@ -46,10 +46,10 @@ def read_motion(file: _File, scene: Scene | None = None, topic: str | None = Non
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
     """
     path = file_path(file)
-    if path.suffix in (".json", ".csv"):
+    if path.suffix.lower() in (".json", ".csv"):
         refuse_topic(path, topic)
-        return read_plan_file(path, scene) if path.suffix == ".json" else SavedMotion(trajectory=load_csv(path))
-    if path.suffix in (*YAML_SUFFIXES, *BAG_SUFFIXES) or path.is_dir():
+        return read_plan_file(path, scene) if path.suffix.lower() == ".json" else SavedMotion(trajectory=load_csv(path))
+    if path.suffix.lower() in (*YAML_SUFFIXES, *BAG_SUFFIXES) or path.is_dir():
         return SavedMotion(trajectory=load_joint_trajectory(path, topic=topic))
     refuse_topic(path, topic)
     if not path.exists():
@@ -62,9 +62,9 @@ def read_motion(file: _File, scene: Scene | None = None, topic: str | None = Non
 def is_motion_file(file: _File) -> bool:
     """Whether a file is a motion, by its suffix, or for YAML by its content."""
     path = file_path(file)
-    if path.suffix in YAML_SUFFIXES:
+    if path.suffix.lower() in YAML_SUFFIXES:
         return holds_joint_trajectory(path)
-    return path.suffix in SUFFIXES or path.is_dir()
+    return path.suffix.lower() in SUFFIXES or path.is_dir()
 
 
 def fit_trajectory(trajectory: Trajectory, scene: Scene) -> Trajectory:

@@ -106,7 +106,7 @@ def load_joint_trajectory(file: _File, *, topic: str | None = None) -> Trajector
 def read_joint_trajectory(file: _File, topic: str | None = None) -> JointTrajectoryMessage:
     """The one JointTrajectory of a YAML file or a bag, with any kind of points; see `load_joint_trajectory`."""
     path = file_path(file)
-    if path.suffix in YAML_SUFFIXES:
+    if path.suffix.lower() in YAML_SUFFIXES:
         refuse_topic(path, topic)
         return _from_yaml(path)
     return _from_bag(path, topic)
@@ -307,7 +307,7 @@ def bag_messages(file: pathlib.Path, kind: str, topic: str | None) -> Iterator[A
     except ImportError as error:
         raise MissingPackageError("rosbags", "reading a ROS bag", "ros") from error
     # The database of a ROS 2 bag is read via its folder, which describes it.
-    bag = file.parent if file.suffix in (".mcap", ".db3") else file
+    bag = file.parent if file.suffix.lower() in (".mcap", ".db3") else file
     _check_regular(file, bag)
     try:
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:

@@ -129,7 +129,7 @@ def read_states(source: str | pathlib.Path, *, silence: float = 1.0, topic: str 
     if isinstance(source, str) and "://" in source:
         return _from_socket(*_address(source), silence)
     path = file_path(source)
-    if path.suffix in BAG_SUFFIXES or path.is_dir():
+    if path.suffix.lower() in BAG_SUFFIXES or path.is_dir():
         messages = read_joint_states(path, topic=topic)
         return StateStream(_with_silence((_of_bag(*fields) for fields in messages), silence), messages.close)
     lines = [line for line in read_text(path).splitlines() if line.strip()]

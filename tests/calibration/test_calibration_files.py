@@ -23,6 +23,8 @@ def test_a_file_reads_back_exactly(calibration: rp.Calibration, tmp_path: Path) 
     again = rp.load_calibration(calibration.save(tmp_path / "c.toml"))
     assert again.joints == calibration.joints
     assert (again.robot, again.unit, again.date, again.source) == ("rr1", "steps", "2026-11-23", 'by "hand"')
+    with pytest.raises(rp.InputError, match=r"c.json', expected a name that ends in \.toml"):
+        calibration.save(tmp_path / "c.json")
     assert (tmp_path / "c.toml").read_text().startswith("# position = zero + sign * reading / scale\n")
     assert pickle.loads(pickle.dumps(again)).joints == calibration.joints
 

@@ -108,6 +108,14 @@ def test_a_suffix_by_which_a_file_would_be_read_as_another_format_is_refused(
     SAVERS[suffix](tmp_path / f"A{suffix.upper()}", rr1_table)
 
 
+@pytest.mark.parametrize("suffix", [".json", ".csv", ".yaml"])
+def test_motions_are_recognized_by_suffixes_in_capitals(suffix: str, rr1_table: rp.Scene, tmp_path: Path) -> None:
+    trajectory = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration())
+    save = {".json": rp.save_motion, ".csv": rp.save_csv, ".yaml": rp.save_joint_trajectory}[suffix]
+    save(tmp_path / f"A{suffix.upper()}", trajectory)
+    assert rp.load_motion(tmp_path / f"A{suffix.upper()}", rr1_table).trajectory.joint_names == trajectory.joint_names
+
+
 def test_text_that_cannot_be_encoded_leaves_the_old_file(tmp_path: Path) -> None:
     file = tmp_path / "file"
     write_text(file, "old")
