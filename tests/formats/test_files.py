@@ -110,10 +110,12 @@ def test_a_suffix_by_which_a_file_would_be_read_as_another_format_is_refused(
 
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".yaml"])
 def test_motions_are_recognized_by_suffixes_in_capitals(suffix: str, rr1_table: rp.Scene, tmp_path: Path) -> None:
-    trajectory = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration())
-    save = {".json": rp.save_motion, ".csv": rp.save_csv, ".yaml": rp.save_joint_trajectory}[suffix]
-    save(tmp_path / f"A{suffix.upper()}", trajectory)
-    assert rp.load_motion(tmp_path / f"A{suffix.upper()}", rr1_table).trajectory.joint_names == trajectory.joint_names
+    trajectory, file = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration()), f"A{suffix.upper()}"
+    if suffix == ".json":
+        rp.save_motion(tmp_path / file, rr1_table, trajectory=trajectory)
+    else:
+        {".csv": rp.save_csv, ".yaml": rp.save_joint_trajectory}[suffix](tmp_path / file, trajectory)
+    assert rp.load_motion(tmp_path / file, rr1_table).trajectory.joint_names == trajectory.joint_names
 
 
 def test_text_that_cannot_be_encoded_leaves_the_old_file(tmp_path: Path) -> None:
