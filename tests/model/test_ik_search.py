@@ -17,9 +17,9 @@ from rr1plan.model.kinematic_chain import chain_of
 from rr1plan.scene.problem import PoseGoal, RegionGoal
 
 
-def search_for(robot, goal, seed=0, **settings):
+def search_for(robot, goal, seed=0):
     chain = chain_of(Kinematics(robot).scene_model.arm_model, f"arm/{robot.tool}")
-    return IkSearch(chain, robot, goal, robot.home[None], random_state(seed), **settings)
+    return IkSearch(chain, robot, goal, robot.home[None], random_state(seed))
 
 
 def slow_descent(kinematics, frame, T, q, steps=60):
@@ -100,7 +100,7 @@ def test_a_search_that_goes_on_is_one_that_never_stopped(redundant_arm):
 
 
 def test_a_search_stops_at_what_it_was_asked_for_and_has_room_for_any_number(redundant_arm):
-    search = search_for(redundant_arm, RegionGoal("tool", [-0.6, -0.6, 0.2], [0.6, 0.6, 1.0]), separation=1e-6)
+    search = search_for(redundant_arm, RegionGoal("tool", [-0.6, -0.6, 0.2], [0.6, 0.6, 1.0]))
     assert len(search.collect(1000, most=5)) == 5
     assert len(search.collect(1000, most=80)) == 80
     assert len(search.accepted) == len(np.unique(search.accepted, axis=0)) == 85
