@@ -433,7 +433,6 @@ def test_ctrl_c_ends_the_program_and_leaves_nothing(tmp_path: FilePath) -> None:
         os.killpg(program.pid, 0)
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 def test_a_forked_process_keeps_neither_the_port_nor_the_browsers(tmp_path: FilePath) -> None:
     script = tmp_path / "program.py"
     script.write_text(

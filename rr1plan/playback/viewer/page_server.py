@@ -37,15 +37,9 @@ _servers: WeakSet[PageServer] = WeakSet()
 
 
 class _ConnectionServer(HTTPServer):
-    """An HTTP server that knows its connections.
+    """An HTTP server that adds each new connection to a set, `streams`."""
 
-    Args:
-        streams: Set to which each new connection is added.
-    """
-
-    def initialize(self, application: Application, streams: WeakSet[IOStream]) -> None:  # type: ignore[override]
-        super().initialize(application)
-        self.streams = streams
+    streams: WeakSet[IOStream]
 
     def handle_stream(self, stream: IOStream, address: tuple[object, ...]) -> None:
         """Serve a new connection."""
@@ -125,7 +119,8 @@ class PageServer:
         find = {"find": self._find}
         routes = [(r"/(?:(\d+)/)?", PageHandler, find), (r"/(?:(\d+)/)?updates", UpdatesHandler, find)]
         application = Application(routes, log_function=_log, websocket_ping_interval=20)
-        self._http = _ConnectionServer(application, self._streams)
+        self._http = _ConnectionServer(application)
+        self._http.streams = self._streams
         self._http.add_socket(self.listener)
         self._loop.call_soon(self._started.set)
         try:
