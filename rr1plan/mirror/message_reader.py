@@ -21,7 +21,7 @@ _MISSING = 1.0
 
 
 class MessageReader:
-    """Merges messages, joint by joint; messages of the same joints are from one sender, with a clock of its own.
+    """Merges messages joint by joint. Messages with the same joints come from one sender, which has its own clock.
 
     Args:
         scene: The scene; joints without messages keep their values in it.

@@ -1,7 +1,7 @@
 """Schedules of the agents of an interaction group, timed among each other on paths of their pools.
 
-Coordination diagrams certify that the schedules have no conflicts. The arms of a group may be divided among agents in
-several ways: each arm separately, or some arms, planned in their joint space, as one agent.
+Coordination diagrams certify that the schedules have no conflicts. An agent is one arm, or several arms that are
+planned in their joint space; together the agents have all arms of the group.
 """
 
 from __future__ import annotations
