@@ -58,13 +58,22 @@ class AgentBodies:
             ]
         ).reshape(-1, 4)
         self.reach = np.zeros(checker.nq)
+        travel = checker.limits.travel
         for body in range(len(tables.bodies)):
-            for column, lever in tables.levers(body, checker.limits.travel):
+            for column, lever in tables.levers(body, travel):
                 self.reach[column] = max(self.reach[column], lever)
 
     def scratch(self) -> CStruct:
         """Memory for the placed bodies, for one thread."""
         return exact_scratch(self.tables, self.columns)
+
+
+def _bodies(scene: Scene, arms: tuple[str, ...]) -> AgentBodies:
+    """The bodies of some arms of a scene, created once."""
+    key = ("bodies of agents", arms)
+    return kept_in(
+        scene.kept_for_any_padding, key, lambda: AgentBodies(subscene(scene, dict.fromkeys(arms), obstacles=False))
+    )
 
 
 @lru_cache(maxsize=1024)
@@ -114,13 +123,12 @@ class Agent:
     @cached_property
     def bodies(self) -> AgentBodies:
         """The bodies of its arms."""
-        scene = self.problem.scene
-        key = ("bodies of agents", self.arms)
-        return kept_in(
-            scene.kept_for_any_padding,
-            key,
-            lambda: AgentBodies(subscene(scene, dict.fromkeys(self.arms), obstacles=False)),
-        )
+        return _bodies(self.problem.scene, self.arms)
+
+    @cached_property
+    def reach(self) -> Array:
+        """Largest displacement of any point of its arms per change of each joint [m/rad, or m/m], shape (nq,)."""
+        return np.concatenate([_bodies(self.problem.scene, (arm,)).reach for arm in self.arms])
 
     @cached_property
     def inverse_dynamics(self) -> InverseDynamics:

@@ -237,7 +237,7 @@ class _JointMotion:
         """The same motion with fewer segments, about as many as a path of some of its arms would have."""
         route, steps, agent = self.route, self.route.steps, self._agent(arms)
         slopes = np.abs(route.grid.first(route.curve, 0.5)[:, self._columns(agent)])
-        moved = np.concatenate([[0.0], np.cumsum(slopes @ agent.bodies.reach * route.grid.delta)])
+        moved = np.concatenate([[0.0], np.cumsum(slopes @ agent.reach * route.grid.delta)])
         if moved[-1] == 0.0:
             return self
         number = np.floor(segments_up_to(moved))

@@ -17,7 +17,7 @@ from rr1plan.checks import Array
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.hop_timing import jerk_limited_line, times_along
-from rr1plan.multi.paths.placed_path import placed_path
+from rr1plan.multi.paths.placed_path import placed_configurations, placed_path
 from rr1plan.object_cache import kept_in
 from rr1plan.path import Path
 from rr1plan.retiming.check_limits import check_limits
@@ -134,7 +134,7 @@ class AgentPath:
     def _segment_counts(self) -> NDArray[np.int64]:
         """Number of segments of each piece of the curve."""
         c, lengths = self.curve.coefficients, self.curve.lengths
-        speed = (np.abs(c[:, 1] + c[:, 2] * lengths[:, None]) * self.agent.bodies.reach).sum(axis=1)
+        speed = (np.abs(c[:, 1] + c[:, 2] * lengths[:, None]) * self.agent.reach).sum(axis=1)
         borders = np.concatenate([[0.0], np.cumsum(lengths * speed)])
         wanted = np.diff(segments_up_to(borders))
         return np.asarray(np.maximum(np.ceil(wanted), _FEWEST), np.int64)
@@ -296,6 +296,11 @@ class AgentPath:
         empty[-2:] = 0
         cell[-2:] = 0, self.segments + 1
         return placed_path(bodies, q, reach, empty, cell)
+
+    @cached_property
+    def placed_ends(self) -> CStruct:
+        """The bodies at the start and at the goal, as a path of two intervals of zero length."""
+        return placed_configurations(self.agent.bodies, np.stack([self.start, self.goal]))
 
     def release(self) -> None:
         """Free the placed bodies, most of the memory of a path; they are recomputed on demand."""

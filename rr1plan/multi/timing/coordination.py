@@ -17,7 +17,6 @@ from rr1plan.collision.checker import TOLERANCE
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
-from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Scene
 
@@ -91,11 +90,12 @@ def ends_are_apart(one: AgentPath, two: AgentPath, margin: float) -> bool:
         two: A path of another agent, of the same problem.
         margin: Distance to keep beyond the scene's padding [m].
     """
-    a, b, pairs = one.agent, two.agent, cross_pairs(one.agent, two.agent, margin)
-    return not any(
-        _conflicts(a, b, placed_configuration(a.bodies, q), placed_configuration(b.bodies, other), pairs).any()
-        for q, other in ((one.start, two.start), (one.goal, two.goal))
-    )
+    return not _conflicts_of_ends(one, two, cross_pairs(one.agent, two.agent, margin)).diagonal().any()
+
+
+def _conflicts_of_ends(one: AgentPath, two: AgentPath, pairs: CStruct) -> Blocked:
+    """Whether the start and goal of one path (rows) conflict with those of another one (columns), shape (2, 2)."""
+    return _conflicts(one.agent, two.agent, one.placed_ends, two.placed_ends, pairs)
 
 
 def may_touch(one: AgentPath, two: AgentPath, margin: float) -> bool:
@@ -109,6 +109,9 @@ def may_touch(one: AgentPath, two: AgentPath, margin: float) -> bool:
     pairs = cross_pairs(one.agent, two.agent, margin)
     if pairs.value.group_pair_count == 0:
         return False
+    # Where one arm ends in the way of another, boxes around whole paths, which take longer, are not needed.
+    if _conflicts_of_ends(one, two, pairs).any():
+        return True
     a, b = one.boxes[:, None], two.boxes[None]
     distance = pairs.targets["padding"][..., None]
     return bool(((a[..., :3] <= b[..., 3:] + distance) & (b[..., :3] <= a[..., 3:] + distance)).all(axis=2).any())
