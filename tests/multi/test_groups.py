@@ -16,6 +16,7 @@ from rr1plan.multi import portfolio
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.search.group_planner import GroupPlanner
 from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.stopwatch import Stopwatch
@@ -104,6 +105,21 @@ def test_an_earlier_deadline_ends_one_clock_and_not_the_other() -> None:
     assert Stopwatch(1.0).with_deadline(60.0).left <= 1.0
     assert Stopwatch(0.0).time_left > 0.0
     assert watch.goes_on()
+
+
+def test_no_body_moves_farther_than_the_reach_of_its_arms(grid: rp.Problem) -> None:
+    agent, rng = Agent(grid, grid.arms[:3]), np.random.default_rng(0)
+    lower, upper = agent.limits.lower, agent.limits.upper
+    bodies, largest = slice(len(agent.bodies.elements), 2 * len(agent.bodies.elements)), 0.0  # of the only leaf
+    for q in rng.uniform(lower, upper, (40, len(lower))):
+        joint = rng.integers(len(q))
+        moved = q.copy()
+        moved[joint] += 1e-3
+        before, after = (placed_configuration(agent.bodies, c).targets["centers"][bodies] for c in (q, moved))
+        share = np.linalg.norm(after - before, axis=-1).max() / (1e-3 * agent.reach[joint])
+        assert share <= 1.0 + 1e-6
+        largest = max(largest, share)
+    assert largest > 0.5
 
 
 def test_ends_keep_what_their_diagram_keeps(pools: dict[str, PathPool]) -> None:
