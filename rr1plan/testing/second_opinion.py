@@ -130,8 +130,8 @@ class SecondOpinion:
 def second_opinion(
     motion: Trajectory | Path,
     scene: Scene,
-    *,
     step: float = 0.001,
+    *,
     checkers: Sequence[CheckerName] = CHECKERS,
     tolerance: float = 1e-4,
     progress: ProgressCallback | None = None,
