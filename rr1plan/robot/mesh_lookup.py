@@ -3,8 +3,8 @@
 `package://name/rest` is `rest` in the package's folder: one of the given `package_dirs` or of ROS_PACKAGE_PATH (either
 the package itself or the folder that holds it), a folder next to the URDF or above it, or an installed package in
 AMENT_PREFIX_PATH (ROS 2). A package's folder has the package's name, or a package.xml with that name, as in ROS:
-downloads are often named otherwise. A plain or `file://` name is relative to the URDF. Files outside these folders are
-rejected, also through symbolic links.
+downloads are often named otherwise. A plain or `file://` name is relative to the URDF. In URIs "%20" is a space, as in
+ROS. Files outside these folders are rejected, also through symbolic links.
 """
 
 from __future__ import annotations
@@ -51,8 +51,9 @@ class MeshLookup:
             FormatError: not a file name, an unknown suffix or scheme, a path that leaves the folders, or no such file;
                 the message lists every path that was tried.
         """
-        check_suffix(name, SUFFIXES)
-        return self.first(f"mesh {name!r}", self._places(name))
+        path = unquote(name) if "://" in name else name
+        check_suffix(path, SUFFIXES)
+        return self.first(f"mesh {name!r}", self._places(path))
 
     def first(self, what: str, places: Iterable[Path]) -> Path:
         """The first of some places that is a regular file inside the robot's folders.
@@ -95,7 +96,7 @@ class MeshLookup:
         elif separator and scheme != "file":
             raise FormatError(f"mesh {name!r} has the unknown scheme {scheme!r}, expected package or file")
         else:
-            path = Path(unquote(rest) if separator else name)
+            path = Path(rest if separator else name)
             folders = [self._beside] if self._beside is not None else self._packages
             yield from (folder / path for folder in folders)
 

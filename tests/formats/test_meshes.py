@@ -308,6 +308,21 @@ def test_absolute_and_file_names_work_inside_the_folders(package: Path) -> None:
     assert lookup.find(f"file://{mesh}").samefile(mesh)
 
 
+def test_percent_signs_of_uris_are_decoded(package: Path) -> None:
+    """As by ROS, in which a space in a URI is an error; a plain name is taken as it is."""
+    spaced = (package / "meshes" / "a.stl").rename(package / "meshes" / "a b.stl")
+    lookup = MeshLookup((), package / "urdf" / "r.urdf")
+    for name in (
+        "package://pkg/meshes/a%20b.stl",
+        "package://pkg/meshes/a b.stl",
+        f"file://{package}/meshes/a%20b.stl",
+    ):
+        assert lookup.find(name).samefile(spaced)
+    for name in ("../meshes/a%20b.stl", "package://pkg/%2e%2e/a%20b.stl", "package://pkg/meshes/a%00.stl"):
+        with pytest.raises(FormatError):
+            lookup.find(name)
+
+
 def test_given_folders_and_ros_package_path_are_searched(
     package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
