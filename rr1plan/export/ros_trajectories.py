@@ -306,8 +306,8 @@ def bag_messages(file: pathlib.Path, kind: str, topic: str | None) -> Iterator[A
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise MissingPackageError("rosbags", "reading a ROS bag", "ros") from error
-    # The database of a ROS 2 bag is read via its folder, which describes it.
-    bag = file.parent if file.suffix.lower() in (".mcap", ".db3") else file
+    # The database of a ROS 2 bag is read via its folder, which describes it and may have such a suffix, too.
+    bag = file.parent if file.suffix.lower() in (".mcap", ".db3") and not file.is_dir() else file
     _check_regular(file, bag)
     try:
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:

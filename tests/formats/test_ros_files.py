@@ -116,6 +116,13 @@ def test_a_bag_that_was_written_reads_back_the_same_motion(bag: tuple[rp.Traject
     assert load_joint_trajectory(folder, topic=TRAJECTORY_TOPIC).degree == 5
 
 
+def test_a_bag_whose_folder_is_named_like_its_database_is_read(bag: tuple[rp.Trajectory, Path], tmp_path: Path) -> None:
+    motion, _ = bag
+    folder = save_rosbag(tmp_path / "motion.mcap", motion)
+    for file in (folder, next(folder.glob("*.mcap"))):
+        assert load_joint_trajectory(file).joint_names == ("a", "b")
+
+
 @pytest.fixture(scope="module")
 def ros1_bag(bag: tuple[rp.Trajectory, Path]) -> Callable[..., Path]:
     """Writes a bag of ROS 1 whose points carry the given number of derivatives."""
