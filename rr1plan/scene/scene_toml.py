@@ -8,6 +8,8 @@
                                        # `load_robot`)
     xyz = [0, 0, 0]                    # and rpy, quaternion (wxyz) or rotation (rows)
     q = "home"                         # or numbers
+    locked_joints = { finger_joint = 0.01 }  # or the name of a state, such as "open"
+    limits = { velocity = [1, 1, 1, 2, 2, 2] }  # others: lower, upper, acceleration, jerk, effort; or a preset's name
 
     [obstacles.box]
     xyz = [-0.4, 0.1, 0.1]

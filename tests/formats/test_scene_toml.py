@@ -364,6 +364,8 @@ def test_a_mesh_file_is_one_mesh_its_hull_or_pieces(tmp_path: Path) -> None:
         (SIMPLE + "[queries.q]\ngoal = { position = [1, 0, 0], lower = [0, 0, 0] }\n", "got position and lower"),
         (SIMPLE + "[queries.q]\ngoal = { position = [1, 0, 0], tolerance = 1 }\n", "unknown key 'tolerance'"),
         (SIMPLE + "[queries.q]\ngoal = []\n", "is an empty list"),
+        (SIMPLE + "[queries.q]\ngoal = { arm = 'home' }\n", "q.goal: names arms; with several arms the key is 'goals'"),
+        (SIMPLE + "[queries.q]\ngoals = { arm = 'home' }\nstart = { arm = 'home' }\n", "the key is 'starts'"),
         (SIMPLE + "[queries.q]\ngoals = { other = 'home' }\n", "unknown arm 'other'"),
     ],
 )
