@@ -108,6 +108,7 @@ def test_an_option_without_an_effect_is_refused(
         (["plan", "rr1_table", "--margin", "-1e-3"], "--margin: '-1e-3' is not a distance >= 0"),
         (["plan", "rr1_table", "--iterations", "0"], "--iterations: '0' is not a whole number above zero"),
         (["plan", "rr1_table", "--seed", "-1"], "--seed: '-1' is not a seed"),
+        (["plan", "rr1_table", "--seed", "9" * 400], "is not a seed"),
         (["plan", "rr1_table", "--position", "0", "0"], "--position: expected 3 arguments"),
         (["plan", "rr1_table", "--position", "0", "0", "-inf"], "--position: '-inf' is not a finite number"),
         (["plan", "rr1_table", "--html", ""], "--html: '' is not a file name"),
