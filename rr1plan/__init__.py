@@ -237,7 +237,6 @@ if TYPE_CHECKING:
     from rr1plan.scene.model_library import load_robot as load_robot
     from rr1plan.scene.model_library import load_scene as load_scene
     from rr1plan.scene.model_library import robot_names as robot_names
-    from rr1plan.scene.model_library import save_scene as save_scene
     from rr1plan.scene.model_library import scene_names as scene_names
     from rr1plan.scene.placement import place_grid as place_grid
     from rr1plan.scene.placement import place_ring as place_ring
@@ -247,6 +246,7 @@ if TYPE_CHECKING:
     from rr1plan.scene.problem import PoseGoal as PoseGoal
     from rr1plan.scene.problem import Problem as Problem
     from rr1plan.scene.problem import RegionGoal as RegionGoal
+    from rr1plan.scene.saved_scenes import save_scene as save_scene
     from rr1plan.sequences.pick_and_place import pick_and_place as pick_and_place
     from rr1plan.sequences.pick_and_place import top_grasps as top_grasps
     from rr1plan.sequences.plan_sequence import plan_sequence as plan_sequence
@@ -438,12 +438,12 @@ _EXPORTS = {
         "load_robot",
         "load_scene",
         "robot_names",
-        "save_scene",
         "scene_names",
     ),
     "rr1plan.scene.placement": ("place_grid", "place_ring"),
     "rr1plan.scene.polygon_prism": ("polygon_prism",),
     "rr1plan.scene.problem": ("Goal", "JointGoal", "PoseGoal", "Problem", "RegionGoal"),
+    "rr1plan.scene.saved_scenes": ("save_scene",),
     "rr1plan.sequences.pick_and_place": ("pick_and_place", "top_grasps"),
     "rr1plan.sequences.plan_sequence": ("plan_sequence",),
     "rr1plan.sequences.segments": ("Attach", "Detach", "FreeMotion", "MoveGripper", "Pause", "StraightLine"),
