@@ -24,6 +24,7 @@ from rr1plan.robot.mjcf_document import read_document
 from rr1plan.robot.mjcf_joints import HINGE, SLIDE, JointReader
 from rr1plan.robot.mjcf_links import PLANE, MjcfLinkReader
 from rr1plan.robot.mjcf_model import CompiledDocument, compile_document
+from rr1plan.robot.mjcf_omissions import listed_names, warn_of_omissions
 from rr1plan.robot.srdf import Semantics
 from rr1plan.robot.urdf import MAX_LINKS, Tree
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity
@@ -33,9 +34,6 @@ log = logging.getLogger(__name__)
 
 BASE = "world"
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
-_CONNECTS = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
-_TENDONS = int(mujoco.mjtEq.mjEQ_TENDON)
-_WRAPS_JOINT, _WRAPS_SITE = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +76,7 @@ class MjcfContent:
             log.warning(
                 "%s: not part of the robot, left out: %s; rr1plan.load_scene makes them obstacles",
                 self.tree.source,
-                _listed([thing.name for thing in self.surroundings]),
+                listed_names([thing.name for thing in self.surroundings]),
             )
 
 
@@ -140,7 +138,7 @@ class _Reader:
         for body in self.bodies:
             self._add_body(body)
         self._drop_mimics_of_others()
-        self._warn()
+        warn_of_omissions(self.compiled, self.shapes, self.link_of)
         name = self.compiled.document.root.attributes.get("model", "").strip() or self.file.stem
         tree = Tree(name, tuple(self.links), tuple(self.tree_joints), str(self.file))
         solid = {link.name for link in self.links if link.collisions}
@@ -317,75 +315,3 @@ class _Reader:
                 if names := finder.arm_joints(tip):
                     found[root] = names, tip
         return found
-
-    # ---- warnings -------------------------------------------------------------------------
-
-    def _warn(self) -> None:
-        """Log once which content of the file is missing in the robot."""
-        if self.compiled.document.not_read:
-            log.warning("%s: left out, not read: %s", self.file, ", ".join(self.compiled.document.not_read))
-        assumed = self.shapes.assumed_masses(list(self.bodies))
-        if assumed:
-            log.warning(
-                "%s: links without a mass, taken as solid with 1000 kg/m³, torques are estimates: %s",
-                self.file,
-                _listed([self.link_of[b] for b in assumed]),
-            )
-        self._warn_of_couplings()
-        hidden = [b for b in self.bodies if any(self.compiled.uses[g].switched_off for g in self.shapes.geoms(b))]
-        if hidden:
-            log.info(
-                "%s: shapes of hidden groups (3 to 5) are checked although contype and conaffinity are 0, of %s",
-                self.file,
-                _listed([self.link_of[b] for b in hidden]),
-            )
-
-    def _warn_of_couplings(self) -> None:
-        """Warn of closed loops, and of tendons that couple joints or limit them together, which are not modeled."""
-        model = self.model
-        active = [e for e in range(model.neq) if model.eq_active0[e]]
-        loops = [
-            model.eq(e).name or f"equality {e}"
-            for e in active
-            if int(model.eq_type[e]) in _CONNECTS and self._is_of_robot(e)
-        ]
-        if loops:
-            log.warning(
-                "%s: closed loops are not modeled, their joints are held or, if planned for, move independently: %s",
-                self.file,
-                _listed(loops),
-            )
-        equal = {
-            t for e in active if int(model.eq_type[e]) == _TENDONS for t in (model.eq_obj1id[e], model.eq_obj2id[e])
-        }
-        tendons = [
-            model.tendon(t).name or f"tendon {t}"
-            for t in range(model.ntendon)
-            if (t in equal or model.tendon_limited[t]) and self._is_on_robot(t)
-        ]
-        if tendons:
-            log.warning(
-                "%s: lengths and limits of tendons are not modeled, their joints move independently: %s",
-                self.file,
-                _listed(tendons),
-            )
-
-    def _is_on_robot(self, tendon: int) -> bool:
-        model = self.model
-        start, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
-        wraps = range(start, start + count)
-        joints = [int(model.wrap_objid[w]) for w in wraps if int(model.wrap_type[w]) == _WRAPS_JOINT]
-        sites = [int(model.wrap_objid[w]) for w in wraps if int(model.wrap_type[w]) == _WRAPS_SITE]
-        bodies = [*model.jnt_bodyid[joints].tolist(), *model.site_bodyid[sites].tolist()]
-        return any(body in self.bodies for body in bodies)
-
-    def _is_of_robot(self, equality: int) -> bool:
-        model = self.model
-        ends = (int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality]))
-        if int(model.eq_objtype[equality]) == int(mujoco.mjtObj.mjOBJ_SITE):
-            ends = (int(model.site_bodyid[ends[0]]), int(model.site_bodyid[ends[1]]))
-        return all(end in self.bodies for end in ends)
-
-
-def _listed(names: Sequence[object], most: int = 12) -> str:
-    return ", ".join(map(str, names[:most])) + (", ..." if len(names) > most else "")
