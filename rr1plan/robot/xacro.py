@@ -45,7 +45,7 @@ def expand_xacro(
         file: The xacro file. It is trusted code.
         package_dirs: Folders of packages, or folders that contain them, in which `$(find package)` searches before the
             folders around the file.
-        arguments: Values of its `xacro:arg`.
+        arguments: Values of its `xacro:arg`; names that it neither declares nor reads are reported in the log.
         seconds: Time limit [s].
 
     Raises:
@@ -59,10 +59,11 @@ def expand_xacro(
     positive_number("seconds", seconds)
     file = file_path(file)
     read_bytes(file, MAX_BYTES)
+    given = _texts(arguments)
     request = {
         "file": str(file),
         "packages": _packages((*package_dirs, *folders_above(resolved_path(file).parent))),
-        "arguments": _texts(arguments),
+        "arguments": given,
         "bytes": _MEMORY,
         "seconds": seconds,
     }
@@ -76,6 +77,10 @@ def expand_xacro(
         )
     if "error" in response:
         raise FormatError(f"cannot be expanded: {response['error']}", file)
+    unread = ", ".join(map(repr, sorted(given.keys() - set(response["arguments"]))))
+    if unread:
+        known = ", ".join(response["arguments"]) or "none"
+        log.warning("%s: has no xacro argument %s, which has no effect; it has %s", file, unread, known)
     return str(response["urdf"])
 
 
@@ -100,7 +105,7 @@ def _texts(arguments: Mapping[str, str] | None) -> dict[str, str]:
     return {str(name): str(value) for name, value in (arguments or {}).items()}
 
 
-def _run_worker(file: Path, request: dict[str, Any], seconds: float) -> dict[str, str]:
+def _run_worker(file: Path, request: dict[str, Any], seconds: float) -> dict[str, Any]:
     """The response of the worker process."""
     if getattr(sys, "frozen", False) or not sys.executable:
         raise BackendError("a frozen program has no Python to expand xacro files with; try the URDF: xacro FILE > URDF")
@@ -119,7 +124,7 @@ def _run_worker(file: Path, request: dict[str, Any], seconds: float) -> dict[str
         raise BackendError(f"{sys.executable} does not start, to expand {file}: {error}") from error
     said = _COLOR.sub("", done.stderr.decode(errors="replace")).strip()
     try:
-        response: dict[str, str] = json.loads(done.stdout)
+        response: dict[str, Any] = json.loads(done.stdout)
     except ValueError as error:
         raise FormatError(f"cannot be expanded: xacro ended with {done.returncode} and says {said!r}", file) from error
     if said:

@@ -21,7 +21,9 @@ def main() -> None:
     request = json.loads(sys.stdin.buffer.read())
     _bound(request["bytes"], request["seconds"])
     try:
-        answer = {"urdf": _expand(request)}
+        arguments = _Arguments(request["arguments"])
+        urdf = _expand(request, arguments)
+        answer: dict[str, Any] = {"urdf": urdf, "arguments": sorted(arguments.read)}
     except Exception as error:  # xacro evaluates Python expressions, which may raise anything
         answer = _error_response(error)
     json.dump(answer, answers)
@@ -39,7 +41,27 @@ def _bound(memory: int, seconds: float) -> None:
         resource.setrlimit(limit, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
-def _expand(request: dict[str, Any]) -> str:
+class _Arguments(dict[str, str]):
+    """Values of arguments by name.
+
+    Attributes:
+        read: The names that the file declares or reads.
+    """
+
+    def __init__(self, values: dict[str, str]) -> None:
+        super().__init__(values)
+        self.read: set[str] = set()
+
+    def __contains__(self, name: object) -> bool:
+        self.read.add(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        self.read.add(name)
+        return super().__getitem__(name)
+
+
+def _expand(request: dict[str, Any], arguments: _Arguments) -> str:
     import xacro
     import xacrodoc
     from xacrodoc import packages
@@ -48,7 +70,7 @@ def _expand(request: dict[str, Any]) -> str:
     packages.update_package_cache(request["packages"])
     xacro.init_stacks(request["file"])  # relative includes are relative to it
     file = Path(request["file"])
-    document = xacrodoc.XacroDoc.from_file(file, subargs=request["arguments"], resolve_packages=False)
+    document = xacrodoc.XacroDoc.from_file(file, subargs=arguments, resolve_packages=False)
     return str(document.dom.toxml())
 
 

@@ -52,6 +52,19 @@ def test_arguments_reach_the_file(stack: Path) -> None:
     assert np.allclose(robot.link_poses([0, 0])["l2"][:3, 3], [0.4, 0, 0])
 
 
+def test_arguments_that_the_file_does_not_have_are_reported(stack: Path, caplog: pytest.LogCaptureFixture) -> None:
+    pytest.importorskip("xacrodoc")
+    expand_xacro(stack, arguments={"length": "0.2", "lenght": "0.3"})
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{stack}: has no xacro argument 'lenght', which has no effect; it has length"
+    ]
+    caplog.clear()
+    by_function = "${xacro.arg('side')} $(arg color)"
+    stack.write_text(XACRO.replace('<link name="base"/>', f'<link name="base"/><sensor name="{by_function}"/>'))
+    expand_xacro(stack, arguments={"side": "left", "color": "red"})
+    assert not caplog.records
+
+
 def test_includes_from_packages_are_found_in_the_given_folders(tmp_path: Path) -> None:
     pytest.importorskip("xacrodoc")
     package = tmp_path / "ws" / "my_arm"
