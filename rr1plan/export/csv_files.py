@@ -8,7 +8,7 @@ import pathlib
 
 import numpy as np
 
-from rr1plan.checks import counted
+from rr1plan.checks import counted, shown
 from rr1plan.errors import FormatError, InputError
 from rr1plan.export.trajectory_samples import sample_within_limits
 from rr1plan.files.file_access import check_writable, read_text, write_text
@@ -91,6 +91,8 @@ def _columns(header: list[str], file: _File) -> tuple[int, list[str], list[dict[
     """The index of the time, the names of the joints, and the index of each one's position, velocity, acceleration."""
     columns: list[dict[str, int]] = [{}, {}, {}]
     times = [i for i, column in enumerate(header) if column in _TIMES]
+    if len(times) != 1:
+        raise _other_header(header, file)
     for i, column in enumerate(header):
         if i in times:
             continue
@@ -100,13 +102,18 @@ def _columns(header: list[str], file: _File) -> tuple[int, list[str], list[dict[
             raise FormatError(f"has the column {column!r} twice", file, 1)
         where[name] = i
     names = list(columns[0])
-    if len(times) != 1 or not names or "" in names:
-        raise FormatError(f"has another header, expected {_HEADER}", file, 1)
+    if not names or "" in names:
+        raise _other_header(header, file)
     for quantity, where in (("velocities", columns[1]), ("accelerations", columns[2])):
         if where and set(where) != set(names):
             odd = sorted(set(where) ^ set(names))
             raise FormatError(f"has {quantity} for other joints than positions: {', '.join(odd)}", file, 1)
     return times[0], names, columns
+
+
+def _other_header(header: list[str], file: _File) -> FormatError:
+    got = shown(",".join(header))
+    return FormatError(f"has another header, {got}, expected {_HEADER}, separated by commas", file, 1)
 
 
 def _row(cells: list[str], count: int, file: _File, number: int) -> list[float]:

@@ -66,6 +66,8 @@ def test_a_motion_that_does_not_end_at_rest_is_not_written_as_csv(tmp_path: File
         ("q:a,v:a\n0,0\n", "another header"),
         ("t,time,q:a\n0,0,0\n", "another header"),
         ("t,\n0,0\n", "another header"),
+        ("t;q:a\n0;0\n", "another header, 't;q:a', .*separated by commas"),
+        ("0,0,0\n1,1,1\n", "another header, '0,0,0'"),
         ("t,q:a,v:b,a:a\n", "velocities for other joints than positions: a, b"),
         ("t,q:a,q:b,v:a,v:b,a:a\n", "accelerations for other joints than positions: b"),
         ("t,q:a,a:a\n0,0,0\n", "accelerations without velocities"),
