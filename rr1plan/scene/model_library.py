@@ -28,7 +28,7 @@ from rr1plan.scene.problem import Problem
 from rr1plan.scene.scene_toml import SceneFile, read_scene
 from rr1plan.shapes.convex_decomposition import Convexity
 
-_MJCF_SUFFIXES = (".xml", ".mjcf")
+_URDF_SUFFIXES, _MJCF_SUFFIXES = (".urdf", ".xacro"), (".xml", ".mjcf")
 _SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml", *_MJCF_SUFFIXES)
 # In an MJCF scene, contacts of each with each stationary link are allowed one by one.
 _MOST_SURROUNDINGS = 1000
@@ -192,8 +192,10 @@ def locate_robot(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Pa
     installed = installed_robots()
     if isinstance(name_or_file, str) and name_or_file in installed:
         return None, *installed[name_or_file]
-    if file.suffix.lower() in (".urdf", ".xacro", *_MJCF_SUFFIXES):
+    if file.suffix.lower() in (*_URDF_SUFFIXES, *_MJCF_SUFFIXES):
         return None, file, _srdf_beside(file)
+    if file.suffix.lower() in (".toml", ".scene"):
+        raise InputError(f"{file} is a scene, expected a robot; load_scene reads scenes, and their arms have robots")
     if isinstance(name_or_file, Path) or len(file.parts) > 1 or file.exists():
         raise InputError(
             f"robot file {str(file)!r} has the suffix {file.suffix!r}, expected .urdf, .xacro or .xml (MJCF)"
@@ -336,6 +338,10 @@ def _scene_file(name_or_file: str | Path) -> Path:
     file = file_path(name_or_file)
     if file.suffix.lower() in _SCENE_SUFFIXES:
         return file
+    if file.suffix.lower() in _URDF_SUFFIXES:
+        raise InputError(
+            f"{file} is a robot, expected a scene; Scene().with_arm('arm', load_robot({str(file)!r})) is one with it"
+        )
     name = str(name_or_file)
     if not isinstance(name_or_file, str) or len(file.parts) > 1 or (name not in scene_names() and file.exists()):
         expected = ", ".join(_SCENE_SUFFIXES)

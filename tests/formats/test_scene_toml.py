@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import rr1plan as rp
 from rr1plan.collision import CollisionChecker
-from rr1plan.errors import FormatError, UnknownNameError
+from rr1plan.errors import FormatError, InputError, UnknownNameError
 from rr1plan.files.checked_tables import line_of
 from rr1plan.files.toml_writer import to_toml
 from rr1plan.robot import Geometry
@@ -399,6 +399,13 @@ def test_deep_nesting_and_other_bytes_are_refused(tmp_path: Path) -> None:
 def test_an_unknown_scene_lists_the_near_ones() -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'rr1_table'"):
         load_scene("rr1_tabel")
+
+
+def test_a_robot_in_place_of_a_scene_and_a_scene_in_place_of_a_robot_are_named() -> None:
+    with pytest.raises(InputError, match=r"arm\.urdf is a robot, expected a scene; Scene\(\)\.with_arm"):
+        load_scene("arm.urdf")
+    with pytest.raises(InputError, match=r"cell\.toml is a scene, expected a robot; load_scene"):
+        load_robot("cell.toml")
 
 
 # ---- the writer ------------------------------------------------------------------------------
