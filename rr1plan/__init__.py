@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rr1plan.batch import PlanFailure as PlanFailure
     from rr1plan.batch import plan_many as plan_many
     from rr1plan.calibration.calibrate import calibrate as calibrate
+    from rr1plan.calibration.calibrate import expected_calibration as expected_calibration
     from rr1plan.calibration.joint_calibration import Calibration as Calibration
     from rr1plan.calibration.joint_calibration import CalibrationFit as CalibrationFit
     from rr1plan.calibration.joint_calibration import JointCalibration as JointCalibration
@@ -293,7 +294,7 @@ __version__ = "0.1.0"
 # A test checks that these names and the imports above agree.
 _EXPORTS = {
     "rr1plan.batch": ("BatchResult", "PlanFailure", "plan_many"),
-    "rr1plan.calibration.calibrate": ("calibrate",),
+    "rr1plan.calibration.calibrate": ("calibrate", "expected_calibration"),
     "rr1plan.calibration.joint_calibration": (
         "Calibration",
         "CalibrationFit",

@@ -132,6 +132,11 @@ def calibration_calls(folder: Path) -> dict[str, Call]:
             {"robot": robot, "readings": planar_q, "positions": planar_tools, "start": None, "point": [0.0, 0.0, 0.0]}
             | {"noise": 1e-3, "free_base": False},
         ),
+        "expected_calibration": (
+            rp.expected_calibration,
+            {"robot": robot, "poses": planar_q, "start": None, "point": [0.0, 0.0, 0.0], "noise": 1e-3}
+            | {"free_base": False},
+        ),
         "propose_calibration_poses": (
             rp.propose_calibration_poses,
             {"scene": scene, "count": 3, "arm": None, "point": [0.0, 0.0, 0.0], "rng": 0},

@@ -42,6 +42,9 @@ _LINEAR = 3.0
 # Signs are accepted at once if the standard deviation of their residuals is at most this many stated ones; wrong signs
 # of a joint with a short lever fit nearly as well.
 _GOOD = 1.5
+# Loss of the first fit with trial signs, as a fraction of the spread of the measurements, and the expected errors
+# of zeros [rad or m] and of scales (as a fraction) of the start, which count as much in it.
+_WIDE, _ZERO_RANGE, _SCALE_RANGE = 0.3, 0.5, 0.2
 # A fit has failed if half of the measurements are farther off than this fraction of their spread.
 _FAILED = 0.1
 _ROUNDS = 10
@@ -69,8 +72,9 @@ def calibrate(
 ) -> Calibration:
     """Estimate the sign, zero and scale of every joint from measured positions of a point of the tool.
 
-    About 20 poses suffice (`propose_calibration_poses`). The point should be away from the axis of the last joint,
-    which otherwise does not move it: use a transverse pointer, for example. Links are assumed to be as described.
+    About 20 poses suffice (`propose_calibration_poses`); `expected_calibration` computes beforehand how accurate the
+    result will be. The point should be away from the axis of the last joint, which otherwise does not move it: use a
+    transverse pointer, for example. Links are assumed to be as described.
 
     Args:
         robot: The robot.
@@ -92,6 +96,74 @@ def calibrate(
         InputError: arguments of wrong shapes or types, a start in other units, fewer measurements than unknowns, poses
             that determine no joint, or no signs, zeros and scales near the start that explain the measurements.
     """
+    start = _checked_start(robot, start)
+    rows = finite_array("readings", readings, (None, robot.nq))
+    scales = np.array([start.joints[name].scale for name in robot.joint_names])
+    near_array("readings, divided by the scales of start,", rows / scales, rows.shape)
+    measured = near_array("positions", positions, (len(rows), 3))
+    points = _checked_points(point, len(rows))
+    noise, free_base = _checked_noise(noise), true_or_false("free_base", free_base)
+    _check_count(robot, len(rows), free_base=free_base)
+    data = MeasuredPoints(robot, start, rows, measured, points)
+    begin = data.begin(free_base=free_base)
+    found = _search_signs(data, begin, noise)
+    off = float(np.median(np.linalg.norm(data.residuals(found), axis=1)))
+    if off > max(_FAILED * data.spread, _LINEAR * noise):
+        raise InputError(
+            f"no signs, zeros and scales near the start explain the measurements: half of them are more than "
+            f"{1e3 * off:.0f} mm off; check units, the point of the tool, and the scales and zeros of start"
+        )
+    estimate = _without_outliers(data, _hold_undetermined(data, begin, found, noise), noise)
+    residuals = data.residuals(estimate.parameters)[estimate.kept]
+    noise = math.sqrt(float((residuals**2).sum()) / (residuals.size - int(estimate.free.sum())))
+    source = f"estimated from {counted(len(residuals), 'measured position')}"
+    return _result(robot, start, data, estimate, noise, source)
+
+
+def expected_calibration(
+    robot: Robot,
+    poses: ArrayLike,
+    *,
+    start: Calibration | None = None,
+    point: ArrayLike = (0.0, 0.0, 0.0),
+    noise: float = 1e-3,
+    free_base: bool = False,
+) -> Calibration:
+    """The accuracy of a calibration from measurements in given poses, before they are taken.
+
+    Standard deviations are the Cramer-Rao bound for normal noise; those of `calibrate` are close to it. If they are too
+    large, take more poses (they decrease with the square root of the number) or a longer pointer.
+
+    Args:
+        robot: The robot.
+        poses: Configurations in which to measure [rad or m], shape (m, nq), for example from
+            `propose_calibration_poses`.
+        start: Calibration that the robot is assumed to have (default: positive signs, readings in rad).
+        point: The point that will be measured, as for `calibrate`.
+        noise: Standard deviation of a measured coordinate [m].
+        free_base: Whether the pose of the base will be estimated too.
+
+    Returns:
+        The values of `start` with the expected standard deviations; inf for those that the poses do not determine.
+
+    Raises:
+        InputError: as for `calibrate`.
+    """
+    start = _checked_start(robot, start)
+    configurations = near_array("poses", poses, (None, robot.nq))
+    points = _checked_points(point, len(configurations))
+    noise, free_base = _checked_noise(noise), true_or_false("free_base", free_base)
+    _check_count(robot, len(configurations), free_base=free_base)
+    readings = start.readings(configurations, robot.joint_names)
+    data = MeasuredPoints(robot, start, readings, np.zeros((len(readings), 3)), points)
+    data = MeasuredPoints(robot, start, readings, data.residuals(data.begin(free_base=False)), points)
+    begin = data.begin(free_base=free_base)
+    estimate = _hold_undetermined(data, begin, begin, noise)
+    source = f"expected from {counted(len(readings), 'position')}, noise {1e3 * noise:g} mm per coordinate"
+    return replace(_result(robot, start, data, estimate, noise, source), fit=None)
+
+
+def _checked_start(robot: Robot, start: Calibration | None) -> Calibration:
     of_kind("robot", robot, Robot)
     of_kind("start", start, Calibration, optional=True)
     start = Calibration.assumed(robot) if start is None else start
@@ -101,35 +173,31 @@ def calibrate(
     check_position_units(start, robot)
     if robot.nq > _MOST_JOINTS:
         raise InputError(f"robot {robot.name!r} has {robot.nq} joints, expected at most {_MOST_JOINTS}")
-    rows = finite_array("readings", readings, (None, robot.nq))
-    count = len(rows)
-    if count > _MOST_ROWS:
-        raise InputError(f"readings has {count} rows, expected at most {_MOST_ROWS}")
-    scales = np.array([start.joints[name].scale for name in robot.joint_names])
-    near_array("readings, divided by the scales of start,", rows / scales, (count, robot.nq))
-    measured = near_array("positions", positions, (count, 3))
+    return start
+
+
+def _checked_points(point: ArrayLike, count: int) -> Array:
+    """The measured point in the frame of the tool for each of some measurements [m], shape (count, 3)."""
     points = near_array("point", point, (3,) if len(shape_of(point)) == 1 else (count, 3))
-    noise, free_base = positive_number("noise", noise), true_or_false("free_base", free_base)
+    return np.broadcast_to(points, (count, 3))
+
+
+def _checked_noise(noise: float) -> float:
+    noise = positive_number("noise", noise)
     if noise > _MOST_NOISE:
         raise InputError(f"noise is {noise:g} m, expected at most {_MOST_NOISE:g} m")
+    return noise
+
+
+def _check_count(robot: Robot, count: int, *, free_base: bool) -> None:
+    if count > _MOST_ROWS:
+        raise InputError(f"{count} measurements are too many, expected at most {_MOST_ROWS}")
     unknowns = 2 * robot.nq + 6 * free_base
     if 3 * count <= unknowns:
         raise InputError(
             f"{count} measurements have {3 * count} coordinates for {unknowns} unknowns; measure at least "
             f"{unknowns // 3 + 1} poses, better {unknowns}"
         )
-    data = MeasuredPoints(robot, start, rows, measured, np.broadcast_to(points, (count, 3)))
-    begin = data.begin(free_base=free_base)
-    found = _search_signs(data, begin, noise)
-    spread = float(np.linalg.norm(measured - measured.mean(axis=0), axis=1).mean())
-    off = float(np.median(np.linalg.norm(data.residuals(found), axis=1)))
-    if off > max(_FAILED * spread, _LINEAR * noise):
-        raise InputError(
-            f"no signs, zeros and scales near the start explain the measurements: half of them are more than "
-            f"{1e3 * off:.0f} mm off; check units, the point of the tool, and the scales and zeros of start"
-        )
-    estimate = _without_outliers(data, _hold_undetermined(data, begin, found, noise), noise)
-    return _result(robot, start, data, estimate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +223,22 @@ def _fitted(
     free: NDArray[np.bool_],
     rows: NDArray[np.bool_],
     loss: float | None,
+    *,
     evaluations: int = _EVALUATIONS,
+    prior: Array | None = None,
 ) -> Parameters:
-    """Least squares for some parameters over some rows; with a `loss` [m], larger residuals count linearly."""
+    """Least squares for some parameters over some rows.
+
+    Args:
+        data: The measurements.
+        begin: Initial parameters.
+        free: Parameters to estimate, shape (p,).
+        rows: Measurements to use, shape (m,).
+        loss: Residual above which residuals count linearly [m]; None: none do.
+        evaluations: Largest number of evaluations.
+        prior: Residual per difference of each parameter from its initial value, shape (p,) (default: none).
+    """
+    weights = np.diag(np.zeros(len(free)) if prior is None else prior)[:, free]
 
     def at(values: Array) -> Parameters:
         full = begin.values.copy()
@@ -167,8 +248,10 @@ def _fitted(
     @lru_cache(maxsize=1)
     def both(values: bytes) -> tuple[Array, Array]:
         """Residuals and Jacobian, which the solver requests one after the other."""
-        off, jacobian = data.with_jacobian(at(np.frombuffer(values)))
-        return off[rows].ravel(), jacobian[rows][:, :, free].reshape(-1, int(free.sum()))
+        now = np.frombuffer(values)
+        off, jacobian = data.with_jacobian(at(now))
+        measured = jacobian[rows][:, :, free].reshape(-1, int(free.sum()))
+        return np.concatenate([off[rows].ravel(), weights @ (now - start)]), np.concatenate([measured, weights])
 
     def residuals(values: Array) -> Array:
         return both(values.tobytes())[0]
@@ -183,17 +266,27 @@ def _fitted(
 
 
 def _search_signs(data: MeasuredPoints, begin: Parameters, noise: float) -> Parameters:
-    """The signs with the best fit, or the first good ones, tried in the order of their fit at the start."""
+    """The signs with the best fit, or the first good ones, tried in the order of their fit at the start.
+
+    Each is fitted with a wide loss first, and near the start: a narrow loss, in which nearly all residuals of the start
+    are linear, has more local minima (graduated non-convexity: Blake & Zisserman, Visual Reconstruction, 1987).
+    """
     every, rows = np.ones(len(begin.values), dtype=bool), np.ones(len(data.positions), dtype=bool)
     loss = _LINEAR * noise
-    signs = [begin.signs * flips for flips in itertools.product((1.0, -1.0), repeat=len(begin.signs))]
+    wide = max(_WIDE * data.spread, loss)
+    expected, joints = np.full(len(begin.values), np.inf), len(begin.signs)
+    expected[:joints], expected[joints : 2 * joints] = _ZERO_RANGE, _SCALE_RANGE
+    signs = [begin.signs * flips for flips in itertools.product((1.0, -1.0), repeat=joints)]
     starts = [data.with_signs(begin, each) for each in signs]
     at_start = [float(np.abs(data.residuals(each)).sum()) for each in starts]
     best, least = begin, np.inf
     for i in np.argsort(at_start, kind="stable"):
-        found = _fitted(data, starts[i], every, rows, loss, _EVALUATIONS_OF_SIGNS)
+        found = _fitted(data, starts[i], every, rows, wide, evaluations=_EVALUATIONS_OF_SIGNS, prior=wide / expected)
+        found = _fitted(data, found, every, rows, loss, evaluations=_EVALUATIONS_OF_SIGNS)
         off = np.abs(data.residuals(found))
-        cost = float((np.sqrt(1.0 + (off / loss) ** 2) - 1.0).sum())
+        # Other signs with some zeros half a turn off may fit equally well.
+        cost = _LINEAR**2 * float((np.sqrt(1.0 + (off / loss) ** 2) - 1.0).sum())
+        cost += 0.5 * float((((found.values - begin.values) / expected) ** 2).sum())
         if cost < least:
             best, least = found, cost
         if _robust_std(off, len(every)) <= _GOOD * noise:
@@ -256,13 +349,13 @@ def _without_outliers(data: MeasuredPoints, estimate: _Estimate, noise: float) -
     return estimate
 
 
-def _result(robot: Robot, start: Calibration, data: MeasuredPoints, estimate: _Estimate) -> Calibration:
-    """The calibration, with standard deviations from the Jacobian at the solution."""
+def _result(
+    robot: Robot, start: Calibration, data: MeasuredPoints, estimate: _Estimate, noise: float, source: str
+) -> Calibration:
+    """The calibration, with standard deviations from the Jacobian at the solution and the noise of a coordinate [m]."""
     parameters, free, kept = estimate.parameters, estimate.free, estimate.kept
     residuals, jacobian = data.with_jacobian(parameters)
     columns = jacobian[kept][:, :, free].reshape(-1, int(free.sum()))
-    degrees = columns.shape[0] - columns.shape[1]
-    noise = math.sqrt(float((residuals[kept] ** 2).sum()) / degrees)
     std = np.full(len(free), math.inf)
     std[free] = noise * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
     std[estimate.undetermined] = math.inf
@@ -287,5 +380,4 @@ def _result(robot: Robot, start: Calibration, data: MeasuredPoints, estimate: _E
     distances = np.linalg.norm(residuals, axis=1)
     fit = CalibrationFit(distances, outliers, noise, undetermined, data.base_pose(parameters))
     today = datetime.datetime.now(datetime.UTC).date().isoformat()
-    source = f"estimated from {counted(int(kept.sum()), 'measured position')}"
     return Calibration(robot.name, joints, start.unit, today, source, fit)

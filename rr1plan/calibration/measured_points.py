@@ -59,10 +59,12 @@ class MeasuredPoints:
 
     Attributes:
         turns: Readings divided by the scales of the start, shape (m, nq).
+        spread: Mean distance of the positions from their center [m].
     """
 
     def __init__(self, robot: Robot, start: Calibration, readings: Array, positions: Array, points: Array) -> None:
         self.positions, self.points = positions, points
+        self.spread = float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).mean())
         joints = [start.joints[name] for name in robot.joint_names]
         self.zeros = np.array([joint.zero for joint in joints])
         self.signs = np.array([float(joint.sign) for joint in joints])

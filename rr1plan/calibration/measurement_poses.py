@@ -1,6 +1,12 @@
-"""Poses in which to measure for a calibration: D-optimal among random free configurations.
+"""Poses in which to measure for a calibration: I-optimal among random free configurations.
 
-Source: Fedorov, Theory of Optimal Experiments, 1972 (exchange algorithm).
+An I-optimal design minimizes the variance of predictions, here that of joint positions, summed over joints and averaged
+over their ranges. The largest standard deviations are those of the joints with the shortest levers, and smaller than in
+a D-optimal design, which weighs all parameters alike, by a tenth for zeros and a quarter for positions.
+
+Sources: Fedorov, Theory of Optimal Experiments, 1972 (exchange algorithm); Atkinson, Donev & Tobias, Optimum
+Experimental Designs, 2007 (criteria); Borm & Menq, Determination of Optimal Measurement Configurations for Robot
+Calibration, IJRR 1991; Daney et al., Choosing Measurement Poses for Robot Calibration, IJRR 2005.
 """
 
 from __future__ import annotations
@@ -16,8 +22,8 @@ from rr1plan.model import Kinematics
 from rr1plan.robot.contact_bands import sampling_bounds
 from rr1plan.scene import Scene
 
-_CANDIDATES = 500
-_DRAWS_EACH = 100
+_CANDIDATES = 1000
+_DRAWS_EACH = 50
 _ROUNDS = 5
 # Prior information that keeps determinants positive: a standard deviation of 1 rad, compared with 1 mm of noise.
 _PRIOR = 1e-6
@@ -31,10 +37,11 @@ def propose_calibration_poses(
     point: ArrayLike = (0.0, 0.0, 0.0),
     rng: Seed = None,
 ) -> Array:
-    """Poses that determine the zeros and scales of an arm's joints well: D-optimal among random free configurations.
+    """Poses that determine the zeros and scales of an arm's joints well: I-optimal among random free configurations.
 
     Move between them with planned motions: the poses are free of collision, but straight lines between them may not be.
-    Compared to random poses, standard deviations become about a third smaller.
+    `expected_calibration` computes the standard deviations that they allow; no poses allow less for the last joint than
+    noise / (lever * sqrt(count)): 0.13 degrees for 20 poses, 1 mm of noise and a lever of 0.1 m.
 
     Args:
         scene: The arm and its surroundings.
@@ -62,7 +69,7 @@ def propose_calibration_poses(
     lower, upper = sampling_bounds(scene.arms[arm].robot)
     turns = (candidates - 0.5 * (lower + upper)) / np.maximum(upper - lower, 1e-9)
     jacobians = point_jacobians(kinematics, frame, candidates, np.broadcast_to(offset, (len(candidates), 3)))[1]
-    chosen = _d_optimal(np.concatenate([jacobians, jacobians * turns[:, None, :]], axis=2), count)
+    chosen = _optimal(np.concatenate([jacobians, jacobians * turns[:, None, :]], axis=2), count)
     return _in_short_order(candidates[chosen], scene.arms[arm].q)
 
 
@@ -80,11 +87,12 @@ def _free_configurations(scene: Scene, arm: str, rng: np.random.Generator) -> Ar
     return np.array(found).reshape(-1, len(lower))
 
 
-def _d_optimal(rows: Array, count: int) -> list[int]:
-    """Indices of candidates whose information matrix has a large determinant: greedy choice, then exchanges.
+def _optimal(rows: Array, count: int) -> list[int]:
+    """Indices of candidates with a small variance of the joint positions: greedy choice, then exchanges.
 
     Args:
-        rows: Derivatives of the measurement of each candidate by the parameters, shape (n, 3, p).
+        rows: Derivatives of the measurement of each candidate by the zeros in the middle of the ranges and by the
+            widths of the ranges, shape (n, 3, 2 nq).
         count: Number of candidates to choose.
     """
     information = rows.transpose(0, 2, 1) @ rows
@@ -105,10 +113,16 @@ def _d_optimal(rows: Array, count: int) -> list[int]:
 
 
 def _best(rows: Array, total: Array, taken: list[int]) -> int:
-    """The candidate that increases the determinant of the information matrix most."""
-    gain = np.linalg.det(np.eye(3) + rows @ np.linalg.inv(total) @ rows.transpose(0, 2, 1))
-    gain[taken] = -np.inf
-    return int(np.argmax(gain))
+    """The candidate that decreases the variance of joint positions, averaged over their ranges, most."""
+    covariance = np.linalg.inv(total)
+    gains = rows @ covariance
+    innovation = np.linalg.inv(np.eye(3) + gains @ rows.transpose(0, 2, 1))
+    decrease = np.einsum("nap,nab,nbp->np", gains, innovation, gains)
+    joints = rows.shape[2] // 2
+    # Positions are uniformly distributed over a range of width 1, whose variance is 1/12.
+    total_decrease = (decrease[:, :joints] + decrease[:, joints:] / 12.0).sum(axis=1)
+    total_decrease[taken] = -np.inf
+    return int(np.argmax(total_decrease))
 
 
 def _in_short_order(configurations: Array, start: Array) -> Array:
