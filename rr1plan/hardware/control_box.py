@@ -34,6 +34,7 @@ from rr1plan.robot import Robot
 
 _MAX_BYTES = 1024 * 1024
 # Upper bounds on the period of a step and of a pass of the loop [ticks, s].
+_MOST_COUNTS = 1e4  # encoder counts per step
 _LONGEST_PERIOD, _LONGEST_TICK = 1e4, 1.0
 
 
@@ -64,7 +65,10 @@ class BoxChannel:
         object.__setattr__(self, "fast_period", period)
         whole_number("ramp_steps", self.ramp_steps, 1, 1_000_000)
         if self.counts_per_step is not None:
-            object.__setattr__(self, "counts_per_step", finite_number("counts_per_step", self.counts_per_step))
+            counts = finite_number("counts_per_step", self.counts_per_step)
+            if abs(counts) > _MOST_COUNTS:
+                raise InputError(f"counts_per_step is {counts:g}, expected at most {_MOST_COUNTS:g} to either side")
+            object.__setattr__(self, "counts_per_step", counts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ class ReplayVariations:
         rng: Seed or generator.
 
     Raises:
-        InputError: numbers that are negative or not finite, a mass share of one or more, or no replays.
+        InputError: numbers that are negative, not finite or too large, or no replays.
     """
 
     payload: float = 0.0
@@ -40,6 +40,7 @@ class ReplayVariations:
             object.__setattr__(self, name, number_from_zero(name, getattr(self, name)))
         if self.mass >= 1.0:
             raise InputError(f"mass is {self.mass}, expected a share below 1")
+        ArmVariation(self.payload)  # checks that it is not too large
         whole_number("count", self.count, 1, _MOST_CASES)
         as_generator(self.rng)
 

@@ -123,6 +123,7 @@ def test_one_file_holds_calibration_and_control_box(
         ("ramp_steps = 64", "ramp_steps = 1.5", "expected a whole number, got 1.5"),
         ("ramp_steps = 64", "ramp_step = 64", "has no 'ramp_steps'"),
         ("fast_period = 3.0", "fast_period = 0.5", "fast_period is 0.5 ticks"),
+        ("counts_per_step = 2.5", "counts_per_step = -1e9", "counts_per_step is -1e.09, expected at most"),
         ('"elbow_joint"', '"wrist_joint"', "expected distinct joints"),
     ],
 )

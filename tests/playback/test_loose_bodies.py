@@ -410,3 +410,22 @@ def test_other_users_of_the_model_take_loose_bodies_as_fixed_and_say_what_is_for
             state = mirror.receive(rp.StateMessage(0.0, scene.joint_names(), scene.configuration()))
         assert state is not None
         assert (state.contacts == ()) is expected
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("noslip_iterations", 5),
+        ("solver", mujoco.mjtSolver.mjSOL_PGS),
+        ("jacobian", mujoco.mjtJacobian.mjJAC_SPARSE),
+        ("cone", mujoco.mjtCone.mjCONE_PYRAMIDAL),
+    ],
+)
+def test_the_solver_may_be_changed_while_bodies_touch(option: str, value: int) -> None:
+    """MuJoCo would end the process: the solver needs matrices that are computed with the contacts."""
+    scene = rp.Scene().with_obstacle("floor", rp.HalfSpace((0, 0, 1), 0.0))
+    sim = rp.Simulation(scene.with_obstacle("box", rp.Box((0.1, 0.1, 0.1)), [0, 0, 0.05], mass=0.2))
+    sim.step(20)
+    setattr(sim.model.opt, option, value)
+    sim.step(20)
+    assert sim.body_pose("box")[2, 3] == pytest.approx(0.05, abs=1e-3)

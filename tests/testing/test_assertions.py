@@ -131,6 +131,7 @@ def test_variations_stay_within_their_bounds() -> None:
     [
         ({"payload": -1.0}, "payload is -1.0, expected a number >= 0"),
         ({"mass": 1.0}, "expected a share below 1"),
+        ({"payload": 1e9}, "payload is 1e.09 kg, expected at most 10000 kg"),
         ({"friction": np.nan}, "friction is nan"),
         ({"count": 0}, "count is 0, expected a whole number from 1"),
     ],

@@ -9,8 +9,10 @@ import mujoco
 import numpy as np
 
 from rr1plan.checks import Array, number_from_zero, positive_number
+from rr1plan.errors import InputError
 from rr1plan.scene import Scene
 
+_MOST_PAYLOAD = 1e4  # [kg]
 # Radius of the ball of a payload [m].
 _PAYLOAD_RADIUS = 0.05
 # Impedance of friction, MuJoCo's largest. With its default of 0.9, and 0.02 s to stop instead of two steps, joints that
@@ -28,7 +30,8 @@ class ArmVariation:
         friction: Coulomb friction of each joint as a fraction of its effort limit; joints without a limit have none.
 
     Raises:
-        InputError: a negative payload or friction, a factor that is not above zero, numbers that are not finite.
+        InputError: a payload that is not 0 to 10,000 kg, a negative friction, a factor that is not above zero,
+            numbers that are not finite.
     """
 
     payload: float = 0.0
@@ -38,6 +41,8 @@ class ArmVariation:
     def __post_init__(self) -> None:
         for name in ("payload", "friction"):
             object.__setattr__(self, name, number_from_zero(name, getattr(self, name)))
+        if self.payload > _MOST_PAYLOAD:
+            raise InputError(f"payload is {self.payload:g} kg, expected at most {_MOST_PAYLOAD:g} kg")
         object.__setattr__(self, "mass", positive_number("mass", self.mass))
 
     def __str__(self) -> str:

@@ -78,6 +78,8 @@ class SteppedModel:
         self._torque, self._accelerations = np.zeros((2, self.model.nv))
         self._alarms = data.warning.number
         self._searching = True
+        self._option = self.model.opt
+        self._solver_options = self._read_solver_options()
 
     def place(self, state: Array) -> None:
         """Set its joints from positions and velocities of all joints of the simulation, shape (2 or 3, n)."""
@@ -86,7 +88,13 @@ class SteppedModel:
 
     def refresh(self) -> None:
         """Compute the quantities that depend on the state: poses, contacts, bias torques."""
+        self._solver_options = self._read_solver_options()
         mujoco.mj_step1(self.model, self.data)
+
+    def _read_solver_options(self) -> tuple[int, ...]:
+        """The options that determine which matrices of contacts MuJoCo computes, and how it stores them."""
+        option = self._option
+        return option.solver, option.noslip_iterations, option.jacobian, option.cone
 
     def advance(self, desired: Array) -> None:
         """Take a step from a refreshed state.
@@ -96,6 +104,9 @@ class SteppedModel:
                 add, shape (4, n).
         """
         control, joints, columns = self._control, self.joints, self.columns
+        if self._read_solver_options() != self._solver_options:
+            # MuJoCo's matrices of contacts depend on them; it terminates the process if one is missing.
+            self.refresh()
         if self._described is not self.data:
             self._describe()
         self._accelerations[:joints] = desired[2, columns]
