@@ -8,7 +8,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.checks import Array
-from rr1plan.playback.simulation import simulation
+from rr1plan.playback.simulation import tiled_model
 from rr1plan.playback.simulation.arm_dynamics import ArmDynamics
 from rr1plan.playback.simulation.contact_proof import ContactProof
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
@@ -103,7 +103,7 @@ def held_and_tilted() -> rp.Scene:
 
 @pytest.mark.parametrize("threads", [2, 3])
 def test_arms_on_threads_move_as_on_one(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
-    monkeypatch.setattr(simulation, "_SHARED", 1)
+    monkeypatch.setattr(tiled_model, "_SHARED", 1)
     workers = set()
     take_steps = ArmDynamics.take_steps
 
@@ -175,7 +175,7 @@ def arm_follows(sim: rp.Simulation, arm: str, seed: int, seconds: float, path: f
 def test_several_steps_at_once_end_like_single_steps(
     monkeypatch: pytest.MonkeyPatch, radius: float, threads: int
 ) -> None:
-    monkeypatch.setattr(simulation, "_SHARED", 1)
+    monkeypatch.setattr(tiled_model, "_SHARED", 1)
     steps = Steps(monkeypatch)
     fast = rp.Simulation(ring(4, radius), threads=threads)
     slow = rp.Simulation(fast.scene)
@@ -381,7 +381,7 @@ def test_mujoco_takes_the_steps_of_varied_arms() -> None:
 
 
 def test_data_may_be_changed_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulation, "_SHARED", 1)
+    monkeypatch.setattr(tiled_model, "_SHARED", 1)
     runs = []
     for threads in (1, 2):
         sim = rp.Simulation(ring(4, 1.5), threads=threads)

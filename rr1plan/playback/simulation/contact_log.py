@@ -15,14 +15,18 @@ class ContactLog:
 
     Args:
         gap: Longest time between two contacts of one interval [s].
+
+    Attributes:
+        deepest: Deepest penetration [m], including allowed contacts of loose bodies.
     """
 
     def __init__(self, gap: float) -> None:
         self._gap = gap
+        self.deepest = 0.0
         self._intervals: dict[tuple[str, str], list[ReplayContact]] = {}
 
     def add(self, world: MujocoScene, data: Any, time: float) -> None:
-        """Add the contacts at one instant that the scene does not allow.
+        """Add the contacts at one instant, as intervals those that the scene does not allow.
 
         Args:
             world: The model.
@@ -30,6 +34,7 @@ class ContactLog:
             time: The instant [s], not before that of the previous call.
         """
         geoms, distances = data.contact.geom, data.contact.dist
+        self.deepest = max(self.deepest, -float(distances.min(initial=0.0)))
         for k in np.flatnonzero(world.forbidden(geoms) & (distances <= 0.0)).tolist():
             first, second = geoms[k].tolist()
             a, b = sorted((world.geom_elements[first], world.geom_elements[second]))
@@ -44,6 +49,7 @@ class ContactLog:
     def clear(self) -> None:
         """Forget all contacts."""
         self._intervals.clear()
+        self.deepest = 0.0
 
     def intervals(self) -> tuple[ReplayContact, ...]:
         """All intervals in the order of their start."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,6 +50,17 @@ class JointMap:
         following = np.array([self.index[name] for name in self.followers], dtype=np.int64)
         self._following, self._followed = following, self._source[following]
         self._followed_factor, self._followed_offset = self._factor[following], self._offset[following]
+
+    def indices(self, names: Sequence[str]) -> NDArray[np.int64]:
+        """Indices of some joints, shape (n,).
+
+        Raises:
+            UnknownNameError: an unknown joint.
+        """
+        for name in names:
+            if name not in self.index:
+                raise UnknownNameError("joint", name, self.names)
+        return np.array([self.index[name] for name in names], dtype=np.int64)
 
     def follow(self, values: Array, *, rates: bool = False) -> Array:
         """Values of all joints, where mimicking joints are computed from the joints that they follow.

@@ -1,7 +1,8 @@
-"""Checked set-points of all joints of a simulation, from the active controllers."""
+"""The active controllers of a simulation, and their checked set-points of all joints."""
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -9,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.errors import ControllerError
-from rr1plan.playback.simulation.controllers import Controller, JointState, SetPoint
+from rr1plan.errors import ControllerError, InputError
+from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
 from rr1plan.playback.simulation.joint_map import JointMap
 
 _Argument = TypeVar("_Argument")
 _Point = TypeVar("_Point", SetPoint, SetPoint | None)
+
+# The set-points in which each active controller takes part.
+_commanded_by: weakref.WeakKeyDictionary[Controller, weakref.ref[SetPoints]] = weakref.WeakKeyDictionary()
 
 
 class Rows:
@@ -39,14 +43,15 @@ class SetPoints:
 
     Args:
         joints: The joints.
+        dt: Time of a step [s].
 
     Attributes:
         active: Active controllers, with the indices of their joints.
         desired: Positions, velocities, accelerations and added efforts of all joints in the last step, shape (4, n).
     """
 
-    def __init__(self, joints: JointMap) -> None:
-        self._joints = joints
+    def __init__(self, joints: JointMap, dt: float) -> None:
+        self._joints, self._dt = joints, dt
         self._rows = Rows(4, len(joints.names))
         self.active: dict[Controller, NDArray[np.int64] | slice] = {}
         # Set-points of controllers that were updated in a step in which a later controller failed. If the step is
@@ -61,16 +66,74 @@ class SetPoints:
         # Whether joints that others mimic have been commanded.
         self._leading = False
 
-    def add(self, controller: Controller, indices: NDArray[np.int64]) -> None:
-        """Let a controller command the joints with these indices."""
+    def activate(self, controller: Controller, state: JointState, *, replace: bool) -> None:
+        """Let a controller command its joints.
+
+        Args:
+            controller: The controller.
+            state: The state of all joints.
+            replace: Deactivate the controllers that command some of its joints. If the activation fails, they stay.
+
+        Raises:
+            InputError: another controller commands one of its joints, a joint mimics another one, or the controller is
+                active in another simulation.
+            UnknownNameError: an unknown joint.
+        """
+        commanded = _commanded_by.get(controller, lambda: None)()
+        if commanded is not None and commanded is not self:
+            raise InputError(
+                f"the {type(controller).__name__} of {controller.joint_names[0]!r} is active in another simulation; "
+                "deactivate it there first, or make another controller"
+            )
+        joints, indices = self._joints, self._joints.indices(controller.joint_names)
+        for name in controller.joint_names:
+            if name in joints.followers:
+                raise InputError(f"joint {name!r} mimics {joints.followers[name]!r}; command that one")
+        replaced = self._conflicting(controller, replace)
+        limits = joints.lower[indices], joints.upper[indices], joints.velocity[indices]
+        controller.activate(JointInfo(controller.joint_names, *limits, self._dt), part_of(state, indices))
+        for other in replaced:
+            self._remove(other)
+        self.active.pop(controller, None)
         self._updated.pop(controller, None)
         self.active[controller] = as_slice(indices)
-        self._leading = self._leading or self._joints.leads(indices)
+        self._leading = self._leading or joints.leads(indices)
+        _commanded_by[controller] = weakref.ref(self)
+        for other in replaced:
+            other.deactivate()
 
-    def remove(self, controller: Controller) -> None:
+    def _conflicting(self, controller: Controller, replace: bool) -> list[Controller]:
+        """Other active controllers of its joints, which raise an error unless they are replaced."""
+        found = []
+        for other in self.active:
+            shared = set(other.joint_names).intersection(controller.joint_names)
+            if not shared or other is controller:
+                continue
+            if not replace:
+                first = min(shared, key=self._joints.names.index)
+                raise InputError(
+                    f"joint {first!r} is commanded by an active {type(other).__name__}; deactivate it first, or "
+                    "activate with replace=True"
+                )
+            found.append(other)
+        return found
+
+    def deactivate(self, controller: Controller) -> None:
+        """Stop an active controller.
+
+        Raises:
+            InputError: it is not active.
+        """
+        if controller not in self.active:
+            raise InputError("the controller is not active in this simulation")
+        self._remove(controller)
+        controller.deactivate()
+
+    def _remove(self, controller: Controller) -> None:
         """Remove a controller; its joints hold their last commanded positions."""
         indices = self.active.pop(controller)
         self._updated.pop(controller, None)
+        del _commanded_by[controller]
         for rates in self.desired[1:]:
             rates[indices] = 0.0
 

@@ -18,19 +18,13 @@ from __future__ import annotations
 
 import math
 import threading
-import time
-import weakref
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from contextvars import copy_context
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, NoReturn, TypeVar, cast
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
     Array,
@@ -43,20 +37,20 @@ from rr1plan.checks import (
     positive_number,
     whole_number,
 )
-from rr1plan.errors import BackendError, InputError, UnknownNameError
+from rr1plan.errors import BackendError, InputError
 from rr1plan.path import check_joint_names
 from rr1plan.playback.simulation.arm_variation import ArmVariation
 from rr1plan.playback.simulation.contact_log import ContactLog
-from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState
+from rr1plan.playback.simulation.controllers import Controller, JointState
 from rr1plan.playback.simulation.joint_map import JointMap
-from rr1plan.playback.simulation.mujoco_model import Solver, build_mujoco, usual_stiffness
+from rr1plan.playback.simulation.mujoco_model import Solver, usual_stiffness
 from rr1plan.playback.simulation.replay import ReplayContact
-from rr1plan.playback.simulation.set_points import Rows, SetPoints, part_of
+from rr1plan.playback.simulation.run_loop import RunLoop
+from rr1plan.playback.simulation.scene_changes import check_same_arms, present_scene, unmoved_bodies
+from rr1plan.playback.simulation.set_points import SetPoints, part_of
 from rr1plan.playback.simulation.stepped_models import Tile
-from rr1plan.playback.simulation.tiles import check_memory, tile_scenes
-from rr1plan.robot import Robot
-from rr1plan.robot.mujoco_warnings import mujoco_warnings
-from rr1plan.scene import Arm, Scene
+from rr1plan.playback.simulation.tiled_model import TiledModel
+from rr1plan.scene import Scene
 from rr1plan.thread_locks import exclusive
 from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
 
@@ -64,18 +58,6 @@ _MOST_STIFFNESS = 1e6  # [rad/s]
 LONGEST_STEP = 1.0  # [s]
 # Largest number of steps in one call; more would take hours, and their replay more memory than there is.
 _MOST_STEPS = 5_000_000
-# Smallest number of steps of single arms without contact for which threads are faster than one.
-_SHARED = 1000
-# The simulation sleeps if it is ahead of real time by more than this [s].
-_AHEAD = 0.002
-# Largest distance of a locked joint from its value in the scene that `current_scene` ignores, so that arms keep sharing
-# a robot and the tables computed for it [rad or m].
-_STILL = 1e-6
-# Rounding of poses.
-_SAME_POSE = 1e-9
-
-# The simulation of each active controller.
-_commanded_by: weakref.WeakKeyDictionary[Controller, weakref.ref[Simulation]] = weakref.WeakKeyDictionary()
 
 StepCallback = Callable[["Simulation"], bool | None]
 _Method = TypeVar("_Method", bound=Callable[..., Any])
@@ -133,11 +115,9 @@ class Simulation:
         variation: Differences of the arms from their description, on which their servos are based (default: none).
 
     Attributes:
-        scene: The scene, with loose bodies at their initial poses; see `current_scene`.
         dt: Time of a step [s].
         stiffness: Natural frequency of the joint servos [rad/s].
         joint_names: "arm/joint" of every movable joint, the order of `positions`, `velocities` and `efforts`.
-        tiles: The MuJoCo models with their data.
 
     Raises:
         InputError: a step or stiffness that is not above zero, a point cloud of too many cells, or more arms or bodies
@@ -158,37 +138,31 @@ class Simulation:
         of_kind("scene", scene, Scene)
         of_kind("variation", variation, ArmVariation, optional=True)
         known_name("solver", solver, ("newton", "cg"))
-        self._solver: Solver = solver
-        self._variation = None if variation == ArmVariation() else variation
-        self.scene = scene
         self.dt = positive_number("dt", dt)
         if self.dt > LONGEST_STEP:
             raise InputError(f"dt is {dt:g} s, expected at most {LONGEST_STEP:g} s")
         self.stiffness = usual_stiffness(self.dt) if stiffness is None else positive_number("stiffness", stiffness)
         if self.stiffness > _MOST_STIFFNESS:
             raise InputError(f"stiffness is {stiffness}, expected at most {_MOST_STIFFNESS:g} rad/s")
-        self._threads = whole_number("threads", threads, 1, 256)
-        self._map = JointMap(scene)
-        self.joint_names = self._map.names
-        self._state_rows = Rows(3, len(self.joint_names))
-        self._warnings: list[str] = []
-        self.tiles = self._build(scene)
-        self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
-        self._set_points = SetPoints(self._map)
-        # By a key for each registration, because a callback may be registered twice.
-        self._callbacks: dict[object, StepCallback] = {}
-        self._pause = threading.Event()
+        whole_number("threads", threads, 1, 256)
+        self._joints = JointMap(scene)
+        self.joint_names = self._joints.names
         # Held during a step, and by methods that read or change the state of MuJoCo's data or the controllers.
         self._lock = threading.RLock()
         self._stepping = False
-        # Held during a run, by the thread `_runner`.
-        self._turn = threading.Lock()
-        self._runner: int | None = None
+        self._model = TiledModel(
+            scene,
+            self._joints,
+            self.dt,
+            stiffness=self.stiffness,
+            threads=threads,
+            solver=solver,
+            variation=None if variation == ArmVariation() else variation,
+        )
+        self._set_points = SetPoints(self._joints, self.dt)
+        self._loop: RunLoop[Simulation] = RunLoop(self.dt)
         self._contacts = ContactLog(1.5 * self.dt)
-        self._deepest = 0.0
-        self._wall = 0.0
-        start = self._map.expand(scene.configuration())
-        self._begin(np.array([start, np.zeros(len(start))]))
+        self._set_off()
 
     def __repr__(self) -> str:
         models = f", {len(self.tiles)} models" if len(self.tiles) > 1 else ""
@@ -206,6 +180,16 @@ class Simulation:
         )
 
     # ---- state -----------------------------------------------------------------------------------
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, with loose bodies at their initial poses; see `current_scene`."""
+        return self._model.scene
+
+    @property
+    def tiles(self) -> list[Tile]:
+        """The MuJoCo models with their data."""
+        return self._model.tiles
 
     @property
     def time(self) -> float:
@@ -233,7 +217,7 @@ class Simulation:
 
         Servos respect it, except in arms whose masses are estimated.
         """
-        return self._map.effort.copy()
+        return self._joints.effort.copy()
 
     @property
     def set_points(self) -> Array:
@@ -248,12 +232,12 @@ class Simulation:
     @property
     def warnings(self) -> tuple[str, ...]:
         """MuJoCo's warnings, each once."""
-        return tuple(dict.fromkeys(self._warnings))
+        return tuple(dict.fromkeys(self._model.warnings))
 
     @property
     def real_time_factor(self) -> float:
         """Simulated time divided by the wall time of the steps."""
-        return self.time / self._wall if self._wall > 0.0 else 0.0
+        return self.time / self._loop.wall if self._loop.wall > 0.0 else 0.0
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -285,7 +269,7 @@ class Simulation:
             UnknownNameError: an unknown arm.
         """
         names = self.scene.joint_names(arms)
-        return self.positions[self._indices(names)]
+        return self.positions[self._joints.indices(names)]
 
     def state(self, joint_names: Sequence[str]) -> JointState:
         """The state of some joints: a copy of time, positions, velocities and efforts.
@@ -296,38 +280,30 @@ class Simulation:
         Raises:
             UnknownNameError: an unknown joint.
         """
-        return part_of(self._now, self._indices(check_joint_names(joint_names)))
+        return part_of(self._now, self._joints.indices(check_joint_names(joint_names)))
 
     # ---- loose bodies ----------------------------------------------------------------------------
 
     @property
     def body_names(self) -> tuple[str, ...]:
         """The loose bodies: obstacles with a mass."""
-        return tuple(name for tile in self.tiles for name in tile.bodies)
+        return self._model.body_names
 
     @property
     def max_penetration(self) -> float:
         """Deepest penetration since the beginning [m], including allowed contacts of loose bodies."""
-        return self._deepest
+        return self._contacts.deepest
 
     @property
     @exclusive
     def current_scene(self) -> Scene:
         """The scene with the present positions of planned and locked joints and poses of loose bodies, for planning."""
-        moved = {name: replace(self.scene.obstacles[name], pose=self.body_pose(name)) for name in self.body_names}
-        q = self.scene.split(self.configuration())
-        arms = {name: Arm(self._relocked(name, arm.robot), arm.base, q[name]) for name, arm in self.scene.arms.items()}
-        return replace(self.scene, arms=arms, obstacles={**self.scene.obstacles, **moved})
+        positions = dict(zip(self.joint_names, self._now.positions.tolist(), strict=True))
+        return present_scene(self.scene, positions, self._body_poses())
 
-    def _relocked(self, arm: str, robot: Robot) -> Robot:
-        """The robot of an arm, with its locked joints at their present positions, within their limits."""
-        values = {}
-        for name, value in robot.locked_joints.items():
-            joint = robot.joint(name)
-            present = float(np.clip(self._now.positions[self._map.index[f"{arm}/{name}"]], joint.lower, joint.upper))
-            if abs(present - value) > _STILL:
-                values[name] = present
-        return robot.with_locked_joints(values) if values else robot
+    def _body_poses(self) -> dict[str, Array]:
+        """T_world_body of every loose body."""
+        return {name: self.body_pose(name) for name in self.body_names}
 
     @exclusive
     def body_pose(self, name: str) -> Array:
@@ -354,7 +330,7 @@ class Simulation:
         Raises:
             UnknownNameError: no such loose body.
         """
-        return self._body(name).body_state(name)[0].copy()
+        return self._model.tile_of_body(name).body_state(name)[0].copy()
 
     @exclusive
     def body_velocity(self, name: str) -> Array:
@@ -366,7 +342,7 @@ class Simulation:
         Raises:
             UnknownNameError: no such loose body.
         """
-        _, velocity = self._body(name).body_state(name)
+        _, velocity = self._model.tile_of_body(name).body_state(name)
         return np.concatenate([velocity[:3], self.body_pose(name)[:3, :3] @ velocity[3:]])
 
     @_between_steps
@@ -382,12 +358,12 @@ class Simulation:
             UnknownNameError: no such loose body.
             InputError: not a pose, or a velocity that is not finite or above 1e4.
         """
-        tile, T = self._body(name), as_pose(pose, "pose")
+        tile, T = self._model.tile_of_body(name), as_pose(pose, "pose")
         rates = np.zeros(6) if velocity is None else near_array("velocity", velocity, (6,))
         place, motion = tile.body_state(name)
         place[:3], place[3:] = T[:3, 3], quaternion_from_rotation(T[:3, :3])
         motion[:3], motion[3:] = rates[:3], T[:3, :3].T @ rates[3:]
-        with self._collect_warnings():
+        with self._model.collect_warnings():
             tile.refresh()
 
     @_between_steps
@@ -408,32 +384,8 @@ class Simulation:
             BackendError: MuJoCo rejects the scene.
         """
         of_kind("scene", scene, Scene)
-        before = self.scene.arms
-        for name in (*before, *scene.arms):
-            one, other = before.get(name), scene.arms.get(name)
-            if one is None or other is None or list(before) != list(scene.arms):
-                raise InputError(f"the scenes have different arms ({name!r}), expected the arms of the simulation")
-            # Positions of locked joints differ in a scene that is based on `current_scene`.
-            same = other.robot
-            if same.locked_joints != one.robot.locked_joints:
-                same = replace(same, locked_joints=one.robot.locked_joints)
-            if one.robot.content_hash != same.content_hash or not np.array_equal(one.base, other.base):
-                raise InputError(f"arm {name!r} is another robot or elsewhere, expected the arms of the simulation")
-        tiles = self._build(scene)
-        stay = {name for name in self.body_names if name in scene.obstacles and self._stays(name, scene)}
-        with self._collect_warnings():
-            for tile in tiles:
-                tile.place(self._measured)
-                for name in stay & tile.bodies.keys():
-                    for to, of in zip(tile.body_state(name), self._body(name).body_state(name), strict=True):
-                        to[:] = of
-                tile.refresh()
-        self.tiles, self.scene = tiles, scene
-
-    def _stays(self, name: str, scene: Scene) -> bool:
-        """Whether a loose body is in another scene where it was at first, or where it is now."""
-        before, pose = self.scene.obstacles[name].pose, scene.obstacles[name].pose
-        return np.array_equal(before, pose) or bool(np.abs(self.body_pose(name) - pose).max() <= _SAME_POSE)
+        check_same_arms(self.scene, scene)
+        self._model.change_scene(scene, unmoved_bodies(self.scene, scene, self._body_poses()))
 
     # ---- controllers -----------------------------------------------------------------------------
 
@@ -457,41 +409,7 @@ class Simulation:
             UnknownNameError: an unknown joint.
         """
         of_kind("controller", controller, Controller)
-        other_simulation = _commanded_by.get(controller, lambda: None)()
-        if other_simulation is not None and other_simulation is not self:
-            raise InputError(
-                f"the {type(controller).__name__} of {controller.joint_names[0]!r} is active in another simulation; "
-                "deactivate it there first, or make another controller"
-            )
-        indices = self._indices(controller.joint_names)
-        for name in controller.joint_names:
-            if name in self._map.followers:
-                raise InputError(f"joint {name!r} mimics {self._map.followers[name]!r}; command that one")
-        replaced = []
-        for other in self.controllers:
-            shared = set(other.joint_names).intersection(controller.joint_names)
-            if not shared or other is controller:
-                continue
-            if not replace:
-                first = min(shared, key=self.joint_names.index)
-                raise InputError(
-                    f"joint {first!r} is commanded by an active {type(other).__name__}; deactivate it first, or "
-                    "activate with replace=True"
-                )
-            replaced.append(other)
-        joints = self._map
-        info = JointInfo(
-            controller.joint_names, joints.lower[indices], joints.upper[indices], joints.velocity[indices], self.dt
-        )
-        controller.activate(info, part_of(self._now, indices))
-        for other in replaced:
-            self._set_points.remove(other)
-            del _commanded_by[other]
-        self._set_points.active.pop(controller, None)
-        self._set_points.add(controller, indices)
-        _commanded_by[controller] = weakref.ref(self)
-        for other in replaced:
-            other.deactivate()
+        self._set_points.activate(controller, self._now, replace=replace)
 
     @exclusive
     def deactivate(self, controller: Controller) -> None:
@@ -501,11 +419,7 @@ class Simulation:
             InputError: it is not active.
         """
         of_kind("controller", controller, Controller)
-        if controller not in self._set_points.active:
-            raise InputError("the controller is not active in this simulation")
-        self._set_points.remove(controller)
-        del _commanded_by[controller]
-        controller.deactivate()
+        self._set_points.deactivate(controller)
 
     def on_step(self, callback: StepCallback) -> Callable[[], None]:
         """Register a callback that is called after each step.
@@ -519,13 +433,7 @@ class Simulation:
         if callback is None:
             raise InputError("callback is None, expected a function of the simulation")
         check_callback("callback", callback)
-        key = object()
-        self._callbacks[key] = callback
-
-        def remove() -> None:
-            self._callbacks.pop(key, None)
-
-        return remove
+        return self._loop.add_callback(callback)
 
     # ---- running ---------------------------------------------------------------------------------
 
@@ -576,15 +484,12 @@ class Simulation:
 
         Steps that are computed in one call are all completed.
         """
-        self._pause.set()
+        self._loop.pause()
 
     @_between_steps
     def reset(self) -> None:
         """Return exactly to the initial state and scene; active controllers are activated again."""
-        self.scene, self.tiles = self._origin
-        with self._collect_warnings():
-            for tile, state in zip(self.tiles, self._initial, strict=True):
-                tile.restore(state)
+        self._model.restore()
         self._set_off()
 
     @_between_steps
@@ -601,98 +506,30 @@ class Simulation:
             UnknownNameError: an unknown joint.
         """
         names = check_joint_names(joint_names)
-        indices = self._indices(names)
+        indices = self._joints.indices(names)
         every = self.positions
         every[indices] = near_array("positions", positions, (len(names),))
         rates = np.zeros(len(every))
         rates[indices] = 0.0 if velocities is None else near_array("velocities", velocities, (len(names),))
-        self._begin(np.array([self._map.follow(every), self._map.follow(rates, rates=True)]))
+        self._model.begin(np.array([self._joints.follow(every), self._joints.follow(rates, rates=True)]))
+        self._set_off()
 
     # ---- inside ----------------------------------------------------------------------------------
-
-    @contextmanager
-    def _collect_warnings(self) -> Iterator[list[str]]:
-        """Add MuJoCo's warnings to `warnings`, instead of a file in the working directory."""
-        with mujoco_warnings() as warnings:
-            try:
-                yield warnings
-            finally:
-                self._warnings += warnings
-
-    def _build(self, scene: Scene) -> list[Tile]:
-        tiles: list[Tile] = []
-        with self._collect_warnings():
-            parts = tile_scenes(scene)
-            check_memory(parts)
-            for part in parts:
-                world = build_mujoco(part, timestep=self.dt, stiffness=self.stiffness, solver=self._solver)
-                columns, worker = self._indices(world.joint_names), len(tiles) % self._threads
-                count, threads = len(self.joint_names), self._threads
-                tiles.append(Tile(world, columns, count, self._variation, threads=threads, worker=worker))
-        return tiles
-
-    def _body(self, name: str) -> Tile:
-        """The tile that contains a loose body."""
-        known_name("loose body", name, self.body_names)
-        return next(tile for tile in self.tiles if name in tile.bodies)
-
-    def _begin(self, state: Array) -> None:
-        with self._collect_warnings():
-            for tile in self.tiles:
-                tile.begin(state)
-        self._origin = self.scene, self.tiles
-        self._initial = [tile.save() for tile in self.tiles]
-        self._set_off()
 
     def _set_off(self) -> None:
         """Start the clock, with the present positions as set-points."""
         self.steps = 0
-        self._wall = 0.0
+        self._loop.wall = 0.0
         self._contacts.clear()
-        self._deepest = 0.0
-        state = np.empty((3, len(self.joint_names)))
-        for tile in self.tiles:
-            tile.observe(state)
-        self._measured = state
-        self._now = JointState(self.time, *state)
+        self._now = JointState(self.time, *self._model.state)
         self._set_points.hold(self._now.positions)
         self._note_contacts()
         for controller in self.controllers:
             self.activate(controller)
 
-    @contextmanager
-    def _running(self) -> Iterator[None]:
-        """One thread runs the simulation at a time, and not from within a run."""
-        if self._runner == threading.get_ident():
-            raise InputError(
-                "step or run was called while the simulation runs, by a callback or a controller of it; take more "
-                "steps when it has ended"
-            )
-        with self._turn:
-            self._runner, began = threading.get_ident(), time.perf_counter()
-            try:
-                yield
-            finally:
-                self._wall += time.perf_counter() - began
-                self._runner = None
-
     def _run(self, count: int, speed: float) -> bool:
-        with self._running(), self._collect_warnings() as warnings:
-            self._pause.clear()
-            began, done = time.perf_counter(), 0
-            while done < count:
-                # Callbacks and waiting for real time follow each single step.
-                alone = bool(self._callbacks) or speed < math.inf
-                done += self._advance(1 if alone else count - done, warnings)
-                for callback in list(self._callbacks.values()):
-                    if callback(self) is False:
-                        self._pause.set()
-                ahead = done * self.dt / speed - (time.perf_counter() - began)
-                if speed < math.inf and ahead > _AHEAD:
-                    self._pause.wait(min(ahead, threading.TIMEOUT_MAX))
-                if self._pause.is_set():
-                    break
-        return not self._pause.is_set()
+        with self._loop.turn(), self._model.collect_warnings() as warnings:
+            return self._loop.run(self, lambda most: self._advance(most, warnings), count, speed)
 
     @exclusive
     def _advance(self, most: int, warnings: list[str]) -> int:
@@ -702,7 +539,7 @@ class Simulation:
             done = self._take_steps(most)
         finally:
             self._stepping = False
-        if any(tile.is_unstable() for tile in self.tiles):
+        if self._model.is_unstable():
             raise BackendError(
                 f"MuJoCo's simulation became unstable at {self.time:.3f} s"
                 f"{f' ({warnings[-1]})' if warnings else ''}; try a smaller time step or a slower motion"
@@ -712,57 +549,21 @@ class Simulation:
 
     def _take_steps(self, most: int) -> int:
         """Take one step, or several if controllers preview their set-points; returns how many."""
-        most = min(most, *(tile.most_steps for tile in self.tiles))
+        most = min(most, self._model.most_steps)
         times = np.asarray(self.dt * np.arange(self.steps, self.steps + most), dtype=np.float64)
         previewed = self._set_points.preview(times) if most > 1 else None
         desired = self._set_points.update(self._now) if previewed is None else previewed
-        states = self._state_rows.take(len(desired) + 1)
-        states[0] = self._measured
-        tiles = self.tiles
-
-        def advance(worker: int) -> None:
-            for tile in tiles:
-                tile.advance(worker, desired, states)
-
-        free = sum(tile.free_arms for tile in tiles) * len(desired)
-        self._distribute(advance, free >= _SHARED or (len(tiles) > 1 and not all(tile.free_arms for tile in tiles)))
-        taken = min(tile.count_valid(states) for tile in tiles)
-        valid, valid_states = desired[:taken], states[: taken + 1]
-
-        def settle(worker: int) -> None:
-            for tile in tiles:
-                if tile.worker == worker:
-                    tile.settle(valid, valid_states)
-
-        self._distribute(settle, len(tiles) > 1)
+        states = self._model.take_steps(desired)
+        taken = len(states) - 1
         self.steps += taken
-        self._measured = valid_states[-1].copy()
-        self._now = JointState(self.time, *self._measured)
+        self._now = JointState(self.time, *self._model.state)
         if previewed is not None:
-            self._set_points.pass_over(times[:taken], valid, states[:taken, 0])
+            self._set_points.pass_over(times[:taken], desired[:taken], states[:taken, 0])
         return taken
-
-    def _distribute(self, work: Callable[[int], None], shared: bool) -> None:
-        """Run the work of every worker, on threads if `shared`."""
-        if self._pool is None or not shared:
-            for worker in range(self._threads):
-                work(worker)
-            return
-        # With this thread's context, in which MuJoCo's warnings are collected.
-        futures = [self._pool.submit(copy_context().run, work, worker) for worker in range(1, self._threads)]
-        work(0)
-        for future in futures:
-            future.result()
 
     def _note_contacts(self) -> None:
         for tile in self.tiles:
-            self._deepest = max(self._deepest, tile.log_contacts(self._contacts, self.time))
-
-    def _indices(self, names: Sequence[str]) -> NDArray[np.int64]:
-        for name in names:
-            if name not in self._map.index:
-                raise UnknownNameError("joint", name, self.joint_names)
-        return np.array([self._map.index[name] for name in names], dtype=np.int64)
+            tile.log_contacts(self._contacts, self.time)
 
     def _only_tile(self) -> Tile:
         if len(self.tiles) > 1:

@@ -9,7 +9,6 @@ depend on contacts, not on proofs.
 from __future__ import annotations
 
 import contextlib
-import math
 
 import mujoco
 import numpy as np
@@ -361,10 +360,8 @@ class Tile:
         data, joints, i = self._mujoco.data, self._mujoco.joints, self.bodies[name]
         return data.qpos[joints + 7 * i :][:7], data.qvel[joints + 6 * i :][:6]
 
-    def log_contacts(self, log: ContactLog, time: float) -> float:
-        """Add the contacts of the present state to a log; returns the deepest penetration [m], -inf if none."""
+    def log_contacts(self, log: ContactLog, time: float) -> None:
+        """Add the contacts of the present state to a log."""
         data = self._mujoco.data
-        depth = -float(data.contact.dist.min()) if not self.proven and data.ncon else -math.inf
-        if depth >= 0.0:
+        if not self.proven and data.ncon and data.contact.dist.min() <= 0.0:
             log.add(self.world, data, time)
-        return depth
