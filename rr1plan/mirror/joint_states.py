@@ -34,6 +34,10 @@ from rr1plan.path import check_joint_names
 
 StreamFault = Literal["format", "joints", "finite", "order", "restart", "clock", "jump", "silence"]
 _LARGEST_DATAGRAM = 65_536
+# Largest time of a message [s], 3000 years: rounding of larger ones would stop the clock of a mirror.
+_LATEST = 1e11
+# Longest time to wait for a datagram before it is checked whether the stream has been closed [s].
+_WAIT = 0.2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,7 +51,8 @@ class StateMessage(Value):
         received: Time of arrival, on the clock of the receiver [s]; None: unknown, as in a file.
 
     Raises:
-        InputError: a time that is not finite, no names or a repeated one, or another number of positions.
+        InputError: a time that is not finite or above 1e11 s, no names or a repeated one, or another number of
+            positions.
     """
 
     time: float
@@ -61,10 +66,17 @@ class StateMessage(Value):
         names, values = check_joint_names(joint_names, empty=False), number_array("positions", positions)
         if values.shape != (len(names),):
             raise InputError(f"positions has shape {values.shape}, expected ({len(names)},): one for each name")
-        object.__setattr__(self, "time", finite_number("time", time))
+        object.__setattr__(self, "time", _checked_time("time", time))
         object.__setattr__(self, "joint_names", names)
         object.__setattr__(self, "positions", read_only(values))
-        object.__setattr__(self, "received", None if received is None else finite_number("received", received))
+        object.__setattr__(self, "received", None if received is None else _checked_time("received", received))
+
+
+def _checked_time(name: str, value: object) -> float:
+    time = finite_number(name, value)
+    if abs(time) > _LATEST:
+        raise InputError(f"{name} is {time:g} s, expected at most {_LATEST:g} s")
+    return time
 
 
 @dataclass(frozen=True)
@@ -103,7 +115,7 @@ class StateStream(Iterator[StateMessage | StreamError]):
         self.close()
 
     def close(self) -> None:
-        """End the stream, and close the file or the socket."""
+        """End the stream, and close the file or the socket; may be called from any thread."""
         self._items = iter(())
         self._close()
 
@@ -183,15 +195,25 @@ def _from_socket(host: str, port: int, silence: float) -> StateStream:
     except OSError as error:
         receiver.close()
         raise InputError(f"cannot listen to udp://{host}:{port}: {error.strerror}") from error
-    receiver.settimeout(silence)
+    except (TypeError, ValueError) as error:  # no name of a host can have these characters
+        receiver.close()
+        raise InputError(f"cannot listen to {shown(f'udp://{host}:{port}')}: {error}") from error
     return StateStream(_datagrams(receiver, silence), receiver.close)
 
 
 def _datagrams(receiver: socket.socket, silence: float) -> Iterator[StateMessage | StreamError]:
-    while True:
+    heard = time.monotonic()
+    while receiver.fileno() >= 0:  # another thread may close it
         try:
+            receiver.settimeout(min(silence, _WAIT))
             item = parse_state(receiver.recv(_LARGEST_DATAGRAM))
         except TimeoutError:
-            yield StreamError("silence", f"no message for {silence:g} s")
+            if time.monotonic() >= heard + silence:
+                yield StreamError("silence", f"no message for {silence:g} s")
+                heard = time.monotonic()
+        except OSError:
+            if receiver.fileno() >= 0:
+                raise
         else:
-            yield item if isinstance(item, StreamError) else replace(item, received=time.monotonic())
+            heard = time.monotonic()
+            yield item if isinstance(item, StreamError) else replace(item, received=heard)

@@ -139,7 +139,8 @@ class Mirror:
 
         Args:
             stream: Messages, e.g. from `read_states`.
-            duration: Longest time [s], by this machine's clock (default: no limit).
+            duration: Longest time [s], by this machine's clock (default: no limit); the run ends with the next message
+                or silence after it.
 
         Raises:
             InputError: a stream of other values, or a duration that is not above zero.

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.mirror.joint_states import parse_state
 
 ARM = tuple(f"rr1/{name}" for name in rp.load_robot("rr1").joint_names)
 
@@ -438,6 +439,26 @@ def test_a_stream_that_is_left_early_is_closed() -> None:
         pass
 
 
+def test_another_thread_ends_a_stream_that_waits_for_a_message() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    stream = rp.read_states(f"udp://127.0.0.1:{port}", silence=1e30)
+    closing = threading.Timer(0.05, stream.close)
+    closing.start()
+    assert list(stream) == []
+    closing.join()
+
+
+def test_a_first_message_with_an_absurd_time_does_not_stop_the_clock(scene: rp.Scene, plan: rp.Trajectory) -> None:
+    times = [1e300, *(100.0 + 0.01 * np.arange(20))]
+    position = plan(0.0).tolist()
+    lines = [json.dumps({"time": time, "name": plan.joint_names, "position": position}) for time in times]
+    with rp.Mirror(scene, plan) as mirror:
+        report = mirror.run(map(parse_state, lines))
+    assert (report.messages, dict(report.faults)) == (20, {"format": 1})
+
+
 def test_a_bag_is_a_stream(plan: rp.Trajectory, tmp_path: Path) -> None:
     pytest.importorskip("rosbags")
     bag = rp.save_rosbag(tmp_path / "bag", plan)
@@ -488,6 +509,7 @@ def test_sources_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
         "tcp://127.0.0.1:9000": "expected udp://HOST:PORT",
         "udp://127.0.0.1:no": "expected udp://HOST:PORT",
         "udp://192.0.2.1:9000": "cannot listen to",
+        "udp://a\0b:9000": "cannot listen to 'udp://a",
         str(tmp_path / "none.jsonl"): "there is no such file",
     }.items():
         with pytest.raises(rp.InputError, match=words):
