@@ -63,7 +63,8 @@ def run_experiments(
     Args:
         experiments: "static" (an arm among stationary boats), "dynamic" (a falling tower of boats), "multi" (arms
             that follow seven poses), "latency" (messages from planner to viewer); or "all".
-        folder: The folder for the files; it is created if it does not exist, and older results in it are replaced.
+        folder: The folder for the files; it is created if it does not exist. The report and the files of these
+            experiments replace older ones; those of other experiments remain, but are not in the report.
         quick: Few and short measurements, in less than half a minute.
         seed: Seed of the tilt of the boats and of the content of messages.
         arms: Numbers of arms of "multi" (default: 1 to 120, as in the thesis).

@@ -550,9 +550,13 @@ def test_manual_control_follows_sliders_and_keys_within_speed_and_limits(scene: 
     hand.move(ARM[0], -1.0)
     sim.step()
     assert abs(sim.velocities[0] - before) < 0.05
-    sim.run(duration=0.2)
+    sim.run(duration=0.3)
     hand.press(" ")
-    there = sim.configuration()[0]
+    there, velocity = sim.configuration()[0], sim.velocities[0]
+    assert velocity < -0.01
+    for _ in range(100):  # without turning back
+        sim.step()
+        assert sim.velocities[0] < 0.02
     sim.run(duration=2.0)
     assert sim.configuration()[0] == pytest.approx(there, abs=0.1)
     assert np.abs(sim.velocities).max() < 1e-3

@@ -89,7 +89,7 @@ class ManualController(Controller):
         self.command(targets)
 
     def press(self, key: str) -> bool:
-        """Handle a key: "1" to "9" choose a joint, "+" and "-" move it by a step, " " stops all joints.
+        """Handle a key: "1" to "9" choose a joint, "+" and "-" move it by a step, " " lets all joints brake.
 
         Returns:
             Whether it is one of these keys.
@@ -103,21 +103,30 @@ class ManualController(Controller):
             i = self.joint_names.index(self.selected)
             self.move(self.selected, float(self._target[i]) + (self.step if key == "+" else -self.step))
         elif key == " ":
-            self._target = self._positions.copy()
+            self.command(self._positions + self._stopping_distance())
         elif len(key) == 1 and key in "123456789" and int(key) <= len(self.joint_names):
             self.selected = self.joint_names[int(key) - 1]
         else:
             return False
         return True
 
+    def _fastest(self) -> Array:
+        """Highest speed of each joint [rad/s or m/s], shape (n,)."""
+        return np.asarray(self.speed * np.where(np.isfinite(self.joints.velocity), self.joints.velocity, _SPEED))
+
+    def _stopping_distance(self) -> Array:
+        """Displacement of each joint at full deceleration in whole time steps [rad or m], shape (n,)."""
+        dt, speeds = self.joints.dt, np.abs(self._velocities)
+        most = self._fastest() / _RAMP * dt
+        steps = np.floor(speeds / most)
+        return np.asarray(np.sign(self._velocities) * dt * steps * (speeds - 0.5 * most * (steps + 1.0)))
+
     def update(self, state: JointState) -> SetPoint:
         """The next positions on the way."""
-        dt = self.joints.dt
-        fastest = self.speed * np.where(np.isfinite(self.joints.velocity), self.joints.velocity, _SPEED)
-        acceleration = fastest / _RAMP
+        dt, fastest = self.joints.dt, self._fastest()
         target = self._target  # which another thread may replace
         left = target - self._positions
-        most = acceleration * dt  # largest change of the speed in a step
+        most = fastest / _RAMP * dt  # largest change of the speed in a step
         wanted = np.sign(left) * np.minimum(fastest, _stopping_speed(np.abs(left) / dt, most))
         velocities = self._velocities + np.clip(wanted - self._velocities, -most, most)
         positions = clip_positions(self.joints, self._positions + velocities * dt, self._positions)
