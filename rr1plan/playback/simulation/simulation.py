@@ -115,15 +115,21 @@ class Simulation:
         variation: Differences of the arms from their description, on which their servos are based (default: none).
 
     Attributes:
+        scene: The scene, with loose bodies at their initial poses; see `current_scene`.
         dt: Time of a step [s].
         stiffness: Natural frequency of the joint servos [rad/s].
         joint_names: "arm/joint" of every movable joint, the order of `positions`, `velocities` and `efforts`.
+        tiles: The MuJoCo models with their data.
 
     Raises:
         InputError: a step or stiffness that is not above zero, a point cloud of too many cells, or more arms or bodies
             than fit into the machine's memory.
         BackendError: MuJoCo rejects the scene.
     """
+
+    scene: Scene
+    tiles: list[Tile]
+    steps: int
 
     def __init__(
         self,
@@ -144,7 +150,7 @@ class Simulation:
         self.stiffness = usual_stiffness(self.dt) if stiffness is None else positive_number("stiffness", stiffness)
         if self.stiffness > _MOST_STIFFNESS:
             raise InputError(f"stiffness is {stiffness}, expected at most {_MOST_STIFFNESS:g} rad/s")
-        whole_number("threads", threads, 1, 256)
+        threads = whole_number("threads", threads, 1, 256)
         self._joints = JointMap(scene)
         self.joint_names = self._joints.names
         # Held during a step, and by methods that read or change the state of MuJoCo's data or the controllers.
@@ -180,16 +186,6 @@ class Simulation:
         )
 
     # ---- state -----------------------------------------------------------------------------------
-
-    @property
-    def scene(self) -> Scene:
-        """The scene, with loose bodies at their initial poses; see `current_scene`."""
-        return self._model.scene
-
-    @property
-    def tiles(self) -> list[Tile]:
-        """The MuJoCo models with their data."""
-        return self._model.tiles
 
     @property
     def time(self) -> float:
@@ -386,6 +382,7 @@ class Simulation:
         of_kind("scene", scene, Scene)
         check_same_arms(self.scene, scene)
         self._model.change_scene(scene, unmoved_bodies(self.scene, scene, self._body_poses()))
+        self.scene, self.tiles = scene, self._model.tiles
 
     # ---- controllers -----------------------------------------------------------------------------
 
@@ -518,6 +515,7 @@ class Simulation:
 
     def _set_off(self) -> None:
         """Start the clock, with the present positions as set-points."""
+        self.scene, self.tiles = self._model.scene, self._model.tiles
         self.steps = 0
         self._loop.wall = 0.0
         self._contacts.clear()
