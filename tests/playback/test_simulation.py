@@ -16,7 +16,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError, UnknownNameError
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.playback.cloud_boxes import cloud_boxes
-from rr1plan.playback.simulation import mujoco_model
+from rr1plan.playback.simulation import mujoco_geoms
 from rr1plan.playback.simulation.joint_map import JointTargets
 from rr1plan.playback.simulation.mujoco_model import build_mujoco
 from rr1plan.scene.model_library import load_robot, load_scene, robot_names
@@ -299,7 +299,7 @@ def test_a_full_cloud_is_a_single_box() -> None:
 
 
 def test_a_cloud_of_too_many_boxes_is_refused(rr1_table: rp.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mujoco_model, "_MOST_BOXES", 2)
+    monkeypatch.setattr(mujoco_geoms, "_MOST_BOXES", 2)
     scene = rr1_table.with_obstacle("cloud", rp.PointCloud(np.diag([1.0, 2.0, 3.0]), 0.1))
     with pytest.raises(InputError, match="takes 3 boxes"):
         build_mujoco(scene)
@@ -329,6 +329,6 @@ def test_a_replay_touches_the_triangles_of_a_concave_mesh_and_not_its_hull(mesh:
 def test_too_many_triangles_are_refused_by_the_replay_with_what_to_try(
     rr1: rp.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(mujoco_model, "_MOST_PLATES", 10)
+    monkeypatch.setattr(mujoco_geoms, "_MOST_PLATES", 10)
     with pytest.raises(InputError, match="12 triangles is not convex"):
         build_mujoco(rp.Scene().with_arm("arm", rr1).with_obstacle("mesh", soup(12), [3.0, 0.0, 0.0]))

@@ -20,19 +20,16 @@ from typing import Any, Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from rr1plan.checks import Array
 from rr1plan.errors import BackendError, InputError
-from rr1plan.model.kinematic_chain import turned_to
-from rr1plan.playback.cloud_boxes import cloud_boxes
 from rr1plan.playback.simulation.collision_bits import OTHERS, PLANES, collision_bits
+from rr1plan.playback.simulation.mujoco_geoms import GeomOptions
 from rr1plan.robot import Geometry, Inertial, Joint, Link
 from rr1plan.robot.link_masses import solid_inertial
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Attachment, Obstacle, Scene
-from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
-from rr1plan.shapes.convex_hulls import is_own_hull
 from rr1plan.transforms import quaternion_from_rotation
 
 # MuJoCo requires that moving bodies have mass; frames without mass get this mass and inertia [kg, kg m²].
@@ -51,18 +48,12 @@ _POSITION_VELOCITY_FEEDFORWARD = 7
 _OTHER_FRICTION = (0.005, 0.0001)
 # Time constant of contacts of loose bodies [s], and its minimum in steps; MuJoCo needs two.
 _CONTACT_TIME, _CONTACT_STEPS = 0.008, 3.0
-# Half the thickness of the plate that replaces a triangle [m].
-_HALF_PLATE = 1e-5
 # Memory of MuJoCo's stack and contacts [bytes]: minimum; per degree of freedom (packed arms with a hundred contacts
 # each need 4e4); and per pair of degrees of freedom.
 _LEAST_MEMORY, _CONTACT_MEMORY, _PAIR_MEMORY = 2e7, 1e5, 4.0
 # Number of arms above which arms are added in groups, because MuJoCo rebuilds the lists of a whole model for each
 # addition, and get collision bits.
 _MANY = 16
-# Largest number of triangles of one mesh, which takes about ten seconds to build.
-_MOST_PLATES = 20_000
-# Largest number of boxes of one point cloud, which takes about twenty seconds to build.
-_MOST_BOXES = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,6 +215,7 @@ class _Builder:
     def __init__(self, scene: Scene, timestep: float, solver: Solver) -> None:
         self.scene = scene
         self.spec = _new_spec()
+        self._geom_options = GeomOptions(self.spec)
         self.spec.modelname = scene.name
         self.spec.option.timestep = timestep
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -245,7 +237,6 @@ class _Builder:
         # Element, friction and solref of each geom of these elements.
         self._surfaces: dict[str, tuple[str, list[float], list[float]]] = {}
         self._planes: list[mujoco.MjsGeom] = []
-        self._meshes: dict[int, list[str]] = {}
         self._add_arms()
         for name, obstacle in scene.obstacles.items():
             body = self._add_object(self.spec.worldbody, name, obstacle)
@@ -368,81 +359,14 @@ class _Builder:
         bits = (OTHERS | PLANES,) * 2 if element in self._loose else self._bits.get(element, (OTHERS, OTHERS))
         surface |= {"contype": bits[0], "conaffinity": bits[1]}
         for index, geometry in enumerate(geometries):
-            for part, options in enumerate(self._geom_options(geometry.shape)):
+            for part, options in enumerate(self._geom_options.of(geometry)):
                 name = f"{element}#{index}.{part}"
-                T = geometry.pose @ _offset(options.pop("offset", None))
-                quat = quaternion_from_rotation(T[:3, :3] @ options.pop("turn", np.eye(3)))
-                color = geometry.color or (0.6, 0.6, 0.6, 1.0)
-                geom = body.add_geom(name=name, pos=T[:3, 3], quat=quat, rgba=color, mass=0.0, **options, **surface)
+                geom = body.add_geom(name=name, mass=0.0, **options, **surface)
                 self.elements[name] = element
                 if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
                     self._planes.append(geom)
                 elif element in self._moving:
                     self._surfaces[name] = element, geom.friction.tolist(), geom.solref.tolist()
-
-    def _geom_options(self, shape: Shape) -> Iterator[dict[str, Any]]:
-        kinds = mujoco.mjtGeom
-        match shape:
-            case Box():
-                yield {"type": kinds.mjGEOM_BOX, "size": np.array(shape.size) / 2}
-            case Sphere():
-                yield {"type": kinds.mjGEOM_SPHERE, "size": [shape.radius, 0, 0]}
-            case Cylinder():
-                yield {"type": kinds.mjGEOM_CYLINDER, "size": [shape.radius, shape.length / 2, 0]}
-            case Capsule():
-                yield {"type": kinds.mjGEOM_CAPSULE, "size": [shape.radius, shape.length / 2, 0]}
-            case HalfSpace():
-                normal = np.array(shape.normal)
-                yield {
-                    "type": kinds.mjGEOM_PLANE,
-                    "size": [1, 1, 1],
-                    "offset": normal * shape.offset,
-                    "turn": turned_to(normal)[:3, :3],
-                }
-            case Mesh():
-                for name in self._mesh_names(shape):
-                    yield {"type": kinds.mjGEOM_MESH, "meshname": name}
-            case PointCloud():
-                for center, half in zip(*_few_boxes(shape), strict=True):
-                    yield {"type": kinds.mjGEOM_BOX, "size": half, "offset": center}
-
-    def _mesh_names(self, mesh: Mesh) -> list[str]:
-        if id(mesh) not in self._meshes:
-            names: list[str] = []
-            for points in [mesh.vertices] if mesh.convex or is_own_hull(mesh) else _plates(mesh):
-                name = f"mesh{sum(map(len, self._meshes.values())) + len(names)}"
-                convex = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-                self.spec.add_mesh(name=name, uservert=points.ravel(), inertia=convex)
-                names.append(name)
-            self._meshes[id(mesh)] = names
-        return self._meshes[id(mesh)]
-
-
-def _plates(mesh: Mesh) -> Iterator[Array]:
-    """Corners of a thin plate for each triangle, because MuJoCo replaces each mesh by its convex hull."""
-    if len(mesh.faces) > _MOST_PLATES:
-        raise InputError(
-            f"a mesh of {len(mesh.faces)} triangles is not convex, MuJoCo is given at most {_MOST_PLATES} of them; "
-            "try a decimated mesh, or its hull"
-        )
-    around = _HALF_PLATE * np.concatenate([np.eye(3), -np.eye(3)])
-    for corners in mesh.vertices[mesh.faces]:
-        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-        length = float(np.linalg.norm(normal))
-        thin = length <= _HALF_PLATE * float(np.ptp(corners, axis=0).max())
-        # The normal of a degenerate triangle is unreliable: use small octahedra around its corners.
-        sides = around if thin else _HALF_PLATE * np.array([normal, -normal]) / length
-        yield (corners[:, None] + sides).reshape(-1, 3)
-
-
-def _few_boxes(cloud: PointCloud) -> tuple[Array, Array]:
-    centers, halves = cloud_boxes(cloud)
-    if len(centers) > _MOST_BOXES:
-        raise InputError(
-            f"a point cloud at resolution {cloud.resolution} m takes {len(centers)} boxes, MuJoCo is given at most "
-            f"{_MOST_BOXES}; try a coarser resolution"
-        )
-    return centers, halves
 
 
 def _excluded_pairs(scene: Scene, coded: Container[str]) -> Iterator[tuple[str, str]]:
@@ -493,13 +417,6 @@ def _set_inertial(body: mujoco.MjsBody, inertial: Inertial) -> None:
 def _coordinates(pose: Array) -> Array:
     """Position and quaternion of a pose, shape (7,)."""
     return np.concatenate([pose[:3, 3], quaternion_from_rotation(pose[:3, :3])])
-
-
-def _offset(xyz: ArrayLike | None) -> Array:
-    T = np.eye(4)
-    if xyz is not None:
-        T[:3, 3] = xyz
-    return T
 
 
 def _joint_inertia(model: mujoco.MjModel) -> Array:
