@@ -564,6 +564,14 @@ def test_manual_control_follows_sliders_and_keys_within_speed_and_limits(scene: 
         hand.move("rr1/shouldr_joint", 0.0)
 
 
+def test_a_removed_callback_is_not_called_again(scene: rp.Scene) -> None:
+    sim, calls = rp.Simulation(scene), []
+    sim.on_step(lambda _: remove() if sim.steps == 3 else None)
+    remove = sim.on_step(lambda _: calls.append(sim.steps))
+    sim.step(5)
+    assert calls == [1, 2]
+
+
 def test_a_gripper_arrives_or_stalls(scene: rp.Scene) -> None:
     sim = rp.Simulation(scene)
     grip = rp.GripperController(["rr1/finger_joint"], speed=0.5)

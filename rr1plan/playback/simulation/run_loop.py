@@ -85,8 +85,9 @@ class RunLoop(Generic[_T]):
             # Callbacks and waiting for real time follow each single step.
             alone = bool(self._callbacks) or speed < float("inf")
             done += advance(1 if alone else count - done)
-            for callback in list(self._callbacks.values()):
-                if callback(simulation) is False:
+            for key, callback in list(self._callbacks.items()):
+                # An earlier one may have removed it.
+                if key in self._callbacks and callback(simulation) is False:
                     self._pause.set()
             ahead = done * self._dt / speed - (time.perf_counter() - began)
             if speed < float("inf") and ahead > _AHEAD:
