@@ -33,8 +33,8 @@ from rr1plan.hardware.control_box_frames import CHANNELS
 from rr1plan.robot import Robot
 
 _MAX_BYTES = 1024 * 1024
-# Upper bounds on the period of a step and of a pass of the loop [ticks, s].
 _MOST_COUNTS = 1e4  # encoder counts per step
+# Upper bounds on the period of a step and of a pass of the loop [ticks, s].
 _LONGEST_PERIOD, _LONGEST_TICK = 1e4, 1.0
 
 
