@@ -34,8 +34,9 @@ from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality
 from rr1plan.multi.preflight import MARGINS, Preflight, no_path_to_any_goal, preflight, with_other_goals
+from rr1plan.multi.search.agent_schedules import AgentSchedules, Statistics
 from rr1plan.multi.search.group_planner import COUPLED_FIRST, NO_TIME, GroupPlanner
-from rr1plan.multi.search.group_schedules import GroupSchedules, Statistics
+from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.search.improvement import PlanImprover
 from rr1plan.multi.search.small_teams import plan_small_team
 from rr1plan.multi.stopwatch import CANCELLED, Stopwatch
@@ -229,14 +230,17 @@ def plan_many_arms(
     if unsolved and not watch.cancelled:
         reason = f"not found in {watch.seconds:.3g} s: {_why_unsolved(unsolved)}"
         return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
-    improver = PlanImprover(schedules, near, found.margins, alone, generator, watch, diagrams)
+    agents = [*found.agents.values(), *(schedule.path.agent for schedule in schedules)]
+    plan = AgentSchedules(agents, found.margins, near, diagrams, watch)
+    plan.schedules = {schedule.path.agent: schedule for schedule in schedules}
+    improver = PlanImprover(plan, alone, generator)
     first, history = improver.quality, (watch.seconds, improver.quality.makespan)
     if improvement is not None:
         with watch:
             improver.run(improvement.seconds, improvement.iterations)
     if watch.cancelled:
         return ManyArmsResult(PlanStatus.CANCELLED, CANCELLED, groups=tuple(groups), seconds=watch.seconds)
-    schedules, quality = list(improver.schedules.values()), improver.quality
+    schedules, quality = list(plan.schedules.values()), improver.quality
     return ManyArmsResult(
         PlanStatus.FOUND,
         trajectory=merged_trajectory(problem, schedules),

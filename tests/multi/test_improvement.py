@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from functools import lru_cache
 from itertools import pairwise
 
@@ -25,9 +26,12 @@ from rr1plan.multi.paths.paced_polyline import PacedPolyline
 from rr1plan.multi.paths.path_changes import changed_waypoints
 from rr1plan.multi.paths.path_refinement import PathRefiner, estimated_duration
 from rr1plan.multi.portfolio import merged_trajectory
+from rr1plan.multi.search.agent_schedules import AgentSchedules
 from rr1plan.multi.search.improvement import PlanImprover
 from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
+from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.retiming.path_blends import Curve, blend_sizes, clean, round_corners
 from rr1plan.retiming.path_speed import Grid, fastest_speeds, timed
@@ -50,10 +54,17 @@ def _goals_in_the_way(planar2r: rp.Robot) -> rp.Problem:
 def _improver(problem: rp.Problem, watch: Stopwatch | None = None, rng: int = 0) -> PlanImprover:
     result = plan_many_arms(problem, rng=rng, budget=_BUDGET)
     assert result.found, result.reason
-    near = arms_in_reach(problem.scene, problem.arms, 2e-3)
-    margins = dict.fromkeys(problem.arms, 1e-4)
-    generator = np.random.default_rng(rng)
-    return PlanImprover(result.schedules, near, margins, {}, generator, watch or Stopwatch(math.inf))
+    return _improver_of(problem, result.schedules, 1e-4, np.random.default_rng(rng), watch or Stopwatch(math.inf))
+
+
+def _improver_of(
+    problem: rp.Problem, schedules: Iterable[Schedule], margin: float, rng: np.random.Generator, watch: Stopwatch
+) -> PlanImprover:
+    near, margins = arms_in_reach(problem.scene, problem.arms, 2e-3), dict.fromkeys(problem.arms, margin)
+    agents = [*(Agent(problem, [arm]) for arm in problem.arms), *(schedule.path.agent for schedule in schedules)]
+    plan = AgentSchedules(agents, margins, near, DiagramCache(), watch)
+    plan.schedules = {schedule.path.agent: schedule for schedule in schedules}
+    return PlanImprover(plan, {}, rng)
 
 
 @lru_cache
@@ -104,8 +115,7 @@ def _moves_in_turn(problem: rp.Problem, rng: int) -> PlanImprover:
         path = AgentPath(agent, rp.Path(agent.joint_names, points), checker)
     schedule = earliest_schedule(path, blocked_times(path, []))
     assert schedule is not None
-    near = arms_in_reach(problem.scene, problem.arms, 0.0)
-    return PlanImprover([schedule], near, dict.fromkeys(problem.arms, 0.0), {}, generator, watch)
+    return _improver_of(problem, [schedule], 0.0, generator, watch)
 
 
 def test_many_arms_that_move_as_one_are_planned_anew(rr1: rp.Robot) -> None:
@@ -114,7 +124,7 @@ def test_many_arms_that_move_as_one_are_planned_anew(rr1: rp.Robot) -> None:
     before = improver.quality.makespan
     assert improver._move_in_turn()
     assert improver.quality.makespan < 0.9 * before
-    motion = merged_trajectory(problem, list(improver.schedules.values()))
+    motion = merged_trajectory(problem, list(improver.plan.schedules.values()))
     assert rp.validate(motion, problem.scene, problem).certified
     checker = CollisionChecker(problem.scene, problem.arms)
     assert all(checker.is_free_slowly(q) for q in motion(np.linspace(0.0, motion.end_time, 100)))
@@ -143,13 +153,13 @@ def test_every_state_is_certified_and_cheaper_than_the_one_before(planar2r: rp.R
     others = ElementChecker(problem.scene, problem.scene.joint_names(problem.arms))
     states = 0
     for _ in range(80):
-        before, schedules = improver.quality, set(map(id, improver.schedules.values()))
+        before, schedules = improver.quality, set(map(id, improver.plan.schedules.values()))
         improver.run(iterations=1)
-        if set(map(id, improver.schedules.values())) == schedules:
+        if set(map(id, improver.plan.schedules.values())) == schedules:
             continue
         states += 1
         assert improver.quality.makespan <= before.makespan
-        motion = merged_trajectory(problem, list(improver.schedules.values()))
+        motion = merged_trajectory(problem, list(improver.plan.schedules.values()))
         assert rp.validate(motion, problem.scene, problem).certified
         assert not any(others.contacts(motion(np.linspace(motion.start_time, motion.end_time, 60))))
     assert states > 0
@@ -245,10 +255,10 @@ def test_changed_polylines_keep_their_ends_and_the_limits(rr1: rp.Robot) -> None
 def test_random_changes_make_the_path_of_many_arms_faster(planar2r: rp.Robot) -> None:
     problem = planar_ring(planar2r, 5)
     improver = _moves_in_turn(problem, rng=2)
-    (agent,) = improver.schedules
-    before = improver.schedules[agent]
+    (agent,) = improver.plan.schedules
+    before = improver.plan.schedules[agent]
     assert improver._change_path()
-    after = improver.schedules[agent]
+    after = improver.plan.schedules[agent]
     assert after.arrival < 0.9 * before.arrival
     motion = merged_trajectory(problem, [after])
     assert rp.validate(motion, problem.scene, problem).certified
@@ -267,7 +277,7 @@ def _slow_duration(points: Array, agent: Agent, checker: CollisionChecker) -> fl
 
 
 def test_refined_paths_are_those_that_certify_every_change_whole(planar2r: rp.Robot) -> None:
-    ((agent, schedule),) = _moves_in_turn(planar_ring(planar2r, 4), 1).schedules.items()
+    ((agent, schedule),) = _moves_in_turn(planar_ring(planar2r, 4), 1).plan.schedules.items()
     path = schedule.path
     with checker_from_pool(agent.query({}, 0.0).scene, agent.arms) as checker:
         refined = PathRefiner(checker, np.random.default_rng(5)).refine(path, lambda: True)

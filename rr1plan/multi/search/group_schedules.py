@@ -1,15 +1,10 @@
-"""Schedules of the agents of an interaction group, timed among each other on paths of their pools.
-
-Coordination diagrams certify that the schedules have no conflicts. An agent is one arm, or several arms that are
-planned in their joint space; together the agents have all arms of the group.
-"""
+"""The agents of an interaction group, with their path pools and schedules."""
 
 from __future__ import annotations
 
 import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import chain, combinations
 from typing import NamedTuple
 
@@ -18,11 +13,9 @@ import numpy as np
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_pool import PathPool
-from rr1plan.multi.preflight import affordable_margin
+from rr1plan.multi.search.agent_schedules import AgentSchedules
 from rr1plan.multi.stopwatch import Stopwatch
-from rr1plan.multi.timing.coordination import Blocked
 from rr1plan.multi.timing.diagram_cache import DiagramCache
-from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
 from rr1plan.multi.timing.schedule import Schedule
 
 STAGES = ("timing", "detours", "eviction", "composite", "windows", "sequential")
@@ -30,24 +23,6 @@ STAGES = ("timing", "detours", "eviction", "composite", "windows", "sequential")
 # Ratios to the duration of the slowest arm alone: a makespan that is good enough, and one above which another method is
 # tried.
 _GOOD_ENOUGH, _SLOW = 1.15, 1.3
-
-
-@dataclass
-class Statistics:
-    """Counters of a search for schedules."""
-
-    paths: int = 0
-    detours: int = 0
-    diagrams: int = 0
-    timings: int = 0
-    evictions: int = 0
-    merged: int = 0
-    windows: int = 0
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    def add_time(self, stage: str, began: float) -> None:
-        """Add the wall time since `began` to a stage."""
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
 
 
 class Snapshot(NamedTuple):
@@ -59,11 +34,11 @@ class Snapshot(NamedTuple):
     stage: str
 
 
-class GroupSchedules:
+class GroupSchedules(AgentSchedules):
     """The agents of one interaction group, their path pools, and the schedules of those that have one.
 
     Args:
-        pools: The path pool of each agent, with its first path.
+        pools: The path pool of each arm, with its first path.
         near: For each arm, the arms that can collide with it.
         diagrams: Coordination diagrams, shared by groups.
         rng: Source of random numbers.
@@ -73,11 +48,9 @@ class GroupSchedules:
         agents: The agents; together they have all arms of the group.
         pools: The path pool of each agent.
         alone: Pools of single arms, which bound the makespan and provide the initial paths of other methods.
-        schedules: Schedules of the agents that have one.
         stage: The stage that scheduled all agents, one of `STAGES`; empty before.
         reason: Why not all agents have a schedule; empty if unknown.
         impossible: Whether it is proven that some agents together have no path to their goal configurations.
-        statistics: Counters of the search.
     """
 
     def __init__(
@@ -88,17 +61,16 @@ class GroupSchedules:
         rng: np.random.Generator,
         watch: Stopwatch,
     ) -> None:
-        self.near, self.diagrams, self.rng, self.watch = near, diagrams, rng, watch
+        self.rng = rng
         self.pools = {pool.agent: pool for pool in pools}
         self.agents = list(self.pools)
-        self.alone = {agent.arms[0]: pool for agent, pool in self.pools.items() if len(agent.arms) == 1}
-        self.schedules: dict[Agent, Schedule] = {}
-        self.statistics = Statistics(paths=len(self.pools))
+        margins = {agent.arms[0]: pool.margin for agent, pool in self.pools.items()}
+        super().__init__(self.agents, margins, near, diagrams, watch)
+        self.statistics.paths = len(self.pools)
+        self.alone = {agent.arms[0]: pool for agent, pool in self.pools.items()}
         self.stage = ""
         self.reason = ""
         self.impossible = False
-        self._made = {frozenset(agent.arms): agent for agent in self.agents}
-        self._margins: dict[Agent, float] = {}
 
     @property
     def arms(self) -> tuple[str, ...]:
@@ -122,7 +94,8 @@ class GroupSchedules:
         self.agents += other.agents
         self.pools |= other.pools
         self.alone |= other.alone
-        self._made |= other._made
+        self._known |= other._known
+        self._margins |= other._margins
         self.set_stage_at_least(other.stage)
 
     def set_stage_at_least(self, stage: str) -> None:
@@ -131,25 +104,10 @@ class GroupSchedules:
 
     # ---- agents ----------------------------------------------------------------------------
 
-    def agent_of(self, arms: Iterable[str]) -> Agent:
-        """The agent of some arms, created once, because its scene caches derived data."""
-        chosen = frozenset(arms)
-        if chosen not in self._made:
-            self._made[chosen] = Agent(self.agents[0].problem, chosen, self.agents[0].timing)
-        return self._made[chosen]
-
     def pool_of(self, arms: Iterable[str]) -> PathPool:
         """An empty pool for some arms as one agent, with the largest margin that their starts and goals allow."""
         agent = self.agent_of(arms)
-        pools = [self.alone[arm] for arm in agent.arms]
-        margin = min(pool.margin for pool in pools)
-        if len(pools) > 1:
-            # The arms keep the margin from each other, too.
-            if agent not in self._margins:
-                goal = np.concatenate([pool.paths[0].goal for pool in pools])
-                self._margins[agent] = affordable_margin(agent, goal, margin)
-            margin = self._margins[agent]
-        return PathPool(agent, margin, self.rng, self.watch)
+        return PathPool(agent, self.margin_of(agent), self.rng, self.watch)
 
     def add_path(self, pool: PathPool, effort: int = 0) -> AgentPath | None:
         """One more path from the start to the goal, regardless of other agents; None if none is found."""
@@ -184,14 +142,9 @@ class GroupSchedules:
         self.agents, self.pools = list(before.agents), dict(before.pools)
         self.schedules, self.stage = dict(before.schedules), before.stage
 
-    def neighbors(self, agent: Agent) -> list[Agent]:
-        """Agents that can collide with an agent."""
-        near = frozenset().union(*(self.near[arm] for arm in agent.arms))
-        return [other for other in self.agents if other is not agent and not near.isdisjoint(other.arms)]
-
     def scheduled_neighbors(self, agent: Agent) -> list[Agent]:
         """Agents that can collide with an agent and have a schedule."""
-        return [other for other in self.neighbors(agent) if other in self.schedules]
+        return self.neighbors(agent, (other for other in self.agents if other in self.schedules))
 
     def slowest_first(self) -> list[Agent]:
         """All agents by the duration of their first path alone, descending."""
@@ -264,32 +217,6 @@ class GroupSchedules:
             return False
         self.schedules[agent] = best
         return True
-
-    def timed(self, path: AgentPath, others: Iterable[Agent]) -> Schedule | None:
-        """The earliest schedule of a path among those of others; None if there is none or time runs out."""
-        found = []
-        for other in others:
-            # A diagram may take long.
-            if not self.watch.goes_on():
-                return None
-            theirs = self.schedules[other]
-            blocked = self.diagram(path, theirs.path)
-            if blocked is not None:
-                found.append((blocked, theirs.occupancy))
-        began = time.perf_counter()
-        schedule = earliest_schedule(path, blocked_times(path, found))
-        self.statistics.add_time("timing", began)
-        self.statistics.timings += 1
-        return schedule
-
-    def diagram(self, one: AgentPath, two: AgentPath) -> Blocked | None:
-        """The extended diagram of two paths; None if all of it is free."""
-        began, before = time.perf_counter(), len(self.diagrams)
-        blocked = self.diagrams.diagram(one, two)
-        if len(self.diagrams) > before:
-            self.statistics.add_time("diagrams", began)
-            self.statistics.diagrams += 1
-        return blocked
 
     def prepare_diagrams(self, threads: int) -> None:
         """Compute the diagrams of all first paths in parallel.

@@ -24,12 +24,9 @@ from rr1plan.multi.paths.composite_waypoints import composite_waypoints, waypoin
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.paths.path_refinement import PathRefiner
 from rr1plan.multi.plan_quality import PlanQuality, plan_quality
-from rr1plan.multi.preflight import affordable_margin
+from rr1plan.multi.search.agent_schedules import AgentSchedules
 from rr1plan.multi.search.retreats import RetreatSearch
 from rr1plan.multi.search.sequential_moves import SequentialMoves
-from rr1plan.multi.stopwatch import Stopwatch
-from rr1plan.multi.timing.diagram_cache import DiagramCache
-from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
 from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.path import Path
 from rr1plan.planners.shortcut import shorten
@@ -55,49 +52,31 @@ class PlanImprover:
     """Improves the schedules of a plan.
 
     Args:
-        schedules: Schedules of all agents, certified against each other.
-        near: For each arm, the arms that can collide with it.
-        margins: Clearance of each arm from stationary objects, in addition to the padding [m].
-        alone: Duration of the fastest known motion of each arm alone [s].
+        plan: Schedules of all agents, certified against each other, which it changes.
+        bounds: Duration of the fastest known motion of each arm alone [s].
         rng: Source of random numbers.
-        watch: Stopwatch with the deadline.
-        diagrams: Known coordination diagrams.
 
     Attributes:
-        schedules: The present schedule of each agent; improved by each accepted move.
-        alone: Like the argument; updated when faster paths of single arms are found.
+        plan: Like the argument; improved by each accepted move.
+        bounds: Like the argument; updated when faster paths of single arms are found.
         iterations: Number of moves tried.
-        history: Time of `watch` and makespan [s] at each reduction of the makespan.
+        history: Time of the plan's stopwatch and makespan [s] at each reduction of the makespan.
     """
 
-    def __init__(
-        self,
-        schedules: Iterable[Schedule],
-        near: Mapping[str, frozenset[str]],
-        margins: Mapping[str, float],
-        alone: Mapping[str, float],
-        rng: np.random.Generator,
-        watch: Stopwatch,
-        diagrams: DiagramCache | None = None,
-    ) -> None:
-        self.schedules = {schedule.path.agent: schedule for schedule in schedules}
-        self.alone = dict(alone)
+    def __init__(self, plan: AgentSchedules, bounds: Mapping[str, float], rng: np.random.Generator) -> None:
+        self.plan, self.bounds, self._rng = plan, dict(bounds), rng
         self.iterations = 0
         self.history: list[tuple[float, float]] = []
-        self._near, self._arm_margins, self._rng, self._watch = near, margins, rng, watch
-        self._cache = diagrams or DiagramCache()
-        self._agents = {agent.arms: agent for agent in self.schedules}
-        self._margins: dict[tuple[str, ...], float] = {}
         self._paths: dict[Agent, list[AgentPath]] = {}
         self._until = math.inf
-        for schedule in self.schedules.values():
+        for schedule in plan.schedules.values():
             self._remember(schedule.path)
             self._bound_arms(schedule)
 
     @property
     def quality(self) -> PlanQuality:
         """Quality measures of the present schedules."""
-        return plan_quality(self.schedules.values(), self.alone)
+        return plan_quality(self.plan.schedules.values(), self.bounds)
 
     def run(self, seconds: float = math.inf, iterations: int | None = None) -> None:
         """Try moves until the time or number of moves is used up, or no improvement is possible.
@@ -106,76 +85,55 @@ class PlanImprover:
             seconds: Wall time [s].
             iterations: Largest number of moves; None: no limit.
         """
-        self._until = self._watch.seconds + seconds
-        crowded = any(len(agent.arms) > _MOST_TOGETHER for agent in self.schedules)
+        self._until = self.plan.watch.seconds + seconds
+        crowded = any(len(agent.arms) > _MOST_TOGETHER for agent in self.plan.schedules)
         cheap = (self._replan_neighborhood, self._change_path, self._move_in_turn if crowded else self._change_path)
         moves = (*cheap, *cheap, self._move_as_one, *cheap, *cheap, self._move_apart)
-        last = len(self.schedules) if iterations is None else self.iterations + iterations
+        last = len(self.plan.schedules) if iterations is None else self.iterations + iterations
         while (iterations is None or self.iterations < last) and self._goes_on() and not self._is_best():
             move = moves[self.iterations % len(moves)]
             self.iterations += 1
             if self.iterations % _FORGET_EVERY == 0:
                 self._forget_paths()
-            before, cost = dict(self.schedules), self._cost()
+            before, cost = dict(self.plan.schedules), self._cost()
             if not move() or not _is_better(self._cost(), cost):
-                self.schedules = before
+                self.plan.schedules = before
                 continue
-            for agent, schedule in self.schedules.items():
+            for agent, schedule in self.plan.schedules.items():
                 if before.get(agent) is not schedule:
                     self._bound_arms(schedule)
                     if schedule.path not in self._paths.setdefault(agent, []):
                         self._remember(schedule.path)
             if self._cost()[0] < cost[0]:
-                self.history.append((self._watch.seconds, self._cost()[0]))
+                self.history.append((self.plan.watch.seconds, self._cost()[0]))
 
     def _forget_paths(self) -> None:
         """Delete the diagrams of paths that are no longer kept, which are the majority."""
         known = [path for paths in self._paths.values() for path in paths]
-        self._cache.keep_only([*known, *(schedule.path for schedule in self.schedules.values())])
+        self.plan.diagrams.keep_only([*known, *(schedule.path for schedule in self.plan.schedules.values())])
 
     def _goes_on(self) -> bool:
-        return self._watch.goes_on() and self._watch.seconds < self._until
+        return self.plan.watch.goes_on() and self.plan.watch.seconds < self._until
 
     def _cost(self) -> tuple[float, float]:
         """Makespan [s], and sum of the arrivals of all arms [s]."""
-        arrivals = [schedule.arrival for schedule in self.schedules.values()]
-        per_arm = math.fsum(s.arrival * len(agent.arms) for agent, s in self.schedules.items())
+        arrivals = [schedule.arrival for schedule in self.plan.schedules.values()]
+        per_arm = math.fsum(s.arrival * len(agent.arms) for agent, s in self.plan.schedules.items())
         return max(arrivals, default=0.0), per_arm
 
     def _is_best(self) -> bool:
         """Whether each arm moves separately, on a straight line and without waiting."""
         return all(
             len(agent.arms) == 1 and s.arrival == s.path.fastest and len(clean(s.path.path.waypoints)) <= 2
-            for agent, s in self.schedules.items()
+            for agent, s in self.plan.schedules.items()
         )
 
     def _bound_arms(self, schedule: Schedule) -> None:
         """Lower the bounds of the arms alone to their arrivals in the plan."""
         for arm in schedule.path.agent.arms:
-            self.alone[arm] = min(self.alone.get(arm, math.inf), schedule.arrival)
+            self.bounds[arm] = min(self.bounds.get(arm, math.inf), schedule.arrival)
 
     # ---- agents and paths --------------------------------------------------------------------
-
-    def _agent(self, arms: Iterable[str], problem_of: Agent) -> Agent:
-        """The agent of some arms, created once because it caches derived data."""
-        made = Agent(problem_of.problem, arms, problem_of.timing)
-        return self._agents.setdefault(made.arms, made)
-
-    def _margin(self, agent: Agent) -> float:
-        """Clearance of an agent from stationary objects and between its arms, in addition to the padding [m]."""
-        if agent.arms not in self._margins:
-            margin = min(self._arm_margins[arm] for arm in agent.arms)
-            if len(agent.arms) > 1:
-                margin = affordable_margin(agent, self._goal(agent), margin)
-            self._margins[agent.arms] = margin
-        return self._margins[agent.arms]
-
-    def _goal(self, agent: Agent) -> Array:
-        goals: dict[str, Array] = {}
-        for other, schedule in self.schedules.items():
-            if not set(other.arms).isdisjoint(agent.arms):
-                goals.update(zip(other.joint_names, schedule.path.goal, strict=True))
-        return np.array([goals[name] for name in agent.joint_names])
 
     def _remember(self, path: AgentPath) -> None:
         """Add a path to those kept for its agent: the latest ones and the fastest."""
@@ -188,13 +146,13 @@ class PlanImprover:
             paths.remove(oldest)
         if len(path.agent.arms) == 1:
             arm = path.agent.arms[0]
-            self.alone[arm] = min(self.alone.get(arm, math.inf), path.fastest)
+            self.bounds[arm] = min(self.bounds.get(arm, math.inf), path.fastest)
 
     def _certified(
         self, agent: Agent, waypoints: Array, shortcuts: int, margin: float | None = None
     ) -> AgentPath | None:
         """A path of an agent, after random shortcuts; None if an edge of the waypoints is not free."""
-        margin = self._margin(agent) if margin is None else margin
+        margin = self.plan.margin_of(agent) if margin is None else margin
         query = agent.query({}, margin)
         with checker_from_pool(query.scene, query.arms, margin) as checker:
             if not all(checker.edge_is_free(a, b) for a, b in pairwise(waypoints)):
@@ -210,27 +168,23 @@ class PlanImprover:
     @contextmanager
     def _refiner(self, agent: Agent) -> Iterator[PathRefiner]:
         """A refiner of paths of an agent."""
-        margin = self._margin(agent)
+        margin = self.plan.margin_of(agent)
         query = agent.query({}, margin)
         with checker_from_pool(query.scene, query.arms, margin) as checker:
             yield PathRefiner(checker, self._rng)
 
     # ---- neighborhoods -----------------------------------------------------------------------
 
-    def _neighbors(self, agent: Agent) -> list[Agent]:
-        near = frozenset().union(*(self._near[arm] for arm in agent.arms))
-        return [other for other in self.schedules if other is not agent and not near.isdisjoint(other.arms)]
-
     def _in_the_way(self, agent: Agent) -> list[Agent]:
-        """Neighbors whose scheduled paths conflict with that of an agent."""
-        path = self.schedules[agent].path
-        return [o for o in self._neighbors(agent) if self._cache.diagram(path, self.schedules[o].path) is not None]
+        """Agents whose scheduled paths conflict with that of an agent."""
+        plan = self.plan
+        return plan.in_the_way(plan.schedules[agent].path, plan.neighbors(agent, plan.schedules))
 
     def _chosen_agent(self) -> Agent:
         """The agent that arrives last, or a random one."""
-        agents = list(self.schedules)
+        agents = list(self.plan.schedules)
         if self._rng.random() < _LAST_FIRST:
-            return max(agents, key=lambda agent: self.schedules[agent].arrival)
+            return max(agents, key=lambda agent: self.plan.schedules[agent].arrival)
         return agents[int(self._rng.integers(len(agents)))]
 
     def _neighborhood(self, first: Agent, count: int) -> list[Agent]:
@@ -246,34 +200,24 @@ class PlanImprover:
 
     # ---- timing ------------------------------------------------------------------------------
 
-    def _timed(self, path: AgentPath) -> Schedule | None:
-        """The earliest schedule of a path among all others that have a schedule."""
-        found = []
-        for other in self._neighbors(path.agent):
-            theirs = self.schedules[other]
-            blocked = self._cache.diagram(path, theirs.path)
-            if blocked is not None:
-                found.append((blocked, theirs.occupancy))
-        return earliest_schedule(path, blocked_times(path, found))
-
     def _schedule(self, agent: Agent, paths: Iterable[AgentPath]) -> bool:
         """Schedule an agent on the path with the earliest arrival; returns whether one can be timed."""
         best: Schedule | None = None
         for path in sorted(paths, key=lambda path: path.fastest):
             if best is not None and best.arrival <= path.fastest:
                 break
-            found = self._timed(path)
+            found = self.plan.timed(path, self.plan.neighbors(agent, self.plan.schedules))
             if found is not None and (best is None or found.arrival < best.arrival):
                 best = found
         if best is None:
             return False
-        self.schedules[agent] = best
+        self.plan.schedules[agent] = best
         return True
 
     def _schedule_in_turn(self, agents: Iterable[Agent], makespan: float) -> bool:
         """Schedule agents one after the other; returns whether all arrive within the makespan."""
         for agent in agents:
-            if not self._schedule(agent, self._paths[agent]) or self.schedules[agent].arrival > makespan:
+            if not self._schedule(agent, self._paths[agent]) or self.plan.schedules[agent].arrival > makespan:
                 return False
         return True
 
@@ -287,7 +231,7 @@ class PlanImprover:
         if self._rng.random() < _NEW_PATH:
             self._find_path(again[int(self._rng.integers(len(again)))])
         for agent in again:
-            del self.schedules[agent]
+            del self.plan.schedules[agent]
         return self._schedule_in_turn([first, *others], makespan)
 
     def _find_path(self, agent: Agent) -> None:
@@ -298,10 +242,10 @@ class PlanImprover:
         kind = int(self._rng.integers(4))
         if kind < 2:
             for other in self._in_the_way(agent):
-                path = self.schedules[other].path
+                path = self.plan.schedules[other].path
                 configurations = agent.problem.scene.split((path.goal, path.start)[kind], other.arms)
                 standing.update({arm: configurations[arm] for arm in other.arms})
-        pool = PathPool(agent, self._margin(agent), self._rng, self._watch)
+        pool = PathPool(agent, self.plan.margin_of(agent), self._rng, self.plan.watch)
         path_found, _ = pool.add(standing, detour=kind == 2)
         if path_found is not None:
             self._remember(path_found)
@@ -309,13 +253,13 @@ class PlanImprover:
     def _change_path(self) -> bool:
         """Change the path of an agent at random and reschedule it, then the agents that may arrive earlier."""
         agent, makespan = self._chosen_agent(), self._cost()[0]
-        path = self.schedules[agent].path
+        path = self.plan.schedules[agent].path
         if len(agent.arms) > 1:
             made: AgentPath | None = self._refined(path)
         else:
             with self._refiner(agent) as refiner:
                 made = refiner.change(path, makespan)
-        if made is None or not self._schedule(agent, [made]) or self.schedules[agent].arrival > makespan:
+        if made is None or not self._schedule(agent, [made]) or self.plan.schedules[agent].arrival > makespan:
             return False
         return self._schedule_in_turn(self._in_the_way(agent), makespan)
 
@@ -327,26 +271,26 @@ class PlanImprover:
             chosen.pop()
         if len(chosen) < 2:
             return False
-        together = self._agent([arm for agent in chosen for arm in agent.arms], first)
-        waypoints = composite_waypoints([self.schedules[agent] for agent in chosen], together)
+        together = self.plan.agent_of(arm for agent in chosen for arm in agent.arms)
+        waypoints = composite_waypoints([self.plan.schedules[agent] for agent in chosen], together)
         made = self._certified(together, waypoints, _SHORTCUTS)
         if made is None:
             return False
         self._remember(made)
         for agent in chosen:
-            del self.schedules[agent]
+            del self.plan.schedules[agent]
         return self._schedule(together, self._paths[together])
 
     def _move_in_turn(self) -> bool:
         """Replan an agent of many arms: one arm at a time via new retreats, then with overlapping motions."""
-        large = [agent for agent in self.schedules if len(agent.arms) > _MOST_TOGETHER]
+        large = [agent for agent in self.plan.schedules if len(agent.arms) > _MOST_TOGETHER]
         if not large:
             return self._change_path()
         whole = large[int(self._rng.integers(len(large)))]
-        watch = self._watch.with_deadline(self._until - self._watch.seconds)
-        single = {arm: self._agent([arm], whole) for arm in whole.arms}
-        margin, goal = self._margin(whole), self._goal(whole)
-        retreats = RetreatSearch(whole, goal, single, self._near, margin, self._rng, watch)
+        watch = self.plan.watch.with_deadline(self._until - self.plan.watch.seconds)
+        single = {arm: self.plan.agent_of([arm]) for arm in whole.arms}
+        margin, goal = self.plan.margin_of(whole), self.plan.schedules[whole].path.goal
+        retreats = RetreatSearch(whole, goal, single, self.plan.near, margin, self._rng, watch)
         points = next(SequentialMoves(whole, goal, retreats, margin, self._rng, watch).paths(), None)
         if points is None:
             return False
@@ -355,7 +299,7 @@ class PlanImprover:
             path = pool.add_shortened([Path(whole.joint_names, points)])
         except RetimingError:
             return False
-        if path.fastest > _WORTH_REFINING * self.schedules[whole].arrival:
+        if path.fastest > _WORTH_REFINING * self.plan.schedules[whole].arrival:
             return False
         return self._schedule(whole, [self._refined(path)])
 
@@ -366,21 +310,21 @@ class PlanImprover:
 
     def _move_apart(self) -> bool:
         """Schedule the arms of an agent separately on their parts of its path, as they are or with shortcuts."""
-        together = [agent for agent in self.schedules if len(agent.arms) > 1]
+        together = [agent for agent in self.plan.schedules if len(agent.arms) > 1]
         if not together:
             return self._change_path()
         whole, makespan = together[int(self._rng.integers(len(together)))], self._cost()[0]
-        margin = self._margin(whole)
+        margin = self.plan.margin_of(whole)
         parts = []
         for arm in whole.arms:
-            part = self._agent([arm], whole)
-            waypoints = waypoints_of_arm(self.schedules[whole].path, arm)
+            part = self.plan.agent_of([arm])
+            waypoints = waypoints_of_arm(self.plan.schedules[whole].path, arm)
             for shortcuts in (0, _SHORTCUTS):
-                made = self._certified(part, waypoints, shortcuts, min(margin, self._margin(part)))
+                made = self._certified(part, waypoints, shortcuts, min(margin, self.plan.margin_of(part)))
                 if made is not None:
                     self._remember(made)
             parts.append(part)
-        del self.schedules[whole]
+        del self.plan.schedules[whole]
         order = [parts[i] for i in self._rng.permutation(len(parts)).tolist()]
         return self._schedule_in_turn(order, makespan)
 

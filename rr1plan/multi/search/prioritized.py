@@ -73,8 +73,7 @@ class PrioritizedPlanner:
         last = max(group.agents, key=lambda agent: group.schedules[agent].arrival)
         before, target = dict(group.schedules), (1.0 - _LEAST_GAIN) * group.makespan
         path = group.schedules[last].path
-        others = group.scheduled_neighbors(last)
-        near = [other for other in others if group.diagram(path, group.schedules[other].path) is not None]
+        near = group.in_the_way(path, group.scheduled_neighbors(last))
         chosen = group.rng.permutation(len(near))[: 1 + int(group.rng.integers(_NEIGHBORHOOD))]
         again = [last, *(near[i] for i in chosen.tolist())]
         for agent in again:
@@ -128,7 +127,7 @@ class PrioritizedPlanner:
     def _in_the_way(self, agent: Agent) -> list[Agent]:
         """Neighbors whose scheduled or first path conflicts with one of the agent's paths."""
         group, found = self._group, []
-        for other in group.neighbors(agent):
+        for other in group.neighbors(agent, group.agents):
             theirs = group.schedules[other].path if other in group.schedules else group.pools[other].paths[0]
             if any(group.diagram(path, theirs) is not None for path in group.pools[agent].paths):
                 found.append(other)
@@ -171,7 +170,7 @@ class PrioritizedPlanner:
 
     def _candidates(self, path: AgentPath, others: list[Agent]) -> list[list[Agent]]:
         """Sets of agents whose eviction may make room for a path: each agent in the way, then all of them."""
-        in_the_way = [o for o in others if self._group.diagram(path, self._group.schedules[o].path) is not None]
+        in_the_way = self._group.in_the_way(path, others)
         return [*([o] for o in in_the_way), in_the_way]
 
     def _merge_rivals(self, agent: Agent, evicted: list[Agent]) -> list[Agent]:
