@@ -36,13 +36,13 @@ class HopTiming:
     torque_limits: bool = False
 
     def __post_init__(self) -> None:
-        known_name("retiming", self.method, retiming_names())
         true_or_false("torque_limits", self.torque_limits)
-        if self.method not in _METHODS:
+        if isinstance(self.method, str) and self.method in set(retiming_names()).difference(_METHODS):
             raise InputError(
                 f"retiming {self.method!r} leaves the paths that are certified between the arms; "
                 f"expected one of {', '.join(_METHODS)}, or a planner of all arms as one, e.g. 'rrt_connect'"
             )
+        known_name("retiming", self.method, _METHODS)
 
 
 BLENDED = HopTiming()
