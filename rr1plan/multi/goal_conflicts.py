@@ -131,6 +131,11 @@ class GoalChoices:
         """Arms with several goal configurations that they may reach."""
         return frozenset(arm for arm, numbers in self._left.items() if len(numbers) > 1)
 
+    @property
+    def configurations(self) -> dict[str, Array]:
+        """The goal configurations of each arm that it may reach, shape (k, nq)."""
+        return {arm: self.conflicts.choices[arm][numbers] for arm, numbers in self._left.items()}
+
     def first(self) -> dict[str, Array]:
         """A goal configuration of each arm, with few contacts; near ones are preferred."""
         self._first = self._pick({arm: list(numbers) for arm, numbers in self._left.items()})

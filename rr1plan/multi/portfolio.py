@@ -10,7 +10,8 @@ detours and eviction. Groups are planned in parallel threads; the random numbers
 threads do not change the result.
 
 A goal configuration of each arm is chosen before the search. If a group has no schedule after a few rounds, its arms
-with several goals, or several solutions of inverse kinematics, get other ones.
+with several goals, or several solutions of inverse kinematics, get other ones. Conflict-based search chooses among all
+of them.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 from types import MappingProxyType
 
@@ -176,8 +177,8 @@ def plan_many_arms(
         improvement: How long to improve the first plan, within `budget`: seconds, and attempts as iterations (default:
             not at all). Makespan first, then the sum of all arrival times; see `improvement.py`.
         method: "portfolio", or "conflict_based_search" for groups of up to 8 arms, with a bound on the sum of their
-            arrival times (`GroupResult.suboptimality`) that holds before `improvement`, for one goal configuration of
-            each arm.
+            arrival times (`GroupResult.suboptimality`) that holds before `improvement`, for the goal configurations
+            that were found.
         retiming: "blend" rounds corners where certified, "stop" stops at corners, "ruckig" stops at them and limits
             jerk.
         torque_limits: Whether the motion also has to keep the joints' effort limits.
@@ -213,12 +214,13 @@ def plan_many_arms(
         return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
     # Random numbers depend on the arm alone, so that its path does not depend on the others.
     seeds = {arm: int(generator.integers(2**63)) for arm in problem.arms}
+    task = _Task(problem, near, largest, seeds, watch)
     if method == _SEARCH:
         diagrams = DiagramCache(largest, watch)
-        groups, schedules, alone, impossible = _search_small_teams(problem, found, near, seeds, largest, watch)
+        groups, schedules, alone, impossible = _search_small_teams(task, found)
     else:
         with watch:
-            found, search, groups = _search_groups(problem, found, near, seeds, largest, watch)
+            found, search, groups = _search_groups(task, found)
         diagrams, impossible = search.diagrams, search.impossible
         schedules = [schedule for planner in search.planners for schedule in planner.group.schedules.values()]
         # Without a solution no time is left for the bounds.
@@ -262,14 +264,42 @@ def _why_unsolved(groups: Sequence[GroupResult]) -> str:
     return "; ".join([*reasons, f"no time was left to schedule {', '.join(late)}"] if late else reasons)
 
 
-def _search_groups(
-    problem: Problem,
-    found: Preflight,
-    near: Mapping[str, frozenset[str]],
-    seeds: Mapping[str, int],
-    margin: float,
-    watch: Stopwatch,
-) -> tuple[Preflight, _GroupSearch, list[GroupResult]]:
+@dataclass(frozen=True)
+class _Task:
+    """Input of the searches.
+
+    Args:
+        problem: The problem.
+        near: For each arm, the arms that it can touch at all.
+        margin: Largest distance that arms keep from each other in addition to the padding [m].
+        seeds: Seed of each arm.
+        watch: Deadline.
+    """
+
+    problem: Problem
+    near: Mapping[str, frozenset[str]]
+    margin: float
+    seeds: Mapping[str, int]
+    watch: Stopwatch
+
+    def rng(self, arms: Sequence[str]) -> np.random.Generator:
+        """Random numbers of some arms."""
+        return np.random.default_rng([self.seeds[arm] for arm in arms])
+
+    def no_path(self, found: Preflight, arms: Sequence[str], reason: str) -> str:
+        """Why some arms provably reach none of their goals; empty if that is not proven.
+
+        Args:
+            found: The agents of the arms, each with a goal configuration.
+            arms: The arms.
+            reason: Why they have no path to these goal configurations.
+        """
+        if found.chosen.isdisjoint(arms):
+            return f"{', '.join(arms)}: {reason}"
+        return no_path_to_any_goal(self.problem, arms, self.watch.goes_on)
+
+
+def _search_groups(task: _Task, found: Preflight) -> tuple[Preflight, _GroupSearch, list[GroupResult]]:
     """Plan all groups, with other goal configurations of arms without a schedule if they have several.
 
     The effort spent on a combination of goal configurations is limited, and grows. It is counted in rounds, so that the
@@ -278,55 +308,59 @@ def _search_groups(
     Returns:
         The preflight with the goal configurations of the last search, this search, and the result of each group.
     """
-    rng, now, attempt = np.random.default_rng(list(seeds.values())), found, 0
+    rng, now, attempt = task.rng(task.problem.arms), found, 0
     failed: list[GroupResult] = []  # of the last search that was not cut short by the deadline
     while True:
-        search = _GroupSearch(problem, now, near, margin, seeds, watch)
+        search = _GroupSearch(task, now)
         search.rounds = _ROUNDS_OF_GOALS << attempt // _COMBINATIONS
         groups = search.run()
         unsolved = [arm for group in groups if not group.found for arm in group.arms]
         if not unsolved or search.impossible:
             return now, search, groups
-        if not watch.goes_on():
+        if not task.watch.goes_on():
             return now, search, failed or groups
         failed = groups
         if not search.planners and (found.choices is None or found.choices.several.isdisjoint(unsolved)):
             return now, search, groups  # an arm does not reach its only goal configuration
         attempt += 1
-        other = with_other_goals(problem, found, unsolved, margin, rng, watch) if attempt % _COMBINATIONS else None
+        other = None
+        if attempt % _COMBINATIONS:
+            other = with_other_goals(task.problem, found, unsolved, task.margin, rng, task.watch)
         if other is None:
             attempt += -attempt % _COMBINATIONS
         now = other or found
 
 
 def _search_small_teams(
-    problem: Problem,
-    found: Preflight,
-    near: Mapping[str, frozenset[str]],
-    seeds: Mapping[str, int],
-    margin: float,
-    watch: Stopwatch,
+    task: _Task, found: Preflight
 ) -> tuple[list[GroupResult], list[Schedule], dict[str, float], str]:
     """Conflict-based search of each group, up to the first that is impossible.
 
     Returns:
-        The results, all schedules, for each arm the duration of its motion alone [s], and why an arm of the last group
-        provably has no path; empty if that is not proven.
+        The results, all schedules, for each arm the duration of its motion alone [s], and why arms of the last group
+        provably have no path; empty if that is not proven.
     """
     groups: list[GroupResult] = []
     schedules: list[Schedule] = []
     alone: dict[str, float] = {}
-    for arms in interaction_groups(near):
-        began, rng = watch.seconds, np.random.default_rng([seeds[arm] for arm in arms])
-        team = plan_small_team([found.agents[arm] for arm in arms], near, found.margins, margin, rng, watch)
+    goals = {} if found.choices is None else found.choices.configurations
+    for arms in interaction_groups(task.near):
+        began = task.watch.seconds
+        team = plan_small_team(
+            [found.agents[arm] for arm in arms],
+            goals,
+            task.near,
+            found.margins,
+            task.margin,
+            task.rng(arms),
+            task.watch,
+            partial(task.no_path, found),
+        )
         stage = "" if team.reason else _SEARCH
         bound = team.suboptimality if team.schedules else None
-        groups.append(GroupResult(arms, stage, watch.seconds - began, team.reason, suboptimality=bound))
-        impossible = "" if team.impossible is None else team.reason
-        if team.impossible is not None and team.impossible in found.chosen:
-            impossible = no_path_to_any_goal(problem, [team.impossible], watch.goes_on)
-        if impossible:
-            return groups, schedules, alone, impossible
+        groups.append(GroupResult(arms, stage, task.watch.seconds - began, team.reason, suboptimality=bound))
+        if team.impossible:
+            return groups, schedules, alone, team.impossible
         schedules += team.schedules
         alone.update(team.alone)
     return groups, schedules, alone, ""
@@ -336,12 +370,8 @@ class _GroupSearch:
     """Plans interaction groups in parallel, and merges groups whose paths turn out to meet.
 
     Args:
-        problem: The problem.
-        found: The agents of its arms, each with a goal configuration.
-        near: For each arm, the arms that it can touch at all.
-        margin: Largest distance that arms keep from each other in addition to the padding [m].
-        seeds: Seed of each arm.
-        watch: Deadline.
+        task: The problem, seeds and deadline.
+        found: The agents of the problem's arms, each with a goal configuration.
 
     Attributes:
         rounds: Largest number of rounds for small groups in which arms have several goal configurations.
@@ -350,25 +380,16 @@ class _GroupSearch:
         impossible: Why some arms provably have no path; empty if that is not proven.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        found: Preflight,
-        near: Mapping[str, frozenset[str]],
-        margin: float,
-        seeds: Mapping[str, int],
-        watch: Stopwatch,
-    ) -> None:
-        self._problem, self._near, self._chosen = problem, near, found.chosen
+    def __init__(self, task: _Task, found: Preflight) -> None:
+        self._task, self._found, self._near, self._watch = task, found, task.near, task.watch
         self._several = frozenset() if found.choices is None else found.choices.several
-        self._seeds, self._watch = seeds, watch
         self._pools = {
-            arm: PathPool(agent, found.margins[arm], np.random.default_rng(seeds[arm]), watch)
+            arm: PathPool(agent, found.margins[arm], np.random.default_rng(task.seeds[arm]), task.watch)
             for arm, agent in found.agents.items()
         }
         self.rounds = math.inf
         self.planners: list[GroupPlanner] = []
-        self.diagrams = DiagramCache(margin, watch)
+        self.diagrams = DiagramCache(task.margin, task.watch)
         self.impossible = ""
 
     def run(self) -> list[GroupResult]:
@@ -390,11 +411,9 @@ class _GroupSearch:
         """The result of arms without a motion, which notes a proof that there is none to their goal configurations."""
         if result.found or not impossible:
             return result
-        names = ", ".join(result.arms)
-        self.impossible = f"{names}: {result.reason}"
-        if not self._chosen.isdisjoint(result.arms):
-            self.impossible = no_path_to_any_goal(self._problem, result.arms, self._watch.goes_on)
-        reason = self.impossible or f"{names}: to the goal configurations that were chosen, {result.reason}"
+        self.impossible = self._task.no_path(self._found, result.arms, result.reason)
+        to_chosen = f"{', '.join(result.arms)}: to the goal configurations that were chosen, {result.reason}"
+        reason = self.impossible or to_chosen
         return replace(result, reason=reason)
 
     def _first_paths(self) -> list[GroupResult]:
@@ -427,9 +446,8 @@ class _GroupSearch:
         return groups
 
     def _planner(self, group: tuple[str, ...]) -> GroupPlanner:
-        rng = np.random.default_rng([self._seeds[arm] for arm in group])
         pools = [self._pools[arm] for arm in group]
-        return GroupPlanner(GroupSchedules(pools, self._near, self.diagrams, rng, self._watch))
+        return GroupPlanner(GroupSchedules(pools, self._near, self.diagrams, self._task.rng(group), self._watch))
 
     def _solve_all(self, planners: list[GroupPlanner]) -> dict[GroupPlanner, GroupResult]:
         """Plan some groups, small ones first, so that a hard group takes no time from them; on threads if several meet.

@@ -69,8 +69,10 @@ class _Arm:
                 self.next.setdefault(state, []).append(after)
 
 
-def _brute_force(problem: rp.Problem, roadmaps: dict[str, tuple[np.ndarray, list[tuple[int, int]]]]) -> float:
-    """The minimum sum of arrivals of two arms in steps of time [s]; the goal of each is its vertex 1."""
+def _brute_force(
+    problem: rp.Problem, roadmaps: dict[str, tuple[np.ndarray, list[tuple[int, int]]]], goals: tuple[int, ...] = (1,)
+) -> float:
+    """The minimum sum of arrivals of two arms in steps of time [s], each at one of the goal vertices."""
     one, two = (_Arm(*roadmaps[arm], problem.scene.arms[arm].robot.limits) for arm in problem.arms)
     checker = CollisionChecker(problem.scene, problem.arms)
     free: dict[tuple, bool] = {}
@@ -80,7 +82,7 @@ def _brute_force(problem: rp.Problem, roadmaps: dict[str, tuple[np.ndarray, list
             free[a, b] = checker.is_free_slowly(np.concatenate([one.q[a], two.q[b]]))
         return free[a, b]
 
-    goal = (1, 1, 0)
+    ends = [(goal, goal, 0) for goal in goals]
     start = ((0, 0, 0), (0, 0, 0), False, False)
     least = {start: 0}
     queue = [(0, start)]
@@ -91,7 +93,7 @@ def _brute_force(problem: rp.Problem, roadmaps: dict[str, tuple[np.ndarray, list
         a, b, a_stays, b_stays = state
         if a_stays and b_stays:
             return cost * _STEP
-        for stays in itertools.product({a_stays, a == goal}, {b_stays, b == goal}):
+        for stays in itertools.product({a_stays, a in ends}, {b_stays, b in ends}):
             if stays[0] < a_stays or stays[1] < b_stays:
                 continue
             rows = [[a]] if stays[0] else [one.next[a]], [[b]] if stays[1] else [two.next[b]]
@@ -122,6 +124,10 @@ def _case(name: str, planar2r: rp.Robot) -> tuple[rp.Problem, dict[str, tuple[np
         # Both go through the middle, so one waits.
         ends = {"left": ([-0.9, 0.0], [0.9, 0.0]), "right": ([pi + 0.9, 0.0], [pi - 0.9, 0.0])}
         inner = {"left": [[-0.3, 2.4]], "right": [[pi + 1.3, 0.4]]}
+    elif name == "either":
+        # The goals are as far as the arms reach; the second ones are farther from the starts.
+        ends = {"left": ([0.8, 0.0], [0.0, 0.0]), "right": ([pi - 1.0, 0.0], [pi, 0.0])}
+        inner = {"left": [[-1.3, 0.3]], "right": [[pi + 1.2, 0.2]]}
     else:
         # One only has to let the other pass, and come back.
         ends = {"left": ([-0.8, 0.0], [1.1, 0.0]), "right": ([pi, 0.3], [pi, 0.3])}
@@ -136,9 +142,15 @@ def _case(name: str, planar2r: rp.Robot) -> tuple[rp.Problem, dict[str, tuple[np
 
 
 def _search(
-    problem: rp.Problem, tiny: dict[str, tuple[np.ndarray, list[tuple[int, int]]]], suboptimality: float = 1.0
+    problem: rp.Problem,
+    tiny: dict[str, tuple[np.ndarray, list[tuple[int, int]]]],
+    suboptimality: float = 1.0,
+    goals: tuple[int, ...] = (1,),
 ) -> tuple[SearchResult, dict[str, ArmRoadmap]]:
-    roadmaps = {arm: ArmRoadmap(Agent(problem, [arm]), *tiny[arm]) for arm in problem.arms}
+    roadmaps = {}
+    for arm, (vertices, edges) in tiny.items():
+        rests = [0] if (vertices[0] == vertices[1]).all() else []
+        roadmaps[arm] = ArmRoadmap(Agent(problem, [arm]), vertices, edges, [*rests, *goals])
     near = {arm: frozenset(problem.arms) - {arm} for arm in problem.arms}
     search = ConflictBasedSearch(roadmaps, near, RelativeConflicts(0.0), Stopwatch(math.inf), suboptimality)
     return search.run(), roadmaps
@@ -158,6 +170,20 @@ def test_the_cost_is_that_of_brute_force(name: str, planar2r: rp.Robot) -> None:
     assert sum(schedule.arrival for schedule in schedules) == pytest.approx(found.cost, abs=1e-9)
     motion = merged_trajectory(problem, schedules)
     assert rp.validate(motion, problem.scene, problem).certified
+
+
+@pytest.mark.parametrize("name", ["goals", "pass", "either"])
+def test_of_several_goals_those_with_the_least_cost_are_chosen(name: str, planar2r: rp.Robot) -> None:
+    problem, tiny = _case(name, planar2r)
+    found, roadmaps = _search(problem, tiny, goals=(1, 2))
+    assert found.moves is not None
+    assert found.suboptimality == 1.0
+    assert found.cost == pytest.approx(_brute_force(problem, tiny, (1, 2)), abs=8 * _STEP)
+    if name == "either":
+        # The nearer goals exclude each other.
+        assert sorted(moves[-1].end for moves in found.moves.values()) == [1, 2]
+    motion = merged_trajectory(problem, [schedule_of(roadmaps[arm], found.moves[arm]) for arm in problem.arms])
+    assert rp.validate(motion, problem.scene).certified
 
 
 @pytest.mark.parametrize("name", ["goals", "pass", "yield"])
@@ -242,7 +268,7 @@ def test_constraints_put_off_what_they_have_to(rr1: rp.Robot) -> None:
     waits = earliest_moves(roadmap, (Departure((2, 1), 0.0, half + 0.3), Presence(2, 0.0, half + 0.2)))
     assert waits is not None
     assert waits[0].departure == pytest.approx(0.2)
-    settles = earliest_moves(roadmap, (Settling(whole + 2.0),))
+    settles = earliest_moves(roadmap, (Settling(1, whole + 2.0),))
     assert settles is not None
     assert settles[-1].arrival == pytest.approx(whole + 2.0)
     assert earliest_moves(roadmap, (Presence(0, 0.0, 1.0),)) is None
@@ -339,7 +365,7 @@ def test_roadmaps_hold_certified_edges_and_join_the_known_path(rr1: rp.Robot) ->
     agent = Agent(problem, problem.arms[:1])
     goal = problem.goal[problem.arms[0]][0].q
     middle = 0.5 * (agent.start + goal) + 0.01
-    roadmap = build_roadmap(agent, goal, 0.0, 60, [np.array([agent.start, middle, goal])])
+    roadmap = build_roadmap(agent, goal[None], 0.0, 60, [np.array([agent.start, middle, goal])])
     assert roadmap is not None
     np.testing.assert_array_equal(roadmap.vertices[[0, 1, 2]], [agent.start, goal, middle])
     query = agent.query({}, 0.0)
@@ -347,7 +373,7 @@ def test_roadmaps_hold_certified_edges_and_join_the_known_path(rr1: rp.Robot) ->
     for vertex, others in enumerate(roadmap.neighbors):
         for other in others:
             assert checker.edge_is_free(roadmap.vertices[vertex], roadmap.vertices[other])
-    again = build_roadmap(agent, goal, 0.0, 60)
+    again = build_roadmap(agent, goal[None], 0.0, 60)
     assert again is not None
     np.testing.assert_array_equal(again.vertices[2:], roadmap.vertices[3:])
-    assert build_roadmap(agent, goal, 0.0, 70, goes_on=lambda: False) is None
+    assert build_roadmap(agent, goal[None], 0.0, 70, goes_on=lambda: False) is None

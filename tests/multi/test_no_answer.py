@@ -238,14 +238,17 @@ def test_of_several_goals_one_that_is_reached_is_taken(planar2r: rp.Robot, asser
     assert_safe(problem, result)
 
 
+@pytest.mark.parametrize("method", ["portfolio", "conflict_based_search"])
 @pytest.mark.parametrize("nearest_first", [True, False])
-def test_a_goal_that_only_others_block_is_replaced_by_another(nearest_first: bool, assert_safe: Check) -> None:
+def test_a_goal_that_only_others_block_is_replaced_by_another(
+    nearest_first: bool, method: str, assert_safe: Check
+) -> None:
     """The nearest goal lies beyond the other arm on the rail, which both can reach alone."""
     rail = _rail([-0.3, 0.0], [-1.2, 0.3])
     goals = [rp.JointGoal([0.55]), rp.JointGoal([-1.2])]
     goal = {"arm0": goals if nearest_first else goals[::-1], "arm1": rail.goal["arm1"]}
     problem = rp.Problem(rail.scene, {"arm0": [-0.3], "arm1": [0.0]}, goal)
-    result = plan_many_arms(problem, rng=0, budget=Budget(seconds=60.0))
+    result = plan_many_arms(problem, rng=0, budget=Budget(seconds=60.0), method=method)
     assert_safe(problem, result)
     assert result.trajectory is not None
     assert result.trajectory.select("arm0")(result.makespan) == pytest.approx(-1.2)
@@ -267,27 +270,29 @@ def test_a_group_that_takes_all_the_time_does_not_blame_others(monkeypatch: pyte
     assert result.reason.endswith("no schedule found for arm0, arm1 among each other")
 
 
-def test_a_base_of_another_arm_that_cannot_be_passed_is_a_proof() -> None:
+@pytest.mark.parametrize("method", ["portfolio", "conflict_based_search"])
+def test_a_base_of_another_arm_that_cannot_be_passed_is_a_proof(method: str) -> None:
     """An arm would have to turn through the base of another moving arm."""
     robot = rp.load_robot("planar2r_limited")
     scene = rp.Scene().with_arm("left", robot).with_arm("right", robot, (0.35, 0.0, 0.0))
     start, goal = {"left": [1.8, 0.0], "right": [0.3, 0.0]}, {"left": [-1.8, 0.0], "right": [-0.3, 0.0]}
-    result = plan_many_arms(rp.Problem(scene, start, goal), rng=0, budget=Budget(seconds=60.0))
+    result = plan_many_arms(rp.Problem(scene, start, goal), rng=0, budget=Budget(seconds=60.0), method=method)
     assert result.status is PlanStatus.INFEASIBLE
     assert result.reason.startswith("left, right: no path exists: joint 'left/joint1' cannot pass")
 
 
-def test_bases_of_others_block_all_of_several_goals_provably() -> None:
+@pytest.mark.parametrize("method", ["portfolio", "conflict_based_search"])
+def test_bases_of_others_block_all_of_several_goals_provably(method: str) -> None:
     """Every goal of one arm lies beyond the base of the other one, which has several goals, too."""
     robot = rp.load_robot("planar2r_limited")
     scene = rp.Scene().with_arm("left", robot).with_arm("right", robot, (0.35, 0.0, 0.0))
     start = {"left": [1.8, 0.0], "right": [0.3, 0.0]}
     goals = {"left": [[-1.8, 0.0], [-1.7, 0.1]], "right": [[-0.3, 0.0], [-0.2, 0.0]]}
-    result = plan_many_arms(rp.Problem(scene, start, goals), rng=0, budget=Budget(seconds=60.0))
+    result = plan_many_arms(rp.Problem(scene, start, goals), rng=0, budget=Budget(seconds=60.0), method=method)
     assert result.status is PlanStatus.INFEASIBLE
     assert result.reason.startswith("left, right: no path exists: joint 'left/joint1' cannot pass")
     reached = {**goals, "left": [[-1.8, 0.0], [1.7, 0.1]]}
-    assert plan_many_arms(rp.Problem(scene, start, reached), rng=0, budget=Budget(seconds=60.0)).found
+    assert plan_many_arms(rp.Problem(scene, start, reached), rng=0, budget=Budget(seconds=60.0), method=method).found
 
 
 @pytest.mark.parametrize("method", ["portfolio", "conflict_based_search"])

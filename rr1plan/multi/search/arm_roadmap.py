@@ -1,4 +1,4 @@
-"""The roadmap of one arm, including its start and goal: certified edges, each a motion from rest to rest."""
+"""The roadmap of one arm, including its start and goals: certified edges, each a motion from rest to rest."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from rr1plan.planning import SearchTree
 from rr1plan.retiming.path_blends import clean
 from rr1plan.retiming.path_speed import line_rates
 
-_NEIGHBORS = 8  # nearest vertices to which the start, the goal and inserted waypoints are connected
-_START, _GOAL = 0, 1
+_NEIGHBORS = 8  # nearest vertices to which the start, the goals and inserted waypoints are connected
+_START = 0
 
 
 class ArmRoadmap:
@@ -30,17 +30,20 @@ class ArmRoadmap:
 
     Args:
         agent: The arm.
-        vertices: Free configurations, the start first and the goal second, shape (n, nq).
+        vertices: Free configurations, the start first, shape (n, nq).
         edges: Pairs of vertices between which the straight line is certified.
+        goals: The vertices at one of which the motion ends.
 
     Attributes:
-        to_goal: Lower bound of the duration from each vertex to the goal [s], inf if there is no motion, shape (n,).
+        to_goal: Lower bound of the duration from each vertex to a goal [s], inf if there is no motion, shape (n,).
     """
 
-    start, goal = _START, _GOAL
+    start = _START
 
-    def __init__(self, agent: Agent, vertices: Array, edges: Iterable[tuple[int, int]]) -> None:
-        self.agent, self.vertices = agent, vertices
+    def __init__(
+        self, agent: Agent, vertices: Array, edges: Iterable[tuple[int, int]], goals: Iterable[int] = (1,)
+    ) -> None:
+        self.agent, self.vertices, self.goals = agent, vertices, frozenset(goals)
         self.neighbors: list[list[int]] = [[] for _ in vertices]
         for a, b in edges:
             self.neighbors[a].append(b)
@@ -78,9 +81,9 @@ class ArmRoadmap:
         return self._ends[path]
 
     def _bounds(self) -> Array:
-        """Durations by Dijkstra's algorithm from the goal, of motions limited only in velocity and acceleration."""
+        """Durations by Dijkstra's algorithm from the goals, of motions limited only in velocity and acceleration."""
         bounds = np.full(len(self.vertices), math.inf)
-        queue = [(0.0, _GOAL)]
+        queue = [(0.0, goal) for goal in sorted(self.goals)]
         while queue:
             bound, vertex = heapq.heappop(queue)
             if bound >= bounds[vertex]:
@@ -113,7 +116,7 @@ class _Straight:
 
 def build_roadmap(
     agent: Agent,
-    goal: Array,
+    goals: Array,
     margin: float,
     samples: int,
     known_paths: Sequence[Array] = (),
@@ -123,18 +126,18 @@ def build_roadmap(
 
     Args:
         agent: The arm.
-        goal: Its goal configuration, shape (nq,).
+        goals: Its goal configurations, shape (k, nq).
         margin: Distance to keep from stationary objects in addition to the padding [m].
         samples: Number of samples of the roadmap.
-        known_paths: Free paths from the start to the goal to include, waypoints of shape (m, nq) each.
+        known_paths: Free paths from the start to the first goal to include, waypoints of shape (m, nq) each.
         goes_on: Called often; False stops.
 
     Returns:
         The roadmap, or None if stopped.
     """
-    if len(clean(np.stack([agent.start, goal]))) == 1:
-        # Paths merge points this near, so the arm rests.
-        goal = agent.start
+    # Paths merge points as near as this to the start, so the arm rests there.
+    rests = np.array([len(clean(np.stack([agent.start, goal]))) == 1 for goal in goals])
+    ends = np.where(rests, _START, np.cumsum(~rests)).tolist()
     query = agent.query({}, margin)
     with checker_from_pool(query.scene, query.arms, margin) as checker:
 
@@ -149,7 +152,7 @@ def build_roadmap(
             del query.scene.kept[key]
             return None
         inner = [points[1:-1] for points in known_paths]
-        vertices = np.vstack([agent.start, goal, *inner, tree.vertices])
+        vertices = np.vstack([agent.start, goals[~rests], *inner, tree.vertices])
         first = len(vertices) - len(tree.vertices)
         candidates = {(int(a) + first, int(b) + first) for a, b in np.sort(tree.edges, axis=1)}
         for row in range(first):
@@ -157,10 +160,10 @@ def build_roadmap(
             distance[row] = math.inf
             for other in np.argsort(distance, kind="stable")[:_NEIGHBORS].tolist():
                 candidates.add((min(row, other), max(row, other)))
-        candidates.add((_START, _GOAL))
-        row = 2
+        candidates |= {(_START, end) for end in ends}
+        row = 1 + int(np.count_nonzero(~rests))
         for points in inner:
-            chain = [_START, *range(row, row + len(points)), _GOAL]
+            chain = [_START, *range(row, row + len(points)), ends[0]]
             candidates |= {(min(a, b), max(a, b)) for a, b in pairwise(chain)}
             row += len(points)
         edges = []
@@ -169,4 +172,4 @@ def build_roadmap(
                 return None
             if (vertices[a] != vertices[b]).any() and checker.edge_is_free(vertices[a], vertices[b]):
                 edges.append((a, b))
-    return ArmRoadmap(agent, vertices, edges)
+    return ArmRoadmap(agent, vertices, edges, ends)

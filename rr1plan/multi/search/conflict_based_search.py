@@ -294,10 +294,11 @@ class ConflictBasedSearch:
                 (two, Departure(self._edge(two, b), b.begin, a.begin - low)),
             ]
         if not a.moves and not b.moves:
-            return [
-                (arm, Presence(self._edge(arm, action)[0], conflict.begin, conflict.begin + _INSTANT))
-                for arm, action in ((one, a), (two, b))
-            ]
+            rests = [(arm, self._edge(arm, action)[0]) for arm, action in ((one, a), (two, b))]
+            if math.isinf(conflict.end):
+                # The goals exclude each other.
+                return [(arm, Settling(place, math.inf)) for arm, place in rests]
+            return [(arm, Presence(place, conflict.begin, conflict.begin + _INSTANT)) for arm, place in rests]
         if b.moves:
             # Exchange the roles, so that `one` moves and `two` rests.
             one, two, a, b, low, high = two, one, b, a, -high, -low
@@ -305,7 +306,7 @@ class ConflictBasedSearch:
         edge, place = self._edge(one, a), self._edge(two, b)[0]
         if math.isinf(b.end):
             # The other arm stays at its goal: every later departure conflicts with it.
-            return [(one, Departure(edge, a.begin, math.inf)), (two, Settling(a.begin - low))]
+            return [(one, Departure(edge, a.begin, math.inf)), (two, Settling(place, a.begin - low))]
         overlap = conflict.end - (a.begin - high)
         delay = overlap - min(_SHORT_REST, 0.5 * overlap)
         return [

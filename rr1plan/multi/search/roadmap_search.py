@@ -49,12 +49,14 @@ class Presence(NamedTuple):
 
 
 class Settling(NamedTuple):
-    """The arm may not arrive at its goal for good before a time.
+    """The arm may not arrive for good at a goal before a time.
 
     Args:
-        time: Earliest final arrival [s].
+        vertex: The vertex of the goal.
+        time: Earliest final arrival there [s]; inf if it may not stay there.
     """
 
+    vertex: int
     time: float
 
 
@@ -87,7 +89,7 @@ class _State(NamedTuple):
 
 
 def earliest_moves(roadmap: ArmRoadmap, constraints: Iterable[Constraint]) -> list[Move] | None:
-    """The motion with the earliest final arrival at the goal under some constraints; None if there is none.
+    """The motion with the earliest final arrival at a goal under some constraints; None if there is none.
 
     Args:
         roadmap: The roadmap.
@@ -101,14 +103,14 @@ class _Search:
         self.roadmap = roadmap
         departures: dict[tuple[int, int], list[tuple[float, float]]] = {}
         presence: dict[int, list[tuple[float, float]]] = {}
-        self.settled_from = 0.0
+        self._settled_from: dict[int, float] = {}
         for constraint in constraints:
             if isinstance(constraint, Departure):
                 departures.setdefault(constraint.edge, []).append((constraint.begin, constraint.end))
             elif isinstance(constraint, Presence):
                 presence.setdefault(constraint.vertex, []).append((constraint.begin, constraint.end))
             else:
-                self.settled_from = max(self.settled_from, constraint.time)
+                self._settled_from[constraint.vertex] = max(self._earliest_arrival(constraint.vertex), constraint.time)
         self._departures = {edge: _gaps(spans) for edge, spans in departures.items()}
         self._safe = {vertex: _gaps(spans) for vertex, spans in presence.items()}
 
@@ -116,8 +118,12 @@ class _Search:
         """Time intervals in which the arm may be at a vertex."""
         return self._safe.get(vertex, _ALWAYS)
 
+    def _earliest_arrival(self, goal: int) -> float:
+        """Earliest final arrival at a goal [s]."""
+        return self._settled_from.get(goal, 0.0)
+
     def run(self) -> list[Move] | None:
-        """A*: best first, by a lower bound of the time of arrival at the goal."""
+        """A*: best first, by a lower bound of the time of arrival at a goal."""
         first = self._first_state()
         if first is None:
             return None
@@ -143,15 +149,15 @@ class _Search:
         at_start = [i for i, (low, high) in enumerate(intervals) if low <= 0.0 < high]
         if not at_start:
             return None
-        is_there = bool((roadmap.vertices[roadmap.start] == roadmap.vertices[roadmap.goal]).all())
-        stays = is_there and self.settled_from <= 0.0 and math.isinf(intervals[at_start[0]][1])
-        return _State(0.0, roadmap.start, at_start[0], stays, None, 0.0)
+        start = roadmap.start
+        may_stay = start in roadmap.goals and math.isinf(intervals[at_start[0]][1])
+        return _State(0.0, start, at_start[0], may_stay and self._earliest_arrival(start) <= 0.0, None, 0.0)
 
     def _bound(self, state: _State) -> float:
         return state.time + (0.0 if state.settled else float(self.roadmap.to_goal[state.vertex]))
 
     def _successors(self, state: _State) -> Iterator[_State]:
-        """The earliest arrival in each interval of each neighbor; at the goal, one to stay and one to leave again."""
+        """The earliest arrival in each interval of each neighbor; at a goal, one to stay and one to leave again."""
         roadmap = self.roadmap
         leave_by = self.safe(state.vertex)[state.interval][1]
         for other in roadmap.neighbors[state.vertex]:
@@ -160,11 +166,11 @@ class _Search:
                 continue
             allowed = self._departures.get((state.vertex, other), _ALWAYS)
             for interval, (low, high) in enumerate(self.safe(other)):
-                may_stay = other == roadmap.goal and math.isinf(high)
+                may_stay = other in roadmap.goals and math.isinf(high)
                 for stays in (False, True) if may_stay else (False,):
                     earliest = max(state.time, low - duration)
                     if stays:
-                        earliest = max(earliest, self.settled_from - duration)
+                        earliest = max(earliest, self._earliest_arrival(other) - duration)
                     departure = _first(allowed, earliest, min(leave_by, high - duration))
                     if departure is not None:
                         yield _State(departure + duration, other, interval, stays, state, departure)

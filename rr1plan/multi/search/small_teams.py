@@ -8,7 +8,7 @@ the ratio proven by this search, which may exceed the requested one.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -19,15 +19,12 @@ from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_pool import PathPool
-from rr1plan.multi.paths.placed_path import placed_configuration
-from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.search.arm_roadmap import ArmRoadmap, build_roadmap
 from rr1plan.multi.search.conflict_based_search import ConflictBasedSearch, schedule_of
 from rr1plan.multi.search.group_planner import GroupPlanner
 from rr1plan.multi.search.group_schedules import GroupSchedules
 from rr1plan.multi.search.relative_conflicts import RelativeConflicts
 from rr1plan.multi.stopwatch import Stopwatch
-from rr1plan.multi.timing.coordination import are_apart
 from rr1plan.multi.timing.diagram_cache import DiagramCache
 from rr1plan.multi.timing.schedule import Schedule
 from rr1plan.retiming.path_blends import clean
@@ -52,34 +49,39 @@ class TeamPlan:
         suboptimality: Proven bound: the sum of arrivals is at most this multiple of the minimum on the arms' roadmaps;
             None: unknown.
         reason: Why there is no plan, as text.
-        impossible: The arm that provably has no path to its goal configuration, or None.
+        impossible: Why some arms provably have no path to any of their goals; empty if that is not proven.
     """
 
     schedules: tuple[Schedule, ...] = ()
     alone: Mapping[str, float] = field(default_factory=dict)
     suboptimality: float | None = None
     reason: str = ""
-    impossible: str | None = None
+    impossible: str = ""
 
 
 def plan_small_team(
     agents: Sequence[Agent],
+    goals: Mapping[str, Array],
     near: Mapping[str, frozenset[str]],
     margins: Mapping[str, float],
     largest_margin: float,
     rng: np.random.Generator,
     watch: Stopwatch,
+    no_path: Callable[[Sequence[str], str], str],
     suboptimality: float = SUBOPTIMALITY,
 ) -> TeamPlan:
     """Plan the motions of a few arms by conflict-based search.
 
     Args:
-        agents: The agent of each arm.
+        agents: The agent of each arm, in a problem whose goals are configurations.
+        goals: Goal configurations of each arm, shape (k, nq), among them that of its agent.
         near: For each arm, the arms that it can touch.
         margins: Distance that each arm keeps from stationary objects in addition to the padding [m].
         largest_margin: Distance that arms keep from each other, as far as starts and goals allow [m].
         rng: Random generator.
         watch: Deadline.
+        no_path: Function that returns why some arms have no path to any of their goals, given a proof that they have
+            none to those of their agents; empty if that is not proven.
         suboptimality: Requested ratio of the sum of arrivals to the minimum on the roadmaps, at least 1; the plan may
             exceed it if a proof takes too long.
 
@@ -96,15 +98,16 @@ def plan_small_team(
     for arm, pool in pools.items():
         path, reason = pool.add({}, patient=True)
         if path is None:
-            return TeamPlan(reason=f"{arm}: {reason}", impossible=arm if pool.impossible else None)
+            return TeamPlan(reason=f"{arm}: {reason}", impossible=no_path([arm], reason) if pool.impossible else "")
     first = {arm: pool.paths[0] for arm, pool in pools.items()}
     alone = {arm: path.fastest for arm, path in first.items()}
-    goals = {arm: path.goal for arm, path in first.items()}
-    conflicts = RelativeConflicts(_margin_between(agents, goals, near, largest_margin))
+    diagrams = DiagramCache(largest_margin, watch)
+    pairs = [(first[a], first[b]) for a, b in combinations(arms, 2) if b in near[a]]
+    conflicts = RelativeConflicts(min((diagrams.margin(*pair) for pair in pairs), default=largest_margin))
     known: tuple[Schedule, ...] = ()
     cost, bound, reason = math.inf, 0.0, "no time was left"
     for samples, nodes in _ROUNDS:
-        roadmaps = _roadmaps(first, margins, samples, watch)
+        roadmaps = _roadmaps(first, goals, margins, samples, watch)
         if roadmaps is None:
             break
         found = ConflictBasedSearch(roadmaps, near, conflicts, watch, suboptimality).run(nodes, cost)
@@ -116,8 +119,11 @@ def plan_small_team(
         if known:
             break
         # Schedule the paths of the pools, which need no roadmap.
-        group = GroupSchedules(pools.values(), near, DiagramCache(largest_margin, watch), rng, watch)
+        group = GroupSchedules(pools.values(), near, diagrams, rng, watch)
         known = tuple(group.schedules.values()) if GroupPlanner(group).run() else ()
+        impossible = no_path(arms, group.reason) if group.impossible and not known else ""
+        if impossible:
+            return TeamPlan(reason=impossible, impossible=impossible)
         cost = math.fsum(s.arrival * len(s.arms) for s in known) if known else math.inf
     if known:
         return TeamPlan(known, alone, max(1.0, cost / bound) if bound > 0.0 else None)
@@ -125,12 +131,17 @@ def plan_small_team(
 
 
 def _roadmaps(
-    first: Mapping[str, AgentPath], margins: Mapping[str, float], samples: int, watch: Stopwatch
+    first: Mapping[str, AgentPath],
+    goals: Mapping[str, Array],
+    margins: Mapping[str, float],
+    samples: int,
+    watch: Stopwatch,
 ) -> dict[str, ArmRoadmap] | None:
     """A roadmap for each arm, including its first path; None after the deadline.
 
     Args:
         first: First path of each arm.
+        goals: All goal configurations of each arm, shape (k, nq).
         margins: Distance that each arm keeps from stationary objects in addition to the padding [m].
         samples: Number of samples of each roadmap.
         watch: Deadline.
@@ -138,25 +149,10 @@ def _roadmaps(
     roadmaps: dict[str, ArmRoadmap] = {}
     for arm, path in first.items():
         known = [clean(path.path.waypoints)]
-        made = build_roadmap(path.agent, path.goal, margins[arm], samples, known, watch.goes_on)
+        others = goals[arm][(goals[arm] != path.goal).any(axis=1)]
+        ends = np.vstack([path.goal, others])
+        made = build_roadmap(path.agent, ends, margins[arm], samples, known, watch.goes_on)
         if made is None:
             return None
         roadmaps[arm] = made
     return roadmaps
-
-
-def _margin_between(
-    agents: Sequence[Agent], goals: Mapping[str, Array], near: Mapping[str, frozenset[str]], largest: float
-) -> float:
-    """The largest margin up to `largest` that all starts keep from each other, and likewise all goals [m]."""
-    ends = [{agent.arms[0]: agent.start for agent in agents}, goals]
-    placed = [{a.arms[0]: placed_configuration(a.bodies, end[a.arms[0]]) for a in agents} for end in ends]
-    for margin in (largest, *(m for m in MARGINS if m < largest)):
-        if all(
-            are_apart(a, at[a.arms[0]], b, at[b.arms[0]], margin)
-            for a, b in combinations(agents, 2)
-            if b.arms[0] in near[a.arms[0]]
-            for at in placed
-        ):
-            return margin
-    return 0.0
