@@ -178,6 +178,27 @@ def test_a_goal_or_start_that_is_never_free_has_no_schedule(path: AgentPath) -> 
     assert earliest_schedule(path, _times(path, [(0, -math.inf, 0.5)])) is None
 
 
+def test_the_search_for_a_schedule_ends_with_its_time(path: AgentPath, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Under limits of jerk and torque each motion between stops takes milliseconds to time."""
+    blocked = _times(path, [(path.segments // 2, 0.0, 3.0)])
+    left, timed = [5], []
+    hop_times = AgentPath.hop_times
+
+    def counted(self: AgentPath, begin: int, end: int) -> Array:
+        timed.append((begin, end))
+        return hop_times(self, begin, end)
+
+    def goes_on() -> bool:
+        left[0] -= 1
+        return left[0] >= 0
+
+    monkeypatch.setattr(AgentPath, "hop_times", counted)
+    assert earliest_schedule(path, blocked, goes_on) is None
+    assert len(timed) == 5
+    assert earliest_schedule(path, blocked) is not None
+    assert len(timed) > 10
+
+
 def test_blocked_times_join_cells_one_after_the_other(path: AgentPath) -> None:
     blocked = np.zeros((path.cells, 4), np.uint8)
     blocked[3, 1:3] = 1

@@ -145,10 +145,10 @@ class SingleArmMotions:
         return best
 
     def timed(self, stop: Stop, path: AgentPath, others: Iterable[str]) -> NewMotion | None:
-        """The earliest motion from a stop along a path, given the motions of some others."""
+        """The earliest motion from a stop along a path among those of some others; None if none is found in time."""
         blocked = self._present.blocked_times(path, stop.time, others)
         since = BlockedTimes(blocked.rows, blocked.begin - stop.time, blocked.end - stop.time)
-        schedule = earliest_schedule(path, since)
+        schedule = earliest_schedule(path, since, self.watch.goes_on)
         if schedule is None:
             return None
         later = Schedule(path, tuple(Leg(leg.departure + stop.time, leg.begin, leg.end) for leg in schedule.legs))

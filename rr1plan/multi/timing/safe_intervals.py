@@ -9,7 +9,7 @@ and whether one is safe is decided for all departures at once, in continuous tim
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from heapq import heappop, heappush
 from itertools import count
 from typing import NamedTuple
@@ -82,12 +82,16 @@ def safe_intervals(begins: Array, ends: Array) -> list[tuple[float, float]]:
     return safe
 
 
-def earliest_schedule(path: AgentPath, blocked: BlockedTimes) -> Schedule | None:
+def earliest_schedule(
+    path: AgentPath, blocked: BlockedTimes, goes_on: Callable[[], bool] = lambda: True
+) -> Schedule | None:
     """The earliest of all schedules that wait only at the path's stops; None if there is none.
 
     Args:
         path: The path.
         blocked: Blocked times of the path.
+        goes_on: Called before each motion between stops is timed, which takes milliseconds with limits of jerk or
+            torque; False ends the search without a schedule.
     """
     if path.segments == 0:
         # Intervals that are over at time zero do not matter, as elsewhere.
@@ -95,7 +99,7 @@ def earliest_schedule(path: AgentPath, blocked: BlockedTimes) -> Schedule | None
         return Schedule(path, ()) if is_free else None
     if len(blocked.rows) == 0:
         return Schedule(path, (Leg(0.0, 0, path.segments),))
-    return _Search(path, blocked).run()
+    return _Search(path, blocked).run(goes_on)
 
 
 class _State(NamedTuple):
@@ -115,7 +119,7 @@ class _Search:
         inner = blocked.rows <= path.segments + 1
         self.rows, self.begin, self.end = (part[inner] for part in blocked)
 
-    def run(self) -> Schedule | None:
+    def run(self, goes_on: Callable[[], bool]) -> Schedule | None:
         """Search best first, by the time at which the goal could be reached without further waiting."""
         at_start = [i for i, (a, b) in enumerate(self.safe[0]) if a <= 0.0 < b]
         if not at_start or not self.safe[self.goal] or self.safe[self.goal][-1][1] < math.inf:
@@ -132,6 +136,8 @@ class _Search:
             if state.stop == self.goal and state.interval == last:
                 return Schedule(self.path, tuple(self._legs(state)))
             for target in self._targets(state.stop):
+                if not goes_on():
+                    return None
                 times = self.path.hop_times(state.stop, target)
                 direct = False
                 for arrival, interval, departure in self._arrivals(state, target, times):
@@ -143,7 +149,6 @@ class _Search:
                     direct = direct or (target == self.goal and interval == last and departure <= state.time)
                 if direct:
                     break  # no schedule is faster than an immediate departure
-
         return None
 
     def _targets(self, stop: int) -> Sequence[int]:
