@@ -8,6 +8,7 @@ the upper arm of a robot on a floor cannot swing through below its shoulder, whe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -50,6 +51,7 @@ def find_joint_barrier(
     start: Array,
     goal: Array,
     *,
+    most_tests: float = math.inf,
     goes_on: Callable[[], bool] = lambda: True,
 ) -> JointBarrier | None:
     """Search for a value that a joint has to pass on every path from a start to a goal, and cannot.
@@ -60,7 +62,8 @@ def find_joint_barrier(
         checker: Collision checker of the moving arms.
         start: Configuration within the limits, shape (nq,).
         goal: Configuration, shape (nq,); joints without limits count modulo whole turns.
-        goes_on: Whether time is left for the next value.
+        most_tests: Largest number of contact tests of two bodies; about 150,000 take a second.
+        goes_on: Whether time is left; called between groups of tests.
 
     Returns:
         The barrier; None if none is found, which proves nothing.
@@ -70,6 +73,13 @@ def find_joint_barrier(
         a, b = (checker.scene.owner(element) for element in checker.pairs[checker.solid_owner[pair]])
         if 1 <= len(columns) <= 2 and a != b:
             groups.setdefault(columns, []).append(pair)
+    tests = 0
+
+    def may_test(count: int) -> bool:
+        nonlocal tests
+        tests += count
+        return tests <= most_tests and goes_on()
+
     limits = checker.limits
     for columns, pairs in groups.items():
         for column in sorted(columns):
@@ -78,7 +88,9 @@ def find_joint_barrier(
                 continue
             other = next(iter(columns - {column}), None)
             values = np.linspace(start[column], goal[column], _VALUES + 2)[1:-1]
-            found = _Barriers(checker, start, column, other, pairs).find(values, goes_on)
+            if not may_test(0):
+                return None
+            found = _Barriers(checker, start, column, other, pairs, may_test).find(values)
             if found is not None:
                 return found
     return None
@@ -93,10 +105,19 @@ class _Barriers:
         column: The joint.
         other: The other joint; None if there is none.
         pairs: Indices of the pairs among the checker's solid pairs.
+        may_test: Whether a number of contact tests of two bodies may follow.
     """
 
-    def __init__(self, checker: CollisionChecker, q: Array, column: int, other: int | None, pairs: list[int]) -> None:
-        self._checker, self._column, self._q = checker, column, q
+    def __init__(
+        self,
+        checker: CollisionChecker,
+        q: Array,
+        column: int,
+        other: int | None,
+        pairs: list[int],
+        may_test: Callable[[int], bool],
+    ) -> None:
+        self._checker, self._column, self._q, self._may_test = checker, column, q, may_test
         self._pairs = np.array(pairs, np.intp)
         # A single joint takes both places, with cells equally thin in both.
         self._alone = other is None
@@ -107,14 +128,14 @@ class _Barriers:
         bounded = np.isfinite(high - low)
         self._low, self._high = (low, high) if bounded else (-np.pi, np.pi)
 
-    def find(self, values: Array, goes_on: Callable[[], bool]) -> JointBarrier | None:
-        """A barrier at one of some values; None if none is certified while time is left."""
+    def find(self, values: Array) -> JointBarrier | None:
+        """A barrier at one of some values; None if none is certified by the tests that are left."""
         samples = np.linspace(self._low, self._high, _SAMPLES)
         for value in values.tolist():
-            if not goes_on():
-                return None
             # Nearly all values fail at the first sample, where a distance is much cheaper than a certificate.
-            touching = (self._touching(value, other).any() for other in samples.tolist())
+            touching = (
+                self._may_test(len(self._pairs)) and self._touching(value, other).any() for other in samples.tolist()
+            )
             if all(touching) and self._is_certified(value):
                 return JointBarrier(self._checker.joint_names[self._column], value, self._elements(value, samples))
         return None
@@ -131,6 +152,8 @@ class _Barriers:
         half = 0.5 * (self._high - self._low) / _INTERVALS
         middles = self._low + half * (1.0 + 2.0 * np.arange(_INTERVALS))
         for _ in range(_HALVINGS + 1):
+            if not self._may_test(len(middles) * len(self._pairs)):
+                return False
             blocked = self._classify(np.column_stack([np.full(len(middles), value), middles]), half)
             middles = middles[~blocked]
             if len(middles) == 0:

@@ -34,7 +34,9 @@ _DEFAULT_BUDGET = Budget()
 _REPORTS = 0.1  # time between two reports of progress [s]
 _LEAST, _MOST = 0.002, 0.01  # time between two clock readings [s]
 _CHUNK = 128  # steps before the first clock reading
-_PROOF_SECONDS = 1.0  # for a proof that no goal can be reached, which takes long among many bodies
+# Contact tests of two bodies for a proof that a goal cannot be reached, about a second; counted, so that slow machines
+# prove the same.
+_PROOF_TESTS = 150_000
 # The largest number of iterations.
 NO_LIMIT = int(np.iinfo(np.int64).max)
 
@@ -170,7 +172,6 @@ class Query:
         if self._joint_goals is None:
             return False
         reasons: dict[str, None] = {}
-        searched = self.seconds
         # Without the margin, which alone may block all paths, and without pairs of links of one arm, for which
         # `timeout_hints` has advice.
         with checker_from_pool(self._scene, self.problem.arms) as checker:
@@ -179,7 +180,8 @@ class Query:
                     checker,
                     self.problem.start,
                     goal,
-                    goes_on=lambda: self.in_time() and self.seconds < searched + _PROOF_SECONDS,
+                    most_tests=_PROOF_TESTS,
+                    goes_on=self.in_time,
                 )
                 if barrier is None:
                     return False

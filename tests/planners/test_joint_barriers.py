@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import rr1plan as rp
 from rr1plan.collision.contact_cells import ContactCells
+from rr1plan.planners import planning_query
 from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.planning import Budget, PlanStatus
 
@@ -81,6 +85,15 @@ def test_a_search_without_time_ends(on_floor: rp.Scene) -> None:
     checker, ends = rp.CollisionChecker(on_floor), (np.array([-1.0, 1.0, 0.5]), np.array([2.0, 5.2, -1.0]))
     assert find_joint_barrier(checker, *ends) is not None
     assert find_joint_barrier(checker, *ends, goes_on=lambda: False) is None
+    assert find_joint_barrier(checker, *ends, most_tests=100) is None
+
+
+def test_a_slow_machine_proves_the_same(on_floor: rp.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    seconds = itertools.count(0.0, 2.0)
+    monkeypatch.setattr(planning_query, "time", SimpleNamespace(perf_counter=lambda: next(seconds)))
+    problem = rp.Problem(on_floor, [-1.0, 1.0, 0.5], [2.0, 5.2, -1.0])
+    budget = Budget(seconds=math.inf, iterations=BUDGET.iterations)
+    assert rp.plan(problem, budget=budget, rng=0).status is PlanStatus.INFEASIBLE
 
 
 def test_cells_of_some_pairs_are_those_of_all_pairs(rr1: rp.Robot) -> None:
