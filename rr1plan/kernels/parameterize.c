@@ -14,6 +14,10 @@ enum { ROW_ROUNDS = 100 };
 // Points within an interval at which velocity is constrained.
 enum { VELOCITY_PLACES = 4 };
 #define MIN_SLOWNESS 1e-12
+// A motion keeps this share of the highest squared speed at the end of each bent interval, if it is feasible. On a coarse
+// grid, the highest speed at one gridpoint may require rest at the next one, although the motion is slower then, or
+// cannot end if that is the last but one.
+#define LEAST_SPEED 0.3
 
 // A row is |alpha x + beta y| <= 1; an interval of a curve with nq columns has ROWS(nq) of them.
 #define ROWS(nq) (2 * (nq) + VELOCITY_PLACES + 1)
@@ -64,8 +68,9 @@ static int64_t lowest_line(const double *size, const double *slope, int64_t coun
     return best;
 }
 
-// The highest x for which some y in [0, high] satisfies all rows; some alpha must be positive.
-static double highest_speed(const double *alpha, const double *beta, int64_t count, double high) {
+// The highest x for which some y in [low, high] satisfies all rows; some alpha must be positive, and low feasible at
+// x = 0.
+static double highest_speed(const double *alpha, const double *beta, int64_t count, double low, double high) {
     double size[count], slope[count];
     for (int64_t r = 0; r < count; r++) {
         if (alpha[r] > ROW_RATIO * abs_number(beta[r])) {
@@ -102,8 +107,16 @@ static double highest_speed(const double *alpha, const double *beta, int64_t cou
         if (room >= -1e-12 * size[upper] || closing <= 0.0) break;
         y = (size[upper] + size[lower]) / closing;
     }
+    y = max_number(y, low);
     int64_t r = lowest_line(size, slope, count, 1.0, y);
     return max_number(0.0, size[r] - slope[r] * y);
+}
+
+// A squared speed at the end of an interval, as wanted or less, that is feasible from rest.
+static double least_next_speed(const double *beta, int64_t count, double wanted) {
+    double steepest = 0.0;
+    for (int64_t r = 0; r < count; r++) steepest = max_number(steepest, abs_number(beta[r]));
+    return min_number(wanted, 0.5 / steepest);
 }
 
 // The highest y in [0, high] that satisfies all rows for an x for which there is one.
@@ -153,6 +166,29 @@ typedef struct {
     double looseness;  // mean over time of the unused share of the limit of the joint closest to its limit
 } Speeds;
 
+// Highest squared speeds x at the gridpoints from which the motion can stop at the end of the grid, by a backward pass;
+// rows of all intervals. `least`: LEAST_SPEED, or 0 for the highest speeds of all.
+static void controllable_speeds(const PathCurve *curve, const Grid *grid, const RateLimits *limits, double least,
+                                double *alpha, double *beta, double *x) {
+    int64_t n = grid->count, nq = curve->column_count, rows = ROWS(nq);
+    x[n] = 0.0;
+    for (int64_t i = n - 1; i >= 0; i--) {
+        const double *piece = piece_of(curve, grid->piece[i]);
+        double *a = alpha + i * rows, *b = beta + i * rows;
+        double slow = slowness_at(piece, nq, grid->offset[i], limits->inverse_velocity);
+        if (is_bent(piece, nq)) {
+            fill_rows(piece, nq, grid->offset[i], grid->delta[i], limits, a, b);
+            a[rows - 1] = slow;
+            x[i] = highest_speed(a, b, rows, least_next_speed(b, rows, least * x[i + 1]), x[i + 1]);
+        } else {
+            double gain = grid->delta[i] * speed_gain(piece, nq, limits->inverse_acceleration);
+            a[0] = 1.0 / gain;
+            b[0] = -1.0 / gain;
+            x[i] = min_number(1.0 / slow, x[i + 1] + gain);
+        }
+    }
+}
+
 // Time-optimal squared speeds on a grid, from the squared speed `first`, or less if the motion cannot stop at the end
 // of the grid from there. Returns 0 if the arena is used up.
 //
@@ -165,22 +201,9 @@ static int solve_grid(const PathCurve *curve, const Grid *grid, const RateLimits
     if (!x || !alpha) return 0;
     double *beta = alpha + n * rows;
     for (int64_t i = 0; i < 2 * n * rows; i++) alpha[i] = 0.0;
-    x[n] = 0.0;
-    for (int64_t i = n - 1; i >= 0; i--) {
-        const double *piece = piece_of(curve, grid->piece[i]);
-        double *a = alpha + i * rows, *b = beta + i * rows;
-        double slow = slowness_at(piece, nq, grid->offset[i], limits->inverse_velocity);
-        if (is_bent(piece, nq)) {
-            fill_rows(piece, nq, grid->offset[i], grid->delta[i], limits, a, b);
-            a[rows - 1] = slow;
-            x[i] = highest_speed(a, b, rows, x[i + 1]);
-        } else {
-            double gain = grid->delta[i] * speed_gain(piece, nq, limits->inverse_acceleration);
-            a[0] = 1.0 / gain;
-            b[0] = -1.0 / gain;
-            x[i] = min_number(1.0 / slow, x[i + 1] + gain);
-        }
-    }
+    controllable_speeds(curve, grid, limits, LEAST_SPEED, alpha, beta, x);
+    // A moving arm may be too fast to keep the least speeds.
+    if (x[0] < first) controllable_speeds(curve, grid, limits, 0.0, alpha, beta, x);
     x[0] = min_number(first, x[0]);
     for (int64_t i = 0; i < n; i++) x[i + 1] = next_speed(alpha + i * rows, beta + i * rows, rows, x[i], x[i + 1]);
     double total = 0.0, loose = 0.0;

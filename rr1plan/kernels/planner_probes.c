@@ -40,7 +40,7 @@ EXPORT int64_t rr1_chain_jacobian(const Chain *chain, const IkTarget *target, co
 }
 
 EXPORT double rr1_highest_speed(const double *alpha, const double *beta, int64_t count, double high) {
-    return highest_speed(alpha, beta, count, high);
+    return highest_speed(alpha, beta, count, 0.0, high);
 }
 
 EXPORT double rr1_next_speed(const double *alpha, const double *beta, int64_t count, double x, double high) {

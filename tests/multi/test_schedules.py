@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -49,6 +51,21 @@ def test_the_fastest_hop_is_the_motion_of_the_retiming(path: AgentPath) -> None:
     scene = path.agent.problem.scene
     reference = rp.retime(path.path, scene, method=method, checker=_Checker(not path.halts))
     assert path.fastest == pytest.approx(reference.duration, rel=0.02)
+
+
+def test_every_hop_ends_on_blends_of_a_gantry_with_one_slow_joint() -> None:
+    """On a coarse grid, the highest speed before a gridpoint on a blend may require rest there."""
+    points = np.array([[0.89, 0.23], [0.12, 0.29], [0.59, 0.55]])
+    robot = rp.planar_arm("PP", (1.0, 1.0))
+    limits = replace(robot.limits, velocity=np.array([0.5, 0.05]), acceleration=np.array([2.0, 0.2]))
+    scene = rp.Scene().with_arm("gantry", robot.with_limits(limits))
+    agent = Agent(rp.Problem(scene, points[0], points[-1]), ["gantry"])
+    path = AgentPath(agent, Path(agent.joint_names, points), _Checker(True))
+    for begin, end in combinations(path.stops, 2):
+        stretch = path.at(end) - path.at(begin)
+        slowest = float((np.abs(stretch) / limits.velocity).max() + (limits.velocity / limits.acceleration).max())
+        assert path.hop_duration(begin, end) < 4.0 * slowest
+        assert np.isfinite(path.hop_times(end, begin)).all()
 
 
 def test_hops_keep_limits_and_are_where_they_say_when_they_say(path: AgentPath) -> None:
