@@ -220,6 +220,23 @@ def test_a_slower_arm_takes_as_much_longer(rr1: rp.Robot) -> None:
     before, rest = np.linspace(0.0, at, 50), np.linspace(at + 1.0, at + 2.0, 20)
     np.testing.assert_allclose(paused.trajectory(before), plain.trajectory(before), atol=1e-9)
     assert np.abs(paused.trajectory(rest, 1)).max() == 0.0
+    # Pauses may cost more than their durations, because the arm brakes, and simultaneous ones cost less.
+    early = rp.execute_plan(graph, scene, {"arm01": rp.ArmDelay(pauses=[(0.05, 0.3)])})
+    assert early.makespan > plain.makespan + 0.3
+    both = rp.execute_plan(graph, scene, {"arm01": rp.ArmDelay(pauses=[(at, 2.0), (at, 2.0)])})
+    assert both.makespan == pytest.approx(paused.makespan)
+    for execution in (plain, slow, late, paused, early, both):
+        assert execution.waiting == {"arm01": 0.0}
+
+
+def test_the_pauses_of_an_arm_do_not_hide_how_long_it_waits(ring: Plan) -> None:
+    problem, _, graph = ring
+    node, after = graph.dependencies[0]
+    (first,), (second,) = after.arms, node.arms
+    late = {first: rp.ArmDelay(start=3.0)}
+    paused = {second: rp.ArmDelay(pauses=[(2.8, 0.1)] * 9)}
+    waited = rp.execute_plan(graph, problem.scene, late).waiting[second]
+    assert rp.execute_plan(graph, problem.scene, late | paused).waiting[second] > 0.8 * waited
 
 
 def test_an_arm_that_waits_stops_before_what_is_not_free(ring: Plan) -> None:

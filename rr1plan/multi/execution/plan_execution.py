@@ -171,6 +171,11 @@ class _Run:
         self.events: list[_Event] = []
 
     def run(self) -> PlanExecution:
+        """All motions, event by event."""
+        self._move()
+        return self._execution()
+
+    def _move(self) -> None:
         for i, delay in enumerate(self.delays):
             self.motions[i].pause(0.0, delay.start)
             self.motions[i].go_to(self._limit(i), 0.0)
@@ -186,7 +191,6 @@ class _Run:
                 self._add(time + self.gap, self.graph.dependencies[cause].node.agent, dependency=cause)
             else:
                 break
-        return self._execution()
 
     def _add(self, time: float, agent: int, pause: float = 0.0, dependency: int = -1) -> None:
         heappush(self.events, _Event(time, next(self.numbers), agent, pause, dependency))
@@ -226,13 +230,13 @@ class _Run:
     def _execution(self) -> PlanExecution:
         times, waiting = [], {}
         parts = [motion.trajectory() for motion in self.motions]
-        for route, motion, part, delay in zip(self.graph.routes, self.motions, parts, self.delays, strict=True):
+        for route, motion, delay in zip(self.graph.routes, self.motions, self.delays, strict=True):
             times.append(motion.steps_entered())
-            alone = RouteMotion(route, motion.limits)
-            alone.go_to(route.segments, 0.0)
-            moved = route.segments > 0
-            late = part.end_time - alone.stop_time - delay.start - sum(seconds for _, seconds in delay.pauses)
-            waiting.update(dict.fromkeys(route.arms, max(0.0, late) if moved else 0.0))
+            # With its own delays: a pause costs more than its duration, because the arm brakes, or less near the end.
+            alone = _Run(PlanGraph((route,), ()), self.scene, [delay], 0.0)
+            alone._move()
+            late = motion.pass_time(route.segments) - alone.motions[0].pass_time(route.segments)
+            waiting.update(dict.fromkeys(route.arms, max(0.0, late) if route.segments > 0 else 0.0))
         merged = Trajectory.merge(*parts)
         names = self.scene.joint_names(self.graph.arms)
         columns = [merged.joint_names.index(name) for name in names]
