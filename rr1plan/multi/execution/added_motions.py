@@ -23,7 +23,7 @@ from rr1plan.checks import Array, Seed, Value, as_generator, finite_number, know
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
 from rr1plan.multi.execution.present_motions import PresentMotions
-from rr1plan.multi.execution.running_plan import Part, RunningPlan, Stop, part_of, stops_of
+from rr1plan.multi.execution.running_plan import LATEST, Part, RunningPlan, Stop, part_of, stops_of
 from rr1plan.multi.execution.single_arm_motions import Attempt, NewMotion, SingleArmMotions, joined
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.portfolio import ManyArmsResult, plan_many_arms
@@ -40,7 +40,6 @@ from rr1plan.validation import validate
 _STEPS_ASIDE, _SAMPLES = 12, 20
 _FREEZE, _SHORTEST = 0.3, 0.1  # defaults [s]
 _SAME = 1e-9  # largest difference of equal configurations, such as solutions of inverse kinematics [rad or m]
-_LATEST = 1e7  # later times are rounded to more than a nanosecond [s]
 # Share of the budget reserved for the referee and for kernel calls, and its upper bound [s].
 _RESERVE, _MOST_RESERVE = 0.2, 0.1
 # Additional reserve for the torques that the referee computes, for each second of an arm's motion [s], and the largest
@@ -130,8 +129,8 @@ def add_motion(
     of_kind("budget", budget, Budget, optional=True)
     known_name("arm", arm, plan.arms)
     at, freeze = finite_number("at", at), finite_number("freeze", freeze)
-    if at + freeze > _LATEST:
-        raise InputError(f"at is {at} and freeze is {freeze}, expected times up to {_LATEST:g} s")
+    if at + freeze > LATEST:
+        raise InputError(f"at is {at} and freeze is {freeze}, expected times up to {LATEST:g} s")
     if at < plan.trajectory.start_time or freeze < 0.0:
         raise InputError(f"at is {at} and freeze is {freeze}, expected a time of the plan and a time >= 0")
     seconds = max(freeze, _SHORTEST) if budget is None else budget.seconds

@@ -16,10 +16,13 @@ from typing import TYPE_CHECKING, NamedTuple
 from rr1plan.checks import Value, items_of, known_name, number_from_zero, of_kind, shown
 from rr1plan.errors import InputError
 from rr1plan.multi.execution.route_motion import RouteMotion, slower
+from rr1plan.multi.execution.running_plan import LATEST
 from rr1plan.multi.execution.temporal_plan_graph import PlanGraph
 from rr1plan.planning import Wait
 from rr1plan.scene import Scene
 from rr1plan.trajectory import Trajectory
+
+_SLOWEST = 1e6  # largest relative increase of durations
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +35,7 @@ class ArmDelay(Value):
         pauses: Pairs of the time at which it begins to stop [s], and the time after that until it may continue [s].
 
     Raises:
-        InputError: a number that is not finite, or below zero.
+        InputError: a number that is not finite or below zero, a time above 1e7 s, or a slowdown above 1e6.
     """
 
     start: float = 0.0
@@ -46,16 +49,27 @@ class ArmDelay(Value):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        for name in ("start", "slowdown"):
-            object.__setattr__(self, name, number_from_zero(name, getattr(self, name)))
+        object.__setattr__(self, "start", _time("start", self.start))
+        object.__setattr__(self, "slowdown", _up_to(_SLOWEST, "slowdown", self.slowdown))
         pairs = []
         for pair in items_of("pauses", self.pauses, "pairs of a time and a duration"):
             both = items_of("a pause", pair, "a time and a duration")
             if len(both) != 2:
                 raise InputError(f"a pause has {len(both)} numbers, expected a time and a duration")
-            begin = number_from_zero("time of a pause", both[0])
-            pairs.append((begin, number_from_zero("duration of a pause", both[1])))
+            pairs.append((_time("time of a pause", both[0]), _time("duration of a pause", both[1])))
         object.__setattr__(self, "pauses", tuple(sorted(pairs)))
+
+
+def _time(name: str, value: object) -> float:
+    """`value` as a time from 0 to `LATEST` [s]."""
+    return _up_to(LATEST, name, value)
+
+
+def _up_to(most: float, name: str, value: object) -> float:
+    number = number_from_zero(name, value)
+    if number > most:
+        raise InputError(f"{name} is {number}, expected a number up to {most:g}")
+    return number
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +111,8 @@ def execute_plan(
 
     Raises:
         UnknownNameError: a delay of an arm that is not in the plan.
-        InputError: joints that the scene does not have, a gap below zero, or a plan that limits jerk or torques.
+        InputError: joints that the scene does not have, a gap below zero or above 1e7 s, or a plan that limits jerk or
+            torques.
     """
     of_kind("graph", graph, PlanGraph)
     if graph.torque_limits:
@@ -105,7 +120,7 @@ def execute_plan(
     if graph.retiming == "ruckig":
         raise InputError("the plan limits jerk, but executions do not; plan with retiming 'blend' or 'stop'")
     of_kind("scene", scene, Scene)
-    gap = number_from_zero("gap", gap)
+    gap = _time("gap", gap)
     given: dict[str, ArmDelay] = {}
     if delays is not None and not isinstance(delays, Mapping):
         raise InputError(f"delays is {shown(delays)}, expected a mapping from arm to ArmDelay")

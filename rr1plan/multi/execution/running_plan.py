@@ -31,6 +31,8 @@ _REST = 1e-9
 # Far above the rounding of times [s].
 _SAME_TIME = 1e-9
 _NEWTON_STEPS = 8
+LATEST = 1e7
+"""Largest time of a change or a delay; later ones are rounded to more than a nanosecond [s]."""
 
 
 @dataclass(frozen=True, eq=False)
