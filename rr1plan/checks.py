@@ -60,7 +60,7 @@ def _rest(value: Sized, most: int) -> str:
 
 
 def number_array(name: str, value: object) -> Array:
-    """A new float64 array of `value`, of any shape, possibly with infinities and NaN.
+    """A new C-ordered float64 array of `value`, of any shape, possibly with infinities and NaN.
 
     Raises:
         InputError: not numbers.
@@ -68,7 +68,7 @@ def number_array(name: str, value: object) -> Array:
     try:
         if np.asarray(value).dtype.kind in "bUSmM" or isinstance(value, np.ma.MaskedArray):
             raise TypeError("a truth value, text, a time or a masked value is no number, although NumPy converts it")
-        array = np.array(value, dtype=np.float64)
+        array = np.array(value, dtype=np.float64, order="C")  # kernels read C order
     except (TypeError, ValueError, OverflowError, Warning) as error:
         raise InputError(f"{name} is not an array of numbers: {shown(value)}") from error
     return array

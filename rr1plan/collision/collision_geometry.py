@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import read_only
+from rr1plan.checks import FARTHEST, read_only
 from rr1plan.collision.arm_geometry import ArmGeometry, ArmInstances, Solid, arm_geometry, arm_instances
 from rr1plan.collision.obstacle_geometry import ObstacleGeometry, obstacle_geometry, stationary_arm_geometry
 from rr1plan.collision.reach_broad_phase import find_near
@@ -225,7 +225,7 @@ _STEP = 0.1
 def geometry_distance(scene: Scene, margin: float) -> float:
     """Distance within which elements belong to a geometry for a scene with a margin beyond its padding [m]."""
     greatest = max((scene.padding, *scene.pair_padding.values())) + margin
-    return _STEP * math.ceil((greatest + _NEAR) / _STEP)
+    return _STEP * math.ceil((greatest + _NEAR) / _STEP) if greatest < FARTHEST else math.inf
 
 
 def collision_geometry(scene: Scene, arms: tuple[str, ...], distance: float) -> CollisionGeometry:

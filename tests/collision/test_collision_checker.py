@@ -13,8 +13,10 @@ from rr1plan.collision.tables.exact_tables import exact_scratch, exact_struct
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.path import Path
+from rr1plan.pipeline import plan_motion
 from rr1plan.scene import Scene
 from rr1plan.scene.model_library import load_scene
+from rr1plan.scene.problem import Problem
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, PointCloud, Sphere
 from rr1plan.transforms import pose
 
@@ -496,6 +498,16 @@ def test_a_path_is_checked_by_the_names_of_its_joints(planar):
         assert motion.path_is_free(swapped) is motion.path_is_free(waypoints)
     with pytest.raises(InputError, match=r"path's joints are .*other, expected"):
         motion.path_is_free(Path((names[0], "arm/other"), points))
+
+
+@pytest.mark.parametrize("distance", [1e5, 1e308])
+def test_distances_as_large_as_floats_leave_nothing_free(planar, distance):
+    scene = Scene().with_arm("arm", planar).with_obstacle("ball", Sphere(0.1), [9.0, 0.0, 0.0])
+    q = np.zeros(planar.nq)
+    for checker in (CollisionChecker(scene, margin=distance), CollisionChecker(scene.with_padding(distance))):
+        assert not checker.is_free(q)
+        assert not checker.edge_is_free(q, q + 0.1)
+    assert plan_motion(Problem(scene, q, q + 0.1), margin=distance, rng=0).valid
 
 
 def test_another_margin_is_that_of_a_new_checker(cluttered):

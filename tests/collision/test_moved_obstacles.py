@@ -107,6 +107,15 @@ def test_many_moves_one_after_the_other(six, odd):
     assert free > 5
 
 
+def test_a_pose_may_be_stored_by_columns_as_pinocchio_stores_them(six):
+    rng = np.random.default_rng(9)
+    scene, there = furnished(Scene().with_arm("a", six), rng), anywhere(rng)
+    checker = CollisionChecker(scene)
+    checker.move_obstacle("box", np.asfortranarray(there))
+    q = np.zeros(checker.nq)
+    assert checker.clearance(q) == CollisionChecker(scene.with_obstacle_at("box", there)).clearance(q)
+
+
 def test_beside_an_arm_that_stands_still(six, odd):
     """Contacts of the moved obstacle with that arm are found, and gone when it is moved away."""
     rng = np.random.default_rng(4)
