@@ -8,13 +8,18 @@ makes a search reproducible; the clock is read there and in every edge check.
 OMPL's PRM searches in a second thread, in which any exception terminates the process, and its roadmap
 differs from run to run. Here OMPL only grows the roadmap, in the calling thread, and Dijkstra's algorithm
 finds the path on it.
+
+All generators of a process take their seeds from one sequence. A search creates its generators before its first
+termination check; until then other threads wait with theirs, so that searches in several threads are reproducible.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -35,6 +40,7 @@ from rr1plan.planning import SearchTree
 _OPTIMAL = 1e-3
 _FIRST_ROADMAP, _ROADMAP_GROWTH = 100, 1.3  # termination checks between two queries of a roadmap
 _EXPANSION = 4  # checks for growing the roadmap per check for expanding it in narrow passages
+_seeding = RLock()  # held by the thread whose search creates its generators
 _NOT_SETTINGS = {"setProblemDefinition", "setName", "setProjectionEvaluator", "setDefaultConnectionStrategy"}
 
 
@@ -91,32 +97,60 @@ def _search(
     planner: str, query: OmplQuery, watch: Watch, seed: int, settings: Mapping[str, Any], tree: bool
 ) -> OmplResult:
     ou.setLogLevel(ou.LOG_NONE)
-    ou.RNG.setSeed(seed)
-    space = _space(query)
     # OMPL's BIT* leaks its states when its planner data is read, so its certified edges are recorded here.
     edges: list[tuple[tuple[float, ...], ...]] | None = [] if tree and planner == "BITstar" else None
-    information = _information(space, query, watch, edges)
-    definition = _definition(information, query)
-    search = getattr(og, planner)(information)
-    search.setProblemDefinition(definition)
-    for name, value in settings.items():
-        _set(search, planner, name, value)
-    if planner == "BFMT":
-        search.setExtendedFMT(False)  # it crashes if its samples do not suffice; `solve` restarts it with more
-    search.setup()
-    if isinstance(search, og.PRM):
-        result = _search_roadmap(search, information, query, watch)
-    else:
-        if hasattr(search, "bestCost"):
-            watch.best_cost = lambda: float(search.bestCost().value())
-        try:
-            search.solve(ob.PlannerTerminationCondition(watch.guarded(watch.is_over, failed=True)))
-        finally:
-            watch.best_cost = None  # refers to the planner, and `watch` outlives it
-        result = _solution(definition, len(query.lower))
+    with _seeded(seed) as seeds_used:
+        information = _information(_space(query), query, watch, edges)
+        definition = _definition(information, query)
+        search = getattr(og, planner)(information)
+        search.setProblemDefinition(definition)
+        for name, value in settings.items():
+            _set(search, planner, name, value)
+        if planner == "BFMT":
+            search.setExtendedFMT(False)  # it crashes if its samples do not suffice; `solve` restarts it with more
+        search.setup()
+        if isinstance(search, og.PRM):
+            result = _search_roadmap(search, information, query, watch, seeds_used)
+        else:
+            _solve_in_budget(search, watch, seeds_used)
+            result = _solution(definition, len(query.lower))
     if not tree:
         return result
     return replace(result, tree=_tree_of(edges) if edges is not None else _explored(search, information, query)[0])
+
+
+@contextmanager
+def _seeded(seed: int) -> Iterator[Callable[[], None]]:
+    """Seed the generators that a search creates, until it calls the function returned here or ends."""
+    held = True
+
+    def seeds_used() -> None:
+        nonlocal held
+        if held:
+            held = False
+            _seeding.release()
+
+    _seeding.acquire()
+    try:
+        ou.RNG.setSeed(seed)
+        yield seeds_used
+    finally:
+        seeds_used()
+
+
+def _solve_in_budget(search: ob.Planner, watch: Watch, seeds_used: Callable[[], None]) -> None:
+    """Run a planner until it finds a path or its budget is used up."""
+
+    def is_over() -> bool:
+        seeds_used()
+        return watch.is_over()
+
+    if hasattr(search, "bestCost"):
+        watch.best_cost = lambda: float(search.bestCost().value())
+    try:
+        search.solve(ob.PlannerTerminationCondition(watch.guarded(is_over, failed=True)))
+    finally:
+        watch.best_cost = None  # refers to the planner, and `watch` outlives it
 
 
 # ---- building ---------------------------------------------------------------------------------
@@ -242,11 +276,16 @@ def _explored(
 # ---- roadmaps ---------------------------------------------------------------------------------
 
 
-def _search_roadmap(search: ob.Planner, information: ob.SpaceInformation, query: OmplQuery, watch: Watch) -> OmplResult:
+def _search_roadmap(
+    search: ob.Planner, information: ob.SpaceInformation, query: OmplQuery, watch: Watch, seeds_used: Callable[[], None]
+) -> OmplResult:
     """Grow a roadmap in rounds and search it after each round; PRM* continues until the budget ends."""
-    optimizing = isinstance(search, og.PRMstar)
+    optimizing, at_once = isinstance(search, og.PRMstar), ob.plannerAlwaysTerminatingCondition()
     for _ in query.goals:
-        search.solve(ob.plannerAlwaysTerminatingCondition())  # only adds the start and one more goal
+        search.solve(at_once)  # only adds the start and one more goal
+    search.growRoadmapPtc(at_once)  # these two only create their generators
+    search.expandRoadmapPtc(at_once)
+    seeds_used()
     checks, result = float(_FIRST_ROADMAP), OmplResult(None)
     nearest = float(np.linalg.norm(query.goals - query.start, axis=1).min())
     while not watch.over:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from pathlib import Path
 
@@ -88,6 +89,28 @@ def test_a_seed_gives_the_same_bytes_again_after_other_searches(planner):
     assert solve(planner, iterations=2500)[0].waypoints.tobytes() == first
     others = (solve(planner, iterations=2500, seed=s)[0].waypoints for s in (2, 3, 4))
     assert any(w is None or w.tobytes() != first for w in others)
+
+
+@pytest.mark.parametrize("planner", ["RRTConnect", "PRM", "PRMstar", "BITstar", "AORRTC", "KPIECE1"])
+def test_a_seed_gives_the_same_bytes_while_other_threads_search(planner):
+    first = solve(planner, iterations=800)[0].waypoints
+    others = []
+
+    def disturbed(answer):
+        def call(*states):
+            if len(others) < 20:
+                others.append(threading.Thread(target=solve, args=("RRT",), kwargs={"seed": len(others) + 7}))
+                others[-1].start()
+                others[-1].join(0.003)  # it may wait for the end of this callback
+            return answer(*states)
+
+        return call
+
+    callbacks = {"state_valid": disturbed(world["state_valid"]), "goes_on": disturbed(lambda: True)}
+    again = solve(planner, iterations=800, **callbacks)[0].waypoints
+    for other in others:
+        other.join()
+    assert again.tobytes() == first.tobytes()
 
 
 @pytest.mark.parametrize("planner", ["RRTConnect", "PRM", "BITstar"])
