@@ -219,7 +219,8 @@ class _LineSearch:
         found = solve_ik(self.kinematics, goal, seeds=q, rng=0, max_solutions=1)
         if found.found:
             return f"it continues only from another configuration; {self.singularity(line, q)}"
-        return found.reason
+        # The goal of inverse kinematics is not that of the problem.
+        return found.reason.replace("the goal", "the next point of the line")
 
     def singularity(self, line: Line, q: Array) -> str:
         """Message about the smallest singular value of the frame's Jacobian."""

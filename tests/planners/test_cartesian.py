@@ -106,7 +106,7 @@ def test_a_line_through_the_hole_of_the_annulus_is_out_of_reach_there(planar2r):
     here = planar2r.link_poses(start)["tool"][:3, 3]
     result = CartesianPlanner().plan(Problem(alone(planar2r), start, PoseGoal("tool", -here)), rng=0)
     assert result.status is PlanStatus.INFEASIBLE
-    assert "out of reach of arm/tool" in result.reason
+    assert "the next point of the line is out of reach of arm/tool" in result.reason
     assert "the goal itself has a free configuration" in result.reason
     part = float(result.reason.split("after ")[1].split(" %")[0]) / 100
     along = np.linalg.norm(here) * (1 - 2 * part)
