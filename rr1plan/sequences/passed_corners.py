@@ -14,8 +14,8 @@ from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.path import Path
 from rr1plan.retiming import retime
+from rr1plan.sequences.segment_options import PlannedSegment
 from rr1plan.sequences.segments import FreeMotion, StraightLine
-from rr1plan.sequences.sequence_search import PlannedSegment
 from rr1plan.trajectory import Trajectory
 
 # Samples on each piece of a motion in the search for the end of a segment, and their number for refinement.

@@ -15,10 +15,11 @@ from rr1plan.scene import Pair, Scene
 from rr1plan.scene.unlocked_joints import unlocked_scene
 from rr1plan.sequences.grippers import finger_contacts
 from rr1plan.sequences.passed_corners import pass_corners
+from rr1plan.sequences.segment_options import PlannedSegment
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, StraightLine
 from rr1plan.sequences.sequence import Sequence
 from rr1plan.sequences.sequence_plan import SequencePlan
-from rr1plan.sequences.sequence_search import PlannedSegment, SequenceSearch
+from rr1plan.sequences.sequence_search import SequenceSearch
 from rr1plan.sequences.stage_validation import validate_stages
 from rr1plan.sequences.stages import SequenceStage
 from rr1plan.trajectory import Trajectory

@@ -282,6 +282,14 @@ def test_a_start_in_collision_is_named(
     assert "'wall'" in plan.reason
 
 
+def test_a_sequence_may_be_longer_than_the_stack_is_deep(table: rp.Scene) -> None:
+    """Every segment of a sequence is a choice, and Python allows 1000 nested calls by default."""
+    pauses = [rp.Pause(0.01)] * 995
+    plan = rp.plan_sequence(rp.Sequence(table, [*pauses, rp.FreeMotion("raised")]), rng=0)
+    assert plan.found, plan.reason
+    assert len(plan.stages) == 996
+
+
 def test_a_budget_ends_the_search(table: rp.Scene) -> None:
     segments = rp.pick_and_place(table, "block", [-0.28, -0.12, 0.03])
     plan = plan_of(table, *segments, budget=rp.Budget(np.inf, iterations=1))
