@@ -155,6 +155,19 @@ def as_pose(value: ArrayLike | None, name: str = "pose") -> Array:
     return read_only(T)
 
 
+def position_and_quaternion(T: ArrayLike) -> Array:
+    """The position [m] and the unit quaternion wxyz of a pose, shape (7,).
+
+    Args:
+        T: The pose, shape (4, 4).
+
+    Raises:
+        InputError: not a pose.
+    """
+    T = as_pose(T)
+    return np.concatenate([T[:3, 3], quaternion_from_rotation(T[:3, :3])])
+
+
 def _is_rotation(R: Array) -> bool:
     """Whether R is orthonormal with determinant 1; entries beyond 1 are tested first, because products may overflow."""
     return bool(np.abs(R).max() < 2.0 and np.abs(R @ R.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(R) > 0.0)

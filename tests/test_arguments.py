@@ -879,6 +879,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "pack_array": (rp.pack_array, {"array": [1.0], "dtype": "f4"}),
         "transforms.as_pose": (transforms.as_pose, {"value": T, "name": "x"}),
         "transforms.inverse": (transforms.inverse, {"T": T}),
+        "transforms.position_and_quaternion": (transforms.position_and_quaternion, {"T": T}),
         "transforms.pose": (transforms.pose, {"xyz": [0, 0, 0], "rpy": None, "quaternion": None}),
         "transforms.quaternion_from_rotation": (transforms.quaternion_from_rotation, {"R": np.eye(3)}),
         "transforms.rotation_about": (transforms.rotation_about, {"axis": [0, 0, 1], "angle": 1.0}),

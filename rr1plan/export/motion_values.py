@@ -17,8 +17,9 @@ from rr1plan.export import motion_schema as schema
 from rr1plan.path import Path
 from rr1plan.robot import Geometry, Inertial, Joint, Link, Mimic, Robot, check_robot
 from rr1plan.robot.joint_limits import Limits
-from rr1plan.scene import Arm, Attachment, Obstacle, Pair, Scene, pair
+from rr1plan.scene import Arm, Attachment, Obstacle, Scene, pair
 from rr1plan.scene.problem import Goal, JointGoal, PoseGoal, Problem, RegionGoal
+from rr1plan.scene.scene_elements import names_of_pair
 from rr1plan.shapes import Box, Capsule, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from rr1plan.shapes.convex_hulls import bounds_its_hull
 from rr1plan.shapes.stored_shapes import shape_hash
@@ -62,7 +63,7 @@ def plain(value: Any, stored: Shapes | None = None) -> Any:
     if isinstance(value, list | tuple):
         return [plain(item, stored) for item in value]
     if isinstance(value, frozenset):
-        return sorted(_both(item) if isinstance(item, frozenset) else item for item in value)
+        return sorted(names_of_pair(item) if isinstance(item, frozenset) else item for item in value)
     if stored is not None and isinstance(value, Mesh | PointCloud):
         points = value.vertices if isinstance(value, Mesh) else value.points
         if len(points) > _FEW:
@@ -80,11 +81,6 @@ def _plain_fields(value: object, stored: Shapes | None) -> dict[str, object]:
     names = zip(entry.__struct_encode_fields__, entry.__struct_fields__, strict=True)
     fields = {key: plain(getattr(value, name), stored) for key, name in names}
     return fields if tag is None else {"type": tag, **fields}
-
-
-def _both(names: Pair) -> list[str]:
-    """The two names of a pair, in order; equal names for a pair of one element with itself."""
-    return sorted(names) * (2 if len(names) == 1 else 1)
 
 
 def plain_scene(scene: Scene, stored: Shapes | None = None) -> dict[str, object]:
@@ -106,7 +102,7 @@ def plain_scene(scene: Scene, stored: Shapes | None = None) -> dict[str, object]
             ("attachments", schema.Attachment, scene.attachments),
         )
     }
-    distances = sorted((_both(names), distance) for names, distance in scene.pair_padding.items())
+    distances = sorted((names_of_pair(names), distance) for names, distance in scene.pair_padding.items())
     return {
         "robots": [plain(robot, stored) for robot in robots],
         "scene": {

@@ -43,10 +43,13 @@ def drawn_tree(tree: SearchTree, start: Array | None, goals: Sequence[Array], mo
     one nearest to the root, and all edges between the kept ones and their root, so the result is a connected part of
     the tree. The resolution of the raster is halved until few enough edges remain.
 
+    An edge between two trees is the one found last on the path between their roots; it belongs to the tree of its first
+    vertex.
+
     Args:
-        tree: The explored tree.
+        tree: The explored tree, its edges in the order in which they were found.
         start: Where the search started, shape (n,), or None.
-        goals: Configurations that reach the goal, each (n,).
+        goals: Configurations that reach the goal, each (n,); a whole turn more is the same.
         most: Number of edges.
     """
     edges, owner, reach = _explored(tree, start, goals)
@@ -78,20 +81,6 @@ def _thinned(
             frontier = frontier[(frontier >= 0) & ~chosen[frontier]]
         kept, cells = np.flatnonzero(chosen), cells // 2
     return kept
-
-
-def trees_of(tree: SearchTree, start: Array | None, goals: Sequence[Array]) -> tuple[NDArray[np.int64], Array]:
-    """The tree of each edge (0: the start's, 1: a goal's), and the distance of its far end from the root [rad or m].
-
-    The edge that connects two trees belongs to the start's; it is the one found last on the path between their roots.
-
-    Args:
-        tree: What a planner explored, its edges in the order in which they were found.
-        start: Where the search started, shape (n,), or None.
-        goals: Configurations that reach the goal, each (n,); a whole turn more is the same.
-    """
-    edges, owner, reach = _explored(tree, start, goals)
-    return np.asarray(owner[edges[:, 0]]), reach[edges].max(axis=1, initial=0.0)
 
 
 def _explored(

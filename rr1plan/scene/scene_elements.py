@@ -153,3 +153,8 @@ class Attachment(Value):
 def pair(a: str, b: str) -> Pair:
     """The unordered pair of two element names."""
     return frozenset((a, b))
+
+
+def names_of_pair(both: Pair) -> list[str]:
+    """The two names of a pair, in order; twice the same for a pair of one element with itself."""
+    return sorted(both) * (2 if len(both) == 1 else 1)

@@ -42,6 +42,7 @@ from rr1plan.robot import Robot
 from rr1plan.robot.robot_packages import installed_robots
 from rr1plan.scene import Arm, Attachment, Obstacle, Pair, Scene, pair
 from rr1plan.scene.problem import Problem
+from rr1plan.scene.scene_elements import names_of_pair
 from rr1plan.scene.scene_queries import problem_entries, read_queries
 from rr1plan.scene.scene_shapes import geometries_entries, pose_entries, read_geometries, read_pose
 from rr1plan.shapes.convex_decomposition import CONVEXITIES, Convexity
@@ -151,9 +152,9 @@ def scene_text(
     if scene.padding:
         data["padding"] = scene.padding
     if scene.allowed:
-        data["allowed"] = sorted(_both(p) for p in scene.allowed)
+        data["allowed"] = sorted(names_of_pair(p) for p in scene.allowed)
     if scene.pair_padding:
-        rows = sorted((_both(p), distance) for p, distance in scene.pair_padding.items())
+        rows = sorted((names_of_pair(p), distance) for p, distance in scene.pair_padding.items())
         data["pair_padding"] = [{"between": both, "distance": distance} for both, distance in rows]
     names = {n: (robots or {}).get(n, arm.robot.name) for n, arm in scene.arms.items()}
     made: dict[tuple[Robot, str], Robot | None] = {}  # the many arms of a scene often share one robot
@@ -365,11 +366,6 @@ def _read_pair(table: Table, key: str, value: object) -> Pair:
     if not isinstance(value, list) or len(value) != 2 or not all(isinstance(name, str) for name in value):
         raise table.error(f"expected pairs of names, got {value!r}", key)
     return pair(*value)
-
-
-def _both(names: Pair) -> list[str]:
-    """The two names of a pair, in order; twice the same for a pair of one element with itself."""
-    return sorted(names) * (2 if len(names) == 1 else 1)
 
 
 def _named_robot(robot: Robot, name: str, load_robot: RobotLoader | None) -> Robot | None:

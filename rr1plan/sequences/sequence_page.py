@@ -7,7 +7,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from rr1plan.checks import Array, of_kind
+from rr1plan.checks import of_kind
 from rr1plan.files.file_access import check_writable, write_text
 from rr1plan.playback.viewer import view_document
 from rr1plan.playback.viewer.html_page import page_html
@@ -18,7 +18,7 @@ from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_opt
 from rr1plan.sequences.sequence_replay import SequenceReplay
 from rr1plan.sequences.stage_planners import stage_planners
 from rr1plan.sequences.stages import StagedMotion, carried_names
-from rr1plan.transforms import quaternion_from_rotation
+from rr1plan.transforms import position_and_quaternion
 
 # Time between two poses of an object that a page interpolates [s].
 _FRAME = 1.0 / 60.0
@@ -71,16 +71,13 @@ def page_parts(
         torque["remark"] = ", ".join(filter(None, [f"without the mass of {', '.join(names)}", torque["remark"]]))
     if replay is None and names:
         times = trajectory.sample_times(_FRAME)
-        poses = {name: np.array([_coordinates(T) for T in motion.object_poses(name, times)]) for name in names}
+        poses = {
+            name: np.array([position_and_quaternion(T) for T in motion.object_poses(name, times)]) for name in names
+        }
         document = with_moving_objects(document, times, poses)
     if replay is None and options.planner:
         document["planner"] = stage_planners(motion)
     return document, with_panel(options, _stage_panel(motion))
-
-
-def _coordinates(T: Array) -> Array:
-    """Position and quaternion of a pose, shape (7,)."""
-    return np.concatenate([T[:3, 3], quaternion_from_rotation(T[:3, :3])])
 
 
 def _stage_panel(motion: StagedMotion) -> Panel:

@@ -1,4 +1,4 @@
-"""Search trees as drawn: the tree of each edge, and its distance along the tree."""
+"""Search trees as drawn: the tree of each edge, and their order by distance along the tree."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.planning import SearchTree
-from rr1plan.playback.search_trees import drawn_tree, trees_of
+from rr1plan.playback.search_trees import DrawnTree, drawn_tree
 
 START, GOAL = np.array([0.0, 0.0]), np.array([5.0, 5.0])
 
@@ -32,31 +32,40 @@ def test_a_tree_that_is_none_is_refused(vertices: list[float], edges: list[int],
         SearchTree(np.array(vertices), np.array(edges))
 
 
-def test_each_edge_is_its_roots_and_as_far_as_its_farther_end() -> None:
-    tree = tree_of([[0, 0], [1, 0], [1, 1], [5, 5], [5, 7]], [[0, 1], [1, 2], [3, 4]])
-    sides, reach = trees_of(tree, START, (GOAL,))
-    assert sides.tolist() == [0, 0, 1]
-    np.testing.assert_allclose(reach, [1.0, 2.0, 2.0])
+def drawn_edges(drawn: DrawnTree) -> list[list[list[float]]]:
+    """The ends of the drawn edges, in the order in which they are drawn."""
+    return [drawn.vertices[edge].tolist() for edge in drawn.edges]
+
+
+def test_each_edge_is_its_roots_and_nearer_ones_come_first() -> None:
+    tree = tree_of([[0, 0], [1, 0], [1, 1], [5, 5], [5, 6.5]], [[3, 4], [1, 2], [0, 1]])
+    drawn = drawn_tree(tree, START, (GOAL,))
+    assert drawn_edges(drawn) == [[[0, 0], [1, 0]], [[5, 5], [5, 6.5]], [[1, 0], [1, 1]]]
+    assert drawn.sides.tolist() == [0, 1, 0]
 
 
 def test_the_last_edge_joins_two_trees_and_makes_them_no_one_tree() -> None:
-    tree = tree_of([[0, 0], [1, 0], [5, 5], [3, 5], [3, 6]], [[0, 1], [2, 3], [3, 4], [1, 3]])
-    sides, reach = trees_of(tree, START, (GOAL,))
-    assert sides.tolist() == [0, 1, 1, 0]
-    np.testing.assert_allclose(reach, [1.0, 2.0, 3.0, 2.0])
+    tree = tree_of([[0, 0], [1, 0], [5, 5], [3, 5], [3, 6.5]], [[0, 1], [2, 3], [3, 4], [1, 3]])
+    drawn = drawn_tree(tree, START, (GOAL,))
+    # The far end of the edge between the trees is as near to the goal's root as that of the second edge.
+    assert drawn_edges(drawn) == [[[0, 0], [1, 0]], [[5, 5], [3, 5]], [[1, 0], [3, 5]], [[3, 5], [3, 6.5]]]
+    assert drawn.sides.tolist() == [0, 1, 0, 1]
 
 
 def test_a_goal_is_the_same_a_turn_farther_and_may_be_there_twice() -> None:
     turn = 2.0 * np.pi
     tree = tree_of([[0, 0], [5 - turn, 5], [5, 5 + turn], [4, 5]], [[2, 3], [0, 1]])
-    sides, _ = trees_of(tree, START, (GOAL,))
-    assert sides.tolist() == [1, 0]
+    drawn = drawn_tree(tree, START, (GOAL,))
+    assert {str(ends): side for ends, side in zip(drawn_edges(drawn), drawn.sides.tolist(), strict=True)} == {
+        str(tree.vertices[[2, 3]].tolist()): 1,
+        str(tree.vertices[[0, 1]].tolist()): 0,
+    }
 
 
 def test_a_tree_that_hangs_on_no_known_root_begins_at_its_first_vertex() -> None:
-    sides, reach = trees_of(tree_of([[1, 0], [2, 0], [2, 3]], [[1, 0], [2, 1]]), None, ())
-    assert sides.tolist() == [1, 1]
-    np.testing.assert_allclose(reach, [1.0, 4.0])
+    drawn = drawn_tree(tree_of([[1, 0], [2, 0], [2, 3]], [[2, 1], [1, 0]]), None, ())
+    assert drawn_edges(drawn) == [[[2, 0], [1, 0]], [[2, 3], [2, 0]]]
+    assert drawn.sides.tolist() == [1, 1]
 
 
 @pytest.mark.parametrize(
@@ -70,14 +79,14 @@ def test_a_planners_trees_hang_together_as_they_grow(planner: rp.Planner) -> Non
     tree = planner.plan(problem, budget=rp.Budget(iterations=20000), rng=3).tree
     assert tree is not None
     goals = [goal.q for goal in problem.goal["arm"]]
-    sides, reach = trees_of(tree, problem.start, goals)
-    assert sides[reach.argmin()] in (0, 1)
+    drawn = drawn_tree(tree, problem.start, goals, len(tree.edges))
+    assert len(drawn.edges) == len(tree.edges)
     seen: dict[int, set[int]] = {0: set(), 1: set()}
     new_roots = 0
-    for edge in np.argsort(reach, kind="stable").tolist():
-        ends = set(tree.edges[edge].tolist())
+    for edge, side in zip(drawn.edges.tolist(), drawn.sides.tolist(), strict=True):
+        ends = set(edge)
         new_roots += not ends & (seen[0] | seen[1])
-        seen[int(sides[edge])] |= ends
+        seen[side] |= ends
     roots = [q for q in tree.vertices if min(np.abs(np.sin((q - r) / 2)).max() for r in (problem.start, *goals)) < 1e-6]
     assert new_roots <= len(roots)
 

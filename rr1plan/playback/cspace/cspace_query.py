@@ -224,7 +224,7 @@ def compute_query(
     grid = compute_grid(scene, arm, joints, resolution, fraction_callback("cspace", progress))
     if problem is None:
         return kind(grid)
-    goals, unreached = goal_configurations(problem)
+    goals, unreached = goals_by_name(problem)
     picture = kind(
         grid,
         read_only(np.array(problem.start)),
@@ -268,7 +268,7 @@ def _check_problem(problem: Problem, arm: str | None, joints: Sequence[str] | No
         )
 
 
-def goal_configurations(problem: Problem) -> tuple[dict[str, Array], tuple[str, ...]]:
+def goals_by_name(problem: Problem) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Configurations (2,) that reach the goal of a two-joint problem, in collision or not, by their names.
 
     A joint goal is its own configuration. For a goal of position (or pose, or region) they are the solutions of inverse

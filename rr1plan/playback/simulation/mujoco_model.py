@@ -30,7 +30,7 @@ from rr1plan.robot import Geometry, Inertial, Joint, Link
 from rr1plan.robot.link_masses import solid_inertial
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Attachment, Obstacle, Scene
-from rr1plan.transforms import quaternion_from_rotation
+from rr1plan.transforms import position_and_quaternion, quaternion_from_rotation
 
 # MuJoCo requires that moving bodies have mass; frames without mass get this mass and inertia [kg, kg m²].
 _NO_MASS = 1e-9
@@ -148,7 +148,7 @@ def build_mujoco(
     spec, joints, bodies = builder.spec, builder.joints, loose_bodies(scene)
     values = {name: arm.robot.joint_values(arm.q) for name, arm in scene.arms.items()}
     configuration = np.array([values[joint.arm][joint.joint.name] for joint in joints])
-    poses = [_coordinates(body.pose) for body in bodies.values()]
+    poses = [position_and_quaternion(body.pose) for body in bodies.values()]
     spec.add_key(name="configuration", qpos=np.concatenate([configuration, *poses]))
     spec.memory = stack_memory(len(joints) + 6 * len(bodies))
     model = _compile(spec)
@@ -412,11 +412,6 @@ def _set_inertial(body: mujoco.MjsBody, inertial: Inertial) -> None:
     body.mass = inertial.mass
     body.ipos = inertial.com
     body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
-
-
-def _coordinates(pose: Array) -> Array:
-    """Position and quaternion of a pose, shape (7,)."""
-    return np.concatenate([pose[:3, 3], quaternion_from_rotation(pose[:3, :3])])
 
 
 def _joint_inertia(model: mujoco.MjModel) -> Array:

@@ -91,7 +91,7 @@ class SetPoints:
                 raise InputError(f"joint {name!r} mimics {joints.followers[name]!r}; command that one")
         replaced = self._conflicting(controller, replace)
         limits = joints.lower[indices], joints.upper[indices], joints.velocity[indices]
-        controller.activate(JointInfo(controller.joint_names, *limits, self._dt), part_of(state, indices))
+        controller.activate(JointInfo(controller.joint_names, *limits, self._dt), state_of_joints(state, indices))
         for other in replaced:
             self._remove(other)
         self.active.pop(controller, None)
@@ -149,7 +149,7 @@ class SetPoints:
         for controller, indices in list(self.active.items()):
             if controller in self._updated or controller not in self.active:
                 continue
-            point = _call(controller, controller.update, part_of(state, indices), state.time)
+            point = _call(controller, controller.update, state_of_joints(state, indices), state.time)
             rows = _checked(controller, point, (len(controller.joint_names),), state.time)
             if controller in self.active:  # an update may deactivate controllers
                 self._updated[controller] = rows
@@ -220,7 +220,7 @@ def as_slice(indices: NDArray[np.int64]) -> NDArray[np.int64] | slice:
     return slice(first, end) if np.array_equal(indices, np.arange(first, end)) else indices
 
 
-def part_of(state: JointState, indices: NDArray[np.int64] | slice) -> JointState:
+def state_of_joints(state: JointState, indices: NDArray[np.int64] | slice) -> JointState:
     """The state of some joints, a copy that controllers may change."""
     rows = (row[indices] for row in (state.positions, state.velocities, state.efforts))
     return JointState(state.time, *(row.copy() if isinstance(indices, slice) else row for row in rows))

@@ -47,7 +47,7 @@ from rr1plan.playback.simulation.mujoco_model import Solver, usual_stiffness
 from rr1plan.playback.simulation.replay import ReplayContact
 from rr1plan.playback.simulation.run_loop import RunLoop
 from rr1plan.playback.simulation.scene_changes import check_same_arms, present_scene, unmoved_bodies
-from rr1plan.playback.simulation.set_points import SetPoints, part_of
+from rr1plan.playback.simulation.set_points import SetPoints, state_of_joints
 from rr1plan.playback.simulation.stepped_models import Tile
 from rr1plan.playback.simulation.tiled_model import TiledModel
 from rr1plan.scene import Scene
@@ -276,7 +276,7 @@ class Simulation:
         Raises:
             UnknownNameError: an unknown joint.
         """
-        return part_of(self._now, self._joints.indices(check_joint_names(joint_names)))
+        return state_of_joints(self._now, self._joints.indices(check_joint_names(joint_names)))
 
     # ---- loose bodies ----------------------------------------------------------------------------
 
