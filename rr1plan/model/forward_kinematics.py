@@ -235,8 +235,8 @@ class Kinematics:
         torques = np.zeros((len(motion[0]), self.nq))
         for branch in map(self._branches.with_held_masses, self.arms):
             rows = zip(*(a[:, branch.rows] for a in motion), strict=True)
-            taus = [pin.rnea(branch.model, branch.data, *row) for row in rows]
-            torques += [tau @ model.selection[branch.rows] for tau in taus]
+            for torque, row in zip(torques, rows, strict=True):
+                torque += pin.rnea(branch.model, branch.data, *row) @ model.selection[branch.rows]
         return torques.reshape(q.shape)
 
     def gravity(self, q: ArrayLike) -> Array:

@@ -45,14 +45,15 @@ class Roadmap(Planner):
 
     Raises:
         UnknownNameError: no such arm.
-        InputError: a scene that cannot be checked, a joint without limits, or no sample.
+        InputError: a scene that cannot be checked or has no arm, a joint without limits, or no sample.
     """
 
     name = _NAME
 
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None, *, samples: int = _SAMPLES) -> None:
         of_kind("scene", scene, Scene)
-        self.scene, self.arms = scene, scene.arm_names(arms)
+        # The outer call rejects scenes without arms.
+        self.scene, self.arms = scene, scene.arm_names(scene.arm_names(arms))
         self._graphs = {0.0: Graph(scene, self.arms)}  # by margin [m]
         self._lock = threading.Lock()
         self.grow(samples)

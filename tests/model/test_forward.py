@@ -176,6 +176,8 @@ def test_inverse_dynamics_takes_many_rows_at_once(rr1):
     q, qd, qdd = np.random.default_rng(6).uniform(-1, 1, (3, 7, 6))
     rows = [kinematics.inverse_dynamics(*row) for row in zip(q, qd, qdd, strict=True)]
     np.testing.assert_array_equal(kinematics.inverse_dynamics(q, qd, qdd), rows)
+    assert kinematics.inverse_dynamics(q[:0], qd[:0], qdd[:0]).shape == (0, 6)
+    assert kinematics.gravity(q[:0]).shape == (0, 6)
     np.testing.assert_array_equal(kinematics.gravity(q), [kinematics.gravity(row) for row in q])
 
 

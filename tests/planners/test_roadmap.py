@@ -207,6 +207,11 @@ def test_a_senseless_number_of_samples_is_refused(seam, wrong):
             ask(wrong)
 
 
+def test_a_scene_without_arms_is_refused():
+    with pytest.raises(InputError, match="scene has no arm"):
+        Roadmap(rp.Scene())
+
+
 def test_wide_ranges_of_turning_joints_are_sampled_near_home():
     turns = 1000.0 * 2.0 * np.pi
     arm = rp.planar_arm("RR", limits=[(-turns, turns), (-2.5, 2.5)])
