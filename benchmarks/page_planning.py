@@ -55,8 +55,8 @@ _WATCH = """() => {
   const { editing, stage } = RR1, plan = editing.plan.bind(editing), draw = stage.draw.bind(stage);
   window.drop = null;
   editing.planOnDrop = true;
-  editing.plan = () => {
-    const began = performance.now(), answer = plan();
+  editing.plan = async () => {
+    const began = performance.now(), answer = await plan();
     window.drop = { began, plays: answer && answer.certified && RR1.playing ? performance.now() : null };
     return answer;
   };

@@ -44,7 +44,7 @@ NO_DRAWING = """
 
 
 class Tab:
-    """A page of the browser that records every request, error and warning.
+    """A page of the browser that records every request, error and warning; its own data (`blob:`) is no request.
 
     Args:
         page: The page.
@@ -57,7 +57,7 @@ class Tab:
             page.add_init_script(NO_DRAWING)
         self.requests: list[str] = []
         self.complaints: list[str] = []
-        page.on("request", lambda r: self.requests.append(r.url))
+        page.on("request", lambda r: None if r.url.startswith("blob:") else self.requests.append(r.url))
         page.on("pageerror", lambda e: self.complaints.append(str(e)))
         page.on("console", lambda m: self.complaints.append(m.text) if m.type == "error" else None)
         page.on("dialog", lambda d: (self.complaints.append(f"dialog {d.message}"), d.dismiss()))
@@ -73,6 +73,10 @@ class Tab:
         """Open a file or an address and wait until the page is ready."""
         self.page.goto(page.as_uri() if isinstance(page, Path) else page)
         wait_until(self.page, ready)
+
+    def wait_for_plan(self) -> None:
+        """Wait until the page does not plan."""
+        wait_until(self.page, "!RR1.editing.planning")
 
     def next_frames(self) -> None:
         """Wait for the next frames."""

@@ -406,7 +406,7 @@ def test_a_plan_around_a_moved_obstacle_is_valid_for_the_referee(calm: Any, prob
     original = played(calm, problem)
     assert "collision" in {v.kind for v in rp.validate(original, scene).violations}
     calm.page.keyboard.press("p")
-    frames(calm)
+    calm.wait_for_plan()
     assert calm.ask("RR1.playing")
     assert calm.page.inner_text("#badge") == "Planned here, certified free"
     assert calm.page.inner_text("#answer").startswith("Certified motion of ")
@@ -415,6 +415,7 @@ def test_a_plan_around_a_moved_obstacle_is_valid_for_the_referee(calm: Any, prob
     report = rp.validate(motion, scene, problem)
     assert report.certified, str(report)
     assert calm.ask("RR1.duration") == pytest.approx(motion.duration)
+    wait_until(calm.page, "Boolean(RR1.document.report.margins.clearance)")
     least = calm.ask("RR1.document.report.margins.clearance.value")
     shown = report.margins
     assert least >= min(shown["clearance"].value, shown["self_clearance"].value) - 1e-4
@@ -436,13 +437,14 @@ def test_start_and_goal_by_hand(calm: Any, problem: rp.Problem) -> None:
         drawn = np.reshape(dict(ghosts)[kind], (-1, 4, 4)).transpose(0, 2, 1)
         np.testing.assert_allclose(drawn, list(poses.values()), atol=1e-6)
     calm.page.click(".act.plan")
-    frames(calm)
+    calm.wait_for_plan()
     motion = played(calm, problem)
     np.testing.assert_allclose(motion(motion.breaks[0]), free[0], atol=1e-9)
     np.testing.assert_allclose(motion(motion.breaks[-1]), free[1], atol=1e-9)
     assert rp.validate(motion, problem.scene).certified
     first = calm.ask("RR1.document.planned")
     calm.page.keyboard.press("p")
+    calm.wait_for_plan()
     assert "seed 0" in first
     assert "seed 1" in calm.ask("RR1.document.planned")
 
@@ -458,7 +460,7 @@ def test_a_goal_that_touches_is_refused_by_name(calm: Any, problem: rp.Problem) 
     said = calm.page.inner_text("#answer")
     assert said.startswith("Goal set, but it touches: ")
     calm.page.keyboard.press("p")
-    frames(calm)
+    calm.wait_for_plan()
     said = calm.page.inner_text("#answer")
     assert said.startswith("Goal is not valid: ")
     assert all(name in said for name in names)
@@ -471,6 +473,7 @@ def test_a_dropped_obstacle_plans_at_once_if_wanted(calm: Any, problem: rp.Probl
     calm.ask("RR1.editing.open()")
     calm.page.click(".act.drop")
     drag(calm, grab_point(calm, "ball"), (-20, 10))
+    calm.wait_for_plan()
     assert calm.ask("RR1.playing")
     assert calm.page.inner_text("#badge") == "Planned here, certified free"
     assert rp.validate(played(calm, problem), scene_of(calm, problem.scene), problem).certified
@@ -573,8 +576,9 @@ def test_where_nothing_can_be_touched_no_clearance_is_stated(tab: Any, planar2r:
     tab.open(rp.save_html(tmp_path / "problem.html", scene, problem=problem))
     wait_until(tab.page, "RR1.planner || RR1.noPlanner")
     tab.page.keyboard.press("p")
-    frames(tab)
+    tab.wait_for_plan()
     assert tab.ask("RR1.document.report.certified")
+    wait_until(tab.page, "document.getElementById('answer').textContent.includes('nothing to touch')")
     assert tab.ask("RR1.document.report.margins") == {}
     assert tab.ask("q => RR1.editing.judge(Float64Array.from(q))", [0.0, 0.0])["text"] == "nothing to touch"
     shown = tab.page.inner_text("body")
@@ -590,7 +594,7 @@ def test_a_problem_without_a_motion_is_planned_and_played(tab: Any, planar2r: rp
     tab.open(rp.save_html(tmp_path / "problem.html", scene, problem=problem))
     wait_until(tab.page, "RR1.planner || RR1.noPlanner")
     tab.page.keyboard.press("p")
-    frames(tab)
+    tab.wait_for_plan()
     assert tab.ask("RR1.playing")
     assert tab.page.locator("#play").is_visible()
     motion = played(tab, problem)

@@ -278,7 +278,7 @@ def test_of_many_arms_the_one_that_was_moved_is_planned_for(tab: Any, rr1: rp.Ro
     assert tab.ask("RR1.editing.judge(RR1.q).title") == "Free"
     column = 6 * rr1.nq
     tab.ask(f"RR1.editing.turn({column}, RR1.q[{column}] + 0.7), RR1.editing.setEnd('goal')")
-    answer = tab.ask("(() => { const a = RR1.editing.plan(); return [a.certified, a.legs.map((leg) => leg.arm)]; })()")
+    answer = tab.ask("RR1.editing.plan().then((a) => [a.certified, a.legs.map((leg) => leg.arm)])")
     assert answer == [True, [6]]
     wait_until(tab.page, "document.getElementById('answer').textContent.includes('clearance')")
     assert "the other arms stand still" in tab.page.inner_text("#answer")

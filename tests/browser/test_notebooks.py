@@ -106,7 +106,7 @@ def test_the_exported_notebook_shows_live_pages(exported: str, policy: str, tab:
     motion = frames["\nmotion"]
     motion.evaluate("RR1.seek(RR1.player.end)")
     np.testing.assert_allclose(motion.evaluate("Array.from(RR1.q)"), [1.2, -0.4], atol=1e-6)
-    assert motion.evaluate("RR1.editing.plan().certified")
+    assert motion.evaluate("RR1.editing.plan().then((answer) => answer.certified)")
     assert (
         frames["resolution=90)"]
         .evaluate("Boolean(RR1.lesson.live) && RR1.lesson.update().verdict")

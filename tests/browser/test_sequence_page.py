@@ -100,7 +100,7 @@ def test_the_arm_is_planned_for_with_the_block_in_its_hand(opened: Any, plan: rp
     start = plan.trajectory(time)
     opened.ask("RR1.editing.turn(0, RR1.q[0] - 0.9)")
     in_hand(opened)
-    assert opened.ask("RR1.editing.plan().certified")
+    assert opened.ask("RR1.editing.plan().then((answer) => answer.certified)")
     assert opened.page.inner_text("#badge") == "Planned here, certified free"
     track = opened.ask(
         "(({ breaks, coefficients: c }) => [[...breaks.values], [...c.values], c.shape])(RR1.document.track)"
@@ -138,7 +138,7 @@ def test_a_click_on_a_stage_leads_back_to_the_sequence(opened: Any, plan: rp.Seq
     opened.ask("RR1.editing.turn(0, RR1.q[0] + 0.3)")
     # The block has been put down: it stays.
     before = opened.ask("[...RR1.world.bodyPoses]")
-    assert opened.ask("RR1.editing.plan().certified")
+    assert opened.ask("RR1.editing.plan().then((answer) => answer.certified)")
     opened.ask("RR1.pause(), RR1.seek(RR1.duration)")
     assert opened.ask("[...RR1.world.bodyPoses]") == before
     assert "now" in opened.page.locator("#panel-stages li button").last.get_attribute("class")

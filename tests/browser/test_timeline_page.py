@@ -81,7 +81,7 @@ def test_a_motion_planned_in_the_page_has_rows_of_its_own(opened: Any) -> None:
     before = opened.ask(said)
     turn = "() => { const { editing } = RR1, q = editing.start.slice(); q[0] += 0.3; editing.setEnd('goal', q); }"
     opened.ask(turn)
-    assert opened.ask("RR1.editing.plan().certified")
+    assert opened.ask("RR1.editing.plan().then((answer) => answer.certified)")
     middle = opened.ask("RR1.player.start + 0.5 * RR1.duration")
     for row, expected in enumerate(("arm01 moves", "arm02 is at its goal")):
         opened.page.hover(CANVAS, position=place_of(opened, row, middle))
@@ -101,7 +101,7 @@ def test_many_arms_that_were_planned_here_move_one_after_the_other(
     motion = rp.plan_motion(rp.Problem(scene, None, goal), rng=0)
     tab.open(motion.save_html(tmp_path / "page.html", options=rp.ViewOptions(play=False)))
     wait_until(tab.page, "Boolean(RR1.planner)")
-    assert tab.ask("RR1.editing.plan().legs.length") == 13
+    assert tab.ask("RR1.editing.plan().then((answer) => answer.legs.length)") == 13
     said = tab.page.inner_text("#panel-timeline .said")
     assert said == f"13 arms, {tab.ask('RR1.duration'):.2f} s, planned here one after the other"
     assert tab.complaints == []

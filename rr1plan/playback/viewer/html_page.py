@@ -2,7 +2,8 @@
 
 The page must not load anything: its content security policy lists the hashes of its own scripts and nothing else, so
 neither requests nor scripts injected through names in a file can run. Only a page that plans by itself may compile
-WebAssembly. Data is embedded in `<script type="application/json">` with every "<" escaped.
+WebAssembly and start a worker, which runs the script of the planner. Data is embedded in
+`<script type="application/json">` with every "<" escaped.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from rr1plan.playback.viewer.page_document import Document
 from rr1plan.playback.viewer.page_planner import page_modules
 from rr1plan.playback.viewer.view_options import Panel, ViewOptions, checked_options
 
-_PLANNER_SCRIPTS = ("math.js", "referee.js", "planner.js", "many_arms_planner.js")
+_PLANNER_SCRIPTS = ("math.js", "referee.js", "planner.js", "many_arms_planner.js", "background_planner.js")
 _SCRIPTS = (
-    *_PLANNER_SCRIPTS, "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js",
+    "shapes.js", "bodies.js", "tool_paths.js", "spheres.js", "world.js", "stage.js", "pace.js",
     "player.js", "conflicts.js", "keys.js", "controls.js", "overlays.js", "side_by_side.js", "plot_curves.js",
     "plots.js", "pointer_pick.js", "differential_ik.js", "dragging.js", "plan_card.js", "jogging.js",
     "scene_stages.js", "editing.js", "live.js", "printing.js", "main.js",
@@ -53,7 +54,7 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: L
     options = checked_options(options)
     panels = options.panels
     plans = plans_by_itself(document)
-    scripts = [_meshcat(), _script(panels)]
+    scripts = [_planner_script(), _meshcat(), _script(panels)]
     settings = {
         "live": None if live is None else live._asdict(),
         "view": options.view,
@@ -69,8 +70,9 @@ def page_html(document: Document, options: ViewOptions | None = None, *, live: L
         "PANELS": "".join(_panel_html(p) for p in panels),
         "DOCUMENT": json_for_html(document),
         "SETTINGS": json_for_html(settings),
-        "MESHCAT": scripts[0],
-        "SCRIPT": scripts[1],
+        "PLANNER": scripts[0],
+        "MESHCAT": scripts[1],
+        "SCRIPT": scripts[2],
     }
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda m: slots[m.group(1)], page_asset("page.html"))
 
@@ -135,8 +137,13 @@ def _meshcat() -> str:
         raise BackendError(f"the package meshcat has no viewer at {script}; try to install it again") from error
 
 
+def _planner_script() -> str:
+    """The planner, which the page and its worker run; its names are global, so that the page's own script has them."""
+    return _sealed(f"'use strict';\n{_without_comments(planner_script())}\n", "script")
+
+
 def _script(panels: Sequence[Panel]) -> str:
-    parts = [_without_comments(text) for text in (_core_script(), *map(page_asset, _SCRIPTS))]
+    parts = [_without_comments(page_asset(name)) for name in _SCRIPTS]
     mounts = [f"mounts[{json.dumps(p.name)}] = function (viewer, root, data) {{\n{p.script}\n}};" for p in panels]
     body = "\n".join([*parts[:-1], *mounts, parts[-1]])
     return _sealed(f"(function () {{\n'use strict';\nconst mounts = {{}};\n{body}\n}})();\n", "script")
@@ -164,8 +171,9 @@ def _panel_html(panel: Panel) -> str:
 def _policy(scripts: Sequence[str], live: LiveAccess | None, plans: bool) -> str:
     hashes = [base64.b64encode(hashlib.sha256(s.encode("utf-8")).digest()).decode("ascii") for s in scripts]
     allowed = " ".join([*(f"'sha256-{h}'" for h in hashes), *(["'wasm-unsafe-eval'"] if plans else [])])
+    workers = "blob:" if plans else "'none'"
     connect = "'none'" if live is None else live.address or "'self'"
     return (
-        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
+        f"default-src 'none'; script-src {allowed}; worker-src {workers}; style-src 'unsafe-inline'; "
         f"img-src data: blob:; connect-src {connect}; base-uri 'none'; form-action 'none'"
     )

@@ -2,7 +2,9 @@
 //
 //   editing.select({ kind: "tool" | "joint" | "obstacle", arm (its index), column (of q), name })
 //   editing.jog(column, value)   editing.moveTool(arm, T_world_tool)   editing.moveObstacle(name, T_world_obstacle)
-//   editing.setEnd("start" | "goal", q)   editing.undo()  .redo()  .reset()   editing.plan()
+//   editing.setEnd("start" | "goal", q)   editing.undo()  .redo()  .reset()
+//   await editing.plan()         the result of the planner, whose motion plays; null if canceled or impossible
+//   editing.cancel(why)
 //   editing.judge(q)             {tone, title, text, touching: [[element, element], ...], clearance [m]} of a configuration
 
 const MOST_UNDONE = 200;
@@ -11,7 +13,7 @@ const CLOSE_EDITS = 800; // [ms] between steps of one jog, which are undone toge
 
 const ROUNDED = 1e-5; // [rad or m] rounding error of a motion at its ends, at most
 const MOST_GHOSTS = 12; // with more arms, only moving ones have ghosts at a start or goal set by the user
-const SAMPLES = 120; // of a motion, for its least clearance
+const SLOW_PLAN = 200; // [ms] after which the card shows the progress
 
 const inWords = (clearance) => (Number.isFinite(clearance) ? `clearance ${length(clearance)}` : "nothing to touch");
 
@@ -24,7 +26,8 @@ class Editing {
     this.picker = new Picker(viewer);
     this.isOpen = false;
     this.lit = null;
-    this.planner = null;
+    this.planner = this.background = null;
+    this.planning = null; // the plan being made: {start, goal, poses, seed, planner, began [ms], progress}
     this.isAsleep = false;
     this.hands = new Dragging(viewer, this);
     this.card = new PlanCard(viewer, this);
@@ -39,6 +42,7 @@ class Editing {
 
   load(doc) {
     const { kinematics, player } = this.viewer;
+    this.cancel();
     this.solvers = new Map();
     this.scratch = new Float64Array(16 * kinematics.links);
     this.poses = new Map(doc.obstacles.map(({ name, pose }) => [name, Float64Array.from(pose)]));
@@ -51,7 +55,7 @@ class Editing {
     this.asPlanned = this.snapshot();
     this.past = [];
     this.future = [];
-    this.lastEdit = this.reach = this.lit = this.asked = this.headline = this.unmeasured = null;
+    this.lastEdit = this.reach = this.lit = this.asked = this.headline = null;
     const moving = doc.track ? doc.track.columns : doc.ghosts.map(({ arm }) => kinematics.arms.find((a) => a.name === arm).firstColumn);
     const arm = kinematics.arms.findIndex((a) => moving.some((c) => c >= a.firstColumn && c < a.firstColumn + a.robot.names.length));
     this.arm = Math.max(arm, 0);
@@ -66,7 +70,11 @@ class Editing {
   /** Takes the planner of the document when it is ready; `reason` says why there is none. */
   takePlanner(planner, reason) {
     const loose = this.viewer.document.bodies && !this.stages.rows;
+    this.cancel(": the scene has changed");
+    if (this.background) this.background.end();
     this.planner = loose ? null : planner;
+    this.background = this.planner && new BackgroundPlanner(planner);
+    if (this.isOpen && this.background) this.background.start();
     this.reason = loose ? "objects move along this motion" : reason;
     if (this.planner) for (const [name, pose] of this.poses) if (planner.obstacles.includes(name)) planner.moveObstacle(name, pose);
     this.stale = true;
@@ -120,6 +128,7 @@ class Editing {
   open(on = true) {
     if (on === this.isOpen || (on && !this.active)) return;
     this.isOpen = on;
+    if (on && this.background) this.background.start();
     this.stale = true;
     this.card.show(on);
   }
@@ -312,54 +321,84 @@ class Editing {
     if (this.planOnDrop && this.planner) this.plan();
   }
 
-  /** Plans on the user's request; first the page says so if many arms will take seconds, in which it draws nothing. */
+  /** Plans on the user's request, or cancels the plan being made. */
   requestPlan() {
-    if (!(this.planner instanceof ManyArmsPlanner)) { this.plan(); return; }
-    this.open();
-    this.card.say("Planning one arm after the other …");
-    requestAnimationFrame(() => setTimeout(() => this.plan()));
+    if (this.planning) this.cancel(); else this.plan();
+  }
+
+  cancel(why = "") {
+    if (!this.planning) return;
+    this.planning = null;
+    this.background.cancel();
+    this.card.say(`Planning canceled${why}.`);
   }
 
   /** Plans from the start to the goal, and plays the motion. Returns the planner's result, or null. */
-  plan() {
-    const { viewer, planner, card, start } = this;
+  async plan() {
+    const { viewer, planner, card } = this;
+    this.cancel();
     this.open();
-    if (this.stages.rows && !this.goal && viewer.manual) this.setEnd("goal");
-    const { goal } = this;
+    if (this.stages.rows) {
+      viewer.pause();
+      if (!this.goal && viewer.manual) this.setEnd("goal");
+    }
+    const { start, goal, poses, asked } = this;
     const missing = !planner ? `Cannot plan here: ${this.reason}.` : !goal ? "No goal yet: pose the arm, then set the goal (B)."
       : this.unchecked(start) || this.unchecked(goal);
     if (missing) { card.say(missing, "open"); return null; }
-    const own = (q) => planner.columns.map((c) => q[c]), { asked } = this, again = asked && asked.start === start && asked.goal === goal && asked.poses === this.poses;
-    const seed = again ? asked.seed + 1 : 0, began = performance.now(), answer = planner.plan(own(start), own(goal), { seed });
-    const took = performance.now() - began;
-    this.asked = { start, goal, poses: this.poses, seed };
+    const again = asked && asked.start === start && asked.goal === goal && asked.poses === poses;
+    const planning = { start, goal, poses, seed: again ? asked.seed + 1 : 0, planner, began: performance.now(), progress: null };
+    this.planning = planning;
+    const own = (q) => planner.columns.map((c) => q[c]), report = (text) => { planning.progress = text; };
+    try {
+      const answer = await this.background.run("plan", [own(start), own(goal), { seed: planning.seed }], report);
+      this.stopIfOvertaken();
+      if (this.planning !== planning) return null;
+      this.take(answer, planning);
+      return answer;
+    } finally {
+      if (this.planning === planning) this.planning = null;
+      card.refreshActs();
+    }
+  }
+
+  /** Shows the planner's result. */
+  take(answer, planning) {
+    const { viewer, card } = this, took = performance.now() - planning.began;
+    this.asked = planning;
     if (answer.status !== "found") {
       card.say(`${{ invalid_start: "Start is not valid", invalid_goal: "Goal is not valid" }[answer.status] || "No motion found"}: ${answer.reason}.`, "bad");
-      return answer;
+      return;
     }
-    if (!answer.track) { card.say(`A path, but no motion: ${answer.reason}.`, "bad"); return answer; }
+    if (!answer.track) { card.say(`A path, but no motion: ${answer.reason}.`, "bad"); return; }
     this.remember(null);
     this.reach = null;
-    const shown = this.withRest(answer.track), track = new Track(shown), spent = took < 1000 ? `${took.toFixed(1)} ms` : `${(took / 1000).toFixed(1)} s`;
+    const track = this.withRest(answer.track), spent = took < 1000 ? `${took.toFixed(1)} ms` : `${(took / 1000).toFixed(1)} s`;
     const report = {
       certified: answer.certified, valid: true, violations: [], margins: {},
       title: answer.certified ? "Planned here, certified free" : "Planned here, not proven free",
       checked: answer.certified ? ["collision in continuous time", "position", "velocity", "acceleration", "rest", "start", "goal"] : [],
-      not_checked: answer.certified ? { "clearance between samples": `the least of ${SAMPLES + 1} instants is shown` } : { proof: answer.fault },
+      not_checked: answer.certified ? { "clearance between samples": `the least of ${CLEARANCE_SAMPLES + 1} instants is shown` } : { proof: answer.fault },
     };
     const samples = { torque: null, clearance: null, error: null, places: [] };
     this.motion = {
-      changes: { track: shown, path: answer.shortened, report, replay: null, compare: [], samples, tree: null, planned: `${spent}, seed ${seed}` },
-      poses: this.poses,
+      changes: { track, path: answer.shortened, report, replay: null, compare: [], samples, tree: null, planned: `${spent}, seed ${planning.seed}` },
+      poses: planning.poses,
     };
     viewer.setMotion(this.motion.changes);
     this.refreshHeadline();
     viewer.play();
-    const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(track.end - track.start)}${answer.legs ? inTurn(answer.legs) : ""}, planned in ${spent}`;
+    const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(viewer.duration)}${answer.legs ? inTurn(answer.legs) : ""}, planned in ${spent}`;
     card.say(`${said}.`, answer.certified ? "good" : "open");
-    // The first picture does not wait for the clearance, which takes longer than the proof.
-    this.unmeasured = { motion: this.motion, track, said, frame: viewer.frames };
-    return answer;
+    this.measure(this.motion, answer.track, said);
+  }
+
+  /** Cancels the plan being made if the question has changed. */
+  stopIfOvertaken() {
+    const { planning } = this;
+    if (planning && ["start", "goal", "poses", "planner"].some((name) => this[name] !== planning[name])) {
+      this.cancel(": the start, the goal or an obstacle has changed");
+    }
   }
 
   /** A track extended by columns that the planner does not move and whose values differ from the document. */
@@ -376,33 +415,15 @@ class Editing {
     return { ...track, columns, coefficients: { values, shape: [pieces, terms, wide] } };
   }
 
-  /** Adds the least clearance to the text about a motion that was planned here. */
-  measure({ motion, track, said }) {
-    this.unmeasured = null;
-    if (this.motion !== motion) return;
-    const { value, time } = this.leastClearance(track), { report } = motion.changes;
-    if (Number.isFinite(value)) report.margins.clearance = { value, unit: "m", subject: [], time };
+  /** Adds the least clearance, which takes longer than the proof, to the text about a motion that was planned here. */
+  async measure(motion, track, said) {
+    const least = await this.background.run("leastClearance", [track]);
+    if (!least || this.motion !== motion) return;
+    const { report } = motion.changes;
+    if (Number.isFinite(least.value)) report.margins.clearance = { value: least.value, unit: "m", subject: [], time: least.time };
     this.headline = null;
     this.refreshHeadline();
-    if (find("answer").textContent === `${said}.`) this.card.say(`${said}, ${inWords(value)}.`, report.certified ? "good" : "open");
-  }
-
-  /** The least clearance [m] at some instants of a motion, and its time. */
-  leastClearance(track) {
-    const { kinematics } = this.viewer, { planner } = this, least = { value: Infinity, time: track.start };
-    const moving = kinematics.arms.map((arm) => planner.columns.includes(arm.firstColumn));
-    let q = kinematics.rest(), before = null;
-    for (let i = 0; i <= SAMPLES; i++) {
-      const time = track.start + (i / SAMPLES) * (track.end - track.start);
-      q = track.at(time, q.slice());
-      // Bounding the search by the least clearance so far makes it faster. If there are many arms, only some have
-      // moved.
-      const last = before, moved = kinematics.arms.map((_, k) => k).filter((k) => moving[k] && (!last || this.differ(k, last, q, 0)));
-      before = q;
-      const value = planner.clearance(planner.columns.map((c) => q[c]), least.value, moved);
-      if (value < least.value) Object.assign(least, { value, time });
-    }
-    return least;
+    if (find("answer").textContent === `${said}.`) this.card.say(`${said}, ${inWords(least.value)}.`, report.certified ? "good" : "open");
   }
 
   /** Whether joints of an arm (by its index) differ by more than rounding in two configurations. */
@@ -429,7 +450,9 @@ class Editing {
 
   frame() {
     this.hands.frame();
-    if (this.unmeasured && this.viewer.frames > this.unmeasured.frame) this.measure(this.unmeasured);
+    this.stopIfOvertaken();
+    const { planning } = this, isSlow = planning && (performance.now() - planning.began > SLOW_PLAN || !this.background.isParallel);
+    if (isSlow) this.card.sayPlanning(planning.progress ?? "");
     if (!this.stale) return;
     this.stale = false;
     if (!this.isOpen) return;

@@ -12,7 +12,7 @@ class Jogging {
       { keys: ["j"], text: "Select the next tool, joint or obstacle; with Shift the one before", when: active, act: (event) => this.next(event.shiftKey ? -1 : 1) },
       { keys: ["a"], text: "The start is where the arm is", when: active, act: () => { editing.open(); editing.setEnd("start"); } },
       { keys: ["b"], text: "The goal is where the arm is", when: active, act: () => { editing.open(); editing.setEnd("goal"); } },
-      { keys: ["p"], text: "Plan and play", when: active, act: () => editing.requestPlan() },
+      { keys: ["p"], text: "Plan and play, or cancel planning", when: active, act: () => editing.requestPlan() },
       { keys: ["o"], text: "Everything as it was at first", when: () => active() && editing.changed, act: () => editing.reset() },
       { keys: ["Ctrl+z"], text: "Undo; with Shift redo", when: changed, act: (event) => (event.shiftKey ? editing.redo() : editing.undo()) },
       { keys: ["Ctrl+y"], text: "Redo", when: changed, act: () => editing.redo() },
@@ -50,7 +50,8 @@ class Jogging {
 
   leave() {
     const { editing } = this;
-    if (document.activeElement.classList.contains("handle")) document.activeElement.blur();
+    if (editing.planning) editing.cancel();
+    else if (document.activeElement.classList.contains("handle")) document.activeElement.blur();
     else editing.open(false);
   }
 

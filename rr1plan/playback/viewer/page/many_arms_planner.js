@@ -4,7 +4,7 @@
 //   planner.columns  .joints  .obstacles                as of a `PagePlanner`: all joints of the scene
 //   planner.contacts(q)  .isFree(q)  .withinLimits(q)   in the whole scene; contacts by the kernels of the referee
 //   planner.clearance(q, most, arms)                    least clearance of some arms (indices; default: all) [m]
-//   planner.obstaclePose(name)  .moveObstacle(name, pose)
+//   planner.obstaclePose(name)  .moveObstacle(name, pose)  .leastClearance(track)  .report(text)
 //   planner.plan(start, goal, {seed, iterations, seconds})    arms whose start and goal differ move
 //       as `PagePlanner.plan`, without trees and seconds; `legs`: for each arm that moves, in order, {arm, from, answer}, where `answer`
 //       is that of the planner of its template (`arm_templates.py`), in the frame of its base
@@ -47,6 +47,8 @@ class ManyArmsPlanner {
   #standing = null; // configurations of all arms while one moves, and the index of that one
   #moving = -1;
 
+  report = () => {};
+
   constructor(data, referee) {
     this.#data = data;
     this.#referee = referee;
@@ -69,6 +71,7 @@ class ManyArmsPlanner {
     };
   }
 
+  get data() { return this.#data; }
   get referee() { return this.#referee; }
 
   // ---- configurations --------------------------------------------------------------------------
@@ -94,6 +97,16 @@ class ManyArmsPlanner {
       least = this.#template(i).clearance(this.#own(this.#kinematics.arms[i], whole), least);
     }
     return least;
+  }
+
+  leastClearance(track) {
+    let before = null;
+    return leastClearanceOf(track, (q, most) => {
+      // Arms that have not moved since the last instant have no less clearance than then, except from those that have.
+      const moved = before ? this.#differing(before, q, 0) : undefined;
+      before = q;
+      return this.clearance(q, most, moved);
+    });
   }
 
   obstaclePose(name) {
@@ -163,11 +176,13 @@ class ManyArmsPlanner {
     }
     const now = from.slice();
     let waiting = this.#differing(from, to), reason = "", quick = waiting.length > 1;
+    const total = waiting.length;
     while (waiting.length) {
       const left = waiting.filter((arm) => {
         const most = quick ? Math.min(QUICK, iterations) : iterations;
         const leg = this.#planArm(arm, now, to, { seed, iterations: most, seconds: (deadline - performance.now()) / 1000 });
         answer.iterations += leg.iterations;
+        this.report(`${answer.legs.length + (leg.track ? 1 : 0)} of ${total} arms`);
         if (!leg.track) {
           reason = leg.reason;
           return true;
@@ -190,9 +205,9 @@ class ManyArmsPlanner {
   }
 
   /** The arms whose configurations differ. */
-  #differing(one, two) {
+  #differing(one, two, little = ROUNDED_JOINT) {
     const { arms } = this.#kinematics;
-    return [...arms.keys()].filter((i) => this.#own(arms[i], one).some((value, j) => Math.abs(value - two[arms[i].firstColumn + j]) > ROUNDED_JOINT));
+    return [...arms.keys()].filter((i) => this.#own(arms[i], one).some((value, j) => Math.abs(value - two[arms[i].firstColumn + j]) > little));
   }
 
   #planArm(i, q, goal, options) {

@@ -61,6 +61,17 @@ class PlanCard {
     this.refreshActs();
   }
 
+  /** Shows that the page plans, and its progress, which screen readers do not read out. */
+  sayPlanning(progress) {
+    const answer = find("answer");
+    if (!answer.querySelector("span")) {
+      this.say("Planning … ");
+      answer.append(element("span"));
+      answer.lastChild.ariaLive = "off";
+    }
+    if (answer.lastChild.textContent !== progress) answer.lastChild.textContent = progress;
+  }
+
   refreshPlanner() {
     const { planner, reason } = this.editing;
     this.acts.drop.hidden = !planner;
@@ -70,6 +81,7 @@ class PlanCard {
 
   refreshActs() {
     const { editing, acts } = this;
+    acts.plan.firstChild.data = editing.planning ? "Cancel" : "Plan";
     acts.undo.disabled = !editing.past || !editing.past.length;
     acts.reset.disabled = !editing.past || !editing.changed;
     acts.drop.setAttribute("aria-pressed", String(Boolean(editing.planOnDrop)));

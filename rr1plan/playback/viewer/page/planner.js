@@ -23,6 +23,8 @@
 //       trees      of start and goal: {vertices: {values, shape}, parents, lengths}; a root's parent is -1;
 //                  lengths: of the path from the root
 //       margin, iterations, seconds: {plan, shorten, retime, certify}
+//   planner.leastClearance(track)                   {value [m], time [s]} among some instants of the track of a result
+//   planner.report(text)                            called with the progress while it plans, in words
 //
 // The same seed gives the same path and the same timing as `plan_motion(problem, planner="rrt_connect", rng=seed)`, to
 // the last bit; for one arm or two this planner is the default.
@@ -67,6 +69,22 @@ function transposed(pose) {
   return Float64Array.from({ length: 16 }, (_, i) => pose[4 * (i % 4) + (i >> 2)]);
 }
 
+const CLEARANCE_SAMPLES = 120; // of a motion, for its least clearance
+
+/**
+ * The least clearance [m] at some instants of the track of a result, and its time; clearance(q, most): that of the
+ * columns of the track, `most` at most, which makes it faster.
+ */
+function leastClearanceOf(row, clearance) {
+  const track = new Track({ ...row, columns: row.columns.map((_, j) => j) }), least = { value: Infinity, time: track.start };
+  for (let i = 0; i <= CLEARANCE_SAMPLES; i++) {
+    const time = track.start + (i / CLEARANCE_SAMPLES) * (track.end - track.start);
+    const value = clearance(track.at(time, new Float64Array(row.columns.length)), least.value);
+    if (value < least.value) Object.assign(least, { value, time });
+  }
+  return least;
+}
+
 class PagePlanner {
   /** See above. */
   static async load(data) {
@@ -84,8 +102,9 @@ class PagePlanner {
   #data;
   #margin; // of the tables now [m]
   #poses; // of moved obstacles, by name
-
   #referee;
+
+  report = () => {};
 
   constructor(data, core, image, referee) {
     this.#data = data;
@@ -100,6 +119,8 @@ class PagePlanner {
     this.#keepMargin(0);
   }
 
+  /** The data from which it was loaded. */
+  get data() { return this.#data; }
   /** The kernels and the tables, for calls without a method here. */
   get core() { return this.#core; }
   get scene() { return this.#memory.scene; }
@@ -141,6 +162,10 @@ class PagePlanner {
   clearance(q, most = Infinity) {
     this.#keepMargin(0);
     return this.#clearance(this.#checked(q), Math.min(most, this.#data.reach ?? Infinity));
+  }
+
+  leastClearance(track) {
+    return leastClearanceOf(track, (q, most) => this.clearance(q, most));
   }
 
   withinLimits(q) {
@@ -279,6 +304,7 @@ class PagePlanner {
       stage("plan");
       if (!found) return answer;
       answer.path = this.#asPath(found);
+      this.report("shortening the path");
       const points = this.#shorten(found, BigInt(seed) ^ BigInt(this.#data.shortcuts.stream));
       answer.shortened = this.#asPath(points);
       stage("shorten");
@@ -288,6 +314,7 @@ class PagePlanner {
         answer.retiming = method;
         answer.track = this.#asTrack(motion);
         stage("retime");
+        this.report("proving the motion");
         answer.fault = this.#referee.findFault(motion, start, goal);
         answer.certified = answer.fault === "";
         stage("certify");
@@ -349,6 +376,7 @@ class PagePlanner {
       const samples = Math.min(trees.samples + chunk, iterations);
       const code = core.call("rr1_grow_trees", trees, query, random, samples, scene, scratch);
       answer.iterations = trees.samples;
+      this.report(`${trees.samples.toLocaleString("en")} iterations`);
       const solved = code === SEARCH_SOLVED, over = trees.samples >= iterations || performance.now() >= deadline;
       if (solved || over) answer.trees = trees.sides.map((side) => this.#asTree(side, trees.capacity));
       if (solved) return new Float64Array(core.buffer, trees.path, trees.path_rows * nq).slice();

@@ -1,0 +1,133 @@
+"""Planning in a worker: the motions that the page would plan itself, canceled by the user, and without workers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+import pytest
+
+import rr1plan as rp
+from rr1plan.playback.viewer.page_capture import wait_until
+
+pytestmark = pytest.mark.browser
+
+# Numbers of the motion that plays, and those of the motion that the page's own planner finds.
+_PLAYED = "(({ breaks, coefficients }) => [[...breaks.values], [...coefficients.values]])(RR1.document.track)"
+_OWN = """(({ track: { breaks, coefficients } }) => [[...breaks.values], [...coefficients.values]])(
+    RR1.planner.plan(RR1.editing.start, RR1.editing.goal, { seed: 0 }))"""
+_ANSWER = "document.getElementById('answer').textContent"
+
+
+def one_arm() -> rp.Problem:
+    return next(iter(rp.load_problems("rr1_cluttered").values()))
+
+
+def many_arms() -> rp.Problem:
+    scene = rp.place_grid(rp.load_robot("rr1"), 4, 4, spacing=0.8)
+    start = scene.configuration()
+    goal = start.copy()
+    goal[0::12] += 0.6
+    return rp.Problem(scene, start, scene.split(goal))
+
+
+@pytest.fixture(scope="module", params=[one_arm, many_arms])
+def page_file(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    problem = request.param()
+    return rp.save_html(tmp_path_factory.mktemp("page") / "page with spaces – ø.html", problem.scene, problem=problem)
+
+
+@pytest.fixture
+def page(tab: Any, page_file: FilePath) -> Any:
+    tab.open(page_file)
+    wait_until(tab.page, "Boolean(RR1.planner)")
+    return tab
+
+
+def test_a_worker_plans_the_same_motion_and_the_page_does_not_plan(page: Any) -> None:
+    page.ask("() => { RR1.planner.plan = () => { throw new Error('in the page'); }; }")
+    assert page.ask("RR1.editing.plan().then((answer) => answer.certified)")
+    assert page.ask("RR1.editing.background.isParallel")
+    page.ask("delete RR1.planner.plan")
+    assert page.ask(_PLAYED) == page.ask(_OWN)
+    wait_until(page.page, f"{_ANSWER}.includes('clearance')")
+    assert page.complaints == []
+    assert len(page.requests) == 1
+
+
+def test_a_moved_obstacle_is_moved_in_the_worker_too(page: Any) -> None:
+    if not page.ask("RR1.planner.obstacles.length"):
+        pytest.skip("no obstacles")
+    assert page.ask("RR1.editing.plan().then((answer) => answer.status)") == "found"
+    name = page.ask("RR1.planner.obstacles.at(-1)")
+    T = page.ask("name => [...RR1.editing.poses.get(name)]", name)
+    T[14] += 0.05
+    page.ask("([name, T]) => RR1.editing.moveObstacle(name, T)", [name, T])
+    assert page.ask("RR1.editing.plan().then((answer) => answer.certified)")
+    assert page.ask(_PLAYED) == page.ask(_OWN)
+
+
+def test_planning_is_canceled_by_the_user_and_begins_anew(page: Any) -> None:
+    plan = "() => { const found = RR1.editing.plan(); %s; return found; }"
+    assert page.ask(plan % "RR1.editing.requestPlan()") is None
+    assert page.ask(_ANSWER) == "Planning canceled."
+    assert page.ask("RR1.document.track") is None
+    # A changed question cancels too, and another document.
+    assert page.ask(plan % "RR1.editing.setEnd('goal', RR1.editing.start)") is None
+    assert "has changed" in page.ask(_ANSWER)
+    page.ask("RR1.editing.reset()")
+    assert page.ask(plan % "RR1.load(RR1.document)") is None
+    wait_until(page.page, "Boolean(RR1.planner)")
+    # The last plan wins.
+    assert page.ask("() => { const first = RR1.editing.plan(), next = RR1.editing.plan(); return first; }") is None
+    page.wait_for_plan()
+    assert page.ask(_PLAYED) == page.ask(_OWN)
+    assert page.complaints == []
+
+
+def no_constructor(tab: Any, file: FilePath) -> FilePath:
+    tab.page.add_init_script("window.Worker = class { constructor() { throw new Error('no workers'); } };")
+    return file
+
+
+def no_policy(tab: Any, file: FilePath) -> FilePath:
+    text = file.read_text("utf-8")
+    assert "worker-src blob:" in text
+    strict = file.with_name("strict.html")
+    strict.write_text(text.replace("worker-src blob:", "worker-src &#x27;none&#x27;"), "utf-8")
+    return strict
+
+
+@pytest.mark.parametrize("refuse", [no_constructor, no_policy])
+def test_without_workers_the_page_plans_itself(
+    refuse: Callable[[Any, FilePath], FilePath], tab: Any, page_file: FilePath
+) -> None:
+    tab.open(refuse(tab, page_file))
+    wait_until(tab.page, "Boolean(RR1.planner)")
+    assert tab.ask("RR1.editing.plan().then((answer) => answer.certified)")
+    assert not tab.ask("RR1.editing.background.isParallel")
+    assert tab.ask(_PLAYED) == tab.ask(_OWN)
+    wait_until(tab.page, f"{_ANSWER}.includes('clearance')")
+
+
+def test_slow_planning_shows_its_progress_and_how_to_cancel(page: Any) -> None:
+    # The worker reports a step and never answers.
+    page.ask(
+        """() => {
+            const { background } = RR1.editing;
+            background.run = (name, given, report) => new Promise((resolve) => {
+                background.cancel = () => resolve(null);
+                report("3 of 8 arms");
+            });
+            RR1.editing.plan();
+        }"""
+    )
+    wait_until(page.page, f"{_ANSWER} === 'Planning … 3 of 8 arms'")
+    assert page.page.locator(".act.plan").inner_text().startswith("Cancel")
+    frames = page.ask("RR1.frames")
+    wait_until(page.page, f"RR1.frames > {frames} + 3")
+    page.page.keyboard.press("Escape")
+    assert page.ask(_ANSWER) == "Planning canceled."
+    assert page.page.locator(".act.plan").inner_text().startswith("Plan")
+    assert page.page.locator("#editing").is_visible()
