@@ -353,3 +353,18 @@ def test_a_page_without_a_planner_is_as_before(tab: Any, problem: rp.Problem, tm
     assert tab.page.locator(".fixed").is_hidden()
     assert tab.ask("RR1.lesson.live") is None
     assert tab.complaints == []
+
+
+def test_the_picture_stays_under_a_finger_while_the_verdict_gets_longer(tab: Any, page_file: FilePath) -> None:
+    tab.page.set_viewport_size({"width": 412, "height": 915})
+    tab.open(page_file, LIVE)
+    begin = on_canvas(tab, tab.ask("RR1.lesson.live.goals[0]"))
+    aim = [1.9, -2.2]
+    end = on_canvas(tab, aim)
+    drag(tab, begin, end, drop=False)
+    tab.ask("document.querySelector('#panel-cspace .verdict').textContent = 'longer '.repeat(60)")
+    np.testing.assert_allclose(on_canvas(tab, aim), end)
+    np.testing.assert_allclose(tab.ask("RR1.lesson.live.goals[0]"), aim, atol=0.02)
+    tab.page.mouse.up()
+    assert not tab.ask("document.getElementById('panels').style.height")
+    assert tab.complaints == []

@@ -148,9 +148,15 @@ class Lesson {
 
   /** Saves the current state for undo. */
   remember() {
+    this.holdLayout(true);
     this.past.push(this.snapshot());
     if (this.past.length > 100) this.past.shift();
     this.fillTools();
+  }
+
+  /** Keeps the heights of the panel and its verdict during a drag, so that the picture stays under the pointer. */
+  holdLayout(on) {
+    for (const node of [find("panels"), part(".verdict")]) node.style.height = on ? `${node.getBoundingClientRect().height}px` : "";
   }
 
   undo() {
@@ -285,6 +291,7 @@ class Lesson {
 
   /** After a drag: the clock plays the new motion, and the ghosts move to start and goals. */
   dropObstacle() {
+    this.holdLayout(false);
     if (this.waiting) { cancelAnimationFrame(this.waiting); this.waiting = 0; }
     if (this.wanted) this.moveObstacle(this.wanted.name, this.wanted.x, this.wanted.y);
     this.wanted = null;
