@@ -388,3 +388,33 @@ def test_a_page_without_a_timed_motion_has_no_plots(tab: Any, rr1_table: rp.Scen
     tab.page.keyboard.press("g")
     assert tab.page.locator("#plots").is_hidden()
     assert tab.complaints == []
+
+
+def test_a_motion_without_duration_has_one_instant_on_its_axis(
+    tab: Any, rr1_table: rp.Scene, tmp_path: FilePath
+) -> None:
+    rest = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration())
+    tab.page.add_init_script(
+        """window.texts = [];
+        const usual = CanvasRenderingContext2D.prototype.fillText;
+        CanvasRenderingContext2D.prototype.fillText = function (text, ...more) {
+            window.texts.push(text);
+            return usual.call(this, text, ...more);
+        };"""
+    )
+    tab.open(rp.save_html(tmp_path / "rest.html", rr1_table, trajectory=rest))
+    tab.ask("RR1.plots.toggle()")
+    tab.next_frames()
+    tab.ask("window.texts = [], RR1.plots.chosen = ['velocity'], RR1.plots.build()")
+    tab.next_frames()
+    texts = tab.ask("window.texts")
+    assert "0 s" in texts
+    assert "0" not in texts
+    assert "Duration\n0.00 s" in tab.page.inner_text("#facts")
+    assert tab.complaints == []
+
+
+def test_clearances_say_at_how_many_instants_they_were_sampled(calm: Any) -> None:
+    assert calm.ask("RR1.plots.source.remark('clearance')") == (
+        f"at {calm.ask('RR1.document.samples.clearance.times.shape[0]')} instants"
+    )

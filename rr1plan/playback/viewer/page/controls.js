@@ -48,7 +48,7 @@ function showValue(slider, out, text) {
 }
 
 /** A time [s], with more digits if it is in a short span [s]. */
-const seconds = (t, span = Infinity) => `${t.toFixed(span < 0.2 ? 4 : 2)} s`;
+const seconds = (t, span = Infinity) => `${t.toFixed(span > 0 && span < 0.2 ? 4 : 2)} s`;
 
 // The label of a motion without a report.
 const UNCHECKED = {

@@ -187,6 +187,7 @@ class PlotSource {
   remark(key) {
     const { samples, exact, track } = this.motions[0] || { samples: {} };
     if (key === "torque" && samples.torque) return samples.torque.remark;
+    if (key === "clearance" && track && track.end > track.start) return `at ${samples.clearance ? samples.clearance.times.shape[0] : PLANNER_SAMPLES + 1} instants`;
     return key === "position" && track && !exact ? "sent as samples, without derivatives" : "";
   }
 }

@@ -219,7 +219,7 @@ class Chart {
     this.unit = this.relative ? "%" : units.join(", ");
     this.title.textContent = `${QUANTITIES[key].label}${joint && !clearance ? ` of ${joint}` : ""}`;
     const marks = clearance ? [...new Set(single.map(({ mark, name }) => `${mark} ${name}`))].join(", ") : "";
-    const remarks = [this.relative ? "share of the limit" : this.unit, marks, source.remark(key), left.length ? `no limit: ${left.join(", ")}` : ""];
+    const remarks = [this.relative ? "share of the limit" : this.unit, source.remark(key), marks, left.length ? `no limit: ${left.join(", ")}` : ""];
     this.note.textContent = this.note.title = remarks.filter(Boolean).join("; ");
     this.bounds = !this.relative && this.curves.length && (joint || clearance) ? this.curves[0].bounds : null;
     this.zoomed = zoomed;
@@ -307,7 +307,8 @@ class Chart {
       pen.fillText(`${shortNumber(value)}${this.relative ? " %" : ""}`, left - 6, at);
     }
     pen.textBaseline = "top";
-    const ticks = niceTicks(...this.span, Math.max(2, (right - left) / 90));
+    // Instants too close to differ in three digits, as those of a motion without duration, have one label.
+    const ticks = niceTicks(...this.span, Math.max(2, (right - left) / 90)).filter((t, i, all) => !i || shortNumber(t) !== shortNumber(all[i - 1]));
     ticks.forEach((t, i) => {
       pen.strokeStyle = GRID;
       pen.beginPath();
