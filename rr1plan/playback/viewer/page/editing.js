@@ -364,7 +364,7 @@ class Editing {
 
   /** Shows the planner's result. */
   take(answer, planning) {
-    const { viewer, card } = this, took = performance.now() - planning.began;
+    const { viewer, card } = this, took = 1000 * Object.values(answer.seconds).reduce((sum, part) => sum + part, 0);
     this.asked = planning;
     if (answer.status !== "found") {
       card.say(`${{ invalid_start: "Start is not valid", invalid_goal: "Goal is not valid" }[answer.status] || "No motion found"}: ${answer.reason}.`, "bad");

@@ -6,8 +6,8 @@
 //   planner.clearance(q, most, arms)                    least clearance of some arms (indices; default: all) [m]
 //   planner.obstaclePose(name)  .moveObstacle(name, pose)  .leastClearance(track)  .report(text)
 //   planner.plan(start, goal, {seed, iterations, seconds})    arms whose start and goal differ move
-//       as `PagePlanner.plan`, without trees and seconds; `legs`: for each arm that moves, in order, {arm, from, answer}, where `answer`
-//       is that of the planner of its template (`arm_templates.py`), in the frame of its base
+//       as `PagePlanner.plan`, without trees, and all seconds are of `plan`; `legs`: for each arm that moves, in
+//       order, {arm, from, answer}, where `answer` is that of the planner of its template (`arm_templates.py`), in the frame of its base
 //
 // A leg is the motion of `plan_motion(Problem(scene, start, goal, arms=[arm]), planner="rrt_connect", rng=seed)` in the
 // scene with all other arms at their current configurations. The referee proves each leg in the whole scene.
@@ -164,7 +164,7 @@ class ManyArmsPlanner {
   // ---- planning --------------------------------------------------------------------------------
 
   plan(start, goal, { seed = 0, iterations = 1e9, seconds = 10 } = {}) {
-    const [from, to] = [this.#checked(start), this.#checked(goal)], deadline = performance.now() + 1000 * seconds;
+    const [from, to] = [this.#checked(start), this.#checked(goal)], began = performance.now(), deadline = began + 1000 * seconds;
     const answer = {
       status: "found", reason: "", path: null, shortened: null, track: null, retiming: null, certified: false, fault: "",
       trees: [], margin: Infinity, iterations: 0, seconds: {}, legs: [],
@@ -201,6 +201,7 @@ class ManyArmsPlanner {
       }
       quick = false;
     }
+    answer.seconds.plan = (performance.now() - began) / 1000;
     return this.#joined(answer, from);
   }
 
