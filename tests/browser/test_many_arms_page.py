@@ -294,3 +294,15 @@ def test_of_many_arms_the_one_that_was_moved_is_planned_for(tab: Any, rr1: rp.Ro
     tab.ask("RR1.editing.reset()")
     assert not tab.ask("RR1.editing.changed")
     assert tab.complaints == []
+
+
+def test_curves_of_many_arms_open_without_clearances_of_all_pairs(tab: Any, grid: rp.Scene, tmp_path: FilePath) -> None:
+    """Those of a hundred arms at two hundred instants would stop the page for twenty seconds."""
+    options = rp.ViewOptions(play=False)
+    tab.open(save_html(tmp_path / "page.html", grid, trajectory=wander(grid), options=options))
+    wait_until(tab.page, "Boolean(RR1.planner)")
+    tab.ask("() => { RR1.planner.clearance = () => { throw new Error('measured'); }; RR1.plots.toggle(); }")
+    offered = tab.ask("RR1.plots.offered")
+    assert "velocity" in offered
+    assert "clearance" not in offered
+    assert tab.complaints == []

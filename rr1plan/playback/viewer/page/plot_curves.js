@@ -162,10 +162,10 @@ class PlotSource {
     });
   }
 
-  /** If Python has sent no clearances: the least clearance of all pairs, by the planner of the page. */
+  /** If Python has sent no clearances: the least clearance of all pairs, by the planner of the page; of many arms it would take seconds. */
   measuredClearance(arm, { track, kind }) {
     const { planner, kinematics } = this;
-    if (!planner || !track || kind === "replay" || !planner.columns.includes(arm.firstColumn)) return [];
+    if (!planner || planner instanceof ManyArmsPlanner || !track || kind === "replay" || !planner.columns.includes(arm.firstColumn)) return [];
     if (!this.unpacked.has(track)) {
       const times = Float64Array.from({ length: PLANNER_SAMPLES + 1 }, (_, i) => track.start + (i / PLANNER_SAMPLES) * (track.end - track.start));
       const values = times.map((t) => {
