@@ -46,7 +46,7 @@ from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.playback.simulation.mujoco_model import Solver, usual_stiffness
 from rr1plan.playback.simulation.replay import ReplayContact
 from rr1plan.playback.simulation.run_loop import RunLoop
-from rr1plan.playback.simulation.scene_changes import check_same_arms, present_scene, unmoved_bodies
+from rr1plan.playback.simulation.scene_updates import check_same_arms, present_scene, unmoved_bodies
 from rr1plan.playback.simulation.set_points import SetPoints, state_of_joints
 from rr1plan.playback.simulation.stepped_models import Tile
 from rr1plan.playback.simulation.tiled_model import TiledModel
