@@ -1,4 +1,4 @@
-"""The candidates for each segment of a sequence in a scene: motions, changes of what is held, and pauses."""
+"""Candidates for the segments of a sequence: motions, changes of what an arm holds, and pauses."""
 
 from __future__ import annotations
 
