@@ -56,8 +56,11 @@ _WATCH = """() => {
   window.drop = null;
   editing.planOnDrop = true;
   editing.plan = async () => {
-    const began = performance.now(), answer = await plan();
-    window.drop = { began, plays: answer && answer.certified && RR1.playing ? performance.now() : null };
+    const drop = { began: performance.now(), plays: null, ended: false };
+    window.drop = drop;
+    const answer = await plan();
+    if (answer && answer.certified && RR1.playing) drop.plays = performance.now();
+    drop.ended = true;
     return answer;
   };
   window.addEventListener("pointerup", (event) => { if (window.drop) window.drop.dropped ??= event.timeStamp; });
@@ -79,7 +82,7 @@ _ASK = """([name, start, goal]) => {
 _SEEN = """() => new Promise((resolve) => {
   const end = performance.now() + 5e3;
   const look = () => {
-    const { drop } = window, done = drop && (!drop.plays || drop.drawn);
+    const { drop } = window, done = drop && drop.ended && (!drop.plays || drop.drawn);
     if (done || performance.now() > end) resolve(drop); else requestAnimationFrame(look);
   };
   look();

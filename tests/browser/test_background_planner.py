@@ -56,9 +56,8 @@ def test_a_worker_plans_the_same_motion_and_the_page_does_not_plan(page: Any) ->
     assert len(page.requests) == 1
 
 
+@pytest.mark.parametrize("page_file", [one_arm], indirect=True)
 def test_a_moved_obstacle_is_moved_in_the_worker_too(page: Any) -> None:
-    if not page.ask("RR1.planner.obstacles.length"):
-        pytest.skip("no obstacles")
     assert page.ask("RR1.editing.plan().then((answer) => answer.status)") == "found"
     name = page.ask("RR1.planner.obstacles.at(-1)")
     T = page.ask("name => [...RR1.editing.poses.get(name)]", name)
