@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,7 +66,7 @@ def shape_triangles(shape: Mapping[str, Any]) -> Triangles:
             return _with_normals(vertices.astype(float), faces)
 
 
-@cache
+@lru_cache(maxsize=256)
 def _box(size: tuple[float, ...]) -> Triangles:
     import trimesh
 
@@ -74,7 +74,7 @@ def _box(size: tuple[float, ...]) -> Triangles:
     return _with_normals(box.vertices, box.faces)
 
 
-@cache
+@lru_cache(maxsize=256)
 def _round(kind: str, radius: float, length: float) -> Triangles:
     import trimesh
 
