@@ -1,13 +1,43 @@
-"""Locks of objects that several threads may use: at most one thread at a time is in an object's exclusive methods."""
+"""Locks of objects that several threads may use: at most one thread at a time is in an object's exclusive methods.
+
+A forked process has only the thread that forked. A lock that another thread held would never be released there, and a
+pool would wait for threads that do not exist, so both are created again, see `per_process`.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from functools import cached_property, wraps
 from typing import Any, Self, TypeVar, cast, overload
+from weakref import WeakKeyDictionary
 
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 _T = TypeVar("_T")
+# For each object or module, how to create the attributes that belong to the threads of one process.
+_factories: WeakKeyDictionary[Any, dict[str, Callable[[], Any]]] = WeakKeyDictionary()
+
+
+def per_process(owner: Any, attribute: str, create: Callable[[], _T]) -> _T:
+    """The value for an attribute that belongs to the threads of one process; forked processes get a new value.
+
+    Args:
+        owner: The object or module, which can be referred to weakly and compares by identity.
+        attribute: Name of its attribute, to which the caller assigns the value.
+        create: Creates a value, without referring to the owner.
+    """
+    _factories.setdefault(owner, {})[attribute] = create
+    return create()
+
+
+def _renew() -> None:
+    for owner, factories in list(_factories.items()):
+        for attribute, create in factories.items():
+            setattr(owner, attribute, create())
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_renew)
 
 
 def exclusive(method: _Method) -> _Method:

@@ -6,6 +6,7 @@ if there is one: among recently released checkers, the one unused for longest.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from threading import Lock
@@ -13,11 +14,12 @@ from threading import Lock
 from rr1plan.collision.checker import CollisionChecker
 from rr1plan.collision.collision_geometry import collision_geometry, geometry_distance
 from rr1plan.scene import Scene
+from rr1plan.thread_locks import per_process
 
 # Recently released checkers and the lists that hold them; their scenes may no longer exist. Of those with the same
 # pairs, the last `_LEFT_ALONE` are not taken, for callers that alternate between that many scenes.
 _last_released: dict[CollisionChecker, list[CollisionChecker]] = {}
-_lock = Lock()
+_lock = per_process(sys.modules[__name__], "_lock", Lock)
 _MOST, _LEFT_ALONE = 8, 3
 
 

@@ -34,7 +34,7 @@ from rr1plan.collision.tables.obstacle_tables import FixedSolids, fixed_links
 from rr1plan.model.scene_model import SceneModel
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
-from rr1plan.thread_locks import ExclusiveCache, exclusive
+from rr1plan.thread_locks import ExclusiveCache, exclusive, per_process
 
 
 class CoalChecker:
@@ -63,7 +63,7 @@ class CoalChecker:
 
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None, *, margin: float = 0.0) -> None:
         of_kind("scene", scene, Scene)
-        self._lock = RLock()
+        self._lock = per_process(self, "_lock", RLock)
         self._scene = scene
         self._moved: dict[str, Array] = {}
         # The outer call is for scenes without arms.

@@ -27,7 +27,7 @@ from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Scene
-from rr1plan.thread_locks import exclusive
+from rr1plan.thread_locks import exclusive, per_process
 from rr1plan.trajectory import Trajectory
 
 _INTS = NDArray[np.int64]
@@ -278,7 +278,7 @@ class _MovingPairs:
             open=np.empty(_LISTS * len(pairs.rows) + 1, np.int64),
             open_size=_LISTS * len(pairs.rows) + 1,
         )
-        self._lock = RLock()
+        self._lock = per_process(self, "_lock", RLock)
         self._library = load_library()
         self._library.rr1_sweep_timed_arms(self._scene, self._scratch)
 

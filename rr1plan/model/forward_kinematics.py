@@ -20,7 +20,7 @@ from rr1plan.model.scene_model import SceneModel
 from rr1plan.robot import Robot
 from rr1plan.scene import Arm, Scene
 from rr1plan.scene.problem import frame_link
-from rr1plan.thread_locks import exclusive
+from rr1plan.thread_locks import exclusive, per_process
 
 _WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
@@ -43,7 +43,7 @@ class Kinematics:
     def __init__(self, scene_or_robot: Scene | Robot, arms: Sequence[str] | None = None) -> None:
         scene = Scene({"arm": Arm(scene_or_robot)}) if isinstance(scene_or_robot, Robot) else scene_or_robot
         self.scene_model = SceneModel(scene, arms)
-        self._lock = RLock()
+        self._lock = per_process(self, "_lock", RLock)
         self._branches = ArmBranches(self.scene_model)
         self._own: dict[str, Kinematics] = {}
 

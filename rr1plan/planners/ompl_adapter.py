@@ -16,6 +16,7 @@ termination check; until then other threads wait with theirs, so that searches i
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -34,13 +35,15 @@ from rr1plan.checks import Array, finite_number, known_name
 from rr1plan.errors import BackendError, InputError
 from rr1plan.planners.ompl_query import OmplQuery, OmplResult, Watch, interrupts_kept
 from rr1plan.planning import SearchTree
+from rr1plan.thread_locks import per_process
 
 # A path longer than the straight line by at most this share counts as optimal. Without it informed
 # samplers sample an ellipsoid of zero volume forever.
 _OPTIMAL = 1e-3
 _FIRST_ROADMAP, _ROADMAP_GROWTH = 100, 1.3  # termination checks between two queries of a roadmap
 _EXPANSION = 4  # checks for growing the roadmap per check for expanding it in narrow passages
-_seeding = RLock()  # held by the thread whose search creates its generators
+# Held by the thread whose search creates its generators.
+_seeding = per_process(sys.modules[__name__], "_seeding", RLock)
 _NOT_SETTINGS = {"setProblemDefinition", "setName", "setProjectionEvaluator", "setDefaultConnectionStrategy"}
 
 
@@ -122,15 +125,15 @@ def _search(
 @contextmanager
 def _seeded(seed: int) -> Iterator[Callable[[], None]]:
     """Seed the generators that a search creates, until it calls the function returned here or ends."""
-    held = True
+    held, lock = True, _seeding  # in a forked process, another lock has that name
 
     def seeds_used() -> None:
         nonlocal held
         if held:
             held = False
-            _seeding.release()
+            lock.release()
 
-    _seeding.acquire()
+    lock.acquire()
     try:
         ou.RNG.setSeed(seed)
         yield seeds_used

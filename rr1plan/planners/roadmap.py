@@ -19,6 +19,7 @@ from rr1plan.planners.roadmap_graph import Graph
 from rr1plan.planning import Budget, Planner, PlanResult, PlanStatus, ProgressCallback, SearchTree, check_plan_arguments
 from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
+from rr1plan.thread_locks import per_process
 
 _SAMPLES = 600
 _MOST_SAMPLES = 1_000_000
@@ -55,7 +56,7 @@ class Roadmap(Planner):
         # The outer call rejects scenes without arms.
         self.scene, self.arms = scene, scene.arm_names(scene.arm_names(arms))
         self._graphs = {0.0: Graph(scene, self.arms)}  # by margin [m]
-        self._lock = threading.Lock()
+        self._lock = per_process(self, "_lock", threading.Lock)
         self.grow(samples)
 
     def __repr__(self) -> str:

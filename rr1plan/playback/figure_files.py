@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path as FilePath
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rr1plan.checks import positive_number
 from rr1plan.errors import InputError
 from rr1plan.files.file_access import check_writable, write_bytes
+from rr1plan.thread_locks import per_process
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,7 +23,7 @@ FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 # The same figure gives the same bytes.
 _NO_DATES: dict[str, dict[str, object]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 # All threads share Matplotlib's settings and its parsers of text.
-_DRAWING = RLock()
+_drawing = per_process(sys.modules[__name__], "_drawing", RLock)
 
 
 class Look(NamedTuple):
@@ -82,7 +84,7 @@ def drawing(style: Mapping[str, object]) -> Iterator[None]:
     """
     from matplotlib import rc_context
 
-    with _DRAWING, rc_context(dict(style)):
+    with _drawing, rc_context(dict(style)):
         yield
 
 

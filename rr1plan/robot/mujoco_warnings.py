@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,11 +10,13 @@ from contextvars import ContextVar
 
 import mujoco
 
+from rr1plan.thread_locks import per_process
+
 # The list for warnings of the present thread. A thread that works for another one runs in a copy of its context.
 _collector: ContextVar[list[str] | None] = ContextVar("_collector", default=None)
 # All lists that are in use, for warnings of MuJoCo's own threads. MuJoCo has one handler for the process.
 _collectors: list[list[str]] = []
-_lock = threading.Lock()
+_lock = per_process(sys.modules[__name__], "_lock", threading.Lock)
 
 
 @contextmanager

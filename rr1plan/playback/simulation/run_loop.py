@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Generic, TypeVar
 
 from rr1plan.errors import InputError
+from rr1plan.thread_locks import per_process
 
 # The simulation sleeps if it is ahead of real time by more than this [s].
 _AHEAD = 0.002
@@ -33,8 +34,8 @@ class RunLoop(Generic[_T]):
         self._callbacks: dict[object, Callable[[_T], bool | None]] = {}
         self._pause = threading.Event()
         # Held during a run, by the thread `_runner`.
-        self._turn = threading.Lock()
-        self._runner: int | None = None
+        self._turn = per_process(self, "_turn", threading.Lock)
+        self._runner: int | None = per_process(self, "_runner", lambda: None)
 
     def add_callback(self, callback: Callable[[_T], bool | None]) -> Callable[[], None]:
         """Call a function after each step, until the returned function is called."""

@@ -51,7 +51,7 @@ from rr1plan.playback.simulation.set_points import SetPoints, state_of_joints
 from rr1plan.playback.simulation.stepped_models import Tile
 from rr1plan.playback.simulation.tiled_model import TiledModel
 from rr1plan.scene import Scene
-from rr1plan.thread_locks import exclusive
+from rr1plan.thread_locks import exclusive, per_process
 from rr1plan.transforms import as_pose, identity, quaternion_from_rotation, rotation_from_quaternion
 
 _MOST_STIFFNESS = 1e6  # [rad/s]
@@ -154,8 +154,8 @@ class Simulation:
         self._joints = JointMap(scene)
         self.joint_names = self._joints.names
         # Held during a step, and by methods that read or change the state of MuJoCo's data or the controllers.
-        self._lock = threading.RLock()
-        self._stepping = False
+        self._lock = per_process(self, "_lock", threading.RLock)
+        self._stepping = per_process(self, "_stepping", bool)
         self._model = TiledModel(
             scene,
             self._joints,

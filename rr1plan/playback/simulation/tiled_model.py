@@ -18,6 +18,7 @@ from rr1plan.playback.simulation.stepped_models import Tile
 from rr1plan.playback.simulation.tiles import check_memory, tile_scenes
 from rr1plan.robot.mujoco_warnings import mujoco_warnings
 from rr1plan.scene import Scene
+from rr1plan.thread_locks import per_process
 
 # Smallest number of steps of single arms without contact for which threads are faster than one.
 _SHARED = 1000
@@ -62,7 +63,9 @@ class TiledModel:
         self._variation = variation
         self.warnings: list[str] = []
         self.scene, self.tiles = scene, self._build(scene)
-        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+        self._pool: ThreadPoolExecutor | None = None
+        if threads > 1:
+            self._pool = per_process(self, "_pool", lambda: ThreadPoolExecutor(threads - 1))
         self._rows = Rows(3, len(joints.names))
         start = joints.expand(scene.configuration())
         self.begin(np.array([start, np.zeros(len(start))]))

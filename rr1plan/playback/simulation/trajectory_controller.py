@@ -15,7 +15,7 @@ from rr1plan.checks import Array, counted, finite_number, number_array, of_kind,
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
-from rr1plan.thread_locks import exclusive
+from rr1plan.thread_locks import exclusive, per_process
 from rr1plan.trajectory import Trajectory, locate
 
 # Number of updates whose set-points are evaluated at once; small enough for the cache with many arms.
@@ -133,7 +133,7 @@ class JointTrajectoryController(Controller):
         self.goal_tolerance = _tolerance("goal_tolerance", goal_tolerance)
         self.goal_time = _tolerance("goal_time", goal_time)
         self._active, self._queued = None, []
-        self._lock = threading.RLock()
+        self._lock = per_process(self, "_lock", threading.RLock)
 
     @exclusive
     def activate(self, joints: JointInfo, state: JointState) -> None:

@@ -19,6 +19,7 @@ from tornado.web import HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from rr1plan.errors import InputError
+from rr1plan.thread_locks import per_process
 
 logger = logging.getLogger(__name__)
 
@@ -68,7 +69,7 @@ class LivePage:
         self._clients: set[UpdatesHandler] = set()
         self.visits = 0  # browsers that have opened the page so far
         self.last_sign = 0.0  # [s] of the monotonic clock: last request for the page, or last disconnection
-        self._lock = threading.Lock()
+        self._lock = per_process(self, "_lock", threading.Lock)
         self._version = 0
         self._document = ""
         self._panels: dict[str, dict[str, object]] = {}  # updates of panels since the document was set

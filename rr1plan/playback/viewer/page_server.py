@@ -13,6 +13,7 @@ import asyncio
 import logging
 import os
 import socket
+import sys
 import threading
 from collections.abc import Callable
 from itertools import count
@@ -25,6 +26,7 @@ from tornado.web import Application, HTTPError, RequestHandler
 from rr1plan.checks import whole_number
 from rr1plan.errors import BackendError, InputError
 from rr1plan.playback.viewer.live_page import LiveAccess, LivePage, PageHandler, UpdatesHandler
+from rr1plan.thread_locks import per_process
 
 logger = logging.getLogger(__name__)
 
@@ -32,7 +34,7 @@ _ADDRESS = "127.0.0.1"
 _FIRST_PORT = 7000
 _PORTS_TRIED = 50
 _PATIENCE = 5.0  # [s] for the thread to start or end
-_lock = threading.RLock()  # guards the set of pages
+_lock = per_process(sys.modules[__name__], "_lock", threading.RLock)  # guards the set of pages
 _servers: WeakSet[PageServer] = WeakSet()
 
 
@@ -198,8 +200,6 @@ def _log(handler: RequestHandler) -> None:
 
 def _forget_servers() -> None:
     """Leave the port and the browsers to the parent of a forked process; otherwise they would outlive the parent."""
-    global _lock  # another thread of the parent may hold it
-    _lock = threading.RLock()
     for server in tuple(_servers):
         server.forget()
 

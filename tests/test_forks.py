@@ -1,0 +1,109 @@
+"""Forked processes use the objects of their parent, whatever its threads were doing."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Event, RLock, Thread
+
+import numpy as np
+import pytest
+
+import rr1plan as rp
+from rr1plan.thread_locks import exclusive, per_process
+from rr1plan.transforms import pose
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
+
+
+def _ends_in_a_fork(work: Callable[[], object]) -> bool:
+    """Whether some work ends without an error in a forked process."""
+    child = os.fork()
+    if child == 0:
+        signal.alarm(5)  # ends the process
+        code = 1
+        try:
+            work()
+            code = 0
+        finally:
+            os._exit(code)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+@contextmanager
+def _busy(work: Callable[[], object]) -> Iterator[None]:
+    """Repeat some work on two other threads."""
+    ended = Event()
+
+    def repeat() -> None:
+        while not ended.is_set():
+            work()
+
+    threads = [Thread(target=repeat) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    yield
+    ended.set()
+    for thread in threads:
+        thread.join()
+
+
+class _Door:
+    def __init__(self) -> None:
+        self._lock = per_process(self, "_lock", RLock)
+        self.entered, self.ended = Event(), Event()
+
+    @exclusive
+    def wait(self) -> None:
+        self.entered.set()
+        self.ended.wait()
+
+    @exclusive
+    def fork(self) -> bool:
+        return _ends_in_a_fork(self.pass_by)
+
+    @exclusive
+    def pass_by(self) -> None:
+        pass
+
+
+def test_a_lock_of_another_thread_is_free_in_a_fork() -> None:
+    door = _Door()
+    thread = Thread(target=door.wait)
+    thread.start()
+    door.entered.wait()
+    assert _ends_in_a_fork(door.pass_by)
+    door.ended.set()
+    thread.join()
+    assert door.fork()  # by the thread that holds the lock
+
+
+@pytest.mark.parametrize("kind", ["collisions", "kinematics"])
+def test_a_fork_uses_what_other_threads_use(kind: str) -> None:
+    scene = rp.load_scene("rr1_table")
+    q = scene.configuration()
+    checker, kinematics = rp.CollisionChecker(scene), rp.Kinematics(scene)
+    work = {
+        "collisions": lambda: checker.edge_is_free(q, q + 0.1),
+        "kinematics": lambda: kinematics.jacobian(q, "tool"),
+    }[kind]
+    work()
+    with _busy(work):
+        assert all(_ends_in_a_fork(work) for _ in range(8))
+
+
+def test_a_fork_steps_a_simulation_on_several_threads() -> None:
+    robot = rp.planar_arm()
+    scene = rp.Scene({f"arm_{i}": rp.Arm(robot, pose((5.0 * i, 0.0, 0.0))) for i in range(40)})
+    simulation = rp.Simulation(scene, threads=2)
+    simulation.step(64)
+    positions = simulation.positions
+    simulation.reset()
+
+    def step() -> None:
+        simulation.step(64)
+        assert np.array_equal(simulation.positions, positions)
+
+    assert _ends_in_a_fork(step)
