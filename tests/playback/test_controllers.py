@@ -516,6 +516,21 @@ def test_manual_control_is_within_limits_and_its_acceleration(dt: float, speed: 
         np.testing.assert_array_equal(before, 0.0)
 
 
+@pytest.mark.parametrize("speed", [0.25, 1.0])
+def test_joints_moved_by_hand_are_at_rest_when_they_arrive(speed: float, scene: rp.Scene) -> None:
+    sim, hand = rp.Simulation(scene), rp.ManualController(ARM, speed=speed)
+    sim.activate(hand)
+    hand.move(ARM[0], 0.5)
+    positions: list[float] = []
+    velocities: list[float] = []
+    sim.on_step(lambda s: positions.append(s.positions[0]))
+    sim.on_step(lambda s: velocities.append(s.velocities[0]))
+    sim.run(duration=0.6)
+    assert max(positions) < 0.5 + 1e-6
+    assert min(velocities) > -1e-4
+    assert positions[-1] == pytest.approx(0.5, abs=1e-6)
+
+
 def test_manual_control_follows_sliders_and_keys_within_speed_and_limits(scene: rp.Scene) -> None:
     sim = rp.Simulation(scene)
     hand = rp.ManualController(ARM, speed=0.1, step=0.05)

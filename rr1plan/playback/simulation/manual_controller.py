@@ -122,7 +122,11 @@ class ManualController(Controller):
         return np.asarray(np.sign(self._velocities) * dt * steps * (speeds - 0.5 * most * (steps + 1.0)))
 
     def update(self, state: JointState) -> SetPoint:
-        """The next positions on the way."""
+        """The next positions on the way.
+
+        Positions at the beginning of a step, with the accelerations during it and the velocities at its end: MuJoCo's
+        implicit integrator damps with those, so that joints follow without an error.
+        """
         dt, fastest = self.joints.dt, self._fastest()
         target = self._target  # which another thread may replace
         left = target - self._positions
@@ -132,9 +136,9 @@ class ManualController(Controller):
         positions = clip_positions(self.joints, self._positions + velocities * dt, self._positions)
         # Without rounding at the target, because joints would otherwise oscillate around it.
         arrives = np.abs(target - positions) <= _ROUNDING
-        accelerations = (velocities - self._velocities) / dt
+        point = SetPoint(self._positions, velocities, (velocities - self._velocities) / dt)
         self._positions, self._velocities = np.where(arrives, target, positions), velocities
-        return SetPoint(self._positions, velocities, accelerations)
+        return point
 
 
 def _stopping_speed(distance: Array, most: Array) -> Array:
