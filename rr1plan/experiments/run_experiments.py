@@ -7,7 +7,6 @@ import io
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 
 from rr1plan.checks import check_callback, known_name, shown, true_or_false, whole_number
@@ -75,7 +74,7 @@ def run_experiments(
 
     Raises:
         InputError: no such experiment, an invalid seed or number of arms, or a folder that cannot be written.
-        CancelledError: `progress` returned False.
+        CancelledError: `progress` returned False; files in the folder are unchanged.
     """
     names = _checked_names(experiments)
     whole_number("seed", seed, 0, 2**63 - 1)
@@ -84,7 +83,9 @@ def run_experiments(
     target = make_folder(folder, "experiments.md")
     tasks = [(name, task) for name in names for task in _tasks(name, quick, int(seed), counts)]
     with library_bar("experiments") as advance:
-        results, failures, files = _measure_all(tasks, target, _reporting(progress, advance))
+        results, failures = _measure_all(tasks, _reporting(progress, advance))
+    # Only now, so that the tables in the folder always belong to its report.
+    files = [write_text(target / f"{name}.csv", _csv(rows)) for name, rows in results.items() if rows]
     files += save_report(target, results, failures)
     return ExperimentReport({name: tuple(rows) for name, rows in results.items()}, tuple(failures), tuple(files))
 
@@ -136,26 +137,20 @@ def _reporting(progress: ProgressCallback | None, advance: Advance) -> Advance:
     return report
 
 
-def _measure_all(
-    tasks: Sequence[tuple[str, Task]], folder: Path, report: Advance
-) -> tuple[dict[str, list[Row]], list[str], list[Path]]:
-    """Rows by experiment, failures, and a file with the rows of each experiment."""
+def _measure_all(tasks: Sequence[tuple[str, Task]], report: Advance) -> tuple[dict[str, list[Row]], list[str]]:
+    """Rows by experiment, and failures."""
     results: dict[str, list[Row]] = {}
-    failures, files, done = [], [], 0
-    for name, group in groupby(tasks, key=lambda task: task[0]):
+    failures = []
+    for done, (name, task) in enumerate(tasks):
+        parameter, value = next(iter(task.items()))
+        what = f"{name}: {value:,} {_UNITS.get(parameter, parameter)}"
+        report(done / len(tasks), what)
         rows = results.setdefault(name, [])
-        for _, task in group:
-            parameter, value = next(iter(task.items()))
-            what = f"{name}: {value:,} {_UNITS.get(parameter, parameter)}"
-            report(done / len(tasks), what)
-            try:
-                rows += measure(name, task)
-            except Rr1PlanError as error:
-                failures.append(f"{what}: {error}")
-            done += 1
-        if rows:
-            files.append(write_text(folder / f"{name}.csv", _csv(rows)))
-    return results, failures, files
+        try:
+            rows += measure(name, task)
+        except Rr1PlanError as error:
+            failures.append(f"{what}: {error}")
+    return results, failures
 
 
 def _csv(rows: Sequence[Row]) -> str:

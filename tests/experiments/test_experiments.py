@@ -121,6 +121,13 @@ def test_experiments_write_tables_figures_and_a_report(tmp_path: Path, monkeypat
     assert "| arms |" in (tmp_path / "new/experiments.md").read_text()
 
 
+def test_a_canceled_run_leaves_the_folder_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rr1plan.experiments.run_experiments.measure", lambda *_: [{"size": 1.0}])
+    with pytest.raises(rp.CancelledError):
+        rp.run_experiments(["multi", "latency"], tmp_path, progress=lambda now: now.stage.startswith("multi"))
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_figures_count_boats_in_whole_numbers_and_show_the_largest_value_whole() -> None:
     rows = [{"boats": n, "step_us": 10.0 + n, "memory_mb": 160.0 + n, "triangles": 100} for n in (0, 7)]
     for plot in FIGURES["static"](rows).axes:
