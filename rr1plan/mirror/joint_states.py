@@ -6,6 +6,7 @@ the stream.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import pathlib
@@ -34,6 +35,8 @@ from rr1plan.path import check_joint_names
 
 StreamFault = Literal["format", "joints", "finite", "order", "restart", "clock", "jump", "silence"]
 _LARGEST_DATAGRAM = 65_536
+# Requested memory for datagrams that arrive while the receiver is busy, seconds of an arm at 1 kHz; systems grant less.
+_WAITING_DATAGRAMS = 4_194_304
 # Largest time of a message [s], 3000 years: rounding of larger ones would stop the clock of a mirror.
 _LATEST = 1e11
 # Longest time to wait for a datagram before it is checked whether the stream has been closed [s].
@@ -190,6 +193,8 @@ def _address(source: str) -> tuple[str, int]:
 
 def _from_socket(host: str, port: int, silence: float) -> StateStream:
     receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    with contextlib.suppress(OSError):  # some systems refuse instead
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _WAITING_DATAGRAMS)
     try:
         receiver.bind((host, port))
     except OSError as error:

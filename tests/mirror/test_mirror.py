@@ -439,6 +439,22 @@ def test_a_stream_that_is_left_early_is_closed() -> None:
         pass
 
 
+def test_messages_wait_while_their_receiver_is_busy() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.bind(("127.0.0.1", 0))
+        port = sender.getsockname()[1]
+    with (
+        rp.read_states(f"udp://127.0.0.1:{port}") as stream,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+    ):
+        for number in range(400):
+            sender.sendto(b'{"time": %d, "name": ["a"], "position": [0.0]}' % number, ("127.0.0.1", port))
+        for number in range(400):
+            message = next(stream)
+            assert isinstance(message, rp.StateMessage)
+            assert message.time == number
+
+
 def test_another_thread_ends_a_stream_that_waits_for_a_message() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
