@@ -19,6 +19,7 @@ from rr1plan.hardware.control_box_frames import (
     SWITCHES,
     BoxCommand,
     Telemetry,
+    wrapped_counts,
 )
 from rr1plan.hardware.motion_law import JointMotion
 
@@ -247,7 +248,7 @@ class EmulatedSerialLine:
         scales: Sequence[float] = [
             (channels[name].counts_per_step or 0.0) if name in channels else 0.0 for name in CHANNELS
         ]
-        encoders = tuple(round(scale * count) for scale, count in zip(scales, position, strict=True))
+        encoders = tuple(wrapped_counts(round(scale * count)) for scale, count in zip(scales, position, strict=True))
         hit = tuple(name for name in SWITCHES if name in self._hit)
         remaining = tuple(emulator.joints[name].remaining if name in emulator.joints else 0 for name in CHANNELS)
         return Telemetry("0002", "idle" if emulator.idle else "active", hit, encoders, remaining, position)

@@ -10,7 +10,14 @@ from rr1plan.checks import check_callback, counted, of_kind, positive_number
 from rr1plan.errors import HardwareError, InputError, MissingPackageError, SerialLineError, StalledJointError
 from rr1plan.hardware.box_emulator import EXCHANGE_TICKS
 from rr1plan.hardware.command_plan import CommandPlan
-from rr1plan.hardware.control_box_frames import CHANNELS, TELEMETRY_BYTES, BoxCommand, Telemetry, TelemetryStream
+from rr1plan.hardware.control_box_frames import (
+    CHANNELS,
+    TELEMETRY_BYTES,
+    BoxCommand,
+    Telemetry,
+    TelemetryStream,
+    wrapped_counts,
+)
 from rr1plan.progress import ProgressCallback, fraction_callback
 
 BAUD = 115200
@@ -213,7 +220,7 @@ def _check_encoders(plan: CommandPlan, begin: Telemetry, now: Telemetry, name: s
         if scale is None:
             continue
         steps = now.position[index] - begin.position[index]
-        counts, wanted = now.encoders[index] - begin.encoders[index], scale * steps
+        counts, wanted = wrapped_counts(now.encoders[index] - begin.encoders[index]), scale * steps
         if abs(counts - wanted) > _ENCODER_SHARE * abs(wanted) + _ENCODER_COUNTS:
             raise StalledJointError(
                 f"{channel} ({plan.box.channels[channel].joint}) stalled during {name}: its encoder moved by {counts} "

@@ -81,7 +81,7 @@ class Telemetry:
         serial_number: Serial number of the arm, 4 characters.
         state: "idle", "active" or "starting batch".
         limit_switches: Limit switches hit since the last frame, e.g. ("S1 A", "G B").
-        encoders: Encoder counts of the seven joints.
+        encoders: Encoder counts of the seven joints, of 32 bits.
         remaining: Remaining steps of the current motion, with the sign of the command.
         position: Step counters since the box was switched on, in the direction of commands. (The box counts in the
             opposite direction.)
@@ -111,13 +111,18 @@ class Telemetry:
         """
         _check_frame("telemetry", frame, TELEMETRY_BYTES)
         _, serial, state, mask, *counts = _TELEMETRY.unpack(frame)
-        if state not in _STATES or mask >> len(SWITCHES) or not serial.isascii() or -_MOST - 1 in counts:
+        if state not in _STATES or mask >> len(SWITCHES) or not serial.isascii() or -_MOST - 1 in counts[7:]:
             raise InputError(
                 f"telemetry makes no sense: state {state}, limit switches {mask:#x}, serial number {serial!r}"
             )
         switches = tuple(name for bit, name in enumerate(SWITCHES) if mask >> bit & 1)
         executed = tuple(-count for count in counts[14:])
         return Telemetry(serial.decode(), _STATES[state], switches, tuple(counts[:7]), tuple(counts[7:14]), executed)
+
+
+def wrapped_counts(counts: int) -> int:
+    """Counts, or a difference of counts, of an encoder whose counter has 32 bits: -2^31 .. 2^31 - 1."""
+    return (counts + 2**31) % 2**32 - 2**31
 
 
 def _check_frame(what: str, frame: bytes, size: int) -> None:

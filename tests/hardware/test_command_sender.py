@@ -145,6 +145,22 @@ def test_a_joint_that_stalls_is_named(plan: rp.CommandPlan, line: Line) -> None:
     assert len(port.written) == 47
 
 
+def test_counters_of_encoders_may_overflow(plan: rp.CommandPlan, line: Line) -> None:
+    made = line()
+    offset = 2**31 - 1 - made.telemetry().encoders[4]
+
+    def change(data: bytes, _: int) -> bytes:
+        encoders = list(rp.Telemetry.decode(data).encoders)
+        encoders[4] = (encoders[4] + offset + 2**31) % 2**32 - 2**31
+        return changed(data, encoders=tuple(encoders))
+
+    ended = rp.send_commands(plan, Recording(made, change))
+    assert ended.state == "idle"
+    box = rp.ControlBox({"S1": rp.BoxChannel("base_joint", 10.0, 100, 1e4)}, 1e-4)
+    far = rp.EmulatedSerialLine(box, {"S1": 214_749}).telemetry()
+    assert rp.Telemetry.decode(far.encode()).encoders[0] == 2_147_490_000 - 2**32
+
+
 def test_a_joint_whose_steps_stop_is_named(plan: rp.CommandPlan, line: Line) -> None:
     made = line()
     made.emulator.joints["E1"].advance = lambda ticks: ([], None)
