@@ -33,7 +33,7 @@ from rr1plan.sequences.grippers import (
     opening_value,
 )
 from rr1plan.sequences.segments import Attach, Detach, FreeMotion, MoveGripper, Segment, StraightLine
-from rr1plan.shapes import Box, Sphere
+from rr1plan.shapes import Box, Capsule, Cylinder, Sphere
 from rr1plan.transforms import as_pose, inverse, pose, quaternion_from_rotation, rotation_about
 
 # Heights at which fingers grasp an object, as shares of its height.
@@ -44,22 +44,25 @@ _PLAY = 2e-4
 _ROOM = 0.015
 # Objects nearer than this below an object support it [m].
 _SUPPORTS = 2e-3
-# A box stands on a face if its axis is this near to the vertical (cosine).
-_UPRIGHT = 1.0 - 1e-6
+# Fingers still meet sides squarely whose normals deviate from the horizontal by this angle [rad].
+_LEVEL = 0.05
+# A cylinder lies if its axis is nearer to the horizontal than to the vertical (cosine of the angle to the vertical).
+_LYING = 0.7
 
 
 def top_grasps(scene: Scene, obstacle: str, *, arm: str | None = None, yaws: int = 8) -> list[PoseGoal]:
     """Poses of the tool from which a gripper with two fingers can grasp an object from above.
 
-    A box that stands on a face is grasped at two opposite faces, other objects at several angles around the vertical,
-    each at mid-height or higher up; a ball as near to its middle as possible. Sides too wide for the gripper are
-    omitted. The tool's z axis has to point out of the hand.
+    Opposite faces of a box that are vertical within 3 degrees are grasped, and a cylinder or capsule that is tilted or
+    lies is grasped across its axis, or at the ends of a lying cylinder; other objects at several angles around the
+    vertical. Each is grasped at mid-height or higher up; a ball or a lying cylinder as near to its middle as possible.
+    Sides too wide for the gripper are omitted. The tool's z axis has to point out of the hand.
 
     Args:
         scene: The scene with the object at its pose.
         obstacle: The object.
         arm: The arm (default: the only one).
-        yaws: Angles around the vertical for objects other than boxes.
+        yaws: Number of angles around the vertical for those other objects.
 
     Raises:
         UnknownNameError: no such object or arm.
@@ -151,12 +154,12 @@ def pick_and_place(
 def _grasps(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple[float, PoseGoal]]:
     """Grasps from above, each with the width of the object between the fingers [m]."""
     only_gripper_joint(robot)
-    angles = _box_angles(thing)
+    angles = _square_angles(thing)
     if angles is None:
         angles = [2.0 * np.pi * k / yaws for k in range(yaws)]
     found: list[tuple[float, PoseGoal]] = []
     widths, why = [], ""
-    is_ball = len(thing.geometries) == 1 and isinstance(thing.geometries[0].shape, Sphere)
+    rounded = _is_rounded_above(thing)
     for angle in angles:
         turn = rotation_about([0.0, 0.0, 1.0], angle)
         low, high = bounding_box(thing.geometries, _posed(turn.T) @ thing.pose)
@@ -174,8 +177,8 @@ def _grasps(robot: Robot, thing: Obstacle, name: str, yaws: int) -> list[tuple[f
             T = _posed(R, turn @ at - depth * R[:, 2]) @ inverse(grip_frame(robot))
             if fits(T):
                 found.append((width, PoseGoal(robot.tool, T)))
-                if is_ball:
-                    break  # fingers that close above the middle push a ball out of their grip
+                if rounded:
+                    break  # fingers that close above the middle push it out of their grip
     if not found:
         raise InputError(
             f"the gripper cannot grasp {name!r} from above, which is {1e3 * min(widths):.3g} mm wide at least{why}"
@@ -200,17 +203,37 @@ def _fit(robot: Robot, thing: Obstacle, width: float) -> Callable[[Array], bool]
     return fits
 
 
-def _box_angles(thing: Obstacle) -> list[float] | None:
-    """Angles around the vertical at which fingers meet faces of a box that stands on a face; None for other objects."""
-    if len(thing.geometries) != 1 or not isinstance(thing.geometries[0].shape, Box):
+def _is_rounded_above(thing: Obstacle) -> bool:
+    """Whether an object is a ball or a lying cylinder or capsule."""
+    if len(thing.geometries) != 1:
+        return False
+    geometry = thing.geometries[0]
+    lies = abs((thing.pose @ geometry.pose)[2, 2]) < _LYING
+    return isinstance(geometry.shape, Sphere) or (lies and isinstance(geometry.shape, Cylinder | Capsule))
+
+
+def _square_angles(thing: Obstacle) -> list[float] | None:
+    """Angles around the vertical at which fingers meet opposite sides of an object squarely.
+
+    None if there are none that differ from others: of upright cylinders, tilted boxes, other shapes.
+    """
+    if len(thing.geometries) != 1:
         return None
-    R = (thing.pose @ thing.geometries[0].pose)[:3, :3]
-    upright = np.flatnonzero(np.abs(R[2]) > _UPRIGHT)
-    if not len(upright):
-        return None
-    x = R[:, (int(upright[0]) + 1) % 3]
-    first = float(np.arctan2(x[1], x[0]))
-    return [first + k * np.pi / 2 for k in range(4)]
+    geometry = thing.geometries[0]
+    axes = (thing.pose @ geometry.pose)[:3, :3].T
+    across = np.cross([0.0, 0.0, 1.0], axes[2])  # of the axis of a cylinder
+    match geometry.shape:
+        case Box():
+            sides = list(axes)
+        case Cylinder() if np.linalg.norm(across) > _LEVEL:
+            sides = [across, axes[2]]
+        case Capsule() if np.linalg.norm(across) > _LEVEL:
+            sides = [across]
+        case _:
+            return None
+    level = [float(np.arctan2(side[1], side[0])) for side in sides if abs(side[2]) < _LEVEL]
+    turn = np.pi / 2 if len(level) > 1 else np.pi
+    return [level[0] + angle for angle in np.arange(0.0, 2.0 * np.pi, turn)] if level else None
 
 
 def _places(thing: Obstacle, name: str, place: PoseGoal | ArrayLike | Sequence[PoseGoal]) -> list[PoseGoal]:

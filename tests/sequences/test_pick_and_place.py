@@ -36,6 +36,29 @@ def test_a_cylinder_is_grasped_at_any_angle(table: rp.Scene) -> None:
     assert len(angles) == 6
 
 
+@pytest.mark.parametrize("tilt", [0.3, 1.2])
+@pytest.mark.parametrize("shape", [rp.Box((0.03, 0.04, 0.06)), rp.Cylinder(0.015, 0.06), rp.Capsule(0.015, 0.05)])
+def test_a_tilted_object_is_grasped_at_opposite_sides(table: rp.Scene, shape: rp.Shape, tilt: float) -> None:
+    yaw = rp.transforms.pose(rpy=[0, 0, 0.5])
+    scene = table.with_obstacle(
+        "block", shape, rp.transforms.pose([-0.3, 0.1, 0.1]) @ yaw @ rp.transforms.pose(rpy=[tilt, 0, 0])
+    )
+    goals = rp.top_grasps(scene, "block")
+    np.testing.assert_allclose([abs(goal.rotation[:, 0] @ yaw[:3, 0]) for goal in goals], 1.0, atol=1e-9)
+    assert len({round(float(goal.rotation[0, 0]), 6) for goal in goals}) == 2
+    if tilt > 1.0 and not isinstance(shape, rp.Box):
+        assert len(goals) == 2  # lower ones only
+
+
+def test_a_lying_cylinder_is_grasped_across_or_at_its_ends(table: rp.Scene) -> None:
+    lying = rp.transforms.pose([-0.3, 0.1, 0.015], rpy=[0.0, np.pi / 2 + 0.01, 0.7])
+    for shape, angles in ((rp.Cylinder(0.015, 0.035), 4), (rp.Cylinder(0.015, 0.3), 2), (rp.Capsule(0.01, 0.02), 2)):
+        goals = rp.top_grasps(table.with_obstacle("block", shape, lying), "block")
+        travels = np.mod([np.arctan2(goal.rotation[1, 0], goal.rotation[0, 0]) - 0.7 for goal in goals], np.pi / 2)
+        np.testing.assert_allclose(np.minimum(travels, np.pi / 2 - travels), 0.0, atol=1e-9)
+        assert len(goals) == angles
+
+
 def test_a_cylinder_is_as_wide_in_all_directions(table: rp.Scene) -> None:
     # Low and wide: fingers that are placed for a wider object touch the table when they close.
     scene = standing(table, rp.Cylinder(0.0215, 0.032), 0.032, yaw=0.7)
