@@ -249,7 +249,6 @@ if TYPE_CHECKING:
     from rr1plan.scene.problem import RegionGoal as RegionGoal
     from rr1plan.scene.saved_scenes import save_scene as save_scene
     from rr1plan.sequences.pick_and_place import pick_and_place as pick_and_place
-    from rr1plan.sequences.pick_and_place import top_grasps as top_grasps
     from rr1plan.sequences.plan_sequence import plan_sequence as plan_sequence
     from rr1plan.sequences.segments import Attach as Attach
     from rr1plan.sequences.segments import Detach as Detach
@@ -265,6 +264,7 @@ if TYPE_CHECKING:
     from rr1plan.sequences.sequence_toml import load_segments as load_segments
     from rr1plan.sequences.simulate_sequence import simulate_sequence as simulate_sequence
     from rr1plan.sequences.stages import SequenceStage as SequenceStage
+    from rr1plan.sequences.top_grasps import top_grasps as top_grasps
     from rr1plan.shapes import Box as Box
     from rr1plan.shapes import Capsule as Capsule
     from rr1plan.shapes import Color as Color
@@ -445,7 +445,7 @@ _EXPORTS = {
     "rr1plan.scene.polygon_prism": ("polygon_prism",),
     "rr1plan.scene.problem": ("Goal", "JointGoal", "PoseGoal", "Problem", "RegionGoal"),
     "rr1plan.scene.saved_scenes": ("save_scene",),
-    "rr1plan.sequences.pick_and_place": ("pick_and_place", "top_grasps"),
+    "rr1plan.sequences.pick_and_place": ("pick_and_place",),
     "rr1plan.sequences.plan_sequence": ("plan_sequence",),
     "rr1plan.sequences.segments": ("Attach", "Detach", "FreeMotion", "MoveGripper", "Pause", "StraightLine"),
     "rr1plan.sequences.sequence": ("Sequence",),
@@ -455,6 +455,7 @@ _EXPORTS = {
     "rr1plan.sequences.sequence_toml": ("load_segments",),
     "rr1plan.sequences.simulate_sequence": ("simulate_sequence",),
     "rr1plan.sequences.stages": ("SequenceStage",),
+    "rr1plan.sequences.top_grasps": ("top_grasps",),
     "rr1plan.shapes": ("Box", "Capsule", "Color", "Cylinder", "HalfSpace", "Mesh", "PointCloud", "Shape", "Sphere"),
     "rr1plan.shapes.convex_decomposition": ("convex_pieces",),
     "rr1plan.shapes.mesh_files": ("load_mesh",),
