@@ -54,6 +54,7 @@ def opened(shared_tab: Any, page_file: FilePath) -> Any:
 def fresh(opened: Any) -> Iterator[Any]:
     """The page in its initial state."""
     opened.ask("RR1.lesson.past.length && RR1.lesson.restore(RR1.lesson.first)")
+    wait_for_answer(opened)
     opened.ask("RR1.lesson.past = [], RR1.lesson.select(null)")
     opened.ask("document.activeElement.blur(), RR1.pause()")
     yield opened
@@ -87,14 +88,20 @@ def on_canvas(tab: Any, q: Any) -> tuple[float, float]:
     return float(x), float(y)
 
 
+def wait_for_answer(tab: Any) -> None:
+    wait_until(tab.page, "!RR1.lesson.planning")
+
+
 def drag(tab: Any, begin: tuple[float, float], end: tuple[float, float], *, drop: bool = True) -> None:
     tab.page.mouse.move(*begin)
     tab.page.mouse.down()
     tab.page.mouse.move(0.6 * begin[0] + 0.4 * end[0], 0.6 * begin[1] + 0.4 * end[1])
     tab.page.mouse.move(*end)
-    wait_until(tab.page, "!RR1.lesson.waiting && !RR1.lesson.waitingEnd")
+    wait_until(tab.page, "!RR1.lesson.waiting")
+    wait_for_answer(tab)
     if drop:
         tab.page.mouse.up()
+        wait_for_answer(tab)
 
 
 def place(tab: Any, name: str) -> np.ndarray:
@@ -165,6 +172,7 @@ def test_a_dragged_obstacle_takes_its_image_with_it(
     np.testing.assert_allclose(place(fresh, name), target, atol=0.02)
     check_cells(fresh, problem.scene)
     fresh.page.mouse.up()
+    wait_for_answer(fresh)
     # The camera stays, and the drawn obstacle is where the planner has it.
     assert fresh.ask("RR1.stage.camera.position.toArray()") == view
     assert not fresh.ask("RR1.lesson.arm.turned")
@@ -194,6 +202,7 @@ def test_the_verdict_turns_from_path_to_proven_no_path_and_back(fresh: Any, prob
     asked = rp.Problem(grid.scene, problem.start, problem.goal)
     assert rp.cspace(grid.scene, asked, resolution=CELLS).proves_no_path
     fresh.page.keyboard.press("Control+z")
+    wait_for_answer(fresh)
     assert verdict(fresh).startswith("Start and goal lie in the same component of free space")
     assert "certified free" in verdict(fresh)
     check_path(fresh, problem.scene)
@@ -264,8 +273,60 @@ def test_the_same_drag_has_the_same_answer(fresh: Any) -> None:
     fresh.ask("RR1.lesson.remember(), RR1.lesson.dropObstacle()")
 
 
+_QUERY = "seed: 0, iterations: 4000, step: 0.15"
+
+
+def test_a_worker_plans_what_the_page_would_plan(fresh: Any) -> None:
+    fresh.ask("() => { RR1.planner.plan = () => { throw new Error('in the page'); }; RR1.lesson.remember(); }")
+    assert fresh.ask("RR1.lesson.moveObstacle('violet', 0.7, -1.0)")
+    fresh.ask("delete RR1.planner.plan")
+    numbers = "(({ trees, track }) => [trees.map((tree) => [...tree.vertices.values]), [...track.coefficients.values]])"
+    own = f"RR1.planner.plan(RR1.lesson.live.start, RR1.lesson.live.goals[0], {{ {_QUERY} }})"
+    assert fresh.ask(f"{numbers}(RR1.lesson.answer)") == fresh.ask(f"{numbers}({own})")
+    assert fresh.ask("RR1.lesson.live.background.isParallel")
+
+
+def test_slow_planning_is_announced_canceled_and_overtaken(fresh: Any) -> None:
+    # The worker reports a step and never answers.
+    fresh.ask(
+        """() => {
+            const { background } = RR1.lesson.live;
+            background.run = (name, given, report) => new Promise((resolve) => {
+                background.cancel = () => resolve(null);
+                report("1,000 iterations");
+            });
+        }"""
+    )
+    fresh.page.keyboard.press("p")
+    wait_until(fresh.page, "document.querySelector('.verdict').textContent.startsWith('Planning … 1,000')")
+    fresh.next_frames()
+    fresh.page.keyboard.press("Escape")
+    assert verdict(fresh) == "Planning canceled."
+    assert fresh.ask("RR1.lesson.planning") is None
+    fresh.page.keyboard.press("p")
+    fresh.page.keyboard.press("p")
+    assert verdict(fresh) == "Planning canceled."
+    fresh.ask("() => { window.first = RR1.lesson.update(); }")
+    fresh.ask("() => { delete RR1.lesson.live.background.run; }")
+    assert fresh.ask("RR1.lesson.update()")
+    assert not fresh.ask("first")
+    fresh.ask("() => { delete RR1.lesson.live.background.cancel; }")
+    assert verdict(fresh).startswith("Start and goal lie in the same component")
+    fresh.ask("RR1.lesson.dropObstacle()")
+
+
+def test_without_workers_the_page_plans_itself(tab: Any, page_file: FilePath) -> None:
+    tab.page.add_init_script("window.Worker = class { constructor() { throw new Error('no workers'); } };")
+    tab.open(page_file, LIVE)
+    assert tab.ask("RR1.lesson.moveObstacle('violet', 0.7, -1.0)")
+    assert not tab.ask("RR1.lesson.live.background.isParallel")
+    assert "certified free" in verdict(tab)
+    assert tab.complaints == []
+
+
 def test_the_phase_plane_stays_below_its_limit_curve_and_touches_it(fresh: Any) -> None:
     fresh.page.keyboard.press("p")
+    wait_for_answer(fresh)
     fresh.page.keyboard.press("f")
     wait_until(fresh.page, "Boolean(RR1.lesson.plane)")
     plane = {

@@ -11,6 +11,7 @@
 // A worker cannot read the page, so it is made from the text of the script that contains the planner, and loads the
 // same data. Only its end stops a kernel that runs: the next request starts another worker.
 
+const SLOW_PLAN = 200; // [ms] after which a page shows the progress of planning
 const NEXT_FRAMES = 50; // [ms] in which the page draws; where it is out of view, browsers call no animation frames
 const PLANNER_SCRIPT = "planner-script"; // id of the script element that contains this file
 

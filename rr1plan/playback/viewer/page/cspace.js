@@ -56,9 +56,11 @@ class Lesson {
     this.only = this.pinned = -1;
     this.curve = [];
     this.motion = [];
-    this.live = this.first = this.selected = this.answer = this.explored = null;
+    this.endLive();
+    this.first = this.selected = this.answer = this.explored = null;
     this.past = [];
-    this.pending = false;
+    this.pending = false; // whether the motion that plays is older than the query
+    this.dropped = false; // whether the motion that is planned plays once it is known
     this.fillSliders();
     this.fillLegend();
     this.fillTools();
@@ -97,7 +99,7 @@ class Lesson {
     const note = part(".fixed"), { live } = data;
     note.hidden = !reason || !(this.workspace || data.others.length);
     note.textContent = this.workspace ? `Obstacles stand still on this page: ${reason}.` : `The slice stays as it was saved: ${reason}.`;
-    this.live = null;
+    this.endLive();
     if (!planner || !live) return;
     const image = await inflate(live.raster);
     if (data.live !== live || viewer.planner !== planner) return;
@@ -110,6 +112,11 @@ class Lesson {
     else this.first = this.snapshot();
     this.fillTools();
     this.follow();
+  }
+
+  endLive() {
+    if (this.live) this.live.end();
+    this.live = this.planning = null;
   }
 
   /** Whether the picture is a slice that follows obstacles and the joints that it does not show. */
@@ -131,9 +138,9 @@ class Lesson {
   cut() {
     this.cutAt = this.otherValues();
     this.live.raster.setConfiguration(viewer.planner.columns.map((column) => viewer.q[column]));
-    const { bits, labels, verdict } = this.live.update();
+    const { bits, labels } = this.live.update();
     Object.assign(this.cells, { bits, labels });
-    data.verdict = verdict;
+    data.verdict = this.live.result().verdict;
     this.placeNames();
     this.showUsed();
     this.fillVerdict();
@@ -149,6 +156,7 @@ class Lesson {
   /** Saves the current state for undo. */
   remember() {
     this.holdLayout(true);
+    this.live.background.start();
     this.past.push(this.snapshot());
     if (this.past.length > 100) this.past.shift();
     this.fillTools();
@@ -220,16 +228,32 @@ class Lesson {
     part(".said").textContent = text;
   }
 
-  /** Moves an obstacle with the pointer; dependent data are updated at the next frame. */
+  /** Moves an obstacle with the pointer. */
   dragObstacle(name, x, y) {
     this.resume ||= viewer.playing;
     viewer.pause();
-    this.wanted = { name, x, y };
-    this.waiting ||= requestAnimationFrame(() => {
-      this.waiting = 0;
-      if (this.wanted) this.moveObstacle(this.wanted.name, this.wanted.x, this.wanted.y);
-      this.wanted = null;
-    });
+    this.drag(() => this.moveObstacle(name, x, y));
+  }
+
+  /** Makes a step of a drag at the next frame; it replaces the step that waits. */
+  drag(step) {
+    this.step = step;
+    this.waiting ||= requestAnimationFrame(() => this.dragOn());
+  }
+
+  /** Makes the step that waits once the step before is answered, unless its planning is slow. */
+  dragOn() {
+    const { planning } = this, waits = planning && performance.now() - planning.began < SLOW_PLAN;
+    this.waiting = waits ? requestAnimationFrame(() => this.dragOn()) : 0;
+    if (!waits) this.takeStep();
+  }
+
+  takeStep() {
+    const { step } = this;
+    if (this.waiting) cancelAnimationFrame(this.waiting);
+    this.waiting = 0;
+    this.step = null;
+    if (step) step();
   }
 
   /** Moves and rotates an obstacle in the plane, and updates all dependent data. */
@@ -257,53 +281,106 @@ class Lesson {
     });
   }
 
-  /** Shows the results of an update: cells, components, tree, path, verdict, and the time that each took [ms]. */
+  /** Shows the cells after a change, and plans; the promise: `plan`. */
   update(moving = null) {
-    const found = this.live.update(), began = performance.now(), { answer } = found;
-    data.start = this.live.start;
-    data.goals = this.live.goals;
-    this.answer = answer;
-    this.cells.bits = found.bits;
-    this.cells.labels = found.labels;
-    data.verdict = found.verdict;
-    data.tone = found.tone;
-    this.tinted = found.tone === "bad";
-    this.tree = found.tree ? found.tree.pieces : [];
-    this.sides = found.tree ? found.tree.sides : [];
-    this.grown = this.tree.length;
-    this.explored = this.tree.length;
-    this.pauseTree();
-    this.takeTrack(answer && answer.track ? new Track(answer.track) : null, 240);
+    const { live } = this;
+    live.cancel();
+    Object.assign(this.cells, live.update());
+    data.start = live.start;
+    data.goals = live.goals;
+    this.pending = true;
+    this.dropped = false;
     this.placeNames(moving);
     this.showUsed();
+    this.placeTags();
+    this.planning = null;
+    const isOpen = live.candidates.length > 0;
+    if (!isOpen) this.take(live.result());
+    this.repaint();
+    this.follow(false);
+    return isOpen ? this.plan() : Promise.resolve(true);
+  }
+
+  /** Plans the query in the background, and shows the result; whether it was neither canceled nor overtaken. */
+  async plan() {
+    const { live } = this, planning = { began: performance.now() };
+    let progress = "", isSlow = false;
+    const show = () => { if (isSlow && this.planning === planning) this.sayPlanning(progress); };
+    this.planning = planning;
+    const timer = setTimeout(() => { isSlow = true; show(); }, SLOW_PLAN);
+    try {
+      const found = await live.plan((text) => { progress = text; show(); });
+      if (!found || this.planning !== planning) return false;
+      this.planning = null;
+      this.show(found);
+      return true;
+    } finally {
+      clearTimeout(timer);
+      if (this.planning === planning) this.planning = null;
+    }
+  }
+
+  /** Cancels planning on the user's request. */
+  cancel() {
+    this.live.cancel();
+    this.planning = null;
+    this.show({ answer: null, tree: null, verdict: "Planning canceled.", tone: "open" });
+  }
+
+  show(found) {
+    const { tinted } = this;
+    this.take(found);
+    if (this.tinted === tinted) this.redraw(); else this.repaint();
+    this.follow(false);
+    if (this.dropped) this.playAnswer();
+  }
+
+  /** Takes the result of a query: tree, path and verdict. */
+  take({ answer, tree, verdict, tone }) {
+    Object.assign(data, { verdict, tone });
+    this.answer = answer;
+    this.tinted = tone === "bad";
+    this.tree = tree ? tree.pieces : [];
+    this.sides = tree ? tree.sides : [];
+    this.grown = this.explored = this.tree.length;
+    this.pauseTree();
+    this.takeTrack(answer && answer.track ? new Track(answer.track) : null, 240);
     this.fillVerdict();
     for (const layer of ["toolpath", "path", "replay"]) if (viewer.world.layers[layer]) viewer.world.layers[layer].visible = false;
     this.arm.drawWay(this.curve.map((at) => at.map((part, axis) => value(axis, part))));
-    this.placeTags();
-    this.pending = true;
-    found.took.rest = performance.now() - began;
-    const painted = performance.now();
-    this.repaint();
-    this.follow(false);
-    found.took.paint = performance.now() - painted;
-    return found;
   }
 
-  /** After a drag: the clock plays the new motion, and the ghosts move to start and goals. */
+  /** Shows that the page plans, and its progress, which screen readers do not read out. */
+  sayPlanning(progress) {
+    let shown = part(".verdict span");
+    if (!shown) {
+      this.take({ answer: null, tree: null, verdict: "Planning … ", tone: "open" });
+      this.repaint();
+      shown = make("span");
+      shown.ariaLive = "off";
+      part(".verdict").append(shown);
+    }
+    shown.textContent = progress;
+  }
+
+  /** After a drag: the ghosts move to start and goals, and the clock plays the motion once it is planned. */
   dropObstacle() {
     this.holdLayout(false);
-    if (this.waiting) { cancelAnimationFrame(this.waiting); this.waiting = 0; }
-    if (this.wanted) this.moveObstacle(this.wanted.name, this.wanted.x, this.wanted.y);
-    this.wanted = null;
+    this.takeStep();
     if (!this.pending) return;
-    this.pending = false;
     this.placeNames();
     this.redraw();
-    const { answer } = this, { manual } = viewer, q = viewer.q.slice(), track = answer && answer.track;
     const standing = (kind, ends) => ends.map((end) => ({ kind, arm: data.arm, q: this.ownConfiguration(end) }));
     viewer.world.setGhosts("start", standing("start", data.start ? [data.start] : []));
     viewer.world.setGhosts("goal", standing("goal", data.goals));
     for (const kind of ["start", "goal"]) if (viewer.world.layers[kind]) viewer.world.layers[kind].visible = viewer.isShown(kind);
+    if (this.planning) this.dropped = true; else this.playAnswer();
+  }
+
+  /** The clock plays the motion that was planned. */
+  playAnswer() {
+    const { answer } = this, { manual } = viewer, q = viewer.q.slice(), track = answer && answer.track;
+    this.pending = this.dropped = false;
     viewer.setMotion({ track: track || null, path: null, report: null, replay: null });
     for (const layer of ["toolpath", "path"]) if (viewer.world.layers[layer]) viewer.world.layers[layer].visible = viewer.isShown(layer);
     viewer.add("way", new viewer.THREE.Group());
@@ -481,7 +558,7 @@ class Lesson {
       { keys: ["j"], text: "Select the next obstacle", when: live, act: () => this.selectNext() },
       { keys: ["a"], text: "The start is where the arm is", when: live, act: () => this.endHere("start") },
       { keys: ["b"], text: "The goal is where the arm is", when: live, act: () => this.endHere(0) },
-      { keys: ["p"], text: "Plan and play", when: live, act: () => this.planHere() },
+      { keys: ["p"], text: "Plan and play, or cancel planning", when: live, act: () => this.planHere() },
       { keys: ["o"], text: "Everything as it was at first", when: () => !tools.reset.hidden, act: () => this.reset() },
       { keys: ["Ctrl+z"], text: "Undo", when: () => live() && this.past.length > 0, act: () => this.undo() },
     ]);
@@ -490,6 +567,7 @@ class Lesson {
       { keys: Object.keys(ARROWS), text: "Move the selected obstacle; with Shift farther", when: () => Boolean(this.selected), act: (event) => this.nudge(event, ...ARROWS[event.key], 0) },
       { keys: ["<", ">"], text: "Turn the selected obstacle", when: () => Boolean(this.selected), act: (event) => this.nudge(event, 0, 0, event.key === "<" ? 1 : -1) },
       { keys: ["Escape"], text: "Select nothing", when: () => Boolean(this.selected), act: () => this.select(null) },
+      { keys: ["Escape"], text: "", when: () => Boolean(this.planning), act: () => this.cancel() },
       { keys: Object.keys(ARROWS), text: "Turn the torus", when: (target) => Boolean(this.torus) && target === this.torus.canvas, act: (event) => this.torus.rotate(...ARROWS[event.key].map((v, axis) => (axis ? 0.1 : -0.1) * v)) },
     ], { first: true });
     keys.arrows(title, "In the picture: move the arm; with Shift farther", this.canvas, (by, event) => {
@@ -516,6 +594,7 @@ class Lesson {
   /** Plans the same query in the page, and plays the motion. */
   planHere() {
     if (!this.live || !data.start) return;
+    if (this.planning) { this.cancel(); return; }
     this.update();
     this.resume = true;
     this.dropObstacle();
@@ -630,13 +709,13 @@ class Lesson {
       }
       // When the mark of the start or a goal is dragged, the arm follows it.
       if (held && (mark === null || dragged !== null)) take(event); else if (!held) this.draw();
-      if (dragged !== null) this.dragEnd(dragged, q2());
+      if (dragged !== null) this.dragEnd(dragged);
       canvas.style.cursor = !held && this.live && this.markAt(spot) !== null ? "move" : "";
       this.tip();
     });
     for (const end of ["pointerup", "pointercancel"]) {
       canvas.addEventListener(end, () => {
-        if (dragged !== null) this.dropEnd();
+        if (dragged !== null) this.dropObstacle();
         held = false;
         mark = dragged = null;
       });
@@ -645,22 +724,10 @@ class Lesson {
     this.drags = new PlanarDrags(this, this.arm);
   }
 
-  /** Moves start or goal with the pointer; dependent data are updated at the next frame. */
-  dragEnd(which, q) {
-    this.wantedEnd = { which, q };
-    this.waitingEnd ||= requestAnimationFrame(() => this.applyEnd());
-  }
-
-  applyEnd() {
-    if (this.waitingEnd) cancelAnimationFrame(this.waitingEnd);
-    this.waitingEnd = 0;
-    if (this.wantedEnd) this.moveEnd(this.wantedEnd.which, this.wantedEnd.q);
-    this.wantedEnd = null;
-  }
-
-  dropEnd() {
-    this.applyEnd();
-    this.dropObstacle();
+  /** Moves start or goal to the arm, which the pointer moves. */
+  dragEnd(which) {
+    const q = q2();
+    this.drag(() => this.moveEnd(which, q));
   }
 
   /** The position of the pointer as fractions of the axes. */

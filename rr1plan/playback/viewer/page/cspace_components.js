@@ -51,7 +51,7 @@ function labelComponents(cells, [n, m], periodic, diagonal = false) {
   return { labels, count };
 }
 
-/** Labels in the order of their colors: those of given cells first, then by size; and their shares of all cells. */
+/** Labels in the order of their colors: those of given cells first, then by size. */
 function rankedComponents({ labels, count }, firsts) {
   const sizes = new Int32Array(count + 1), ranks = new Uint8Array(count + 1), out = new Uint8Array(labels.length);
   for (let c = 0; c < labels.length; c++) sizes[labels[c]] += 1;
@@ -59,7 +59,7 @@ function rankedComponents({ labels, count }, firsts) {
   const order = [...new Set([...firsts.map((cell) => (cell < 0 ? 0 : labels[cell])), ...bySize])].filter((label) => label > 0);
   order.forEach((label, k) => { ranks[label] = Math.min(k + 1, 255); });
   for (let c = 0; c < labels.length; c++) out[c] = ranks[labels[c]];
-  return { labels: out, shares: order.slice(0, 254).map((label) => sizes[label] / labels.length) };
+  return out;
 }
 
 const COARSE_CELLS = 90; // along each axis, for names

@@ -1,17 +1,19 @@
 // A query in a changing configuration space: obstacles, start and goals that the user moves, and all dependent data.
 //
 //   live.moveObstacle(name, pose)   live.setEnd("start" | k, q)   then
-//   live.update()                   {bits, labels, shares, verdict, tone, answer, tree, took}, see `Lesson.takeUpdate`
+//   live.update()                   {bits, labels} of the cells, without the planner
+//   await live.plan(report)         {verdict, tone, answer, tree}; null if canceled; see `BackgroundPlanner.run`
+//   live.cancel()   live.end()
 
 const TREE_STEP = 0.15; // [rad] Short edges show how the tree grew.
-const MOST_ITERATIONS = 4000; // of the planner in one update
-const SECONDS = 0.25; // for the planner in one update
+const MOST_ITERATIONS = 4000; // of the planner for one goal
 
 class LiveQuery {
   constructor(planner, image) {
     this.planner = planner;
+    this.background = new BackgroundPlanner(planner);
     this.raster = new LiveRaster(planner, image);
-    this.bits = null;
+    this.bits = this.labels = null;
     this.used = 0; // layers with an image, as bits
     this.stale = new Set(Object.keys(data.live.ranges));
     this.whole = new Map(); // cells that are in contact as a whole, by layer, if computed
@@ -29,18 +31,11 @@ class LiveQuery {
     if (which === "start") this.start = [...q]; else this.goals[which] = [...q];
   }
 
-  /** Computes what has changed, and plans. */
+  /** Computes the cells that have changed, and their components. */
   update() {
-    const took = {}, clock = (name, run) => {
-      const began = performance.now(), result = run();
-      took[name] = performance.now() - began;
-      return result;
-    };
-    clock("raster", () => this.rasterize());
-    const { labels, shares } = clock("components", () => this.components());
-    const answer = clock("plan", () => this.plan(labels));
-    const said = clock("verdict", () => this.verdict(labels, answer));
-    return { bits: this.bits, labels, shares, answer, tree: answer ? treeOf(answer.trees) : null, ...said, took };
+    this.rasterize();
+    this.labels = this.components();
+    return { bits: this.bits, labels: this.labels };
   }
 
   /** Writes the image of each moved obstacle into the bits of the cells. */
@@ -79,19 +74,33 @@ class LiveQuery {
     return rankedComponents(labelComponents(free, data.size, data.periodic), ends);
   }
 
-  /** Plans to the first goal that is connected to the start on the grid; null if there is none. */
-  plan(labels) {
-    if (!this.start || !this.goals.length) return null;
-    const of = (q) => (this.cell(q) < 0 ? 0 : labels[this.cell(q)]), own = of(this.start);
+  /** The goals that are connected to the start on the grid. */
+  get candidates() {
+    if (!this.start) return [];
+    const of = (q) => (this.cell(q) < 0 ? 0 : this.labels[this.cell(q)]), own = of(this.start);
+    // At the boundary of an image a configuration may be free although the center of its cell is not.
+    const isRim = (goal) => (!own || !of(goal)) && this.isFree(this.start) && this.isFree(goal);
+    return this.goals.filter((goal) => (own && of(goal) === own) || isRim(goal));
+  }
+
+  /** Plans to one candidate after the other until there is a path; the result in words. */
+  async plan(report) {
+    const { start } = this, options = { seed: 0, iterations: MOST_ITERATIONS, step: TREE_STEP };
     let answer = null;
-    for (const goal of this.goals) {
-      // At the boundary of an image a configuration may be free although the center of its cell is not.
-      const rim = (!own || !of(goal)) && this.isFree(this.start) && this.isFree(goal);
-      if (!rim && (!own || of(goal) !== own)) continue;
-      answer = this.planner.plan(this.start, goal, { seed: 0, iterations: MOST_ITERATIONS, seconds: SECONDS, step: TREE_STEP });
+    for (const goal of this.candidates) {
+      answer = await this.background.run("plan", [start, goal, options], report);
+      if (!answer) return null;
       if (answer.status === "found") break;
     }
-    return answer;
+    return this.result(answer);
+  }
+
+  cancel() { this.background.cancel(); }
+  end() { this.background.end(); }
+
+  /** The answer of the planner (null: there was nothing to plan), its tree and the verdict. */
+  result(answer = null) {
+    return { answer, tree: answer && treeOf(answer.trees), ...this.verdict(answer) };
   }
 
   isFree(q) {
@@ -99,8 +108,8 @@ class LiveQuery {
   }
 
   /** The result in a sentence, and its tone, as in `cspace_verdict.py`. */
-  verdict(labels, answer) {
-    const { start, goals } = this, cells = `${data.size.join(" × ")} cells`;
+  verdict(answer) {
+    const { start, goals, labels } = this, cells = `${data.size.join(" × ")} cells`;
     if (!start) {
       const open = this.bits.reduce((sum, bits) => sum + (bits ? 0 : 1), 0), parts = new Set(labels).size - (open < labels.length ? 1 : 0);
       return { verdict: `${Math.round((100 * open) / labels.length)}% of all configurations are free, in ${parts} component${parts === 1 ? "" : "s"} of free space.`, tone: "" };

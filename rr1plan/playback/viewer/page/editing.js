@@ -13,7 +13,6 @@ const CLOSE_EDITS = 800; // [ms] between steps of one jog, which are undone toge
 
 const ROUNDED = 1e-5; // [rad or m] rounding error of a motion at its ends, at most
 const MOST_GHOSTS = 12; // with more arms, only moving ones have ghosts at a start or goal set by the user
-const SLOW_PLAN = 200; // [ms] after which the card shows the progress
 
 const inWords = (clearance) => (Number.isFinite(clearance) ? `clearance ${length(clearance)}` : "nothing to touch");
 
