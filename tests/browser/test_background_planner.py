@@ -130,3 +130,50 @@ def test_slow_planning_shows_its_progress_and_how_to_cancel(page: Any) -> None:
     assert page.ask(_ANSWER) == "Planning canceled."
     assert page.page.locator(".act.plan").inner_text().startswith("Plan")
     assert page.page.locator("#editing").is_visible()
+
+
+# The planner of pages that are opened later waits for `letGo`.
+_LOADS_LATE = """
+    window.held = new Promise((resolve) => { window.letGo = resolve; });
+    const { instantiate } = WebAssembly;
+    WebAssembly.instantiate = async (...given) => { await held; return instantiate(...given); };
+"""
+
+
+@pytest.mark.parametrize("page_file", [one_arm], indirect=True)
+def test_a_plan_waits_until_the_planner_is_loaded(tab: Any, page_file: FilePath) -> None:
+    tab.page.add_init_script(_LOADS_LATE)
+    tab.open(page_file)
+    assert tab.ask("RR1.planner") is None
+    tab.page.keyboard.press("p")
+    assert tab.ask(_ANSWER) == "Planning starts when the planner is loaded."
+    tab.page.keyboard.press("p")
+    assert tab.ask(_ANSWER) == "Planning canceled."
+    tab.page.keyboard.press("p")
+    tab.ask("letGo()")
+    wait_until(tab.page, "Boolean(RR1.planner) && Boolean(RR1.document.track)")
+    assert tab.ask(_PLAYED) == tab.ask(_OWN)
+    assert tab.complaints == []
+
+
+@pytest.mark.parametrize("page_file", [one_arm], indirect=True)
+def test_a_plan_that_waits_reports_why_there_is_no_planner(tab: Any, page_file: FilePath) -> None:
+    tab.page.add_init_script(_LOADS_LATE)
+    tab.open(page_file)
+    tab.page.keyboard.press("p")
+    tab.ask("RR1.editing.takePlanner(null, 'this browser is too old')")
+    wait_until(tab.page, f"{_ANSWER} === 'Cannot plan here: this browser is too old.'")
+
+
+def test_a_plan_of_a_configuration_space_waits_until_the_planner_is_loaded(tab: Any, tmp_path: FilePath) -> None:
+    problem = rp.load_problems("planar2r_path")["over_the_seam"]
+    page = rp.cspace(problem.scene, problem, resolution=24).save_html(tmp_path / "cspace.html")
+    tab.page.add_init_script(_LOADS_LATE)
+    tab.open(page)
+    tab.page.keyboard.press("p")
+    said = "document.querySelector('.said').textContent"
+    assert tab.ask(said) == "Planning starts when the planner is loaded."
+    tab.ask("letGo()")
+    wait_until(tab.page, "Boolean(RR1.lesson.answer) && RR1.playing")
+    assert tab.ask(said) == ""
+    assert tab.complaints == []

@@ -18,6 +18,7 @@ class Lesson {
     this.blocked = false;
     this.flat = false;
     this.live = null;
+    this.isAwaited = false;
     this.torus = null;
     this.phase = makePhase();
     this.overlays = [];  // f(pen, lesson), drawn above the cells and below the marks
@@ -100,7 +101,7 @@ class Lesson {
     note.hidden = !reason || !(this.workspace || data.others.length);
     note.textContent = this.workspace ? `Obstacles stand still on this page: ${reason}.` : `The slice stays as it was saved: ${reason}.`;
     this.endLive();
-    if (!planner || !live) return;
+    if (!planner || !live) { this.awaitPlanner(false); return; }
     const image = await inflate(live.raster);
     if (data.live !== live || viewer.planner !== planner) return;
     this.live = new LiveQuery(planner, image);
@@ -112,6 +113,20 @@ class Lesson {
     else this.first = this.snapshot();
     this.fillTools();
     this.follow();
+    if (!this.isAwaited) return;
+    this.awaitPlanner(false);
+    this.planHere();
+  }
+
+  /** Whether the planner will come. */
+  get isLoading() {
+    return Boolean(data.live) && !this.live && !viewer.noPlanner;
+  }
+
+  /** Plans once the planner is loaded, or no longer. */
+  awaitPlanner(on) {
+    if (on !== this.isAwaited) this.say(on ? "Planning starts when the planner is loaded." : "");
+    this.isAwaited = on;
   }
 
   endLive() {
@@ -558,7 +573,7 @@ class Lesson {
       { keys: ["j"], text: "Select the next obstacle", when: live, act: () => this.selectNext() },
       { keys: ["a"], text: "The start is where the arm is", when: live, act: () => this.endHere("start") },
       { keys: ["b"], text: "The goal is where the arm is", when: live, act: () => this.endHere(0) },
-      { keys: ["p"], text: "Plan and play, or cancel planning", when: live, act: () => this.planHere() },
+      { keys: ["p"], text: "Plan and play, or cancel planning", when: () => live() || (this.isLoading && Boolean(this.workspace)), act: () => this.planHere() },
       { keys: ["o"], text: "Everything as it was at first", when: () => !tools.reset.hidden, act: () => this.reset() },
       { keys: ["Ctrl+z"], text: "Undo", when: () => live() && this.past.length > 0, act: () => this.undo() },
     ]);
@@ -591,9 +606,11 @@ class Lesson {
     this.select(names[(names.indexOf(this.selected) + 1) % names.length]);
   }
 
-  /** Plans the same query in the page, and plays the motion. */
+  /** Plans the same query in the page, and plays the motion; once more cancels. */
   planHere() {
-    if (!this.live || !data.start) return;
+    if (!data.start) return;
+    if (this.isLoading) { this.awaitPlanner(!this.isAwaited); return; }
+    if (!this.live) return;
     if (this.planning) { this.cancel(); return; }
     this.update();
     this.resume = true;

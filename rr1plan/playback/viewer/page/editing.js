@@ -14,6 +14,8 @@ const CLOSE_EDITS = 800; // [ms] between steps of one jog, which are undone toge
 const ROUNDED = 1e-5; // [rad or m] rounding error of a motion at its ends, at most
 const MOST_GHOSTS = 12; // with more arms, only moving ones have ghosts at a start or goal set by the user
 
+const LOADING = "the planner is being loaded"; // the reason why there is none yet
+
 const inWords = (clearance) => (Number.isFinite(clearance) ? `clearance ${length(clearance)}` : "nothing to touch");
 
 /** Text about the moving arms, if there are many. */
@@ -27,6 +29,7 @@ class Editing {
     this.lit = null;
     this.planner = this.background = null;
     this.planning = null; // the plan being made: {start, goal, poses, seed, planner, began [ms], progress}
+    this.awaited = null; // f(whether to plan), called once the planner is loaded, or canceled
     this.isAsleep = false;
     this.hands = new Dragging(viewer, this);
     this.card = new PlanCard(viewer, this);
@@ -62,14 +65,14 @@ class Editing {
     this.stale = true;
     this.hands.load();
     this.card.load(doc);
-    this.takePlanner(null, doc.planner ? "the planner is being loaded" : "this page was made without a planner");
+    this.takePlanner(null, doc.planner ? LOADING : "this page was made without a planner");
     this.stages.load(doc);
   }
 
   /** Takes the planner of the document when it is ready; `reason` says why there is none. */
   takePlanner(planner, reason) {
     const loose = this.viewer.document.bodies && !this.stages.rows;
-    this.cancel(": the scene has changed");
+    if (this.planning || reason === LOADING) this.cancel(": the scene has changed");
     if (this.background) this.background.end();
     this.planner = loose ? null : planner;
     this.background = this.planner && new BackgroundPlanner(planner);
@@ -78,6 +81,16 @@ class Editing {
     if (this.planner) for (const [name, pose] of this.poses) if (planner.obstacles.includes(name)) planner.moveObstacle(name, pose);
     this.stale = true;
     this.card.refreshPlanner();
+    if (!this.isLoading) this.resumePlan(true);
+  }
+
+  get isLoading() {
+    return this.reason === LOADING;
+  }
+
+  /** Whether a plan is being made, or will be once the planner is loaded. */
+  get isPlanning() {
+    return Boolean(this.planning || this.awaited);
   }
 
   /** Whether an obstacle can be drawn and checked at another pose. */
@@ -322,14 +335,22 @@ class Editing {
 
   /** Plans on the user's request, or cancels the plan being made. */
   requestPlan() {
-    if (this.planning) this.cancel(); else this.plan();
+    if (this.isPlanning) this.cancel(); else this.plan();
   }
 
   cancel(why = "") {
-    if (!this.planning) return;
+    if (!this.isPlanning) return;
     this.planning = null;
-    this.background.cancel();
+    if (this.background) this.background.cancel();
+    this.resumePlan(false);
     this.card.say(`Planning canceled${why}.`);
+  }
+
+  /** Makes the plan that waits for the planner, or drops it. */
+  resumePlan(go) {
+    const { awaited } = this;
+    this.awaited = null;
+    if (awaited) awaited(go);
   }
 
   /** Plans from the start to the goal, and plays the motion. Returns the planner's result, or null. */
@@ -342,7 +363,12 @@ class Editing {
       if (!this.goal && viewer.manual) this.setEnd("goal");
     }
     const { start, goal, poses, asked } = this;
-    const missing = !planner ? `Cannot plan here: ${this.reason}.` : !goal ? "No goal yet: pose the arm, then set the goal (B)."
+    if (goal && this.isLoading) {
+      const go = new Promise((resolve) => { this.awaited = resolve; });
+      card.say("Planning starts when the planner is loaded.");
+      return (await go) ? this.plan() : null;
+    }
+    const missing = !planner && !this.isLoading ? `Cannot plan here: ${this.reason}.` : !goal ? "No goal yet: pose the arm, then set the goal (B)."
       : this.unchecked(start) || this.unchecked(goal);
     if (missing) { card.say(missing, "open"); return null; }
     const again = asked && asked.start === start && asked.goal === goal && asked.poses === poses;

@@ -50,7 +50,7 @@ class Jogging {
 
   leave() {
     const { editing } = this;
-    if (editing.planning) editing.cancel();
+    if (editing.isPlanning) editing.cancel();
     else if (document.activeElement.classList.contains("handle")) document.activeElement.blur();
     else editing.open(false);
   }

@@ -73,15 +73,15 @@ class PlanCard {
   }
 
   refreshPlanner() {
-    const { planner, reason } = this.editing;
+    const { planner, isLoading, reason } = this.editing;
     this.acts.drop.hidden = !planner;
-    this.acts.plan.classList.toggle("missing", !planner);
-    this.acts.plan.title = planner ? "Plan a certified motion from the start to the goal, and play it (P)" : `Cannot plan here: ${reason}`;
+    this.acts.plan.classList.toggle("missing", !planner && !isLoading);
+    this.acts.plan.title = planner || isLoading ? "Plan a certified motion from the start to the goal, and play it (P)" : `Cannot plan here: ${reason}`;
   }
 
   refreshActs() {
     const { editing, acts } = this;
-    acts.plan.firstChild.data = editing.planning ? "Cancel" : "Plan";
+    acts.plan.firstChild.data = editing.isPlanning ? "Cancel" : "Plan";
     acts.undo.disabled = !editing.past || !editing.past.length;
     acts.reset.disabled = !editing.past || !editing.changed;
     acts.drop.setAttribute("aria-pressed", String(Boolean(editing.planOnDrop)));

@@ -52,7 +52,7 @@ class SceneStages {
     const { viewer, planners, doc } = this, data = doc.planner.planners[index];
     planners[index] ??= loadPlanner({ ...data, modules: settings.modules }).then((planner) => ({ planner, reason: "" }), ({ message }) => ({ planner: null, reason: message }));
     Object.assign(viewer, { planner: null, noPlanner: "" });
-    this.editing.takePlanner(null, "the planner is being loaded");
+    this.editing.takePlanner(null, LOADING);
     const { planner, reason } = await planners[index];
     if (doc.planner !== viewer.document.planner || this.row.planner !== index) return; // the clock has moved on
     Object.assign(viewer, { planner, noPlanner: reason });
