@@ -305,6 +305,7 @@ def test_violations_are_marked_in_their_chart_and_lead_to_their_place(
     options = rp.ViewOptions(play=False)
     tab.open(rp.save_html(tmp_path / "bad.html", rr1_table, trajectory=trajectory, report=report, options=options))
     tab.page.keyboard.press("g")
+    wait_until(tab.page, "RR1.plots.offered.includes('clearance')")
     tab.ask("RR1.plots.chosen = ['clearance', 'position'], RR1.plots.build()")
     times = [v.time for v in report.violations if v.time is not None]
     assert tab.ask("RR1.conflicts.all.map(({ time }) => time)") == sorted(times)
@@ -368,10 +369,13 @@ def test_the_planner_of_the_page_measures_clearances_that_were_not_sent(
 ) -> None:
     plan = motions[0]
     file = plan.save_html(tmp_path / "page.html", options=rp.ViewOptions(clearances=False, play=False))
+    tab.page.set_viewport_size({"width": 1600, "height": 800})
     tab.open(file)
     tab.page.keyboard.press("g")
     wait_until(tab.page, "RR1.planner || RR1.noPlanner")
-    assert tab.ask("RR1.plots.offered.includes('clearance')")
+    tab.ask("() => { RR1.planner.clearance = () => { throw new Error('in the page'); }; RR1.plots.load(); }")
+    wait_until(tab.page, "RR1.plots.offered.includes('clearance')")
+    assert tab.ask("RR1.plots.chosen.includes('clearance')")
     times = np.linspace(0.0, plan.trajectory.duration, 201)[::20]
     found = [tab.ask(VALUES, ["clearance", float(t)])[0] for t in times]
     checker = rp.CollisionChecker(plan.scene)

@@ -145,3 +145,13 @@ def test_a_click_on_a_stage_leads_back_to_the_sequence(opened: Any, plan: rp.Seq
     opened.page.locator("#panel-stages li button").nth(2).click()
     assert opened.ask("[RR1.time, RR1.duration]") == [plan.stages[2].begin, plan.trajectory.duration]
     assert opened.complaints == []
+
+
+def test_the_planner_of_one_stage_measures_no_clearance_of_the_whole_motion(opened: Any) -> None:
+    wait_until(opened.page, "Boolean(RR1.planner)")
+    opened.ask("RR1.plots.open || RR1.plots.toggle()")
+    opened.ask("RR1.plots.load()")
+    assert "clearance" not in opened.ask("RR1.plots.source.quantities(RR1.plots.arm)")
+    assert "velocity" in opened.ask("RR1.plots.offered")
+    assert opened.ask("Boolean(RR1.plots.source.planner) && RR1.plots.source.background === null")
+    opened.ask("RR1.plots.toggle()")

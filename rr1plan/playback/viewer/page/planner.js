@@ -9,6 +9,7 @@
 //   planner.isFree(q)  .edgeIsFree(q0, q1)          certified with the padding of the scene
 //   planner.contacts(q)                             [[element, element], ...] of all pairs in contact
 //   planner.clearance(q, most)                      least distance of moving pairs beyond their padding [m], `most` at most
+//   planner.clearances(qs)                          that of each configuration, of a planner for all arms together
 //   planner.withinLimits(q)
 //   planner.inverseKinematics(frame, target, q)     a configuration that brings a frame ("arm" or "arm/link") to a target,
 //                                                   near q, or null; target: [x, y, z], or 16 numbers, column-major
@@ -162,6 +163,10 @@ class PagePlanner {
   clearance(q, most = Infinity) {
     this.#keepMargin(0);
     return this.#clearance(this.#checked(q), Math.min(most, this.#data.reach ?? Infinity));
+  }
+
+  clearances(qs) {
+    return Float64Array.from(qs, (q) => this.clearance(q));
   }
 
   leastClearance(track) {

@@ -94,10 +94,14 @@ function thinned(times, values, width) {
 
 /** The motions of a page and their quantities that can be plotted. */
 class PlotSource {
-  constructor(viewer) {
+  /** onMeasured: called when clearances are known that the page has measured. */
+  constructor(viewer, onMeasured = () => {}) {
     const { document: doc, player, others } = viewer;
+    this.onMeasured = onMeasured;
     this.kinematics = viewer.kinematics;
     this.planner = viewer.planner;
+    // The planner has the obstacles at one time only.
+    this.background = doc.bodies ? null : viewer.editing.background;
     this.motions = [];
     if (player.track && doc.track.timed) this.motions.push({ kind: "plan", name: null, track: player.track, exact: doc.track.exact, samples: doc.samples });
     else if (doc.samples.error) this.motions.push({ kind: "plan", name: null, track: null, exact: false, samples: doc.samples });
@@ -162,21 +166,29 @@ class PlotSource {
     });
   }
 
-  /** If Python has sent no clearances: the least clearance of all pairs, by the planner of the page; of many arms it would take seconds. */
+  /** If Python has sent no clearances: the least clearance of all pairs, once it is measured; of many arms it would take seconds. */
   measuredClearance(arm, { track, kind }) {
-    const { planner, kinematics } = this;
-    if (!planner || planner instanceof ManyArmsPlanner || !track || kind === "replay" || !planner.columns.includes(arm.firstColumn)) return [];
-    if (!this.unpacked.has(track)) {
-      const times = Float64Array.from({ length: PLANNER_SAMPLES + 1 }, (_, i) => track.start + (i / PLANNER_SAMPLES) * (track.end - track.start));
-      const values = times.map((t) => {
-        const q = track.at(t, kinematics.rest());
-        return 1000 * planner.clearance(planner.columns.map((column) => q[column]));
-      });
-      this.unpacked.set(track, { times, values });
-    }
+    const { planner, background } = this;
+    if (!planner || !background || planner instanceof ManyArmsPlanner || !track || kind === "replay" || !planner.columns.includes(arm.firstColumn)) return [];
+    if (!this.unpacked.has(track)) this.measure(track);
     const { times, values } = this.unpacked.get(track);
     if (!values.some(Number.isFinite)) return [];
     return [Object.assign(new SampledCurve(times, values, [0, null]), { name: "of all pairs", mark: "C", color: CURVES[7], unit: "mm" })];
+  }
+
+  /** Measures the least clearance of all pairs along a motion in the background. */
+  async measure(track) {
+    const { planner, kinematics, unpacked } = this;
+    const times = Float64Array.from({ length: PLANNER_SAMPLES + 1 }, (_, i) => track.start + (i / PLANNER_SAMPLES) * (track.end - track.start));
+    const rows = Array.from(times, (t) => {
+      const q = track.at(t, kinematics.rest());
+      return planner.columns.map((column) => q[column]);
+    });
+    unpacked.set(track, { times, values: new Float64Array(0) });
+    const meters = await this.background.run("clearances", [rows]);
+    if (!meters) { unpacked.delete(track); return; } // canceled
+    unpacked.set(track, { times, values: meters.map((value) => 1000 * value) });
+    this.onMeasured();
   }
 
   unpack(sent, width) {

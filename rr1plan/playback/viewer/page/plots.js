@@ -13,6 +13,7 @@ class Plots {
     this.open = false;
     this.charts = [];
     this.joint = null;
+    this.isFirstChoice = true; // the user has not chosen other curves
     this.root.append(this.makeHead(), (this.area = element("div", undefined, "charts")), (this.legend = element("div", undefined, "legend")));
     // Keys keep their meaning on the page, except for arrows in a list.
     new ResizeObserver(() => this.fit()).observe(this.root);
@@ -47,7 +48,7 @@ class Plots {
 
   load() {
     const { viewer } = this;
-    this.source = new PlotSource(viewer);
+    this.source = new PlotSource(viewer, () => this.takeMeasured());
     this.arms = this.source.arms();
     find("plotter").hidden = !this.arms.length;
     this.arm = this.arms.find(({ name }) => this.arm && name === this.arm.name) || this.arms[0] || null;
@@ -79,8 +80,16 @@ class Plots {
     });
     this.jointMenu.replaceChildren(...options);
     this.jointMenu.value = this.joint || "";
-    if (!this.chosen || !this.chosen.some((key) => this.offered.includes(key))) this.chosen = this.firstChoice();
+    if (this.isFirstChoice || !this.chosen.some((key) => this.offered.includes(key))) {
+      this.chosen = this.firstChoice();
+      this.isFirstChoice = true;
+    }
     this.build();
+  }
+
+  /** Offers the clearances that the page has measured; initially they are shown. */
+  takeMeasured() {
+    if (this.open) this.choose(this.arm);
   }
 
   /** The violated quantity, and the velocity; only one of them if there is little room. */
@@ -111,6 +120,7 @@ class Plots {
 
   switch(key) {
     const on = this.chosen.includes(key);
+    this.isFirstChoice = false;
     if (on && this.chosen.length === 1) return;
     this.chosen = on ? this.chosen.filter((other) => other !== key) : [...this.chosen, key];
     this.build();
