@@ -139,25 +139,26 @@ def solve_ik(
     )
 
 
-def why_none(search: IkSearch, link: str) -> str:
+def why_none(search: IkSearch, link: str, aim: str = "the goal") -> str:
     """Why a search has no accepted solution.
 
     Args:
         search: The search.
         link: Name of its frame for the message.
+        aim: What the frame has to reach, for the message.
     """
     tried = f"({counted(search.tried, 'start')})"
     if search.rejected:
         found = counted(len(search.rejected), "configuration")
-        return f"{link} reaches the goal in {found}, none of them accepted {tried}"
+        return f"{link} reaches {aim} in {found}, none of them accepted {tried}"
     beyond = search.beyond_limits()
     outside = describe_excess(search.robot, beyond[0]) if len(beyond) else ""
     if outside:
-        return f"{link} reaches the goal only outside the joint limits: {outside} {tried}"
+        return f"{link} reaches {aim} only outside the joint limits: {outside} {tried}"
     rng, nearest = np.random.default_rng(search.tried), search.nearest()
     position, orientation = errors_at(search.chain, search.target, nearest)
     at = ", ".join(f"{value:.4g}" for value in position_at(search.chain, nearest))
-    miss = f"the goal is out of reach of {link}: the nearest it gets is {position:.4g} m away, at [{at}]"
+    miss = f"{aim} is out of reach of {link}: the nearest it gets is {position:.4g} m away, at [{at}]"
     if search.target.rotation is None:
         return f"{miss} {tried}"
     alone = "can" if _position_alone(search, nearest, rng) else "cannot"

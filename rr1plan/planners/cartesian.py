@@ -14,9 +14,11 @@ import numpy as np
 
 from rr1plan.checks import Array, Seed, positive_number
 from rr1plan.errors import InputError
-from rr1plan.model import Kinematics, solve_ik
+from rr1plan.kernels.random_state import random_state
+from rr1plan.model import Kinematics
 from rr1plan.model.ik_descent import descend, errors_at
-from rr1plan.model.inverse_kinematics import describe_excess
+from rr1plan.model.ik_search import IkSearch
+from rr1plan.model.inverse_kinematics import describe_excess, why_none
 from rr1plan.model.kinematic_chain import Chain, chain_of
 from rr1plan.model.workspace_lines import EdgeBound, Line
 from rr1plan.planners.collision_messages import describe_collision
@@ -31,6 +33,7 @@ _LARGEST_EDGE = 0.5  # sum of joint changes [rad or m]
 _WAYPOINT_SHARE = 0.01  # share of the tolerance for the error of a waypoint
 _REACHED = 1e-12  # squared error below which a descent has converged
 _EXACT = 1e-6  # tolerance of the check whether another configuration reaches a pose [m], [rad]
+_STARTS = 200  # starts of inverse kinematics in the same check
 _SINGULAR = 0.02  # singular values below this count as singular
 _NO_LENGTH = 1e-9  # a shorter line counts as no motion [m + rad]
 
@@ -216,11 +219,10 @@ class _LineSearch:
         goal = PoseGoal(
             self.frame_name(line), target.lower, quaternion, position_tolerance=_EXACT, orientation_tolerance=_EXACT
         )
-        found = solve_ik(self.kinematics, goal, seeds=q, rng=0, max_solutions=1)
-        if found.found:
+        search = IkSearch(self.chain_of(line), self.robot, goal, q[None], random_state(0))
+        if search.collect(_STARTS, most=1):
             return f"it continues only from another configuration; {self.singularity(line, q)}"
-        # The goal of inverse kinematics is not that of the problem.
-        return found.reason.replace("the goal", "the next point of the line")
+        return why_none(search, self.frame_name(line), "the next point of the line")
 
     def singularity(self, line: Line, q: Array) -> str:
         """Message about the smallest singular value of the frame's Jacobian."""

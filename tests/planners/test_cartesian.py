@@ -113,6 +113,14 @@ def test_a_line_through_the_hole_of_the_annulus_is_out_of_reach_there(planar2r):
     assert along == pytest.approx(0.3, abs=2e-3)
 
 
+def test_the_reason_of_a_line_keeps_the_name_of_its_arm(planar2r):
+    start = np.array([0.0, 2.5])
+    here = planar2r.link_poses(start)["tool"][:3, 3]
+    scene = Scene({"the goal": Arm(planar2r)})
+    result = CartesianPlanner().plan(Problem(scene, start, PoseGoal("tool", -here)), rng=0)
+    assert "the next point of the line is out of reach of the goal/tool" in result.reason
+
+
 def test_a_goal_beyond_reach_is_told_with_the_distance(planar2r):
     result = CartesianPlanner().plan(Problem(alone(planar2r), [0.0, 1.0], PoseGoal("tool", [2.0, 0.0, 0.0])), rng=0)
     assert result.status is PlanStatus.INFEASIBLE
