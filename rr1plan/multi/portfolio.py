@@ -25,16 +25,17 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Seed, Value, as_generator, finite_number, known_name
+from rr1plan.checks import Array, Seed, Value, as_generator, finite_number, known_name
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
 from rr1plan.errors import InputError
+from rr1plan.multi.agents import Agent
 from rr1plan.multi.execution.separated_schedules import SeparatedSchedules, separate
 from rr1plan.multi.in_parallel import in_parallel, processors
 from rr1plan.multi.interaction import meeting_groups
 from rr1plan.multi.paths.hop_timing import HopTiming
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.plan_quality import PlanQuality
-from rr1plan.multi.preflight import MARGINS, Preflight, no_path_to_any_goal, preflight, with_other_goals
+from rr1plan.multi.preflight import MARGINS, Preflight, no_path_to_any_goal, preflight, with_goal, with_other_goals
 from rr1plan.multi.search.agent_schedules import AgentSchedules, Statistics
 from rr1plan.multi.search.group_planner import COUPLED_FIRST, NO_TIME, GroupPlanner
 from rr1plan.multi.search.group_schedules import GroupSchedules
@@ -194,6 +195,7 @@ def plan_many_arms(
         UnknownNameError: an unknown method or retiming.
         InputError: not a problem, a margin below zero, a retiming that leaves the paths, a scene that cannot be
             checked, or too many arms for the method.
+        RetimingError: a joint that has to move has no limit of velocity or acceleration, or for "ruckig" of jerk.
     """
     check_plan_arguments(problem, budget, progress)
     if improvement is not None:
@@ -218,6 +220,7 @@ def plan_many_arms(
     if method == _SEARCH:
         diagrams = DiagramCache(largest, watch)
         groups, schedules, alone, impossible = _search_small_teams(task, found)
+        found, schedules = _with_chosen_goals(task, found, schedules)
     else:
         with watch:
             found, search, groups = _search_groups(task, found)
@@ -364,6 +367,27 @@ def _search_small_teams(
         schedules += team.schedules
         alone.update(team.alone)
     return groups, schedules, alone, ""
+
+
+def _with_chosen_goals(task: _Task, found: Preflight, schedules: list[Schedule]) -> tuple[Preflight, list[Schedule]]:
+    """The preflight and schedules with agents whose goals are the ends of the schedules, for paths of improvements.
+
+    Conflict-based search chooses among all goal configurations, whichever the preflight has chosen.
+    """
+    ends: dict[str, Array] = {}
+    for schedule in schedules:
+        configurations = task.problem.scene.split(schedule.path.goal, schedule.arms)
+        ends |= {arm: configurations[arm] for arm in schedule.arms}
+    if not found.chosen or len(ends) < len(found.agents):
+        return found, schedules
+    aimed = with_goal(task.problem, found.agents, ends, found.choices, task.margin, task.watch)
+    if aimed.status is not None:
+        return found, schedules  # no time is left for improvements
+    problem = next(iter(aimed.agents.values())).problem
+    return aimed, [
+        Schedule(schedule.path.of(Agent(problem, schedule.arms, schedule.path.agent.timing)), schedule.legs)
+        for schedule in schedules
+    ]
 
 
 class _GroupSearch:

@@ -22,6 +22,8 @@ from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
 from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.planning import Budget, PlanStatus
+from rr1plan.retiming.check_limits import check_limits
+from rr1plan.retiming.path_blends import clean
 from rr1plan.scene.problem import JointGoal, Problem
 from rr1plan.scene.subscene import subscene
 
@@ -73,6 +75,9 @@ def preflight(
         rng: Generator or seed of inverse kinematics.
         timing: Retiming of the agents' motions.
         watch: Deadline, after which the status is TIMEOUT (default: none).
+
+    Raises:
+        RetimingError: a joint that has to move has no limit.
     """
     watch = watch or Stopwatch(np.inf)
     agents = {arm: Agent(problem, [arm], timing) for arm in problem.arms}
@@ -101,7 +106,10 @@ def preflight(
     goal, status, reason, choices = _goal_choices(agents, near, rng, watch, is_reached)
     if status is not None:
         return Preflight({}, {}, status, reason)
-    return _with_goal(problem, agents, goal, choices, largest_margin, watch)
+    jerk = timing.method == "ruckig"
+    for arm, agent in agents.items():
+        check_limits(agent.joint_names, clean(np.stack([agent.start, goal[arm]])), agent.limits, jerk=jerk)
+    return with_goal(problem, agents, goal, choices, largest_margin, watch)
 
 
 def with_other_goals(
@@ -125,11 +133,11 @@ def with_other_goals(
     goal = found.choices.other(arms, rng) if found.choices is not None else None
     if goal is None:
         return None
-    other = _with_goal(problem, found.agents, goal, found.choices, largest_margin, watch)
+    other = with_goal(problem, found.agents, goal, found.choices, largest_margin, watch)
     return other if other.status is None else None
 
 
-def _with_goal(
+def with_goal(
     problem: Problem,
     agents: Mapping[str, Agent],
     goal: Mapping[str, Array],
@@ -137,7 +145,16 @@ def _with_goal(
     largest_margin: float,
     watch: Stopwatch,
 ) -> Preflight:
-    """The agents in a problem with these goal configurations, and their margins."""
+    """The agents in a problem with some goal configurations, and their margins.
+
+    Args:
+        problem: The problem.
+        agents: The agent of each arm.
+        goal: One of the goal configurations of each arm, shape (nq,).
+        choices: All goal configurations.
+        largest_margin: Upper bound of the margins [m].
+        watch: Deadline, after which the status is TIMEOUT.
+    """
     margins = {}
     for arm, agent in agents.items():
         if not watch.goes_on():

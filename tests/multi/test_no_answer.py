@@ -7,12 +7,14 @@ import os
 import signal
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import rr1plan as rp
 from rr1plan import place_grid, plan_many_arms
+from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.path_pool import PathPool
 from rr1plan.multi.preflight import MARGINS, affordable_margin
@@ -159,6 +161,15 @@ def test_goals_out_of_limits_or_reach_are_named(rr1: rp.Robot) -> None:
 
 
 @pytest.mark.usefixtures("processor_clock")
+@pytest.mark.parametrize("method", ["portfolio", "conflict_based_search"])
+def test_a_joint_that_has_to_move_and_has_no_limit_is_named(method: str, planar2r: rp.Robot) -> None:
+    robot = planar2r.with_limits(replace(planar2r.limits, acceleration=np.array([10.0, np.inf])))
+    scene = rp.Scene().with_arm("left", robot, (-1.5, 0.0, 0.0)).with_arm("right", robot, (1.5, 0.0, 0.0))
+    problem = rp.Problem(scene, {"left": [1.0, 1.0], "right": [1.0, 1.0]}, {"left": [2.0, 1.0], "right": [1.0, 0.5]})
+    with pytest.raises(RetimingError, match="'right/joint2' moves and has no acceleration limit"):
+        plan_many_arms(problem, method=method)
+
+
 def test_what_is_not_found_in_time_is_said_with_who_is_blocked(planar2r: rp.Robot) -> None:
     # A post on either side of the first link at its goal: it cannot turn there from anywhere.
     scene = _facing(planar2r)

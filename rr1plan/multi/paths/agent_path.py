@@ -7,6 +7,7 @@ changes: an agent may wait at a gridpoint, continue, or go back, but never leave
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from functools import cached_property
 from itertools import pairwise
 
@@ -118,6 +119,12 @@ class AgentPath:
         chain.halts = tuple(sorted({*joints[1:-1], *inner}))
         chain.__dict__["stops"] = tuple(joints)
         return chain
+
+    def of(self, agent: Agent) -> AgentPath:
+        """The same path of another agent with the same arms, start and timing."""
+        path = copy(self)
+        path.agent = agent
+        return path
 
     def __repr__(self) -> str:
         return f"AgentPath({', '.join(self.agent.arms)}: {self.segments} segments)"
