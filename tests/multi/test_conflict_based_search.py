@@ -18,10 +18,12 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.portfolio import merged_trajectory
 from rr1plan.multi.search.arm_roadmap import ArmRoadmap, build_roadmap
 from rr1plan.multi.search.conflict_based_search import ConflictBasedSearch, SearchResult, schedule_of
+from rr1plan.multi.search.group_planner import GroupPlanner
 from rr1plan.multi.search.relative_conflicts import RelativeConflicts
 from rr1plan.multi.search.roadmap_search import Departure, Presence, Settling, earliest_moves
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.planning import Budget, PlanStatus
+from rr1plan.scene.problem import JointGoal
 
 _BUDGET = Budget(seconds=120.0)
 _STEP = 0.04  # of the brute force [s]
@@ -218,7 +220,8 @@ def test_a_search_that_gives_up_states_the_bound_of_the_plan_that_it_began_with(
 ) -> None:
     problem = ring_swap(rr1, 4, 0.5, rng=1)
     searched = plan_many_arms(problem, method="conflict_based_search", rng=0, budget=_BUDGET)
-    monkeypatch.setattr("rr1plan.multi.search.small_teams._ROUNDS", ((50, 1), (50, 5)))
+    monkeypatch.setattr("rr1plan.multi.search.small_teams._NODES", 1)
+    monkeypatch.setattr("rr1plan.multi.search.small_teams._MOST_SAMPLES", 50)
     given_up = plan_many_arms(problem, method="conflict_based_search", rng=0, budget=_BUDGET)
     assert given_up.trajectory is not None
     assert rp.validate(given_up.trajectory, problem.scene, problem).certified
@@ -307,6 +310,39 @@ def test_its_plans_can_be_improved(rr1: rp.Robot) -> None:
     assert rp.validate(result.trajectory, problem.scene, problem).certified
     assert result.first is not None
     assert result.makespan < result.first.makespan
+
+
+def test_the_portfolio_leaves_time_for_searches_on_larger_roadmaps(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = rp.planar_arm("RR", (0.5, 0.4))
+    scene = rp.Scene().with_arm("left", robot).with_arm("right", robot, (0.7, 0.0, 0.0))
+    start = {"left": [-1.02, -0.57], "right": [0.45, 0.04]}
+    problem = rp.Problem(scene, start, {"left": [1.45, 1.92], "right": [1.27, -0.54]})
+    rounds: list[float] = []
+
+    def run(_: GroupPlanner, most: float = math.inf) -> bool:
+        rounds.append(most)
+        return False
+
+    monkeypatch.setattr(GroupPlanner, "run", run)
+    plan_many_arms(problem, method="conflict_based_search", rng=0, budget=_BUDGET, progress=lambda _: len(rounds) == 0)
+    assert rounds
+    assert math.isfinite(rounds[0])
+
+
+def test_improvements_aim_at_the_goals_that_were_chosen() -> None:
+    """The preflight prefers the goal that is nearer in joint space, the search the one that is reached first."""
+    robot = rp.planar_arm("RR", (0.5, 0.4))
+    robot = robot.with_limits(replace(robot.limits, velocity=np.array([2.0, 0.1])))
+    scene = rp.Scene().with_arm("left", robot, (-0.6, 0.0, 0.0)).with_arm("right", robot, (0.6, 0.0, 0.0))
+    start = {"left": [2.0, 1.0], "right": [0.5, 1.0]}
+    problem = rp.Problem(scene, start, {"left": [JointGoal([2.0, 1.5]), JointGoal([3.0, 1.0])], "right": [0.9, 1.0]})
+    result = plan_many_arms(problem, method="conflict_based_search", rng=0, budget=_BUDGET)
+    assert result.found
+    ends = {schedule.arms[0]: schedule.path for schedule in result.schedules}
+    np.testing.assert_array_equal(ends["left"].goal, [3.0, 1.0])
+    for arm, path in ends.items():
+        (goal,) = path.agent.problem.goal[arm]
+        np.testing.assert_array_equal(goal.q, path.goal)
 
 
 def test_too_many_arms_and_unknown_methods_are_refused(rr1: rp.Robot) -> None:

@@ -1,8 +1,9 @@
 """Conflict-based search for a group of a few arms: roadmaps that grow until there is a plan on them.
 
-If the first search finds none, the arms are scheduled on their paths as in the portfolio. That plan is returned if the
-lower bound of a second search proves it good enough, or if this search finds no better plan; its suboptimality is then
-the ratio proven by this search, which may exceed the requested one.
+A search that finds no plan is followed by a few rounds of the portfolio's methods, which need no roadmap; the effort of
+both grows in turn. Once the portfolio has a plan, it is returned if the lower bound of one more search proves it good
+enough, or if this search finds no better plan; its suboptimality is then the ratio proven by this search, which may
+exceed the requested one.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import combinations, count
 
 import numpy as np
 
@@ -35,8 +36,10 @@ MOST_ARMS = 8
 SUBOPTIMALITY = 1.1
 """Largest ratio of the sum of arrivals to the minimum on the roadmaps."""
 
-# Samples of the roadmaps and largest number of nodes of the search on them; the last round uses all remaining time.
-_ROUNDS = ((50, 500), (200, 2000), (800, 10**9))
+# Samples of the first roadmaps, and largest number of nodes of the first search on them.
+_SAMPLES, _NODES = 50, 500
+# Factor by which samples, nodes and rounds of the portfolio grow, and largest number of samples.
+_GROWTH, _MOST_SAMPLES = 4, 800
 
 
 @dataclass(frozen=True)
@@ -106,11 +109,12 @@ def plan_small_team(
     conflicts = RelativeConflicts(min((diagrams.margin(*pair) for pair in pairs), default=largest_margin))
     known: tuple[Schedule, ...] = ()
     cost, bound, reason = math.inf, 0.0, "no time was left"
-    for samples, nodes in _ROUNDS:
+    for effort in (_GROWTH**k for k in count()):
+        samples = min(effort * _SAMPLES, _MOST_SAMPLES)
         roadmaps = _roadmaps(first, goals, margins, samples, watch)
         if roadmaps is None:
             break
-        found = ConflictBasedSearch(roadmaps, near, conflicts, watch, suboptimality).run(nodes, cost)
+        found = ConflictBasedSearch(roadmaps, near, conflicts, watch, suboptimality).run(effort * _NODES, cost)
         if found.moves is not None and found.cost <= cost:
             schedules = tuple(schedule_of(roadmaps[arm], found.moves[arm]) for arm in arms)
             return TeamPlan(schedules, alone, found.suboptimality)
@@ -118,9 +122,8 @@ def plan_small_team(
         bound = found.lower_bound if 0.0 < found.lower_bound < math.inf else bound
         if known:
             break
-        # Schedule the paths of the pools, which need no roadmap.
         group = GroupSchedules(pools.values(), near, diagrams, rng, watch)
-        known = tuple(group.schedules.values()) if GroupPlanner(group).run() else ()
+        known = tuple(group.schedules.values()) if GroupPlanner(group).run(effort) else ()
         impossible = no_path(arms, group.reason) if group.impossible and not known else ""
         if impossible:
             return TeamPlan(reason=impossible, impossible=impossible)
