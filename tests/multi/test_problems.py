@@ -24,8 +24,11 @@ from rr1plan import (
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
+from rr1plan.multi.agents import Agent
+from rr1plan.multi.paths.placed_path import placed_configuration
 from rr1plan.multi.scenarios import problems
 from rr1plan.multi.scenarios.endpoint_sampling import floor_under, front_of, one_turn, problem_between
+from rr1plan.multi.timing.coordination import are_apart
 
 _KINDS: dict[str, Callable[[rp.Robot, int], rp.Problem]] = {
     "grid": lambda robot, seed: random_grid(robot, 6, 0.55, seed),
@@ -141,6 +144,16 @@ def test_problems_that_cannot_be_made_are_refused(rr1: rp.Robot) -> None:
         InputError, match=r"try a wider window .* a tool other than 'tool' if the hand reaches beyond it"
     ):
         handover_window(rr1, 0.10, 0, gap=0.001)
+
+
+def test_bases_need_no_clearance_from_each_other(rr1: rp.Robot) -> None:
+    """The bases are a millimeter apart, nearer than starts and goals are to bodies that move."""
+    problem = random_grid(rr1, 4, 0.399, 0)
+    one, two = (Agent(problem, [arm]) for arm in ("arm01", "arm03"))
+    placed, other = (placed_configuration(agent.bodies, agent.start) for agent in (one, two))
+    assert are_apart(one, placed, two, other, margin=2e-3)
+    bases = CollisionChecker(problem.scene.with_padding(2e-3), problem.arms).static_contacts
+    assert ("arm01/base_link", "arm03/base_link") in bases
 
 
 _SUNKEN = """

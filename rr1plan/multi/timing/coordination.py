@@ -65,7 +65,7 @@ def are_apart(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: f
         placed: Its bodies in some configurations, see `placed_configurations`.
         two: Another agent, of the same problem.
         other: Its bodies.
-        margin: Distance to keep beyond the scene's padding [m].
+        margin: Distance to keep beyond the scene's padding, except between two bodies that no joint moves [m].
     """
     return not conflicts(one, placed, two, other, margin).any()
 
@@ -123,7 +123,7 @@ def cross_pairs(one: Agent, two: Agent, margin: float, *, fixed: bool = False) -
     Args:
         one: An agent.
         two: Another one of the same problem.
-        margin: Distance to keep beyond the scene's padding [m].
+        margin: Distance to keep beyond the scene's padding, except between two bodies that no joint moves [m].
         fixed: Whether to include pairs of bodies that no joint moves.
     """
     scene = one.problem.scene
@@ -148,10 +148,9 @@ def _cross_pairs(scene: Scene, one: Agent, two: Agent, margin: float, fixed: boo
         for (i, first), (j, second) in product(enumerate(a.elements), enumerate(b.elements)):
             distance = scene.padding_of(first, second)
             padding[i, j] = -np.inf if scene.may_touch(first, second) else distance
-    padding += margin + TOLERANCE
-    if not fixed:
-        # It is in contact always or never, which is checked before planning.
-        padding[a.is_fixed[:, None] & b.is_fixed[None, :]] = -np.inf
+    # Two bodies that no joint moves are in contact always or never, so they need no margin.
+    is_still = a.is_fixed[:, None] & b.is_fixed[None, :]
+    padding += np.where(is_still, TOLERANCE if fixed else -np.inf, margin + TOLERANCE)
     groups = [
         (i, j)
         for (i, (_, a0, a1)), (j, (_, b0, b1)) in product(enumerate(a.group_rows), enumerate(b.group_rows))
