@@ -378,6 +378,15 @@ def test_a_goal_that_cannot_be_is_said(planar2r: rp.Robot, rr1: rp.Robot) -> Non
     assert far.reason.startswith("arm01")
 
 
+def test_a_joint_without_a_limit_that_only_the_new_goal_moves_is_named(planar2r: rp.Robot) -> None:
+    robot = planar2r.with_limits(replace(planar2r.limits, acceleration=np.array([10.0, np.inf])))
+    scene = rp.Scene().with_arm("left", robot, (-1.5, 0.0, 0.0)).with_arm("right", planar2r, (1.5, 0.0, 0.0))
+    problem = rp.Problem(scene, {"left": [1.0, 1.0], "right": [1.0, 1.0]}, {"left": [2.0, 1.0], "right": [0.0, 1.0]})
+    added = rp.add_motion(rp.plan_many_arms(problem, rng=0), "left", [1.5, 0.5], at=0.2, budget=_BUDGET, rng=0)
+    assert not added
+    assert "'left/joint2' moves and has no acceleration limit" in added.reason
+
+
 def test_bad_input_is_refused(planar2r: rp.Robot) -> None:
     plan = _at_rest(_facing(planar2r), {"left": [1.5, 0.0], "right": [np.pi, 0.0]})
     with pytest.raises(rp.UnknownNameError, match="middle"):

@@ -21,7 +21,7 @@ import numpy as np
 
 from rr1plan.checks import Array, Seed, Value, as_generator, finite_number, known_name, of_kind
 from rr1plan.collision.checker_pool import checker_from_pool
-from rr1plan.errors import InputError
+from rr1plan.errors import InputError, RetimingError
 from rr1plan.multi.execution.present_motions import PresentMotions
 from rr1plan.multi.execution.running_plan import LATEST, Part, RunningPlan, Stop, part_of, stops_of
 from rr1plan.multi.execution.single_arm_motions import Attempt, NewMotion, SingleArmMotions, joined
@@ -275,14 +275,18 @@ class _Change:
         plan, start = self.plan, max(self.now, self.plan.trajectory.end_time)
         ends = {name: plan.goal(name) for name in plan.arms}
         problem = Problem(plan.scene, ends, {**ends, self.arm: self.goal}, arms=plan.arms)
-        result = plan_many_arms(
-            problem,
-            margin=plan.margin,
-            budget=Budget(self._watch.time_left),
-            retiming=plan.retiming,
-            torque_limits=plan.torque_limits,
-            rng=self._rng,
-        )
+        try:
+            result = plan_many_arms(
+                problem,
+                margin=plan.margin,
+                budget=Budget(self._watch.time_left),
+                retiming=plan.retiming,
+                torque_limits=plan.torque_limits,
+                rng=self._rng,
+            )
+        except RetimingError as error:
+            self._attempt.reason = str(error)
+            return None
         if result.trajectory is None:
             return None
         changed = {}
