@@ -121,7 +121,8 @@ def test_a_schedule_is_always_in_a_row_that_it_occupies(path: AgentPath) -> None
     assert schedule.waiting == pytest.approx(
         schedule.arrival - sum(path.hop_duration(leg.begin, leg.end) for leg in schedule.legs)
     )
-    assert schedule.length > path.length
+    sampled = motion(np.linspace(0.0, schedule.arrival, 20_001))
+    assert schedule.length == pytest.approx(np.linalg.norm(np.diff(sampled, axis=0), axis=1).sum(), rel=1e-5)
 
 
 def test_rest_between_two_segments_is_free_where_either_is() -> None:

@@ -40,6 +40,8 @@ LARGEST_BLEND = 1.0
 _SAME = 1e-9  # relative tolerance for equal path accelerations
 # A motion is stretched by this factor more than its torques require.
 _TORQUE_ROUNDING = 1e-3
+# Gauss-Legendre quadrature of the length of a segment.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 # Far above the rounding of configurations [rad].
 _ROUNDING = 1e-12
 
@@ -133,10 +135,14 @@ class AgentPath:
         """The path without memory of kernels, and without times of hops, which are quickly recomputed."""
         return {name: value for name, value in self.__dict__.items() if name not in ("placed", "_times")}
 
-    @property
-    def length(self) -> float:
-        """Euclidean length in joint space [rad]."""
-        return float(self.curve.lengths.sum())
+    @cached_property
+    def lengths(self) -> Array:
+        """Euclidean length in joint space up to each gridpoint [rad], shape (gridpoints,)."""
+        # The parameter of a rounded corner is the length of the polyline, which is longer.
+        c, half = self.curve.coefficients[self.grid.piece], 0.5 * self.grid.delta
+        s = self.grid.offset + half + half * _NODES[:, None]
+        speeds = np.linalg.norm(c[:, 1] + 2.0 * s[..., None] * c[:, 2], axis=2)
+        return np.concatenate([[0.0], np.cumsum(half * (_WEIGHTS @ speeds))])
 
     def _segment_counts(self) -> NDArray[np.int64]:
         """Number of segments of each piece of the curve."""

@@ -103,8 +103,8 @@ class Schedule:
     @property
     def length(self) -> float:
         """Length of its motions [rad]."""
-        borders = np.concatenate([[0.0], np.cumsum(self.path.grid.delta)])
-        return float(sum(abs(borders[leg.end] - borders[leg.begin]) for leg in self.legs))
+        lengths = self.path.lengths
+        return float(sum(abs(lengths[leg.end] - lengths[leg.begin]) for leg in self.legs))
 
     @cached_property
     def occupancy(self) -> Occupancy:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import Array
-from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.timing.coordination import Blocked
 from rr1plan.multi.timing.passing_order import agreed_diagram
 from rr1plan.multi.timing.schedule import Leg, Occupancy, Schedule, rest_row
@@ -55,7 +54,7 @@ def pair_timing(one: Schedule, two: Schedule) -> PairTiming:
     places = np.column_stack([np.interp(times, *track) for track in tracks])
     return PairTiming(
         blocked,
-        (_lengths(one.path), _lengths(two.path)),
+        (one.path.lengths, two.path.lengths),
         (one.path.hop_times(0, one.path.segments), two.path.hop_times(0, two.path.segments)),
         times,
         places,
@@ -139,10 +138,6 @@ def _first_conflict(blocked: Blocked, one: Occupancy, two: Occupancy) -> float |
     end = np.minimum(one.leave[:, None], two.leave[None, :])
     met: NDArray[np.bool_] = (end - begin > 0.0) & (blocked[np.ix_(one.rows, two.rows)] != 0)
     return float(begin[met].min()) if met.any() else None
-
-
-def _lengths(path: AgentPath) -> Array:
-    return np.concatenate([[0.0], np.cumsum(path.grid.delta)])
 
 
 def _track(schedule: Schedule) -> tuple[Array, Array]:
