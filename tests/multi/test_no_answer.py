@@ -327,6 +327,9 @@ def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
     assert result.status is PlanStatus.TIMEOUT
     assert result.reason.startswith("not found in ")
     assert "left" in result.reason
+    assert "the search kept 2 mm beyond the padding" in result.reason
+    without = plan_many_arms(_sealed(planar2r), margin=0.0, rng=0, budget=Budget(seconds=0.3))
+    assert "kept" not in without.reason
 
 
 @pytest.mark.parametrize("seconds", [1e-6, 1e-3, 0.02])

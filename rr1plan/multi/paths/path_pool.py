@@ -78,7 +78,8 @@ class PathPool:
             if result.path is None:
                 # The planner's callback also ends the search when the time is over.
                 late = result.status is PlanStatus.CANCELLED and not self._watch.cancelled
-                return None, f"no path found in {self._watch.seconds:.3g} s" if late else result.reason
+                reason = f"no path found in {self._watch.seconds:.3g} s" if late else result.reason
+                return None, f"{reason}{self._kept_margin()}" if late or result.status is PlanStatus.TIMEOUT else reason
             parts.append(result.path)
         try:
             return self.add_shortened(parts, query), ""
@@ -145,6 +146,12 @@ class PathPool:
             made = refiner.refine(path, self._watch.goes_on, enough)
         self.paths.append(made)
         return made
+
+    def _kept_margin(self) -> str:
+        """The margin, which may have closed narrow passages, as the end of a reason; empty if there is none."""
+        return (
+            f"; the search kept {1000.0 * self.margin:.3g} mm beyond the padding (option margin)" if self.margin else ""
+        )
 
     def _plan(self, leg: Problem, effort: int, *, patient: bool) -> PlanResult:
         goes_on, seconds = self._watch.let_planner_go_on, self._watch.time_left
