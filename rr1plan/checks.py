@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sized
 from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -219,9 +219,14 @@ def whole_number(name: str, value: Any, least: int, most: int) -> int:
     Raises:
         InputError: not an integer, or out of bounds.
     """
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not least <= value <= most:
+    if not _is_whole(value) or not least <= value <= most:
         raise InputError(f"{name} is {shown(value)}, expected a whole number from {least} to {most}")
     return int(value)
+
+
+def _is_whole(value: object) -> TypeGuard[int | np.integer[Any]]:
+    # NumPy's durations are a subclass of its integers.
+    return isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
 
 
 def true_or_false(name: str, value: Any) -> bool:
@@ -355,6 +360,10 @@ class Value:
             object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
 
 
+def _is_seed(rng: Seed) -> TypeGuard[int | np.integer[Any]]:
+    return _is_whole(rng) and bool(rng >= 0)
+
+
 def as_generator(rng: Seed) -> np.random.Generator:
     """A numpy Generator from a Generator, a seed or None (fresh entropy).
 
@@ -363,7 +372,7 @@ def as_generator(rng: Seed) -> np.random.Generator:
     """
     if isinstance(rng, np.random.Generator):
         return rng
-    if rng is None or (isinstance(rng, int | np.integer) and not isinstance(rng, bool) and rng >= 0):
+    if rng is None or _is_seed(rng):
         return np.random.default_rng(rng)
     raise InputError(f"rng is {shown(rng)}, expected a numpy Generator, a seed >= 0 or None")
 
@@ -374,6 +383,4 @@ def as_seed(rng: Seed) -> int:
     Raises:
         InputError: a negative seed or something else.
     """
-    if isinstance(rng, int | np.integer) and not isinstance(rng, bool) and rng >= 0:
-        return int(rng)
-    return int(as_generator(rng).integers(2**32))
+    return int(rng) if _is_seed(rng) else int(as_generator(rng).integers(2**32))

@@ -26,6 +26,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 _LONGEST_SHOWN = 80  # [characters]
+_LONGEST_REASON = 400  # [characters]
 
 
 def shown(value: object) -> str:
@@ -35,6 +36,12 @@ def shown(value: object) -> str:
     except Exception:  # an int of 5,000 digits, a list 3,000 deep, an object of a caller's own class
         return f"a {type(value).__name__}"
     return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}..."
+
+
+def reason_of(error: Exception) -> str:
+    """The message of a library's error, truncated if it is long, or its type if it has none."""
+    text = str(error)
+    return (text if len(text) <= _LONGEST_REASON else f"{text[: _LONGEST_REASON - 3]}...") or type(error).__name__
 
 
 class Rr1PlanError(Exception):

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import math
-import numbers
-import sys
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +21,7 @@ from rr1plan.checks import (
     of_kind,
     read_only,
     shown,
+    whole_number,
 )
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.path import Path
@@ -55,27 +53,22 @@ class Budget:
             alone (seconds=inf) makes a plan reproducible to the byte.
 
     Raises:
-        InputError: a budget of zero or less, NaN, or neither limit.
+        InputError: not a number, zero or less, NaN, or neither limit.
     """
 
     seconds: float = 10.0
     iterations: int | None = None
 
     def __post_init__(self) -> None:
-        if not _is_above_zero(self.seconds, numbers.Real):
-            raise InputError(f"budget of {shown(self.seconds)} seconds, expected more than zero")
-        if self.iterations is not None and not (
-            _is_above_zero(self.iterations, numbers.Integral) and self.iterations <= _MOST_ITERATIONS
-        ):
-            raise InputError(f"budget of {shown(self.iterations)} iterations, expected 1 to {_MOST_ITERATIONS}")
-        if isinstance(self.seconds, int) and self.seconds > sys.float_info.max:
-            raise InputError(f"budget of {shown(self.seconds)} seconds, expected a float")
-        if math.isinf(self.seconds) and self.iterations is None:
+        seconds = number_array("seconds of the budget", self.seconds)
+        if seconds.ndim or not seconds > 0.0:
+            raise InputError(f"seconds of the budget is {shown(self.seconds)}, expected a number above zero")
+        object.__setattr__(self, "seconds", float(seconds))
+        if self.iterations is not None:
+            iterations = whole_number("iterations of the budget", self.iterations, 1, _MOST_ITERATIONS)
+            object.__setattr__(self, "iterations", iterations)
+        elif math.isinf(self.seconds):
             raise InputError("a budget needs seconds or iterations, got neither")
-
-
-def _is_above_zero(value: object, kind: type[Any]) -> bool:
-    return isinstance(value, kind) and not isinstance(value, bool) and bool(value > 0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

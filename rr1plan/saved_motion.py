@@ -33,7 +33,8 @@ def load_motion(
     computed by `validate` (or `certify_path`, for a path without times); a report in the file is ignored.
 
     Args:
-        file: A motion, trajectory or path file (.json), samples (.csv), a ROS JointTrajectory (.yaml), or a ROS bag.
+        file: A motion, trajectory or path file (.json), samples (.csv) or a ROS JointTrajectory (.yaml), also
+            compressed (.csv.gz), or a ROS bag.
             Joints may be named as in the scene ("arm/joint"), as in ROS ("arm_joint"), or without the
             arm if the name is unique; in any order.
         scene: The scene for validation (default: the scene in the file). `changes` of the result lists the differences

@@ -32,6 +32,7 @@ from rr1plan.notebook_view import NotebookView
 from rr1plan.path import MOST_SAMPLES, arms_of, check_joint_names
 
 _MOST_DERIVATIVE = 100
+_LARGEST_ROUNDING = 1e-6  # of times [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,9 +203,15 @@ class Trajectory(Value, NotebookView):
         """The same motion, `seconds` [s] later (earlier if negative).
 
         Raises:
-            InputError: not finite.
+            InputError: not finite, or so large that times would be rounded to more than a microsecond.
         """
-        return self._with_rounded(self.breaks + finite_number("seconds", seconds), self.coefficients)
+        breaks = self.breaks + finite_number("seconds", seconds)
+        before, rounding = (float(np.spacing(np.abs(times).max())) for times in (self.breaks, breaks))
+        if not rounding <= max(_LARGEST_ROUNDING, before):
+            raise InputError(
+                f"seconds is {seconds:g}, which rounds times to {rounding:.3g} s, expected a time within ±4e9 s"
+            )
+        return self._with_rounded(breaks, self.coefficients)
 
     def cut(self, begin: float, end: float) -> Trajectory:
         """The motion between two times; before its start and after its end it rests.

@@ -74,6 +74,12 @@ def test_shifting_moves_the_clock_only(trajectory: Trajectory, seconds: float) -
     assert np.isclose(later.start_time, trajectory.start_time + seconds, atol=1e-12)
 
 
+def test_rounded_times_can_be_shifted_back() -> None:
+    far = Trajectory(("arm/x",), [1e12, 1e12 + 1.0], [[[0.0], [1.0]]])
+    assert far.shifted(1.0).duration == 1.0
+    assert far.shifted(-1e12).start_time == 0.0
+
+
 @given(trajectories(), st.integers(1, 3))
 @settings(deadline=None, max_examples=60)
 def test_derivatives_agree_with_differences(trajectory: Trajectory, derivative: int) -> None:
@@ -166,6 +172,9 @@ def test_wrong_calls_are_refused() -> None:
             still.sample(factor)
     with pytest.raises(InputError, match="not finite"):
         still(float("nan"))
+    for seconds in (1e17, -1e12):
+        with pytest.raises(InputError, match="which rounds times to"):
+            still.shifted(seconds)
 
 
 def test_a_trusted_trajectory_is_what_the_constructor_makes() -> None:

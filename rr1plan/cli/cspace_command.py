@@ -7,7 +7,7 @@ from pathlib import Path
 
 import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds, progress_callback
-from rr1plan.cli.picture_files import film
+from rr1plan.cli.picture_files import check_video, film
 from rr1plan.cli.scene_options import check_scene_name, name_or_numbers, named_query, page_options
 from rr1plan.errors import InputError
 from rr1plan.files.file_access import check_writable
@@ -106,10 +106,13 @@ def _pictures(options: Namespace, scene: rp.Scene) -> dict[str, str]:
 
     Raises:
         InputError: a file cannot be written.
+        MissingPackageError: a package or the browser for a video is not installed.
     """
     asked = {kind: getattr(options, kind) for kind in ("png", "svg", "pdf", "html")}
     if not any(asked.values()) and options.video is None:
         asked["png"] = f"{scene.name}-cspace.png"
-    for file in filter(None, (*asked.values(), options.video)):
+    for file in filter(None, asked.values()):
         check_writable(file)
+    if options.video is not None:
+        check_video(options.video)
     return {"page" if kind == "html" else kind: file for kind, file in asked.items() if file}

@@ -8,7 +8,7 @@ from pathlib import Path
 import rr1plan as rp
 from rr1plan.checks import known_name
 from rr1plan.cli.console import Console
-from rr1plan.cli.picture_files import film
+from rr1plan.cli.picture_files import check_video, film
 from rr1plan.cli.scene_options import check_scene_name, named_query
 from rr1plan.cli.served_page import live_options, serve
 from rr1plan.errors import InputError
@@ -28,8 +28,10 @@ def lesson(options: Namespace, console: Console) -> int:
         console.result([{"name": name, "title": title} for name, (_, title) in LESSONS.items()])
         return 0
     known_name("lesson", options.lesson, LESSONS)
-    for file in filter(None, (options.html, options.figure, options.video)):
+    for file in filter(None, (options.html, options.figure)):
         check_writable(file)
+    if options.video is not None:
+        check_video(options.video)
     with console.progress(f"computing {options.lesson}"):
         made = rp.lesson(options.lesson, *_own(options))
     if options.html is None and options.figure is None and options.video is None:

@@ -21,12 +21,51 @@ def check_files(options: Namespace) -> bool:
     """Whether the options name files instead of a live page.
 
     Raises:
-        InputError: a file cannot be written.
+        InputError: a file has another suffix or cannot be written.
+        MissingPackageError: a package or the browser for a picture or a video is not installed.
     """
     asked = {name: file for name in _VIEW_FILES if (file := getattr(options, name)) is not None}
     for name, file in asked.items():
-        check_writable(file, *((".html",) if name == "html" else ()))
+        _CHECKS[name](file)
     return bool(asked)
+
+
+def check_page(file: str) -> None:
+    """Reject the file of a page that cannot be written.
+
+    Raises:
+        InputError: another suffix, or a file that cannot be written.
+    """
+    check_writable(file, ".html")
+
+
+def check_video(file: str) -> None:
+    """Reject a video that cannot be made, before anything else is computed or written.
+
+    Raises:
+        InputError: another suffix, or a file that cannot be written.
+        MissingPackageError: a package or the browser is not installed.
+    """
+    from rr1plan.playback.viewer.page_capture import require_browser
+    from rr1plan.playback.viewer.video_files import FASTEST, require_encoder
+
+    suffix = check_writable(file, *FASTEST).suffix.lower()
+    require_browser()
+    require_encoder(suffix)
+
+
+def _check_picture(file: str) -> None:
+    from rr1plan.playback.viewer.page_capture import require_browser
+
+    check_writable(file, ".png")
+    require_browser()
+
+
+def _check_model(file: str) -> None:
+    check_writable(file, ".glb")
+
+
+_CHECKS = {"html": check_page, "png": _check_picture, "video": check_video, "glb": _check_model}
 
 
 def write_files(

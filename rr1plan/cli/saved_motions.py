@@ -7,10 +7,9 @@ from typing import Any
 
 import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds, progress_callback
-from rr1plan.cli.picture_files import write_replay
+from rr1plan.cli.picture_files import check_page, check_video, write_replay
 from rr1plan.cli.scene_options import check_scene_name
 from rr1plan.errors import InputError, NoPlanError
-from rr1plan.files.file_access import check_writable
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.scene.model_library import load_scene
 from rr1plan.sequences.sequence_files import holds_sequence, load_sequence
@@ -32,9 +31,9 @@ def play(options: Namespace, console: Console) -> int:
     from rr1plan.playback.simulation.simulation import LONGEST_STEP
 
     if options.html is not None:
-        check_writable(options.html, ".html")
+        check_page(options.html)
     if options.video is not None:
-        check_writable(options.video)
+        check_video(options.video)
     motion = saved_motion(options.motion, options, console)
     try:
         trajectory = motion.trajectory

@@ -83,6 +83,7 @@ class CoalChecker:
         self.solid_padding: Array = read_only(self._kept_padding.view())
         self.margin = margin
         self.nq = sum(scene.arms[name].robot.nq for name in self.arms)
+        self._tiny: Array = np.full(self.nq, 1e-10)
 
     @property
     def scene(self) -> Scene:
@@ -361,7 +362,8 @@ class CoalChecker:
         Raises:
             InputError: wrong shape or not finite.
         """
-        if is_plain(q, (self.nq,)) and isfinite(q.dot(q)):
+        # A weighted sum, because that of squares overflows for finite values.
+        if is_plain(q, (self.nq,)) and isfinite(q.dot(self._tiny)):
             return q
         return finite_array("q", q, (self.nq,))
 

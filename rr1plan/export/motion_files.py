@@ -4,6 +4,8 @@
 .csv                      samples of a trajectory
 .yaml, .yml               a ROS JointTrajectory
 .bag, .mcap, .db3, folder a ROS bag with one JointTrajectory
+
+All but bags may be compressed (.csv.gz).
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from rr1plan.export.ros_trajectories import (
     load_joint_trajectory,
     refuse_topic,
 )
+from rr1plan.files.file_access import content_suffix
 from rr1plan.path import Path
 from rr1plan.scene import Scene, scene_differences
 from rr1plan.scene.joint_units import joint_units
@@ -45,11 +48,11 @@ def read_motion(file: _File, scene: Scene | None = None, topic: str | None = Non
         UnknownNameError: the bag has no such topic.
         MissingPackageError: a bag, and `rosbags` is not installed (extra `ros`).
     """
-    path = file_path(file)
-    if path.suffix.lower() in (".json", ".csv"):
+    path, suffix = file_path(file), content_suffix(file)
+    if suffix in (".json", ".csv"):
         refuse_topic(path, topic)
-        return read_plan_file(path, scene) if path.suffix.lower() == ".json" else SavedMotion(trajectory=load_csv(path))
-    if path.suffix.lower() in (*YAML_SUFFIXES, *BAG_SUFFIXES) or path.is_dir():
+        return read_plan_file(path, scene) if suffix == ".json" else SavedMotion(trajectory=load_csv(path))
+    if suffix in YAML_SUFFIXES or path.suffix.lower() in BAG_SUFFIXES or path.is_dir():
         return SavedMotion(trajectory=load_joint_trajectory(path, topic=topic))
     refuse_topic(path, topic)
     if not path.exists():
@@ -61,10 +64,10 @@ def read_motion(file: _File, scene: Scene | None = None, topic: str | None = Non
 
 def is_motion_file(file: _File) -> bool:
     """Whether a file is a motion, by its suffix, or for YAML by its content."""
-    path = file_path(file)
-    if path.suffix.lower() in YAML_SUFFIXES:
+    path, suffix = file_path(file), content_suffix(file)
+    if suffix in YAML_SUFFIXES:
         return holds_joint_trajectory(path)
-    return path.suffix.lower() in SUFFIXES or path.is_dir()
+    return suffix in (".json", ".csv") or path.suffix.lower() in BAG_SUFFIXES or path.is_dir()
 
 
 def fit_trajectory(trajectory: Trajectory, scene: Scene) -> Trajectory:

@@ -16,10 +16,10 @@ import numpy as np
 import yaml
 
 from rr1plan.checks import Array, check_text, file_path, finite_number, known_name, of_kind, positive_number, shown
-from rr1plan.errors import FormatError, InputError, MissingPackageError
+from rr1plan.errors import FormatError, InputError, MissingPackageError, reason_of
 from rr1plan.export.trajectory_samples import sample_within_limits
 from rr1plan.files.documents import read_yaml_documents
-from rr1plan.files.file_access import check_writable, write_text
+from rr1plan.files.file_access import check_writable, content_suffix, write_text
 from rr1plan.trajectory import Trajectory
 
 BAG_SUFFIXES = (".bag", ".mcap", ".db3")
@@ -30,6 +30,8 @@ _WRAPPERS = ("joint_trajectory", "trajectory", "goal")
 _File = str | pathlib.Path
 _NANO = 1_000_000_000
 _LONGEST_LEAD = 1e6  # [s]
+# Most names in a message, and most characters of each.
+_MOST_NAMES, _LONGEST_NAME = 10, 80
 
 
 class Duration(msgspec.Struct, forbid_unknown_fields=True):
@@ -84,8 +86,9 @@ def load_joint_trajectory(file: _File, *, topic: str | None = None) -> Trajector
     """Read the one JointTrajectory of a YAML file or a bag.
 
     Args:
-        file: A .yaml or .yml file, as `ros2 topic echo` prints the message (alone, or in a RobotTrajectory or an
-            action's goal); or a bag of ROS 1 or 2 (a .bag file, a folder, or the .mcap or .db3 file in it).
+        file: A .yaml or .yml file, also compressed (.yaml.gz), as `ros2 topic echo` prints the message (alone, or in a
+            RobotTrajectory or an action's goal); or a bag of ROS 1 or 2 (a .bag file, a folder, or the .mcap or .db3
+            file in it).
         topic: The topic of a bag (default: the only one that holds such messages).
 
     Returns:
@@ -106,7 +109,7 @@ def load_joint_trajectory(file: _File, *, topic: str | None = None) -> Trajector
 def read_joint_trajectory(file: _File, topic: str | None = None) -> JointTrajectoryMessage:
     """The one JointTrajectory of a YAML file or a bag, with any kind of points; see `load_joint_trajectory`."""
     path = file_path(file)
-    if path.suffix.lower() in YAML_SUFFIXES:
+    if content_suffix(path) in YAML_SUFFIXES:
         refuse_topic(path, topic)
         return _from_yaml(path)
     return _from_bag(path, topic)
@@ -316,7 +319,7 @@ def bag_messages(file: pathlib.Path, kind: str, topic: str | None) -> Iterator[A
     except InputError:
         raise
     except Exception as error:  # rosbags raises errors of any type
-        raise FormatError(f"cannot be read as a ROS bag: {error}", file) from error
+        raise FormatError(f"cannot be read as a ROS bag: {reason_of(error)}", file) from error
 
 
 def _check_regular(file: pathlib.Path, bag: pathlib.Path) -> None:
@@ -342,13 +345,16 @@ def _connections(reader: Any, kind: str, topic: str | None, file: pathlib.Path) 
     connections = [c for c in reader.connections if c.msgtype == kind]
     topics = sorted({c.topic for c in connections})
     if not topics:
-        kinds = ", ".join(sorted({c.msgtype for c in reader.connections})) or "nothing"
+        kinds = _listed(sorted({c.msgtype for c in reader.connections})) or "nothing"
         raise FormatError(f"holds no {kind}, only {kinds}", file)
     if topic is None and len(topics) > 1:
-        raise FormatError(
-            f"has several topics with a {kind}: {', '.join(topics)}; say which one with option topic", file
-        )
+        raise FormatError(f"has several topics with a {kind}: {_listed(topics)}; say which one with option topic", file)
     return [c for c in connections if c.topic == (topics[0] if topic is None else known_name("topic", topic, topics))]
+
+
+def _listed(names: list[str]) -> str:
+    """Names of a bag, which may be long and many."""
+    return ", ".join(name[:_LONGEST_NAME] for name in names[:_MOST_NAMES]) + (", ..." if names[_MOST_NAMES:] else "")
 
 
 def _trajectory(message: JointTrajectoryMessage) -> Trajectory:

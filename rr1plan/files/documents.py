@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rr1plan.errors import FormatError
+from rr1plan.errors import FormatError, reason_of
 from rr1plan.files.checked_tables import Table
 from rr1plan.files.file_access import MAX_BYTES, read_text
 
@@ -79,7 +79,7 @@ def _parse(text: str, file: str | Path, kind: str, parse: Callable[[str], object
     except RecursionError as error:
         raise FormatError(f"is nested deeper than {MAX_DEPTH}", file) from error
     except Exception as error:  # PyYAML's constructors raise many types of errors
-        raise FormatError(f"is not {kind}: {error}", file, _line(error)) from error
+        raise FormatError(f"is not {kind}: {reason_of(error)}", file, _line(error)) from error
     _check_nesting(data, len(text), file)
     return data
 

@@ -65,6 +65,17 @@ def _open(path: Path) -> BinaryIO:
     return os.fdopen(handle, "rb")
 
 
+def content_suffix(file: str | Path) -> str:
+    """The suffix of a file in lower case; of one whose name ends in ".gz", that of its decompressed content."""
+    path = file_path(file)
+    return Path(path.stem).suffix.lower() if path.suffix.lower() == ".gz" else path.suffix.lower()
+
+
+def text_stem(file: str | Path) -> str:
+    """The name of a file without its suffix; bytes that are not UTF-8 become replacement characters."""
+    return os.fsencode(Path(file).stem).decode(errors="replace")
+
+
 def is_regular(path: Path) -> bool:
     """Whether there is a regular file of this name; False for an invalid name."""
     try:

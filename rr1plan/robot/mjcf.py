@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 
 from rr1plan.checks import Array, file_path, known_name, read_only
+from rr1plan.files.file_access import text_stem
 from rr1plan.robot import Geometry, Joint, Link
 from rr1plan.robot.arm_finder import ArmFinder
 from rr1plan.robot.mesh_lookup import MeshLookup
@@ -139,7 +140,7 @@ class _Reader:
             self._add_body(body)
         self._drop_mimics_of_others()
         warn_of_omissions(self.compiled, self.shapes, self.link_of)
-        name = self.compiled.document.root.attributes.get("model", "").strip() or self.file.stem
+        name = self.compiled.document.root.attributes.get("model", "").strip() or text_stem(self.file)
         tree = Tree(name, tuple(self.links), tuple(self.tree_joints), str(self.file))
         solid = {link.name for link in self.links if link.collisions}
         standing = [self.link_of[b] for b in self.bodies if int(self.model.body_weldid[b]) == 0]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import numbers
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -325,7 +324,7 @@ def poses_at(robot: Robot, values: Mapping[str, float], links: Set[str] | None =
 def _is_joint_value(value: object) -> bool:
     try:
         # Rows of tensors have elements that are arrays without dimensions.
-        number = value if isinstance(value, numbers.Real) else finite_number("joint value", value)
+        number = value if isinstance(value, float) else finite_number("joint value", value)
         return abs(float(number)) <= FARTHEST
     except (InputError, OverflowError):
         return False

@@ -20,6 +20,7 @@ from rr1plan.checks import (
     whole_number,
 )
 from rr1plan.errors import InputError
+from rr1plan.files.file_access import text_stem
 from rr1plan.robot import Geometry
 from rr1plan.robot.bounding_boxes import bounding_box
 from rr1plan.scene.scene_elements import Obstacle
@@ -76,7 +77,8 @@ def load_body(
         parts = convex_shapes([mesh], convex)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    names = [path.stem] if len(parts) == 1 else [f"{path.stem}_{i}" for i in range(len(parts))]
+    stem = text_stem(path)
+    names = [stem] if len(parts) == 1 else [f"{stem}_{i}" for i in range(len(parts))]
     geometries = [Geometry(name, part, identity()) for name, part in zip(names, parts, strict=True)]
     return Obstacle(tuple(geometries), T, weight, friction)
 

@@ -27,6 +27,7 @@ from rr1plan.checks import Array
 from rr1plan.errors import FormatError, InputError
 from rr1plan.files.checked_tables import Table
 from rr1plan.files.documents import read_json, read_yaml
+from rr1plan.files.file_access import text_stem
 from rr1plan.robot import Geometry, Robot
 from rr1plan.scene import Obstacle, Scene
 from rr1plan.scene.moveit_scene import cone
@@ -63,7 +64,7 @@ def read_bench_scene(file: str | Path) -> Scene:
             raise entry.error(f"has the id {name!r}, which another object has too")
         obstacles[name] = Obstacle(_read_object(entry, name), _read_pose(entry, "pose"))
     with top.blame():
-        return Scene(obstacles=obstacles, name=top.string("name", "") or Path(file).stem)
+        return Scene(obstacles=obstacles, name=top.string("name", "") or text_stem(file))
 
 
 def read_problem_set(file: str | Path, robot: Robot) -> dict[str, Problem]:

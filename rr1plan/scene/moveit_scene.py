@@ -21,7 +21,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.errors import FormatError, InputError
-from rr1plan.files.file_access import read_text
+from rr1plan.files.file_access import read_text, text_stem
 from rr1plan.robot import Geometry
 from rr1plan.scene import Obstacle, Scene
 from rr1plan.shapes import Box, Cylinder, HalfSpace, Mesh, Shape, Sphere
@@ -45,7 +45,7 @@ def read_moveit_scene(file: str | Path) -> Scene:
         FormatError: it ends too early, a number is not finite, a type is unknown; names the line.
     """
     words = _Words(read_text(file), file)
-    scene = Scene(name=words.line() or Path(file).stem)
+    scene = Scene(name=words.line() or text_stem(file))
     obstacles: dict[str, Obstacle] = {}
     while (mark := words.word()) != ".":
         if mark != "*":

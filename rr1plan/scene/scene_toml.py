@@ -36,7 +36,7 @@ import numpy as np
 from rr1plan.checks import of_kind, resolved_path, shown
 from rr1plan.files.checked_tables import Table, is_number
 from rr1plan.files.documents import parse_toml
-from rr1plan.files.file_access import read_text
+from rr1plan.files.file_access import read_text, text_stem
 from rr1plan.files.toml_writer import to_toml
 from rr1plan.robot import Robot
 from rr1plan.robot.robot_packages import installed_robots
@@ -116,7 +116,7 @@ def parse_scene(text: str, file: str | Path, load_robot: RobotLoader) -> SceneFi
     if "segments" in top.entries:
         raise top.error("holds a sequence, not a scene; read it with load_segments", "segments")
     folder = Path(file).absolute().parent
-    scene = Scene(name=top.string("name", Path(file).stem), description=top.string("description", ""))
+    scene = Scene(name=top.string("name", text_stem(file)), description=top.string("description", ""))
     arms = _read_arms(top.table("arms"), folder, load_robot)
     with top.blame("arms"):
         scene = replace(scene, arms=arms)

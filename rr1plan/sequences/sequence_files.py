@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import pathlib
+import zlib
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -11,6 +13,7 @@ from rr1plan.errors import FormatError, InputError
 from rr1plan.export.motion_files import fit_trajectory
 from rr1plan.export.motion_schema import SequenceStage as StageEntry
 from rr1plan.export.plan_files import read_plan_file
+from rr1plan.files.file_access import content_suffix
 from rr1plan.progress import ProgressCallback
 from rr1plan.scene import Scene, pair, scene_differences
 from rr1plan.scene.unlocked_joints import unlocked_scene
@@ -26,12 +29,12 @@ _HEAD = 200
 def holds_sequence(file: str | pathlib.Path) -> bool:
     """Whether a file declares itself a sequence; `load_sequence` reports its errors."""
     path = file_path(file)
-    if path.suffix.lower() != ".json" or not path.is_file():
+    if content_suffix(path) != ".json" or not path.is_file():
         return False
     try:
-        with path.open("rb") as stream:
+        with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as stream:
             return b'"kind": "sequence"' in stream.read(_HEAD)
-    except OSError:  # as `load_sequence` and `load_motion` report
+    except (OSError, EOFError, zlib.error):  # as `load_sequence` and `load_motion` report
         return False
 
 

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rr1plan.checks import file_path, finite_array, shown, true_or_false
-from rr1plan.errors import FormatError, InputError
+from rr1plan.errors import FormatError, InputError, reason_of
 from rr1plan.files.file_access import read_bytes
 from rr1plan.files.xml_reader import first_attributes
 from rr1plan.shapes import Color, Mesh
@@ -191,7 +191,7 @@ def _load(file: Path, data: bytes, kind: str) -> list[Any]:
         meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
         return meshes if buffers is None else [_Triangles(m.vertices @ Z_UP.T, m.faces, m.visual) for m in meshes]
     except Exception as error:  # trimesh's parsers raise many types of errors
-        raise FormatError(f"cannot be read as {kind.upper()}: {error}", file) from error
+        raise FormatError(f"cannot be read as {kind.upper()}: {reason_of(error)}", file) from error
 
 
 def _regular_obj(data: bytes, file: Path) -> bytes:

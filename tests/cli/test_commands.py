@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import shutil
 import subprocess
@@ -15,6 +16,7 @@ import yaml
 import rr1plan as rp
 from rr1plan.cli import BAD_INPUT, INVALID_PLAN, NO_PLAN, OK, run
 from rr1plan.export.plan_files import save_trajectory
+from rr1plan.playback.viewer import page_capture
 from rr1plan.scene.model_library import installed_robot_names, robot_names, scene_names
 
 
@@ -170,10 +172,29 @@ def test_a_motion_in_place_of_a_scene_is_named_with_the_commands_that_take_it(
         assert "scene file 'notes.txt' has the suffix '.txt', expected one of .toml" in capsys.readouterr().err
 
 
-def test_a_moment_after_the_end_of_a_motion_is_refused(motion: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_moment_after_the_end_of_a_motion_is_refused(
+    motion: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(page_capture, "require_browser", lambda: "not used")
     for time in ("99", "-1"):
         assert run(["view", str(motion), "--png", "a.png", "--time", time]) == BAD_INPUT
         assert f"--time is {time} s, expected 0 to " in capsys.readouterr().err
+    assert not list(Path.cwd().iterdir())
+
+
+def test_a_missing_browser_is_reported_before_any_file_is_written(
+    motion: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "playwright.sync_api", None)
+    for command in (
+        ["view", str(motion), "--html", "a.html", "--png", "a.png"],
+        ["view", str(motion), "--html", "a.html", "--video", "a.gif"],
+        ["play", str(motion), "--html", "a.html", "--video", "a.gif"],
+        ["cspace", "planar2r_path", "--html", "a.html", "--video", "a.gif"],
+        ["lesson", "kinematics", "--html", "a.html", "--video", "a.gif"],
+    ):
+        assert run(command) != OK
+        assert "needs the package 'playwright'" in capsys.readouterr().err
     assert not list(Path.cwd().iterdir())
 
 
@@ -218,12 +239,17 @@ def test_motions_of_every_kind_are_validated_viewed_and_replayed(
     points = [{"positions": row.tolist(), "time_from_start": float(t)} for t, row in zip(times, q, strict=True)]
     names = [name.split("/")[1] for name in saved.trajectory.joint_names]
     Path("t.yaml").write_text(yaml.safe_dump({"joint_names": names, "points": points}))
+    for name in ("t.json", "t.csv", "t.yaml"):
+        Path(f"{name}.gz").write_bytes(gzip.compress(Path(name).read_bytes()))
     for name, verdict, pieces in (
         ("t.json", OK, "quadratic"),
         ("t.csv", OK, "cubic"),
         ("t.yaml", INVALID_PLAN, "linear"),
+        ("t.json.gz", OK, "quadratic"),
+        ("t.csv.gz", OK, "cubic"),
+        ("t.yaml.gz", INVALID_PLAN, "linear"),
     ):
-        holds_its_scene = name == "t.json"
+        holds_its_scene = name.startswith("t.json")
         assert run(["validate", name]) == (verdict if holds_its_scene else BAD_INPUT)
         assert ("--scene" in capsys.readouterr().err) != holds_its_scene
         assert run(["validate", name, "--scene", "rr1_table"]) == verdict

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pickle
+import warnings
 from itertools import pairwise
 
 import numpy as np
@@ -311,6 +312,9 @@ def test_sliding_along_a_plane_at_a_hairs_breadth_comes_to_an_end(planar):
 def test_numbers_beyond_all_precision_come_to_an_end_without_a_proof(planar):
     scene = Scene().with_arm("p", planar).with_obstacle("ball", Sphere(0.1), [0.8, 0.0, 0.0])
     assert not CollisionChecker(scene).edge_is_free([1e14, 0.0], [1e14 + 7.0, 0.0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert isinstance(CollisionChecker(scene).is_free(np.full(2, 1e308)), bool)
 
 
 def test_the_first_contact_divides_free_from_not(scenes):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -114,6 +115,15 @@ def test_a_bag_that_was_written_reads_back_the_same_motion(bag: tuple[rp.Traject
         times = np.linspace(0.0, 1.0, 57)
         np.testing.assert_allclose(read(times), motion(times), atol=1e-9)
     assert load_joint_trajectory(folder, topic=TRAJECTORY_TOPIC).degree == 5
+
+
+def test_the_message_about_a_damaged_bag_is_short(bag: tuple[rp.Trajectory, Path], tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(bag[1], tmp_path / "bag"))
+    metadata = folder / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("name: ", "name: [" + "x" * 5000))
+    with pytest.raises(FormatError, match="cannot be read as a ROS bag") as caught:
+        load_joint_trajectory(folder)
+    assert len(str(caught.value)) < 600 + len(str(folder))
 
 
 def test_a_bag_whose_folder_is_named_like_its_database_is_read(bag: tuple[rp.Trajectory, Path], tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -437,3 +438,12 @@ def test_the_line_of_a_place_is_found() -> None:
     assert line_of(text, ("arms", "left", "robot")) == 4
     assert line_of(text, ("obstacles", "big box", "xyz")) == 7
     assert line_of(text, ("nowhere",)) is None
+
+
+def test_a_file_name_that_is_not_utf8_names_a_scene(tmp_path: Path) -> None:
+    file = tmp_path / os.fsdecode(b"caf\xe9.toml")
+    try:
+        file.write_text("version = 1\n")
+    except OSError:
+        pytest.skip("this file system has names in Unicode only")
+    assert load_scene(file).name == "caf\N{REPLACEMENT CHARACTER}"

@@ -52,6 +52,22 @@ def find_browser() -> str | None:
     return next((found for name in _BROWSERS if (found := shutil.which(name))), None)
 
 
+def require_browser() -> str:
+    """The file of a Chromium that takes pictures.
+
+    Raises:
+        MissingPackageError: playwright or a Chromium is not installed (extra `video`).
+    """
+    try:
+        import playwright.sync_api  # noqa: F401
+    except ImportError as error:
+        raise MissingPackageError("playwright", "taking a picture of the page", "video") from error
+    binary = find_browser()
+    if binary is None:
+        raise MissingPackageError("chromium", "taking a picture of the page", advice=GET_BROWSER)
+    return binary
+
+
 def _browser_environment() -> dict[str, str | float | bool]:
     """This process's environment, with a temporary folder whose path is short enough for the browser's socket."""
     environment: dict[str, str | float | bool] = {**os.environ}
@@ -68,13 +84,9 @@ def open_browser(size: tuple[int, int] = (1280, 800)) -> Iterator[Any]:
         MissingPackageError: playwright or a Chromium is not installed.
         BackendError: the browser does not start.
     """
-    try:
-        from playwright.sync_api import Error, sync_playwright
-    except ImportError as error:
-        raise MissingPackageError("playwright", "taking a picture of the page", "video") from error
-    binary = find_browser()
-    if binary is None:
-        raise MissingPackageError("chromium", "taking a picture of the page", advice=GET_BROWSER)
+    binary = require_browser()
+    from playwright.sync_api import Error, sync_playwright
+
     width, height = size
     with (
         tempfile.TemporaryDirectory(prefix="rr1plan-browser-", ignore_cleanup_errors=True) as folder,

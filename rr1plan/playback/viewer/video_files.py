@@ -53,11 +53,23 @@ def video_bytes(suffix: str, frames: Frames, fps: float) -> bytes:
     return _ENCODERS[suffix](frames, fps)
 
 
+def require_encoder(suffix: str) -> None:
+    """Require the package that writes files with a suffix, a key of `FASTEST`.
+
+    Raises:
+        MissingPackageError: PyAV is not installed, for MP4.
+    """
+    if suffix == ".mp4":
+        try:
+            import av  # noqa: F401
+        except ImportError as error:
+            raise MissingPackageError("av", "writing MP4", "video") from error
+
+
 def _mp4(frames: Frames, fps: float) -> bytes:
-    try:
-        import av
-    except ImportError as error:
-        raise MissingPackageError("av", "writing MP4", "video") from error
+    require_encoder(".mp4")
+    import av
+
     height, width = frames[0].shape[:2]
     with tempfile.TemporaryDirectory(prefix="rr1plan-video-") as folder:
         file = FilePath(folder) / "video.mp4"
