@@ -23,7 +23,7 @@ from rr1plan.planning_constants import BLENDS
 from rr1plan.retiming.check_limits import check_limits
 from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, curves
 from rr1plan.retiming.path_speed import time_polyline
-from rr1plan.retiming.timed_pieces import Pieces, as_trajectory, concatenate
+from rr1plan.retiming.timed_pieces import Pieces, as_trajectory, as_trajectory_within, concatenate
 from rr1plan.retiming.torque_limits import InverseDynamics, check_gravity, within_torque
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
@@ -110,11 +110,18 @@ def retime(
     work = Work(points, limits, max_blend, lambda: checker or _certifier(scene, arms), dynamics)
     _, time_pieces = _METHODS[method]
     if dynamics is None:
-        return as_trajectory(path.joint_names, concatenate(time_pieces(work)))
+        return _joined(path.joint_names, time_pieces(work), limits, method)
     with _naming_estimates(scene, arms):
         check_gravity(points, path.joint_names, limits.effort, dynamics)
         parts = [within_torque(part, path.joint_names, limits.effort, dynamics) for part in time_pieces(work)]
-    return as_trajectory(path.joint_names, concatenate(parts))
+    return _joined(path.joint_names, parts, limits, method)
+
+
+def _joined(joint_names: tuple[str, ...], parts: list[Pieces], limits: Limits, method: str) -> Trajectory:
+    pieces = concatenate(parts)
+    if method in _JERK_LIMITED:
+        return as_trajectory_within(joint_names, pieces, limits)
+    return as_trajectory(joint_names, pieces)
 
 
 def retiming_names() -> tuple[str, ...]:

@@ -23,7 +23,7 @@ from rr1plan.path import check_joint_names
 from rr1plan.retiming.check_limits import check_limits
 from rr1plan.retiming.path_blends import Curve
 from rr1plan.retiming.path_speed import line_rates
-from rr1plan.retiming.timed_pieces import SHORTEST, Pieces, as_trajectory
+from rr1plan.retiming.timed_pieces import SHORTEST, Pieces, as_trajectory_within
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.trajectory import Trajectory
 
@@ -89,7 +89,7 @@ def point_to_point(joint_names: Sequence[str], start: ArrayLike, end: ArrayLike,
     check_limits(names, np.array([q0, q1]), limits, jerk=True)
     if (q0 == q1).all():
         return Trajectory.rest(names, q0)
-    return as_trajectory(names, time_state_to_state(q0, q1, limits).within(limits, jerk=True))
+    return as_trajectory_within(names, time_state_to_state(q0, q1, limits).within(limits, jerk=True), limits)
 
 
 def _solve(delta: Array, rates: Array, place: str) -> tuple[Array, Array]:

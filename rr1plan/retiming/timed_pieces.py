@@ -43,10 +43,15 @@ class Pieces(NamedTuple):
 
     def within(self, limits: Limits, *, jerk: bool = False) -> Pieces:
         """The same motion, stretched until the exact extrema of its derivatives satisfy the limits; never shortened."""
-        factor = max(1.0, self._excess(1, limits.velocity), self._excess(2, limits.acceleration) ** (1 / 2))
-        if jerk:
-            factor = max(factor, self._excess(3, limits.jerk) ** (1 / 3))
+        factor = self.factor_within(limits, jerk=jerk)
         return self if factor == 1.0 else self.stretched(factor)
+
+    def factor_within(self, limits: Limits, *, jerk: bool = False) -> float:
+        """The smallest factor, at least 1, by which the motion must be stretched to satisfy the limits."""
+        excesses = [self._excess(1, limits.velocity), self._excess(2, limits.acceleration) ** 0.5]
+        if jerk:
+            excesses.append(float(np.cbrt(self._excess(3, limits.jerk))))
+        return float(max(1.0, *excesses))
 
     def _excess(self, derivative: int, limit: Array) -> float:
         return float((peaks(self.coefficients, self.durations, derivative) / limit).max(initial=0.0))
@@ -91,3 +96,23 @@ def as_trajectory(joint_names: tuple[str, ...], pieces: Pieces) -> Trajectory:
         # Pieces so short that breaks coincide: the constructor names them.
         return Trajectory(joint_names, breaks, coefficients)
     return Trajectory.trusted(joint_names, breaks, coefficients)
+
+
+def as_trajectory_within(joint_names: tuple[str, ...], pieces: Pieces, limits: Limits) -> Trajectory:
+    """`as_trajectory` of jerk-limited pieces, whose derivatives satisfy the limits also between rounded breaks.
+
+    Breaks late in a motion are rounded by more than a short phase of high jerk can last longer.
+
+    Raises:
+        RetimingError: as in `as_trajectory`.
+    """
+    made = as_trajectory(joint_names, pieces)
+    if len(made.breaks) == 1:
+        return made
+    rounded = Pieces(np.diff(made.breaks), made.coefficients)
+    if rounded.factor_within(limits, jerk=True) == 1.0:
+        return made
+    # Most that a derivative grows, relative to its limit, in a piece that lasts longer by the rounding of both breaks.
+    rates = [peaks(pieces.coefficients, pieces.durations, derivative) for derivative in (2, 3)]
+    growth = max(float((rates[0] / limits.velocity).max()), float((rates[1] / limits.acceleration).max()))
+    return as_trajectory(joint_names, pieces.stretched(1.0 + 2.0 * growth * float(np.spacing(made.end_time))))

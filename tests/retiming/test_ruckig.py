@@ -129,3 +129,19 @@ def test_nothing_is_asked_from_a_network(tools, monkeypatch):
     monkeypatch.setattr(socket.socket, "connect", refuse)
     points = np.random.default_rng(0).uniform(-2.0, 2.0, (5, 3))
     assert tools.retime_points(points, None, "ruckig").duration > 0.0
+
+
+@pytest.mark.parametrize("method", ["ruckig", "ruckig_direct"])
+@pytest.mark.parametrize(("acceleration", "jerk"), [(0.5, 1e6), (50.0, 1e9)])
+def test_high_jerk_limits_keep_the_acceleration_limit_late_in_a_motion(method, acceleration, jerk):
+    # Phases of constant jerk take a few hundred nanoseconds, and times are rounded to a few femtoseconds.
+    robot = rp.load_robot("planar2r")
+    limits = robot.limits
+    robot = robot.with_limits(
+        rp.Limits(limits.lower, limits.upper, limits.velocity, [acceleration] * 2, [jerk] * 2, limits.effort)
+    )
+    scene = rp.Scene().with_arm("arm", robot)
+    waypoints = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2))
+    motion = rp.retime(rp.Path(scene.joint_names(), waypoints), scene, method=method)
+    report = rp.validate(motion, scene, jerk_limits=True)
+    assert not [violation for violation in report.violations if violation.kind in ("velocity", "acceleration", "jerk")]
