@@ -45,6 +45,8 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
         "shape of 'sheet'.*flat",
     ),
     "no_problem": (lambda s: rp.plan_motion(None), rp.InputError, "expected Problem"),
+    "usd_robot": (lambda s: rp.load_robot("robot.usd"), rp.InputError, "suffix '.usd', expected .urdf, .xacro or .xml"),
+    "sdf_scene": (lambda s: rp.load_scene("cell.sdf"), rp.InputError, "suffix '.sdf', expected one of .toml"),
     "budget_text": (lambda s: rp.Budget("5"), rp.InputError, "seconds of the budget .* '5'"),
     "budget_duration": (lambda s: rp.Budget(np.timedelta64(1, "s")), rp.InputError, "not an array of numbers"),
     "budget_fraction": (lambda s: rp.Budget(1, 1.5), rp.InputError, "iterations of the budget is 1.5"),

@@ -29,6 +29,8 @@ from rr1plan.scene.scene_toml import SceneFile, read_scene
 from rr1plan.shapes.convex_decomposition import Convexity
 
 _URDF_SUFFIXES, _MJCF_SUFFIXES = (".urdf", ".xacro"), (".xml", ".mjcf")
+# USD and SDF, which are not read.
+_FOREIGN_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz", ".sdf", ".world")
 _SCENE_SUFFIXES = (".toml", ".scene", ".yaml", ".yml", *_MJCF_SUFFIXES)
 # In an MJCF scene, contacts of each with each stationary link are allowed one by one.
 _MOST_SURROUNDINGS = 1000
@@ -196,12 +198,17 @@ def locate_robot(name_or_file: str | Path) -> tuple[RobotFolder | None, Path, Pa
         return None, file, _srdf_beside(file)
     if file.suffix.lower() in (".toml", ".scene"):
         raise InputError(f"{file} is a scene, expected a robot; load_scene reads scenes, and their arms have robots")
-    if isinstance(name_or_file, Path) or len(file.parts) > 1 or file.exists():
+    if isinstance(name_or_file, Path) or len(file.parts) > 1 or _is_foreign(file) or file.exists():
         raise InputError(
             f"robot file {str(file)!r} has the suffix {file.suffix!r}, expected .urdf, .xacro or .xml (MJCF)"
         )
     more = "" if installed else "More come with: pip install 'rr1plan[robots]'. Or give a .urdf, .xacro or MJCF file."
     raise UnknownNameError("robot", name_or_file, (*robot_names(), *installed), more)
+
+
+def _is_foreign(file: Path) -> bool:
+    """Whether a name is that of a file in another program's format, rather than the name of a model with a dot."""
+    return file.suffix.lower() in _FOREIGN_SUFFIXES
 
 
 def _read_mjcf(
@@ -343,7 +350,12 @@ def _scene_file(name_or_file: str | Path) -> Path:
             f"{file} is a robot, expected a scene; Scene().with_arm('arm', load_robot({str(file)!r})) is one with it"
         )
     name = str(name_or_file)
-    if not isinstance(name_or_file, str) or len(file.parts) > 1 or (name not in scene_names() and file.exists()):
+    if (
+        not isinstance(name_or_file, str)
+        or len(file.parts) > 1
+        or _is_foreign(file)
+        or (name not in scene_names() and file.exists())
+    ):
         expected = ", ".join(_SCENE_SUFFIXES)
         raise InputError(f"scene file {str(file)!r} has the suffix {file.suffix!r}, expected one of {expected}")
     return models_folder() / "scenes" / f"{known_name('scene', name, scene_names())}.toml"
