@@ -146,6 +146,18 @@ def finite_number(name: str, value: Any) -> float:
     return float(finite_array(name, value, ()))
 
 
+def number_in(text: str) -> float:
+    """The number that a word of a file spells; underscores between digits, which `float` accepts, are typing errors.
+
+    Raises:
+        ValueError: not a number.
+    """
+    try:
+        return float(text.replace("_", "x"))
+    except ValueError:
+        raise ValueError(f"{shown(text)} is not a number") from None
+
+
 def positive_number(name: str, value: Any) -> float:
     """`value` as a finite positive float.
 

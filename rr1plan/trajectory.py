@@ -22,6 +22,7 @@ from rr1plan.checks import (
     finite_number,
     known_name,
     number_array,
+    number_from_zero,
     of_kind,
     positive_number,
     read_only,
@@ -111,7 +112,7 @@ class Trajectory(Value, NotebookView):
         """
         names = check_joint_names(joint_names)
         q = finite_array("q", q, (len(names),))
-        start, duration = finite_number("start", start), finite_number("duration", duration)
+        start, duration = finite_number("start", start), number_from_zero("duration", duration)
         breaks = [start] if duration == 0.0 else [start, start + duration]
         return Trajectory(names, np.array(breaks), q[None, None, :])
 
@@ -192,12 +193,17 @@ class Trajectory(Value, NotebookView):
         """The same motion, `factor` times as long (derivatives are divided by factor, factor², factor³).
 
         Raises:
-            InputError: not a number above zero.
+            InputError: not a number above zero, or times or rates that floats cannot represent.
         """
         factor = positive_number("factor", factor)
-        powers = factor ** -np.arange(self.coefficients.shape[1])
         start = self.breaks[0]
-        return self._with_rounded(start + (self.breaks - start) * factor, self.coefficients * powers[None, :, None])
+        with np.errstate(over="ignore", invalid="ignore"):
+            breaks = start + (self.breaks - start) * factor
+            coefficients = self.coefficients * (factor ** -np.arange(self.coefficients.shape[1]))[None, :, None]
+        lasts = breaks[-1] > start or self.duration == 0.0
+        if not (lasts and np.isfinite(breaks).all() and np.isfinite(coefficients).all()):
+            raise InputError(f"factor is {factor:g}, which makes times or rates that floats cannot represent")
+        return self._with_rounded(breaks, coefficients)
 
     def shifted(self, seconds: float) -> Trajectory:
         """The same motion, `seconds` [s] later (earlier if negative).

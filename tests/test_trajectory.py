@@ -172,6 +172,12 @@ def test_wrong_calls_are_refused() -> None:
             still.sample(factor)
     with pytest.raises(InputError, match="not finite"):
         still(float("nan"))
+    for one, factor in ((still, 1e-300), (Trajectory.rest(("left/x",), [1.0], start=5.0, duration=1.0), 1e-17)):
+        moving = Trajectory(one.joint_names, one.breaks, [[[0.0], [1.0], [2.0]]])
+        with pytest.raises(InputError, match="factor is 1e-"):
+            moving.stretched(factor)
+    with pytest.raises(InputError, match="duration is -1"):
+        Trajectory.rest(("left/x",), [1.0], duration=-1.0)
     for seconds in (1e17, -1e12):
         with pytest.raises(InputError, match="which rounds times to"):
             still.shifted(seconds)

@@ -8,7 +8,7 @@ import pathlib
 
 import numpy as np
 
-from rr1plan.checks import counted, shown
+from rr1plan.checks import counted, number_in, shown
 from rr1plan.errors import FormatError, InputError
 from rr1plan.export.trajectory_samples import sample_within_limits
 from rr1plan.files.file_access import check_writable, read_text, write_text
@@ -118,7 +118,7 @@ def _other_header(header: list[str], file: _File) -> FormatError:
 
 def _row(cells: list[str], count: int, file: _File, number: int) -> list[float]:
     try:
-        row = [float(cell) for cell in cells]
+        row = [number_in(cell) for cell in cells]
     except ValueError as error:
         raise FormatError(str(error), file, number) from error
     if len(row) != count:

@@ -20,6 +20,7 @@ from rr1plan.errors import InputError
 from rr1plan.export.glb_container import GlbArrays
 from rr1plan.export.glb_meshes import joined, shape_triangles
 from rr1plan.files.file_access import check_writable, write_bytes
+from rr1plan.path import MOST_SAMPLES
 from rr1plan.playback.viewer.page_content import HasPage, page_content
 from rr1plan.playback.viewer.page_document import Document, unpack_array, view_document
 from rr1plan.robot import Robot
@@ -261,6 +262,8 @@ def _sampled_track(document: Document, rate: float) -> tuple[Array, Array]:
     breaks, coefficients = (unpack_array(track[name]).astype(float) for name in ("breaks", "coefficients"))
     motion = Trajectory.trusted(tuple(document["columns"][c] for c in columns), breaks, coefficients)
     step = min(1.0 / rate, motion.duration / _FEWEST_INTERVALS) if motion.duration else 1.0 / rate
+    if motion.duration * rate > MOST_SAMPLES:
+        raise InputError(f"rate is {rate:g}, which makes more than {MOST_SAMPLES} samples, expected a lower one")
     times = motion.sample_times(step)
     q = np.tile(rest, (len(times), 1))
     q[:, columns] = motion(times)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
+from rr1plan.checks import number_in
 from rr1plan.errors import FormatError
 from rr1plan.files.file_access import read_bytes
 
@@ -112,9 +113,7 @@ class Element:
 
     def _finite(self, name: str, word: str) -> float:
         try:
-            if "_" in word:
-                raise ValueError(word)
-            value = float(word)
+            value = number_in(word)
         except ValueError:
             raise self.error(f"<{self.tag}> {name}={word!r} is not a number") from None
         if not math.isfinite(value):

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, number_in
 from rr1plan.errors import FormatError, InputError
 from rr1plan.files.file_access import read_text, text_stem
 from rr1plan.robot import Geometry
@@ -89,7 +89,7 @@ class _Words:
     def number(self) -> float:
         word = self.word()
         try:
-            number = float(word)
+            number = number_in(word)
         except ValueError:
             raise self.error(f"expected a number, got {word!r}") from None
         if not math.isfinite(number):
