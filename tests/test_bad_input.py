@@ -48,6 +48,16 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
     "usd_robot": (lambda s: rp.load_robot("robot.usd"), rp.InputError, "suffix '.usd', expected .urdf, .xacro or .xml"),
     "sdf_scene": (lambda s: rp.load_scene("cell.sdf"), rp.InputError, "suffix '.sdf', expected one of .toml"),
     "budget_text": (lambda s: rp.Budget("5"), rp.InputError, "seconds of the budget .* '5'"),
+    "configuration_durations": (
+        lambda s: rp.load_robot("rr1").configuration([np.timedelta64(1, "s")] * 6),
+        rp.InputError,
+        "expected finite numbers",
+    ),
+    "derivative_duration": (
+        lambda s: rp.Trajectory.rest(["a/x"], [0.0])(0.0, np.timedelta64(1, "s")),
+        rp.InputError,
+        "expected a whole number",
+    ),
     "budget_duration": (lambda s: rp.Budget(np.timedelta64(1, "s")), rp.InputError, "not an array of numbers"),
     "budget_fraction": (lambda s: rp.Budget(1, 1.5), rp.InputError, "iterations of the budget is 1.5"),
     "budget_true": (lambda s: rp.Budget(1, True), rp.InputError, "iterations of the budget is True"),
