@@ -63,7 +63,7 @@ def on_canvas(tab: Any, q: Any) -> tuple[float, float]:
     """The pixel of the page where a configuration is drawn."""
     x, y = tab.ask(
         """([a, b]) => {
-            const { plot, ratio, canvas } = RR1.lesson, box = canvas.getBoundingClientRect();
+            const { plot, ratio, canvas } = RR1.lesson.chart, box = canvas.getBoundingClientRect();
             const u = (a + Math.PI) / (2 * Math.PI), v = (b + Math.PI) / (2 * Math.PI);
             return [box.left + (plot.x + u * plot.size) / ratio, box.top + (plot.y + (1 - v) * plot.size) / ratio];
         }""",
@@ -117,7 +117,7 @@ def test_obstacles_images_are_drawn_in_their_own_colors_and_patterns(calm: Any, 
     calm.ask("RR1.lesson.showTree = false, RR1.lesson.redraw()")
     pixels = calm.cspace_picture()
     calm.ask("RR1.lesson.showTree = true, RR1.lesson.redraw()")
-    area = np.prod(calm.ask("[RR1.lesson.plot.size, RR1.lesson.plot.size]")) / calm.ask("RR1.lesson.ratio ** 2")
+    area = calm.ask("(RR1.lesson.chart.plot.size / RR1.lesson.chart.ratio) ** 2")
     for name, mask in lesson.grid.layers.items():
         color = lesson.grid.scene.obstacles[name].geometries[0].color
         text = "#{:02x}{:02x}{:02x}".format(*(round(255 * c) for c in color[:3]))
@@ -229,7 +229,7 @@ def test_a_path_over_the_seam_is_drawn_on_both_sides(calm: Any, lesson: rp.CSpac
     without = calm.cspace_picture()
     calm.ask("RR1.lesson.curve = RR1.lesson.kept, RR1.lesson.showTree = true, RR1.lesson.redraw()")
     changed = (np.abs(with_path - without).max(axis=2) > 30).any(axis=0)
-    x, size = calm.ask("[RR1.lesson.plot.x / RR1.lesson.ratio, RR1.lesson.plot.size / RR1.lesson.ratio]")
+    x, size = calm.ask("(({ plot, ratio }) => [plot.x / ratio, plot.size / ratio])(RR1.lesson.chart)")
     left, right = round(x) + 3, round(x + size) - 3
     assert changed[left : left + 4].any()
     assert changed[right - 4 : right].any()
@@ -487,7 +487,7 @@ def test_without_a_path_the_arm_stands_at_the_start_and_both_ends_are_seen(tab: 
 def written(tab: Any) -> tuple[dict[str, np.ndarray], list[float]]:
     """Labels in the configuration space: left, top, right and bottom of each text, and of the picture."""
     rows, plot = tab.ask("""() => {
-        const usual = CanvasRenderingContext2D.prototype.fillText, rows = [], { plot } = RR1.lesson;
+        const usual = CanvasRenderingContext2D.prototype.fillText, rows = [], { plot } = RR1.lesson.chart;
         CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
             const wide = this.measureText(text).width, before = { center: 0.5, right: 1 }[this.textAlign] || 0;
             const left = x - before * wide;

@@ -108,7 +108,7 @@ def test_the_map_is_dark_where_the_arm_is_singular(page: Any) -> None:
     page.ask("RR1.steps.go(4)")
     page.next_frames()
     pixels = page.cspace_picture()
-    plot = page.ask("[RR1.lesson.plot.x, RR1.lesson.plot.y, RR1.lesson.plot.size].map((v) => v / RR1.lesson.ratio)")
+    plot = page.ask("(({ plot, ratio }) => [plot.x, plot.y, plot.size].map((v) => v / ratio))(RR1.lesson.chart)")
     column = int(plot[0] + 0.15 * plot[2])
 
     def brightness(bend: float) -> float:

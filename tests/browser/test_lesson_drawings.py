@@ -70,7 +70,7 @@ def test_the_verdict_is_kept_back_and_cells_prove_it(tab: Any, tmp_path: Path) -
     go_to(tab, "proof")
     # The pixels stay in the page: as numbers for Python they take seconds.
     pixels = """() => {
-        const { canvas } = RR1.lesson;
+        const { canvas } = RR1.lesson.chart;
         return new Uint32Array(canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data.buffer);
     }"""
     tab.ask(f"RR1.setQ([2.5, 2.5]), window.proven = ({pixels})(), 0")

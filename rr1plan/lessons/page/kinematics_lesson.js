@@ -19,7 +19,7 @@ class Kinematics {
     this.force = this.loop(own.colors.force, true);
     const [n, m] = [120, 120], { values } = viewer.unpack(own.map);
     this.paintMap(values, n, m);
-    space.overlays.push((pen) => this.drawMap(pen));
+    space.chart.overlays.push((pen) => this.drawMap(pen));
     viewer.add("kinematics", this.group);
     viewer.on("load", () => viewer.add("kinematics", this.group));
     viewer.on("change", () => this.follow());
@@ -55,7 +55,7 @@ class Kinematics {
       }
     }
     this.follow();
-    space.draw();
+    space.chart.draw();
   }
 
   // ---- objects of the workspace ------------------------------------------------------------
@@ -247,7 +247,7 @@ class Kinematics {
   }
 
   drawMap(pen) {
-    const { unit } = space, { x, y, size } = space.plot;
+    const { chart } = space, { unit, plot: { x, y, size } } = chart;
     if (this.shown.has("map")) {
       pen.globalAlpha = 0.85;
       pen.drawImage(this.canvas, x, y, size, size);
@@ -256,9 +256,9 @@ class Kinematics {
     if (!this.shown.has("map")) return;
     for (const curve of own.singular) {
       pen.setLineDash([]); pen.strokeStyle = "#fff"; pen.lineWidth = 5.5 * unit;
-      space.trace(pen, curve);
+      chart.trace(pen, curve);
       pen.setLineDash([7 * unit, 5 * unit]); pen.strokeStyle = "#d55e00"; pen.lineWidth = 3 * unit;
-      space.trace(pen, curve);
+      chart.trace(pen, curve);
     }
     pen.setLineDash([]);
   }

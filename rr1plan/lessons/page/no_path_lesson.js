@@ -4,12 +4,12 @@ const space = viewer.lesson, { size, lower, upper, colors } = data.own;
 const kinds = viewer.unpack(data.own.kinds).values;
 
 const { low, high } = viewer.panelData.cspace;
-const at = (values) => space.at(...values.map((v, axis) => (v - low[axis]) / (high[axis] - low[axis])));
+const at = (values) => space.chart.at(...values.map((v, axis) => (v - low[axis]) / (high[axis] - low[axis])));
 let proves = false;
 
-space.overlays.push((pen) => {
+space.chart.overlays.push((pen) => {
   if (!proves) return;
-  const wide = (upper[0] - lower[0]) / size, tall = (upper[1] - lower[1]) / size, rim = 0.4 * space.ratio;
+  const wide = (upper[0] - lower[0]) / size, tall = (upper[1] - lower[1]) / size, rim = 0.4 * space.chart.ratio;
   pen.save();
   for (let i = 0; i < size; i++) {
     for (let j = 0; j < size; j++) {

@@ -17,7 +17,7 @@ class Search {
     this.planners = Object.keys(data.colors);
     this.records = data.variants.map((row) => ({ ...row, ...unpacked(row) }));
     this.wire();
-    this.space.overlays.push((pen) => this.draw(pen));
+    this.space.chart.overlays.push((pen) => this.draw(pen));
     this.choose({ planner: "RRT", bias: 0.05 });
     viewer.on("load", () => this.place());
     viewer.on("change", () => { if (this.playing && viewer.origin !== "search") this.stop(); });
@@ -127,7 +127,7 @@ class Search {
     part(".said").textContent = this.say();
     if (this.state.focus) this.pose(this.state.focus);
     this.drawSpace();
-    this.space.draw();
+    this.space.chart.draw();
     this.drawRace();
   }
 
@@ -159,8 +159,8 @@ class Search {
 
   draw(pen) {
     if (!this.state) return;
-    const { record, state, space } = this, { unit } = space, color = data.colors[record.planner];
-    const dense = state.count > 500, line = (a, b) => space.trace(pen, [a, space.near(a, b)]);
+    const { record, state, space: { chart } } = this, { unit } = chart, color = data.colors[record.planner];
+    const dense = state.count > 500, line = (a, b) => chart.trace(pen, [a, chart.near(a, b)]);
     pen.save();
     pen.lineCap = "round";
     pen.lineWidth = (dense ? 0.8 : 1.3) * unit;
@@ -171,7 +171,7 @@ class Search {
     pen.fillStyle = color;
     for (let v = 0; v < state.count; v++) {
       pen.fillStyle = record.sides[v] ? "#14855a" : color;
-      space.around(space.shares(record.vertices[v]), (x, y) => {
+      chart.around(chart.shares(record.vertices[v]), (x, y) => {
         pen.beginPath();
         // Open vertices of a lattice are hollow, closed ones filled.
         if (state.closed && !state.closed.has(v)) { pen.arc(x, y, 1.7 * unit, 0, 7); pen.fillStyle = "#fff"; pen.fill(); pen.strokeStyle = color; pen.stroke(); pen.fillStyle = color; return; }
@@ -181,11 +181,11 @@ class Search {
     }
     pen.strokeStyle = "rgba(27, 36, 48, .5)";
     pen.lineWidth = unit;
-    for (const q of state.rejected) space.around(space.shares(q), (x, y) => cross(pen, x, y, (dense ? 1.6 : 2.4) * unit));
+    for (const q of state.rejected) chart.around(chart.shares(q), (x, y) => cross(pen, x, y, (dense ? 1.6 : 2.4) * unit));
     for (const path of [state.path].filter(Boolean)) {
       pen.lineJoin = "round";
-      pen.strokeStyle = "#fff"; pen.lineWidth = 6 * unit; space.trace(pen, path);
-      pen.strokeStyle = INK; pen.lineWidth = 3 * unit; space.trace(pen, path);
+      pen.strokeStyle = "#fff"; pen.lineWidth = 6 * unit; chart.trace(pen, path);
+      pen.strokeStyle = INK; pen.lineWidth = 3 * unit; chart.trace(pen, path);
     }
     if (this.at < this.length || !state.path) this.drawNewest(pen, line);
     pen.restore();
@@ -193,7 +193,7 @@ class Search {
 
   /** The latest step: its sample, its edges, and rejected ones. */
   drawNewest(pen, line) {
-    const { record, state, space } = this, { unit } = space;
+    const { record, state, space: { chart } } = this, { unit } = chart;
     for (const event of state.newest) {
       const rejected = event.kind === REFUSED;
       pen.strokeStyle = pen.fillStyle = rejected ? INK : ACCENT;
@@ -202,8 +202,8 @@ class Search {
       if (rejected) line(record.vertices[event.vertex], event.point);
       else if ([VERTEX, EDGE, PARENT].includes(event.kind) && event.parent >= 0) line(record.vertices[event.parent], record.vertices[event.vertex]);
       pen.setLineDash([]);
-      if (event.kind === SAMPLE) space.around(space.shares(event.point), (x, y) => plus(pen, x, y, 6 * unit));
-      if (rejected || event.kind === BLOCKED) { pen.strokeStyle = INK; space.around(space.shares(event.point), (x, y) => cross(pen, x, y, 5.5 * unit)); }
+      if (event.kind === SAMPLE) chart.around(chart.shares(event.point), (x, y) => plus(pen, x, y, 6 * unit));
+      if (rejected || event.kind === BLOCKED) { pen.strokeStyle = INK; chart.around(chart.shares(event.point), (x, y) => cross(pen, x, y, 5.5 * unit)); }
     }
   }
 

@@ -104,7 +104,7 @@ class Timing {
     this.blends = data.blends.map((b) => ({ size: b.size, stops: b.stops, s: read(b.s), q: read(b.q), begin: read(b.begin), end: read(b.end), bend: read(b.bend) }));
     this.values = { blend: this.blends.length - 1, tries: data.shortcuts.length, velocity: 1, acceleration: 1, distance: 1.2, speed: data.velocity[0], push: data.acceleration[0], jerk: data.jerk };
     this.share = 0;
-    this.space.overlays.push((pen) => this.draw(pen));
+    this.space.chart.overlays.push((pen) => this.draw(pen));
     this.wire();
     this.show("path");
     viewer.on("change", () => { if (this.driving && viewer.origin !== "timing") this.stop(); });
@@ -255,7 +255,7 @@ class Timing {
     const full = viewer.q.slice(), { columns } = viewer.panelData.cspace;
     this.motion.q(t).forEach((v, axis) => { full[columns[axis]] = v; });
     viewer.setQ(full, "timing");
-    this.space.draw();
+    this.space.chart.draw();
     this.drawChart();
   }
 
@@ -275,11 +275,11 @@ class Timing {
 
   draw(pen) {
     if (!this.motion) return;
-    const { space, values } = this, { unit } = space;
+    const { space: { chart }, values } = this, { unit } = chart;
     const line = (points, color, width, dash = []) => {
       pen.lineJoin = pen.lineCap = "round";
-      pen.setLineDash([]); pen.strokeStyle = "rgba(255,255,255,.9)"; pen.lineWidth = (width + 2.5) * unit; space.trace(pen, points);
-      pen.setLineDash(dash.map((d) => d * unit)); pen.strokeStyle = color; pen.lineWidth = width * unit; space.trace(pen, points);
+      pen.setLineDash([]); pen.strokeStyle = "rgba(255,255,255,.9)"; pen.lineWidth = (width + 2.5) * unit; chart.trace(pen, points);
+      pen.setLineDash(dash.map((d) => d * unit)); pen.strokeStyle = color; pen.lineWidth = width * unit; chart.trace(pen, points);
       pen.setLineDash([]);
     };
     if (this.mode !== "phases") line(data.raw, colors.raw, this.mode === "path" ? 3 : 1.6, this.mode === "path" ? [] : [5, 4]);
@@ -287,11 +287,11 @@ class Timing {
     if (this.mode === "shortcut") line(this.path, colors.short, 3);
     if (tried) {
       line([tried.begin, tried.end], tried.free ? ACCENT : INK, 2.4, tried.free ? [] : [2, 4]);
-      for (const q of [tried.begin, tried.end]) space.around(space.shares(q), (x, y) => { pen.beginPath(); pen.arc(x, y, 4 * unit, 0, 7); pen.fillStyle = tried.free ? ACCENT : INK; pen.fill(); });
+      for (const q of [tried.begin, tried.end]) chart.around(chart.shares(q), (x, y) => { pen.beginPath(); pen.arc(x, y, 4 * unit, 0, 7); pen.fillStyle = tried.free ? ACCENT : INK; pen.fill(); });
       if (!tried.free) {
         const middle = tried.begin.map((v, i) => (v + tried.end[i]) / 2), r = 6 * unit;
         pen.strokeStyle = INK; pen.lineWidth = 2.4 * unit;
-        space.around(space.shares(middle), (x, y) => { pen.beginPath(); pen.moveTo(x - r, y - r); pen.lineTo(x + r, y + r); pen.moveTo(x - r, y + r); pen.lineTo(x + r, y - r); pen.stroke(); });
+        chart.around(chart.shares(middle), (x, y) => { pen.beginPath(); pen.moveTo(x - r, y - r); pen.lineTo(x + r, y + r); pen.moveTo(x - r, y + r); pen.lineTo(x + r, y - r); pen.stroke(); });
       }
     }
     if (["blend", "plane", "cost"].includes(this.mode)) {
@@ -300,10 +300,10 @@ class Timing {
     }
     const corners = { path: data.raw, shortcut: this.path }[this.mode] || [];
     pen.fillStyle = this.mode === "path" ? "#5f6b7a" : colors.short;
-    for (const q of corners) space.around(space.shares(q), (x, y) => { pen.beginPath(); pen.arc(x, y, 3 * unit, 0, 7); pen.fill(); });
+    for (const q of corners) chart.around(chart.shares(q), (x, y) => { pen.beginPath(); pen.arc(x, y, 3 * unit, 0, 7); pen.fill(); });
     if (this.plane) {
       pen.fillStyle = INK;
-      for (const k of this.plane.switches) space.around(space.shares(this.grid.q[k]), (x, y) => { pen.beginPath(); pen.arc(x, y, 3 * unit, 0, 7); pen.fill(); });
+      for (const k of this.plane.switches) chart.around(chart.shares(this.grid.q[k]), (x, y) => { pen.beginPath(); pen.arc(x, y, 3 * unit, 0, 7); pen.fill(); });
     }
   }
 

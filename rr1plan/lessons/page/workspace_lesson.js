@@ -22,6 +22,7 @@ class ReachMap {
     this.corner = steps.corner("reach");
     this.corner.innerHTML = '<b></b><span><i class="twice"></i>reached in two ways</span><span><i class="once"></i>in one way</span><span><i class="never"></i>not at all</span>';
     this.ignored = null;
+    this.reaching = null; // cells that reach each point of the map, see `measure`
     viewer.on("change", () => this.read());
     // The picture is repainted when its cells have changed; the map follows once they no longer change.
     const { repaint } = viewer.lesson;
@@ -41,30 +42,43 @@ class ReachMap {
     return this.space.layers.reduce((bits, layer, k) => (this.ignored(layer) ? bits : bits | (1 << k)), 0);
   }
 
+  /** The cells of the configurations with the tool at a point: two, one or none. */
+  cellsAt(x, y) {
+    const { arm, cells } = viewer.lesson, { low, high } = this.space;
+    return arm.flat.solutions(x, y).map((q) => cells.at(...q.map((v, axis) => (v - low[axis]) / (high[axis] - low[axis])))).filter((cell) => cell >= 0);
+  }
+
   /** Number of ways in which the tool reaches a point. */
   count(x, y, mask) {
-    const { arm, cells } = viewer.lesson, { low, high } = this.space;
-    let ways = 0;
-    for (const q of arm.flat.solutions(x, y)) {
-      const cell = cells.at(...q.map((v, axis) => (v - low[axis]) / (high[axis] - low[axis])));
-      if (cell >= 0 && !(cells.bits[cell] & mask)) ways += 1;
+    const { bits } = viewer.lesson.cells;
+    return this.cellsAt(x, y).filter((cell) => !(bits[cell] & mask)).length;
+  }
+
+  /** The cells for each point of the map, two numbers each (-1: none). */
+  measure() {
+    const { center } = this.space.planar, found = new Int32Array(2 * SIDE * SIDE).fill(-1);
+    for (let j = 0; j < SIDE; j++) {
+      for (let i = 0; i < SIDE; i++) {
+        const x = center[0] + this.span * ((2 * i + 1) / SIDE - 1), y = center[1] + this.span * (1 - (2 * j + 1) / SIDE);
+        found.set(this.cellsAt(x, y), 2 * (j * SIDE + i));
+      }
     }
-    return ways;
+    return found;
   }
 
   paint() {
     if (!this.ignored) return;
-    const pen = this.canvas.getContext("2d"), image = pen.createImageData(SIDE, SIDE), mask = this.mask();
-    const { center } = this.space.planar, colors = { 1: hex(ONCE), 2: hex(TWICE) };
-    for (let j = 0; j < SIDE; j++) {
-      for (let i = 0; i < SIDE; i++) {
-        const x = center[0] + this.span * ((2 * i + 1) / SIDE - 1), y = center[1] + this.span * (1 - (2 * j + 1) / SIDE);
-        const ways = this.count(x, y, mask), at = 4 * (j * SIDE + i);
-        if (!ways) continue;
-        // Hatched for one way, so that no reader depends on colors.
-        const stripe = ways === 1 && (i + j) % 9 < 2;
-        image.data.set(stripe ? [190, 120, 40, 190] : [...colors[ways], 190], at);
-      }
+    // Once, because they depend on the arm only.
+    this.reaching ||= this.measure();
+    const { reaching } = this, { bits } = viewer.lesson.cells, mask = this.mask();
+    const pen = this.canvas.getContext("2d"), image = pen.createImageData(SIDE, SIDE), colors = { 1: hex(ONCE), 2: hex(TWICE) };
+    const isOpen = (cell) => cell >= 0 && !(bits[cell] & mask);
+    for (let point = 0; point < SIDE * SIDE; point++) {
+      const ways = isOpen(reaching[2 * point]) + isOpen(reaching[2 * point + 1]);
+      if (!ways) continue;
+      // Hatched for one way, so that no reader depends on colors.
+      const stripe = ways === 1 && ((point % SIDE) + Math.floor(point / SIDE)) % 9 < 2;
+      image.data.set(stripe ? [190, 120, 40, 190] : [...colors[ways], 190], 4 * point);
     }
     pen.putImageData(image, 0, 0);
     this.texture.needsUpdate = true;

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 _SCRIPTS = (
     "cspace_picture", "cspace_components", "cspace_raster", "cspace_query", "phase_plane", "torus_view",
-    "flat_arm", "cspace_workspace", "planar_drags", "cspace",
+    "flat_arm", "cspace_workspace", "planar_drags", "cspace_chart", "cspace",
 )  # fmt: skip
 _CRUMB = 255  # label of all components too small to have a color of their own
 

@@ -11,8 +11,7 @@ const make = (tag, text, name) => {
 
 class Lesson {
   constructor() {
-    this.canvas = part("canvas");
-    this.pen = this.canvas.getContext("2d");
+    this.chart = new CspaceChart(this);
     this.arm = new Workspace();
     this.pointer = null;
     this.blocked = false;
@@ -21,7 +20,6 @@ class Lesson {
     this.isAwaited = false;
     this.torus = null;
     this.phase = makePhase();
-    this.overlays = [];  // f(pen, lesson), drawn above the cells and below the marks
     this.wireTools();
     this.wireCanvas();
     this.addKeys();
@@ -34,8 +32,9 @@ class Lesson {
     // Without a motion, the growth of the tree is animated.
     viewer.films.push(() => (this.track || !this.tree.length ? null : { start: 0, end: this.tree.length / this.growthRate, show: (t) => { this.pauseTree(); this.growTo(Math.round(t * this.growthRate)); } }));
     this.meet();
-    new ResizeObserver(() => this.resize()).observe(part(".plot"));
-    this.resize();
+    const fit = () => { if (this.chart.resize()) this.repaint(); };
+    new ResizeObserver(fit).observe(part(".plot"));
+    fit();
     new ResizeObserver(() => { if (this.workspace && !this.arm.turned) this.arm.look(); }).observe(viewer.stage.pane);
   }
 
@@ -585,7 +584,7 @@ class Lesson {
       { keys: ["Escape"], text: "", when: () => Boolean(this.planning), act: () => this.cancel() },
       { keys: Object.keys(ARROWS), text: "Turn the torus", when: (target) => Boolean(this.torus) && target === this.torus.canvas, act: (event) => this.torus.rotate(...ARROWS[event.key].map((v, axis) => (axis ? 0.1 : -0.1) * v)) },
     ], { first: true });
-    keys.arrows(title, "In the picture: move the arm; with Shift farther", this.canvas, (by, event) => {
+    keys.arrows(title, "In the picture: move the arm; with Shift farther", this.chart.canvas, (by, event) => {
       const step = (event.shiftKey ? 10 : 1) / 360;
       this.pose(q2().map((v, axis) => v + by[axis] * step * (data.high[axis] - data.low[axis])));
     });
@@ -631,7 +630,7 @@ class Lesson {
     if (this.torus) this.torus.dispose();
     this.torus = this.torus ? null : new TorusView(this, part(".plot"));
     this.tools.torus.setAttribute("aria-pressed", String(Boolean(this.torus)));
-    this.canvas.style.visibility = this.torus ? "hidden" : "";
+    this.chart.canvas.style.visibility = this.torus ? "hidden" : "";
     part(".tip").hidden = true;
   }
 
@@ -696,38 +695,38 @@ class Lesson {
       this.tools.elbow.disabled = Math.abs(this.workspace.side(q)) < 1e-6 || this.place(this.workspace.twin(q)).outside;
     }
     this.drawPhase();
-    if (draw) this.draw();
+    if (draw) this.chart.draw();
   }
 
   // ---- the pointer -------------------------------------------------------------------------
 
   wireCanvas() {
-    const { canvas } = this;
+    const { chart } = this, { canvas } = chart;
     let held = false, mark = null, dragged = null, from = null;
     const take = (event) => {
-      const spot = this.spot(event);
+      const spot = chart.spot(event);
       this.pose(this.snapped(spot, event.type === "pointerdown") || spot.map((part, axis) => value(axis, part)));
     };
     canvas.addEventListener("pointerdown", (event) => {
-      const spot = this.spot(event);
-      if (event.button !== 0 || !this.inPlot(spot)) return;
+      const spot = chart.spot(event);
+      if (event.button !== 0 || !chart.inPlot(spot)) return;
       held = true;
       from = [event.clientX, event.clientY];
-      mark = this.live ? this.markAt(spot) : null;
+      mark = this.live ? chart.markAt(spot) : null;
       canvas.setPointerCapture(event.pointerId);
       take(event);
     });
     canvas.addEventListener("pointermove", (event) => {
-      const spot = this.spot(event);
-      this.pointer = held || this.inPlot(spot) ? spot : null;
+      const spot = chart.spot(event);
+      this.pointer = held || chart.inPlot(spot) ? spot : null;
       if (mark !== null && dragged === null && Math.hypot(event.clientX - from[0], event.clientY - from[1]) > 3) {
         dragged = mark;
         this.remember();
       }
       // When the mark of the start or a goal is dragged, the arm follows it.
-      if (held && (mark === null || dragged !== null)) take(event); else if (!held) this.draw();
+      if (held && (mark === null || dragged !== null)) take(event); else if (!held) chart.draw();
       if (dragged !== null) this.dragEnd(dragged);
-      canvas.style.cursor = !held && this.live && this.markAt(spot) !== null ? "move" : "";
+      canvas.style.cursor = !held && this.live && chart.markAt(spot) !== null ? "move" : "";
       this.tip();
     });
     for (const end of ["pointerup", "pointercancel"]) {
@@ -737,7 +736,7 @@ class Lesson {
         mark = dragged = null;
       });
     }
-    canvas.addEventListener("pointerleave", () => { this.pointer = null; this.tip(); this.draw(); });
+    canvas.addEventListener("pointerleave", () => { this.pointer = null; this.tip(); chart.draw(); });
     this.drags = new PlanarDrags(this, this.arm);
   }
 
@@ -747,31 +746,10 @@ class Lesson {
     this.drag(() => this.moveEnd(which, q));
   }
 
-  /** The position of the pointer as fractions of the axes. */
-  spot(event) {
-    const box = this.canvas.getBoundingClientRect(), { x, y, size } = this.plot, ratio = this.ratio;
-    return [((event.clientX - box.left) * ratio - x) / size, 1 - ((event.clientY - box.top) * ratio - y) / size];
-  }
-
-  inPlot([u, v]) {
-    return u >= 0 && u <= 1 && v >= 0 && v <= 1;
-  }
-
   /** A click on the mark of the start or a goal selects exactly that configuration. */
   snapped(spot, wanted) {
-    const mark = wanted ? this.markAt(spot) : null;
+    const mark = wanted ? this.chart.markAt(spot) : null;
     return mark === null ? null : mark === "start" ? data.start : data.goals[mark];
-  }
-
-  /** The mark at a position: "start", the number of a goal, or null. */
-  markAt(spot) {
-    const near = (q) => {
-      const [u, v] = this.shares(q);
-      return Math.hypot(u - spot[0], v - spot[1]) * this.plot.size < 9 * this.unit;
-    };
-    if (data.start && near(data.start)) return "start";
-    const goal = data.goals.findIndex(near);
-    return goal < 0 ? null : goal;
   }
 
   tip() {
@@ -784,8 +762,8 @@ class Lesson {
     head.append(dot, words(answer).text);
     const q = this.pointer.map((share, axis) => reading(axis, wrapped(axis, value(axis, share))));
     tip.replaceChildren(head, `${symbol(0)} ${q[0]}   ${symbol(1)} ${q[1]}`);
-    if (this.nearTwin(this.pointer)) tip.append(make("br"), "other elbow: the tool in the same place");
-    const { x, y, size } = this.plot, k = 1 / this.ratio, wide = this.canvas.clientWidth;
+    if (this.chart.nearTwin(this.pointer)) tip.append(make("br"), "other elbow: the tool in the same place");
+    const { plot: { x, y, size }, ratio, canvas } = this.chart, k = 1 / ratio, wide = canvas.clientWidth;
     const px = (x + this.pointer[0] * size) * k, py = (y + (1 - this.pointer[1]) * size) * k;
     const left = px + 16 + tip.offsetWidth > wide ? px - 16 - tip.offsetWidth : px + 16;
     const top = py - 12 - tip.offsetHeight < 0 ? py + 16 : py - 12 - tip.offsetHeight;
@@ -794,215 +772,21 @@ class Lesson {
 
   // ---- drawing -----------------------------------------------------------------------------
 
-  resize() {
-    const wide = part(".plot").clientWidth;
-    if (wide === this.wide) return;
-    this.wide = wide;
-    this.ratio = Math.min(window.devicePixelRatio || 1, 2);
-    this.unit = this.ratio * Math.min(Math.max(wide / 480, 0.85), 1.6);
-    const left = Math.round(40 * this.unit), below = Math.round(26 * this.unit), rim = Math.round(8 * this.unit);
-    const size = Math.max(32, Math.round(wide * this.ratio) - left - rim);
-    this.plot = { x: left, y: rim, size };
-    this.canvas.width = left + size + rim;
-    this.canvas.height = rim + size + below;
-    part(".plot").style.height = `${this.canvas.height / this.ratio}px`;
-    this.repaint();
-  }
-
-  /** Redraws the cells after a change of their display. */
+  /** Paints the cells again, after a change of them or of their display. */
   repaint() {
-    const { size } = this.plot;
-    this.area ||= make("canvas");
-    if (this.area.width !== size) this.area.width = this.area.height = size;
-    this.area.getContext("2d").putImageData(this.cells.paint(size, this.ratio, this.tinted, this.only), 0, 0);
+    this.chart.paint();
     this.tools.parts.setAttribute("aria-pressed", String(this.tinted));
     this.redraw();
     if (this.torus) this.torus.paint();
   }
 
-  /** Redraws the static layers: cells, tree, frame. */
+  /** Draws the tree and all that is above the cells again. */
   redraw() {
-    this.still ||= make("canvas");
-    const { width, height } = this.canvas, pen = this.still.getContext("2d"), { x, y } = this.plot;
-    if (this.still.width === width && this.still.height === height) pen.clearRect(0, 0, width, height);
-    else Object.assign(this.still, { width, height });
-    pen.drawImage(this.area, x, y);
-    this.inside(pen, () => { if (this.showTree) this.drawTree(pen); this.drawNames(pen); });
-    drawFrame(pen, this.plot, this.unit);
+    this.chart.redraw();
     this.tools.tree.setAttribute("aria-pressed", String(this.showTree));
     this.reach.value = this.grown;
     this.reach.style.setProperty("--part", `${(100 * this.grown) / (this.tree.length || 1)}%`);
     showValue(this.reach, part(".grow output"), `${this.grown}`);
-    this.draw();
-  }
-
-  inside(pen, draw) {
-    const { x, y, size } = this.plot;
-    pen.save();
-    pen.beginPath();
-    pen.rect(x, y, size, size);
-    pen.clip();
-    draw();
-    pen.restore();
-  }
-
-  at(u, v) {
-    const { x, y, size } = this.plot;
-    return [x + u * size, y + (1 - v) * size];
-  }
-
-  line(pen, points) {
-    pen.beginPath();
-    points.forEach(([u, v], k) => (k ? pen.lineTo(...this.at(u, v)) : pen.moveTo(...this.at(u, v))));
-    pen.stroke();
-  }
-
-  /** Draws a polyline of joint values, also across the seams. */
-  trace(pen, values) {
-    for (const copy of wrappedCopies(values.map((q) => q.map((v, axis) => share(axis, v))))) this.line(pen, copy);
-  }
-
-  /** The joint values b, shifted by whole turns to be nearest to a. */
-  near(a, b) {
-    return b.map((v, axis) => (data.periodic[axis] ? v + 2 * Math.PI * Math.round((a[axis] - v) / (2 * Math.PI)) : v));
-  }
-
-  drawTree(pen) {
-    const dense = this.tree.length > 800;
-    pen.lineWidth = (dense ? 0.8 : 1.4) * this.unit;
-    pen.globalAlpha = dense ? 0.6 : 0.85;
-    [START, GOAL].forEach((color, side) => {
-      const edges = this.tree.slice(0, this.grown).filter((_, e) => this.sides[e] === side).flat();
-      pen.strokeStyle = pen.fillStyle = color;
-      pen.beginPath();
-      for (const [a, b] of edges) { pen.moveTo(...this.at(...a)); pen.lineTo(...this.at(...b)); }
-      pen.stroke();
-      if (dense) return;
-      for (const end of edges.flat()) { pen.beginPath(); pen.arc(...this.at(...end), 2.2 * this.unit, 0, 7); pen.fill(); }
-    });
-  }
-
-  /** Names on the images, so that no reader depends on colors. */
-  drawNames(pen) {
-    pen.save();
-    pen.font = `600 ${12 * this.unit}px ${FONT}`;
-    pen.textAlign = "center";
-    pen.textBaseline = "middle";
-    pen.lineJoin = "round";
-    pen.lineWidth = 3 * this.unit;
-    data.layers.forEach((layer, k) => {
-      if (!layer.spot || (this.only >= 0 && this.only !== k)) return;
-      const [px, py] = this.at(share(0, layer.spot[0]), share(1, layer.spot[1])), light = isLight(layer.color);
-      // Completely inside the picture, even if the image extends beyond its edge.
-      const { x, size } = this.plot, half = pen.measureText(layer.name).width / 2 + 4 * this.unit;
-      const middle = Math.max(Math.min(px, x + size - half), x + half);
-      pen.strokeStyle = light ? "#fff" : layer.color;
-      pen.strokeText(layer.name, middle, py);
-      pen.fillStyle = light ? INK : "#fff";
-      pen.fillText(layer.name, middle, py);
-    });
-    pen.restore();
-  }
-
-  draw() {
-    if (!this.still) return;
-    const { pen, unit } = this;
-    pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
-    pen.drawImage(this.still, 0, 0);
-    this.inside(pen, () => {
-      for (const overlay of this.overlays) overlay(pen, this);
-      this.drawMotion(pen);
-      const [u, v] = q2().map((x, axis) => share(axis, wrapped(axis, x)));
-      this.drawHairs(pen, u, v);
-      if (this.workspace && Math.abs(this.workspace.side(q2())) > 0.02 && !this.place(this.workspace.twin(q2())).outside) {
-        this.twin = this.workspace.twin(q2()).map((x, axis) => share(axis, wrapped(axis, x)));
-        this.around(this.twin, (x, y) => disc(pen, x, y, 5.5 * unit, "rgba(255,255,255,.75)", ACCENT, 2 * unit));
-      } else this.twin = null;
-      data.goals.forEach((goal) => this.around(this.shares(goal), (x, y) => star(pen, x, y, 10.5 * unit, GOAL, unit)));
-      if (data.start) this.around(this.shares(data.start), (x, y) => disc(pen, x, y, 6.5 * unit, START, "#fff", 2 * unit));
-      this.around([u, v], (x, y) => {
-        disc(pen, x, y, 9.5 * unit, "#fff", INK, 1.2 * unit);
-        disc(pen, x, y, 6 * unit, ACCENT);
-      });
-    });
-    this.drawLabels(pen);
-  }
-
-  nearTwin([u, v]) {
-    return Boolean(this.twin) && Math.hypot(this.twin[0] - u, this.twin[1] - v) * this.plot.size < 9 * this.unit;
-  }
-
-  shares(q) {
-    return q.map((x, axis) => share(axis, wrapped(axis, x)));
-  }
-
-  /** A mark near an edge that is identified with another is drawn at both. */
-  around([u, v], mark) {
-    for (const du of data.periodic[0] ? [-1, 0, 1] : [0]) {
-      for (const dv of data.periodic[1] ? [-1, 0, 1] : [0]) {
-        if (u + du > -0.05 && u + du < 1.05 && v + dv > -0.05 && v + dv < 1.05) mark(...this.at(u + du, v + dv));
-      }
-    }
-  }
-
-  drawHairs(pen, u, v) {
-    const { x, y, size } = this.plot, [px, py] = this.at(u, v);
-    pen.save();
-    pen.strokeStyle = INK;
-    pen.globalAlpha = 0.35;
-    pen.lineWidth = this.ratio;
-    pen.setLineDash([3 * this.unit, 4 * this.unit]);
-    pen.beginPath();
-    pen.moveTo(px, y + size); pen.lineTo(px, py);
-    pen.moveTo(x, py); pen.lineTo(px, py);
-    pen.stroke();
-    pen.restore();
-  }
-
-  /** The motion: faint as a whole, bright up to the current time. */
-  drawMotion(pen) {
-    if (!this.curve.length) return;
-    const come = viewer.manual ? 1 : viewer.player.fraction, last = Math.max(2, Math.ceil(come * this.curve.length));
-    pen.lineJoin = pen.lineCap = "round";
-    for (const copy of this.motion) {
-      pen.strokeStyle = "rgba(255,255,255,.92)";
-      pen.lineWidth = 6 * this.unit;
-      this.line(pen, copy);
-      pen.strokeStyle = "#f2a27f";
-      pen.lineWidth = 3 * this.unit;
-      this.line(pen, copy);
-    }
-    pen.strokeStyle = ACCENT;
-    pen.lineWidth = 3.4 * this.unit;
-    for (const copy of this.motion) this.line(pen, copy.slice(0, last));
-  }
-
-  drawLabels(pen) {
-    const marks = data.goals.map((goal, k) => [goal, data.goalNames[k], GOAL]);
-    if (data.start) marks.push([data.start, "start", START]);
-    // Where the hollow ring has room for its name.
-    if (this.twin && !marks.some(([q]) => Math.hypot(...this.shares(q).map((part, axis) => part - this.twin[axis])) < 0.09)) {
-      marks.push([this.twin.map((part, axis) => value(axis, part)), "other elbow", ACCENT]);
-    }
-    const { x, y, size } = this.plot;
-    pen.save();
-    pen.font = `650 ${12.5 * this.unit}px ${FONT}`;
-    pen.textBaseline = "middle";
-    pen.lineJoin = "round";
-    for (const [q, text, color] of marks) {
-      pen.font = `${text === "other elbow" ? 500 : 650} ${(text === "other elbow" ? 11 : 12.5) * this.unit}px ${FONT}`;
-      const [px, py] = this.at(...this.shares(q)), wide = pen.measureText(text).width;
-      // Next to the mark, or below it if there is no room: names of images are on the left.
-      const beside = px + 13 * this.unit + wide <= x + size, below = py + 19 * this.unit < y + size - 9 * this.unit ? 19 : -19;
-      const left = beside ? px + 13 * this.unit : Math.min(px - wide / 2, x + size - wide - 3 * this.unit);
-      const top = Math.min(Math.max(py + (beside ? -9 : below) * this.unit, y + 9 * this.unit), y + size - 9 * this.unit);
-      pen.strokeStyle = "rgba(255,255,255,.95)";
-      pen.lineWidth = 4.5 * this.unit;
-      pen.strokeText(text, left, top);
-      pen.fillStyle = color;
-      pen.fillText(text, left, top);
-    }
-    pen.restore();
   }
 }
 
@@ -1042,32 +826,6 @@ function makePhase() {
   card.hidden = true;
   document.getElementById("stage").append(card);
   return card;
-}
-
-function disc(pen, x, y, r, fill, rim, width) {
-  pen.beginPath();
-  pen.arc(x, y, r, 0, 7);
-  pen.fillStyle = fill;
-  pen.fill();
-  if (!rim) return;
-  pen.strokeStyle = rim;
-  pen.lineWidth = width;
-  pen.stroke();
-}
-
-function star(pen, x, y, r, fill, unit) {
-  pen.beginPath();
-  for (let k = 0; k < 10; k++) {
-    const a = -Math.PI / 2 + (k * Math.PI) / 5, far = k % 2 ? 0.45 * r : r;
-    pen.lineTo(x + far * Math.cos(a), y + far * Math.sin(a));
-  }
-  pen.closePath();
-  pen.fillStyle = fill;
-  pen.strokeStyle = "#fff";
-  pen.lineWidth = 3 * unit;
-  pen.lineJoin = "round";
-  pen.stroke();
-  pen.fill();
 }
 
 viewer.lesson = new Lesson();

@@ -22,7 +22,7 @@ class TorusView {
     this.camera = new THREE.PerspectiveCamera(30, 1, 0.1, 20);
     this.scene = new THREE.Scene();
     this.turn = [-0.9, 0.85]; // azimuth and elevation of the eye [rad]
-    this.texture = new THREE.CanvasTexture(lesson.area);
+    this.texture = new THREE.CanvasTexture(lesson.chart.area);
     this.texture.encoding = THREE.sRGBEncoding;
     this.mesh = new THREE.Mesh(this.surface(), new THREE.MeshLambertMaterial({ map: this.texture }));
     this.lamp = new THREE.DirectionalLight(0xffffff, 0.5);
@@ -106,8 +106,8 @@ class TorusView {
   /** Redraws the texture, then the picture. */
   paint() {
     // A picture of another size needs a new texture.
-    if (this.size !== this.lesson.area.width) this.texture.dispose();
-    this.size = this.lesson.area.width;
+    if (this.size !== this.lesson.chart.area.width) this.texture.dispose();
+    this.size = this.lesson.chart.area.width;
     this.texture.needsUpdate = true;
     this.ask();
   }
@@ -119,7 +119,7 @@ class TorusView {
   draw() {
     const { THREE } = viewer, { lesson, moving } = this, size = this.canvas.clientWidth, high = this.canvas.clientHeight;
     if (!size || !high) return;
-    this.renderer.setPixelRatio(lesson.ratio);
+    this.renderer.setPixelRatio(lesson.chart.ratio);
     this.renderer.setSize(size, high, false);
     this.camera.aspect = size / high;
     this.camera.up.set(0, 0, 1);
@@ -142,9 +142,9 @@ class TorusView {
       mesh.position.copy(onTorus(at, 0.035));
       moving.add(mesh);
     };
-    for (const goal of data.goals) ball(lesson.shares(goal), 0.06, GOAL);
-    if (data.start) ball(lesson.shares(data.start), 0.06, START);
-    ball(lesson.shares(q2()), 0.072, ACCENT);
+    for (const goal of data.goals) ball(lesson.chart.shares(goal), 0.06, GOAL);
+    if (data.start) ball(lesson.chart.shares(data.start), 0.06, START);
+    ball(lesson.chart.shares(q2()), 0.072, ACCENT);
     this.renderer.render(this.scene, this.camera);
   }
 
