@@ -36,8 +36,9 @@ MOST_ARMS = 8
 SUBOPTIMALITY = 1.1
 """Largest ratio of the sum of arrivals to the minimum on the roadmaps."""
 
-# Samples of the first roadmaps, and largest number of nodes of the first search on them.
-_SAMPLES, _NODES = 50, 500
+# Samples of the first roadmaps, largest number of nodes of the first search on them, and rounds of the portfolio's
+# methods after it; fewer rounds hardly ever prove that there is no path.
+_SAMPLES, _NODES, _ROUNDS = 50, 500, 4
 # Factor by which samples, nodes and rounds of the portfolio grow, and largest number of samples.
 _GROWTH, _MOST_SAMPLES = 4, 800
 
@@ -123,7 +124,7 @@ def plan_small_team(
         if known:
             break
         group = GroupSchedules(pools.values(), near, diagrams, rng, watch)
-        known = tuple(group.schedules.values()) if GroupPlanner(group).run(effort) else ()
+        known = tuple(group.schedules.values()) if GroupPlanner(group).run(effort * _ROUNDS) else ()
         impossible = no_path(arms, group.reason) if group.impossible and not known else ""
         if impossible:
             return TeamPlan(reason=impossible, impossible=impossible)
