@@ -344,6 +344,7 @@ def test_worlds_of_any_size_look_alike(tab: Any, tmp_path: FilePath) -> None:
             return [p.x, p.y, p.front];
         })"""
         tab.ask("RR1.seek(0.5)")
+        tab.next_frames()  # which place the camera
         places.append(tab.ask(at))
         pictures.append(tab.bare_picture())
         tab.ask("RR1.editing.open()")
