@@ -2,7 +2,8 @@
 //
 //   const background = new BackgroundPlanner(planner)     planner: of `loadPlanner`
 //   background.start()                                    loads the worker before its first request
-//   await background.run("plan", [start, goal, {seed}], report)
+//   await background.plan(start, goal, {seed}, report)     the planner's result; null if canceled
+//   await background.run(name, given, report)
 //       the result of a method of the planner, with the obstacles at their current poses; null if canceled;
 //       report(text): progress in words
 //   background.isParallel                                 false where the browser refuses workers: the page then stands still
@@ -11,6 +12,7 @@
 // A worker cannot read the page, so it is made from the text of the script that contains the planner, and loads the
 // same data. Only its end stops a kernel that runs: the next request starts another worker.
 
+const MOMENT = 0.01; // [s] of a search in the page: the answer of a worker waits until the page has drawn
 const SLOW_PLAN = 200; // [ms] after which a page shows the progress of planning
 const NEXT_FRAMES = 50; // [ms] in which the page draws; where it is out of view, browsers call no animation frames
 const PLANNER_SCRIPT = "planner-script"; // id of the script element that contains this file
@@ -65,6 +67,15 @@ class BackgroundPlanner {
       this.#refuse();
     };
     this.#worker.postMessage({ load: this.#planner.data });
+  }
+
+  /** Plans one query in the page if that only takes a moment, otherwise in the worker. The result is the same. */
+  async plan(start, goal, options, report) {
+    if (this.#planner instanceof PagePlanner) {
+      const answer = this.#planner.plan(start, goal, { ...options, seconds: MOMENT });
+      if (answer.status !== "timeout") return answer;
+    }
+    return this.run("plan", [start, goal, options], report);
   }
 
   run(name, given, report = () => {}) {

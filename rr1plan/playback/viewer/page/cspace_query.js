@@ -2,7 +2,7 @@
 //
 //   live.moveObstacle(name, pose)   live.setEnd("start" | k, q)   then
 //   live.update()                   {bits, labels} of the cells, without the planner
-//   await live.plan(report)         {verdict, tone, answer, tree}; null if canceled; see `BackgroundPlanner.run`
+//   await live.plan(report)         {verdict, tone, answer, tree}; null if canceled; see `BackgroundPlanner.plan`
 //   live.cancel()   live.end()
 
 const TREE_STEP = 0.15; // [rad] Short edges show how the tree grew.
@@ -88,7 +88,7 @@ class LiveQuery {
     const { start } = this, options = { seed: 0, iterations: MOST_ITERATIONS, step: TREE_STEP };
     let answer = null;
     for (const goal of this.candidates) {
-      answer = await this.background.run("plan", [start, goal, options], report);
+      answer = await this.background.plan(start, goal, options, report);
       if (!answer) return null;
       if (answer.status === "found") break;
     }

@@ -376,7 +376,7 @@ class Editing {
     this.planning = planning;
     const own = (q) => planner.columns.map((c) => q[c]), report = (text) => { planning.progress = text; };
     try {
-      const answer = await this.background.run("plan", [own(start), own(goal), { seed: planning.seed }], report);
+      const answer = await this.background.plan(own(start), own(goal), { seed: planning.seed }, report);
       this.stopIfOvertaken();
       if (this.planning !== planning) return null;
       this.take(answer, planning);
