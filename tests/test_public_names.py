@@ -42,9 +42,23 @@ def test_unknown_name_is_an_attribute_error() -> None:
 
 def test_import_loads_nothing_heavy() -> None:
     heavy = "pinocchio coal ompl mujoco meshcat toppra ruckig numba scipy matplotlib trimesh coacd tornado rich"
-    code = f"import sys, rr1plan; print([m for m in '{heavy}'.split() if m in sys.modules])"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"
+    assert loaded("import rr1plan", heavy) == []
+
+
+def test_a_plan_loads_no_more_than_it_needs() -> None:
+    others = "ompl mujoco meshcat toppra ruckig scipy matplotlib trimesh coacd tornado rich"
+    code = """
+import rr1plan as rp
+problem = next(iter(rp.load_problems("rr1_table").values()))
+assert rp.plan_motion(problem, rng=0).report.valid
+"""
+    assert loaded(code, others) == []
+
+
+def loaded(code: str, packages: str) -> list[str]:
+    """Those of some packages that a program loads in a new process."""
+    script = f"{code}\nimport sys\nprint(*[name for name in {packages!r}.split() if name in sys.modules])"
+    return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
 
 
 # ---- signatures ---------------------------------------------------------------------------------

@@ -13,7 +13,6 @@ from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
-from scipy.spatial import ConvexHull, cKDTree
 
 from rr1plan.checks import Array, read_only
 from rr1plan.collision.convex.convex_bodies import occupied_cells
@@ -184,6 +183,8 @@ class _PolytopeInterior:
     convex = True
 
     def __init__(self, mesh: Mesh) -> None:
+        from scipy.spatial import ConvexHull  # a fifth of a second, which no first plan should wait for
+
         planes = np.unique(ConvexHull(mesh.vertices).equations.round(15), axis=0)
         self._normals, self._offsets = planes[:, :3].copy(), -planes[:, 3]
         self.faces = len(planes)
@@ -249,6 +250,8 @@ class _CloudInterior:
     convex = False
 
     def __init__(self, cloud: PointCloud) -> None:
+        from scipy.spatial import cKDTree
+
         self._centers, self._half = occupied_cells(cloud), 0.5 * cloud.resolution
         self._tree = cKDTree(self._centers)
         self.faces = 6
