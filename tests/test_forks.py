@@ -15,8 +15,6 @@ import rr1plan as rp
 from rr1plan.thread_locks import exclusive, per_process
 from rr1plan.transforms import pose
 
-pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
-
 
 def _ends_in_a_fork(work: Callable[[], object]) -> bool:
     """Whether some work ends without an error in a forked process."""

@@ -103,7 +103,7 @@ class Space:
 
     @cached_property
     def is_wide(self) -> NDArray[np.bool_]:
-        """Mask of the turning columns whose limits are many turns apart although paths need few, shape (nq,)."""
+        """Mask of the turning columns with a range of many turns, of which paths need few, shape (nq,)."""
         return self.rotary & ~self.continuous & (self.extent > constants()["WIDE_TURNS"] * TURN)
 
     @cached_property

@@ -47,7 +47,7 @@ class Pieces(NamedTuple):
         return self if factor == 1.0 else self.stretched(factor)
 
     def factor_within(self, limits: Limits, *, jerk: bool = False) -> float:
-        """The smallest factor, at least 1, by which the motion must be stretched to satisfy the limits."""
+        """The least stretch of the motion that satisfies the limits, a factor of at least 1."""
         excesses = [self._excess(1, limits.velocity), self._excess(2, limits.acceleration) ** 0.5]
         if jerk:
             excesses.append(float(np.cbrt(self._excess(3, limits.jerk))))

@@ -147,7 +147,7 @@ def test_problems_that_cannot_be_made_are_refused(rr1: rp.Robot) -> None:
 
 
 def test_bases_need_no_clearance_from_each_other(rr1: rp.Robot) -> None:
-    """The bases are a millimeter apart, nearer than starts and goals are to bodies that move."""
+    """The gap between two bases is a millimeter, less than the margin of bodies that move."""
     problem = random_grid(rr1, 4, 0.399, 0)
     one, two = (Agent(problem, [arm]) for arm in ("arm01", "arm03"))
     placed, other = (placed_configuration(agent.bodies, agent.start) for agent in (one, two))

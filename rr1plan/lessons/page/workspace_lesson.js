@@ -74,11 +74,11 @@ class ReachMap {
     const pen = this.canvas.getContext("2d"), image = pen.createImageData(SIDE, SIDE), colors = { 1: hex(ONCE), 2: hex(TWICE) };
     const isOpen = (cell) => cell >= 0 && !(bits[cell] & mask);
     for (let point = 0; point < SIDE * SIDE; point++) {
-      const ways = isOpen(reaching[2 * point]) + isOpen(reaching[2 * point + 1]);
-      if (!ways) continue;
-      // Hatched for one way, so that no reader depends on colors.
-      const stripe = ways === 1 && ((point % SIDE) + Math.floor(point / SIDE)) % 9 < 2;
-      image.data.set(stripe ? [190, 120, 40, 190] : [...colors[ways], 190], 4 * point);
+      const solutions = isOpen(reaching[2 * point]) + isOpen(reaching[2 * point + 1]);
+      if (!solutions) continue;
+      // Hatched for one solution, so that no reader depends on colors.
+      const stripe = solutions === 1 && ((point % SIDE) + Math.floor(point / SIDE)) % 9 < 2;
+      image.data.set(stripe ? [190, 120, 40, 190] : [...colors[solutions], 190], 4 * point);
     }
     pen.putImageData(image, 0, 0);
     this.texture.needsUpdate = true;

@@ -39,7 +39,7 @@ SUBOPTIMALITY = 1.1
 # Samples of the first roadmaps, largest number of nodes of the first search on them, and rounds of the portfolio's
 # methods after it; fewer rounds hardly ever prove that there is no path.
 _SAMPLES, _NODES, _ROUNDS = 50, 500, 4
-# Factor by which samples, nodes and rounds of the portfolio grow, and largest number of samples.
+# Growth factor of samples, nodes and rounds, and largest number of samples.
 _GROWTH, _MOST_SAMPLES = 4, 800
 
 

@@ -9,8 +9,10 @@ import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path as FilePath
 from time import monotonic
+from types import ModuleType
 from typing import Any, TypeVar
 
 from rr1plan.checks import file_path, finite_number, true_or_false, whole_number
@@ -52,16 +54,20 @@ def find_browser() -> str | None:
     return next((found for name in _BROWSERS if (found := shutil.which(name))), None)
 
 
+def _load_playwright() -> ModuleType:
+    try:
+        return import_module("playwright.sync_api")
+    except ImportError as error:
+        raise MissingPackageError("playwright", "taking a picture of the page", "video") from error
+
+
 def require_browser() -> str:
     """The file of a Chromium that takes pictures.
 
     Raises:
         MissingPackageError: playwright or a Chromium is not installed (extra `video`).
     """
-    try:
-        import playwright.sync_api  # noqa: F401
-    except ImportError as error:
-        raise MissingPackageError("playwright", "taking a picture of the page", "video") from error
+    _load_playwright()
     binary = find_browser()
     if binary is None:
         raise MissingPackageError("chromium", "taking a picture of the page", advice=GET_BROWSER)
@@ -84,23 +90,21 @@ def open_browser(size: tuple[int, int] = (1280, 800)) -> Iterator[Any]:
         MissingPackageError: playwright or a Chromium is not installed.
         BackendError: the browser does not start.
     """
-    binary = require_browser()
-    from playwright.sync_api import Error, sync_playwright
-
+    binary, playwright = require_browser(), _load_playwright()
     width, height = size
     with (
         tempfile.TemporaryDirectory(prefix="rr1plan-browser-", ignore_cleanup_errors=True) as folder,
-        sync_playwright() as playwright,
+        playwright.sync_playwright() as driver,
     ):
         try:
-            context = playwright.chromium.launch_persistent_context(
+            context = driver.chromium.launch_persistent_context(
                 folder,
                 executable_path=binary,
                 args=_FLAGS,
                 viewport={"width": width, "height": height},
                 env=_browser_environment(),
             )
-        except Error as error:
+        except playwright.Error as error:
             raise BackendError(f"{binary} does not start: {error}") from error
         context.set_default_timeout(1e3 * _PATIENCE)
         try:

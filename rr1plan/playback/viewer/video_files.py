@@ -6,8 +6,10 @@ import io
 import tempfile
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path as FilePath
+from types import ModuleType
 from typing import Any, Protocol
 
 import numpy as np
@@ -60,16 +62,18 @@ def require_encoder(suffix: str) -> None:
         MissingPackageError: PyAV is not installed, for MP4.
     """
     if suffix == ".mp4":
-        try:
-            import av  # noqa: F401
-        except ImportError as error:
-            raise MissingPackageError("av", "writing MP4", "video") from error
+        _load_pyav()
+
+
+def _load_pyav() -> ModuleType:
+    try:
+        return import_module("av")
+    except ImportError as error:
+        raise MissingPackageError("av", "writing MP4", "video") from error
 
 
 def _mp4(frames: Frames, fps: float) -> bytes:
-    require_encoder(".mp4")
-    import av
-
+    av = _load_pyav()
     height, width = frames[0].shape[:2]
     with tempfile.TemporaryDirectory(prefix="rr1plan-video-") as folder:
         file = FilePath(folder) / "video.mp4"
