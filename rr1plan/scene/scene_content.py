@@ -48,7 +48,9 @@ class SceneContent(Value, NotebookView):
     def __post_init__(self) -> None:
         for name, kind in (("arms", Arm), ("obstacles", Obstacle), ("attachments", Attachment)):
             of_kind(name, getattr(self, name), Mapping)
-            for value in getattr(self, name).values():
+            # A scene may have thousands of elements, and is checked anew with each one that is added.
+            wrong = [value for value in getattr(self, name).values() if not isinstance(value, kind)]
+            for value in wrong:
                 of_kind(f"one of the {name}", value, kind)
         of_kind("pair_padding", self.pair_padding, Mapping)
         for name in ("arms", "obstacles", "attachments"):
@@ -64,20 +66,20 @@ class SceneContent(Value, NotebookView):
 
     def _check_names(self) -> None:
         names = [*self.arms, *self.obstacles, *self.attachments]
-        for name in names:
-            if not isinstance(name, str) or not name.isprintable() or not name or "/" in name:
-                raise InputError(
-                    f"{shown(name)} cannot name an element of a scene: expected printable text without '/'"
-                )
+        wrong = [name for name in names if not (isinstance(name, str) and name and name.isprintable()) or "/" in name]
+        if wrong:
+            raise InputError(
+                f"{shown(wrong[0])} cannot name an element of a scene: expected printable text without '/'"
+            )
         if len(set(names)) != len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise InputError(f"the scene has two elements named {twice!r}")
         for held in self.attachments.values():
             for link in (held.link, *held.touch):
                 self.arm(held.arm).robot.link(link)
-        for both in (*self.allowed, *self.pair_padding):
-            for name in both:
-                known_name("element", name, (*self.element_names, *self.arms))
+        ruled = {name for both in (*self.allowed, *self.pair_padding) for name in both}
+        for name in sorted(ruled.difference(self.element_names, self.arms)):
+            known_name("element", name, (*self.element_names, *self.arms))
 
     def __repr__(self) -> str:
         parts = (("arms", self.arms), ("obstacles", self.obstacles), ("attachments", self.attachments))

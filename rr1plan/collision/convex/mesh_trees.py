@@ -127,8 +127,9 @@ def _in_order(points: Array) -> _INTS:
         while unit * LANES < len(part):
             unit *= LANES
         first = max(1, -(-len(part) // unit) // 2) * unit
-        axis = int(np.ptp(points[part], axis=0).argmax())
-        halved = part[np.argpartition(points[part, axis], first)]
+        own = points[part]
+        axis = int((own.max(axis=0) - own.min(axis=0)).argmax())
+        halved = part[np.argpartition(own[:, axis], first)]
         waiting += [halved[first:], halved[:first]]
     return np.concatenate(done)
 
@@ -167,28 +168,27 @@ def orientations_of(mesh: Mesh) -> _INTS:
     whole = closed(turns)
     if not whole.all():
         rest = ~whole[part[links[:, 0]]]
-        _turn_alike(turns, links[rest], np.where(direction[shared[rest]].sum(axis=1) == 0, 1, -1))
+        turns = _turned_alike(count, links[rest], direction[shared[rest]].sum(axis=1) == 0)
         whole = closed(turns)
     return np.where(whole[part], turns, 0)
 
 
-def _turn_alike(turns: _INTS, links: _INTS, alike: _INTS) -> None:
-    """Reverse triangles so that neighbors face the same side, as far as possible.
+def _turned_alike(count: int, links: _INTS, alike: NDArray[np.bool_]) -> _INTS:
+    """Signs that reverse triangles so that neighbors face the same side, if their part is orientable, shape (count,).
 
     Args:
-        turns: 1 or -1 for each triangle, modified in place.
+        count: Number of triangles.
         links: Pairs of neighbors, shape (m, 2).
-        alike: 1 for pairs that face the same side, -1 for the others, shape (m,).
+        alike: Whether the neighbors of a pair face the same side as given, shape (m,).
     """
-    beside: dict[int, list[tuple[int, int]]] = {}
-    for (a, b), same in zip(links.tolist(), alike.tolist(), strict=True):
-        beside.setdefault(a, []).append((b, same))
-        beside.setdefault(b, []).append((a, same))
-    while beside:
-        waiting = [next(iter(beside))]
-        while waiting:
-            at = waiting.pop()
-            for other, same in beside.pop(at, ()):
-                if other in beside:
-                    turns[other] = same * turns[at]
-                    waiting.append(other)
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    # The double cover of the surface has each triangle twice, as given and reversed. An orientable part appears as two
+    # sheets, one for each orientation.
+    a, b = links.T
+    begin = np.concatenate([a, a + count])
+    end = np.concatenate([np.where(alike, b, b + count), np.where(alike, b + count, b)])
+    cover = coo_matrix((np.ones(len(begin)), (begin, end)), shape=(2 * count, 2 * count))
+    _, sheet = connected_components(cover, directed=False)
+    return np.where(sheet[:count] <= sheet[count:], 1, -1)
