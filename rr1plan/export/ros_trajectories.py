@@ -154,7 +154,9 @@ def save_joint_trajectory(
     ]
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     content = {"header": header, "joint_names": message.joint_names, "points": points}
-    return write_text(path, yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=2**31))
+    dumper = yaml.CSafeDumper if yaml.__with_libyaml__ else yaml.SafeDumper
+    text = yaml.dump(content, Dumper=dumper, sort_keys=False, default_flow_style=None, width=2**31 - 1)
+    return write_text(path, text)
 
 
 def sampled_message(
