@@ -77,9 +77,11 @@ class SceneContent(Value, NotebookView):
         for held in self.attachments.values():
             for link in (held.link, *held.touch):
                 self.arm(held.arm).robot.link(link)
-        ruled = {name for both in (*self.allowed, *self.pair_padding) for name in both}
-        for name in sorted(ruled.difference(self.element_names, self.arms)):
-            known_name("element", name, (*self.element_names, *self.arms))
+        rules = (*self.allowed, *self.pair_padding)
+        if rules:
+            known = (*self.element_names, *self.arms)
+            for name in sorted({name for both in rules for name in both}.difference(known)):
+                known_name("element", name, known)
 
     def __repr__(self) -> str:
         parts = (("arms", self.arms), ("obstacles", self.obstacles), ("attachments", self.attachments))
