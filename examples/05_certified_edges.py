@@ -17,7 +17,7 @@ start, goal = np.array([-0.3, 0.1]), np.array([1.2, 0.1])
 checker = rp.CollisionChecker(scene)
 
 samples = np.linspace(start, goal, 20)
-print("20 samples along the edge are all free:", all(checker.is_free(q) for q in samples))
+print("20 samples along the edge are all free:", checker.are_free(samples).all())
 print("the certificate says the edge is free: ", checker.edge_is_free(start, goal))
 
 contact = checker.first_contact(start, goal)

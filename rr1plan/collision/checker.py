@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rr1plan.binding.memory_image import Root
 from rr1plan.checks import (
@@ -40,6 +40,7 @@ from rr1plan.transforms import as_pose
 
 TOLERANCE = 1e-6
 _PRECISION = 1e-9  # of the fraction of an edge at its first contact
+_BLOCK = 4096  # edges of a call of a kernel
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -268,6 +269,25 @@ class CollisionChecker(CoalChecker):
             status = self._certify(q, q)[0]
             return status == FREE or (status != CONTACT and self.is_free_slowly(q))
 
+    def are_free(self, q: ArrayLike) -> NDArray[np.bool_]:
+        """Whether all checked pairs keep their padding, at each of many configurations; see `is_free`.
+
+        Args:
+            q: Configurations [rad or m], shape (n, nq).
+
+        Returns:
+            Booleans, shape (n,).
+
+        Raises:
+            InputError: wrong shape or not finite.
+        """
+        q = finite_array("q", q, (None, self.nq))
+        statuses = self._certify_many(q, q)
+        free: NDArray[np.bool_] = statuses == FREE
+        for i in np.flatnonzero(~free & (statuses != CONTACT)):
+            free[i] = self.is_free_slowly(q[i])
+        return free
+
     @exclusive
     def is_free_ignoring(self, q: ArrayLike, arms: frozenset[str]) -> bool:
         """Whether motions may start at a configuration if pairs that involve some arms are ignored.
@@ -313,6 +333,25 @@ class CollisionChecker(CoalChecker):
         with self._lock:
             self.edges_checked += 1
             return self._certify(q0, q1)[0] == FREE
+
+    def edges_are_free(self, q0: ArrayLike, q1: ArrayLike) -> NDArray[np.bool_]:
+        """Whether every configuration on each of many straight lines is free; see `edge_is_free`.
+
+        Args:
+            q0: Starts [rad or m], shape (n, nq).
+            q1: Ends [rad or m], shape (n, nq).
+
+        Returns:
+            Booleans, shape (n,).
+
+        Raises:
+            InputError: wrong shapes or not finite.
+        """
+        q0 = finite_array("q0", q0, (None, self.nq))
+        q1 = finite_array("q1", q1, q0.shape)
+        free: NDArray[np.bool_] = self._certify_many(q0, q1) == FREE
+        self.edges_checked += len(free)
+        return free
 
     @exclusive
     def edge_is_free_slowly(self, q0: ArrayLike, q1: ArrayLike) -> bool:
@@ -436,6 +475,17 @@ class CollisionChecker(CoalChecker):
         if not self.static_is_free:
             return CONTACT, 0.0, -1
         return self._kernel.certify_edge(q0, q1)
+
+    def _certify_many(self, q0: Array, q1: Array) -> NDArray[np.int64]:
+        """The statuses of edges between the rows of two arrays (n, nq), shape (n,)."""
+        statuses = np.full(len(q0), CONTACT, np.int64)
+        # In blocks, between which other threads have their turn and Ctrl-C takes effect.
+        for first in range(0, len(q0), _BLOCK):
+            block = slice(first, first + _BLOCK)
+            with self._lock:
+                if self.static_is_free:
+                    statuses[block] = self._kernel.certify_edges(q0[block], q1[block])
+        return statuses
 
     def _certify_exactly(self, curve: Array, duration: float) -> EdgeResult:
         """Likewise for a curve, by the exact kernel alone."""

@@ -101,7 +101,7 @@ def sample_edge(checker: CollisionChecker, q0: ArrayLike, q1: ArrayLike, step: f
     if count > _MOST_SAMPLES:
         raise InputError(f"step is {step:g} on an edge of length {length:g}, expected at most {_MOST_SAMPLES} steps")
     fractions = np.linspace(0.0, 1.0, count + 1)
-    free = np.array([checker.is_free(q0 + s * (q1 - q0)) for s in fractions], np.bool_)
+    free = checker.are_free(q0 + fractions[:, None] * (q1 - q0))
     return FixedSteps(length / count, read_only(fractions), free)
 
 

@@ -12,6 +12,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 
 _MOST_SAMPLES = 100_000_000
+_BLOCK = 100_000  # samples that are drawn at once
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,9 @@ def free_share(
         name = checker.joint_names[int(np.argmin(np.isfinite(upper - lower)))]
         raise InputError(f"joint {name!r} has no limits, so its values cannot be sampled uniformly")
     generator = as_generator(rng)
-    free = sum(checker.is_free(generator.uniform(lower, upper)) for _ in range(samples))
+    free = 0
+    for first in range(0, samples, _BLOCK):
+        q = generator.uniform(lower, upper, (min(_BLOCK, samples - first), checker.nq))
+        free += int(checker.are_free(q).sum())
     interval = binomtest(free, samples).proportion_ci(confidence, method="exact")
     return FreeShare(free, samples, float(interval.low), float(interval.high), confidence)

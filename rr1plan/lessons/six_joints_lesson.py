@@ -112,7 +112,7 @@ class SixJointsLesson(Lesson):
         return {
             "title": _AXES[axis],
             "rows": np.round(rows, 5).tolist(),
-            "free": [self.checker.is_free(q) for q in rows],
+            "free": self.checker.are_free(rows).tolist(),
             "begin": nearest / max(len(rows) - 1, 1),
         }
 

@@ -270,6 +270,53 @@ def test_both_directions_of_an_edge_have_one_answer(scenes):
         assert motion.edge_is_free(q0, q1) == motion.edge_is_free(q1, q0)
 
 
+@pytest.mark.parametrize("name", SCENES)
+def test_many_configurations_and_edges_have_the_answers_of_each(scenes, name):
+    scene, _ = scenes[name]
+    checker, rng = CollisionChecker(scene), np.random.default_rng(0)
+    q = rng.uniform(checker.limits.lower, checker.limits.upper, (200, checker.nq))
+    free = checker.are_free(q)
+    assert free.tolist() == [checker.is_free(row) for row in q]
+    assert 0 < free.sum() < 200
+    ends = q + rng.normal(0.0, 0.3, q.shape)
+    before = checker.edges_checked
+    free = checker.edges_are_free(q, ends)
+    assert checker.edges_checked == before + 200
+    assert free.tolist() == [checker.edge_is_free(a, b) for a, b in zip(q, ends, strict=True)]
+    assert 0 < free.sum() < 200
+    assert checker.are_free(np.zeros((0, checker.nq))).shape == (0,)
+
+
+def test_configurations_that_kernels_leave_open_are_decided_one_by_one(planar):
+    """A gap below the tolerance proves no edge."""
+    scene = Scene().with_arm("arm", planar).with_obstacle("ball", Sphere(0.1), [2.0, 0.0, 0.0])
+    gap = CollisionChecker(scene).clearance([0.0, 0.0])
+    checker = CollisionChecker(scene.with_obstacle_at("ball", [2.0 - gap + 5e-7, 0.0, 0.0]))
+    q = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]])
+    assert checker.are_free(q).tolist() == [True, True, True]
+    assert checker.edges_are_free(q, q).tolist() == [False, True, False]
+
+
+def test_nothing_is_free_if_elements_that_do_not_move_touch(planar):
+    scene = Scene().with_arm("l", planar).with_arm("r", planar, [0.5, 0.0, 0.0])
+    checker = CollisionChecker(scene.with_obstacle("ball", Sphere(0.1), [1.0, 0.0, 0.0]), ["l"])
+    q = np.array([[1.5, 0.0], [-1.5, 0.0]])
+    assert checker.static_contacts
+    assert not checker.are_free(q).any()
+    assert not checker.edges_are_free(q, -q).any()
+
+
+@pytest.mark.parametrize("wrong", [[0.0, 0.0], [[0.0]], [[0.0, float("nan")]], None])
+def test_many_configurations_of_another_shape_are_refused(planar, wrong):
+    checker = CollisionChecker(Scene().with_arm("arm", planar))
+    right = np.zeros((1, 2))
+    with pytest.raises(InputError, match="q"):
+        checker.are_free(wrong)
+    for ends in ((wrong, right), (right, wrong), (right, np.zeros((2, 2)))):
+        with pytest.raises(InputError, match="q"):
+            checker.edges_are_free(*ends)
+
+
 def test_without_anything_to_touch_every_edge_is_free(planar):
     assert CollisionChecker(Scene().with_arm("p", planar)).edge_is_free([0, 0], [100.0, -50.0])
 
