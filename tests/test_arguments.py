@@ -346,6 +346,8 @@ def calls(folder: Path) -> dict[str, Call]:
             f"CollisionChecker.{verb}": (getattr(checker, verb), {"q0": q, "q1": q + 0.1})
             for verb in ("edge_is_free", "edge_is_free_slowly")
         },
+        "CollisionChecker.are_free": (checker.are_free, {"q": [q, q + 0.1]}),
+        "CollisionChecker.edges_are_free": (checker.edges_are_free, {"q0": [q, q], "q1": [q, q + 0.1]}),
         "CollisionChecker.first_contact": (checker.first_contact, {"q0": q, "q1": q + 0.1, "precision": 1e-9}),
         "TimedChecker": (rp.TimedChecker, {"checker": checker, "motions": {}}),
         **{

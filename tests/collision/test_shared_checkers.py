@@ -98,6 +98,7 @@ def motion_questions(checker: CollisionChecker) -> list[Question]:
         questions += [lambda c, q=q0: c.clearance(q), lambda c, q=q0: c.moving_clearance(q, 0.1)]
         questions += [lambda c, q=q0, to=near: c.first_contact(q, to), lambda c, q=q0: c.is_free_slowly(q)]
         questions += [lambda c, q=q0: c.is_free_ignoring(q, frozenset({"right"}))]
+    questions += [lambda c: c.are_free(points), lambda c: c.edges_are_free(points[:-1], points[1:])]
     for i in range(0, len(points), 8):
         questions += [lambda c, q=points[i]: c.contacts(q), lambda c, q=points[i]: c.distances(q)]
         questions += [lambda c, q=points[i]: c.nearest(q), lambda c, q=points[i]: c.solid_points(q, 3)]
@@ -222,12 +223,14 @@ _Q = np.zeros(12)
 _CURVE = np.zeros((2, 12))
 # Public methods and properties that use memory which others write.
 LOCKED: dict[str, Question] = {
+    "are_free": lambda c: c.are_free([_Q, _Q]),
     "change_to": lambda c: c.change_to(c.geometry, c.scene),
     "clearance": lambda c: c.clearance(_Q),
     "contacts": lambda c: c.contacts(_Q),
     "distances": lambda c: c.distances(_Q),
     "edge_is_free": lambda c: c.edge_is_free(_Q, _Q),
     "edge_is_free_slowly": lambda c: c.edge_is_free_slowly(_Q, _Q),
+    "edges_are_free": lambda c: c.edges_are_free([_Q, _Q], [_Q, _Q]),
     "first_contact": lambda c: c.first_contact(_Q, _Q),
     "first_contact_on": lambda c: c.first_contact_on(_CURVE, 1.0),
     "is_free": lambda c: c.is_free(_Q),
