@@ -105,3 +105,40 @@ def test_a_fork_steps_a_simulation_on_several_threads() -> None:
         assert np.array_equal(simulation.positions, positions)
 
     assert _ends_in_a_fork(step)
+
+
+def test_a_fork_steps_a_heap_of_bodies_on_several_threads() -> None:
+    scene = rp.Scene().with_obstacle("floor", rp.HalfSpace((0, 0, 1), 0.0))
+    for i in range(50):
+        scene = scene.with_obstacle(f"box_{i}", rp.Box((0.05, 0.05, 0.05)), [0.1 * i, 0.0, 0.03], mass=0.1)
+    simulation = rp.Simulation(scene, threads=2)
+    simulation.step(2)
+    assert _ends_in_a_fork(lambda: simulation.step(2))
+
+
+def test_a_fork_in_the_middle_of_a_step_requires_a_reset(rr1_table: rp.Scene) -> None:
+    stepping, forked = Event(), Event()
+
+    class Slow(rp.Controller):
+        def update(self, state: rp.JointState) -> rp.SetPoint:
+            stepping.set()
+            forked.wait()
+            return rp.SetPoint(state.positions)
+
+    simulation = rp.Simulation(rr1_table)
+    simulation.activate(Slow(rr1_table.joint_names()))
+    thread = Thread(target=simulation.step)
+    thread.start()
+    stepping.wait()
+
+    def step() -> None:
+        forked.set()
+        with pytest.raises(rp.InputError, match="forked in the middle of a step of the simulation; reset it first"):
+            simulation.step()
+        simulation.reset()
+        simulation.step()
+
+    assert _ends_in_a_fork(step)
+    forked.set()
+    thread.join()
+    assert simulation.steps == 1

@@ -17,6 +17,7 @@ threads nor on calls.
 from __future__ import annotations
 
 import math
+import os
 import threading
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -69,7 +70,7 @@ def _between_steps(method: _Method) -> _Method:
     @wraps(method)
     def locked(self: Simulation, *args: Any, **kwargs: Any) -> Any:
         with self._lock:
-            if self._stepping:
+            if self._stepping_process == os.getpid():
                 raise InputError(
                     f"a controller called {method.__name__} during a step; call it between steps, for example in a "
                     "callback of on_step"
@@ -101,7 +102,8 @@ class Simulation:
     them. Obstacles with a mass are loose bodies. The scene is not changed. In models of four or more arms, MuJoCo does
     not search for contacts while these are proven impossible (`contact_proof`), which does not change any result.
 
-    Threads may share a simulation: one thread runs it at a time, and other methods take effect between two steps.
+    Threads may share a simulation: one thread runs it at a time, and other methods take effect between two steps. A
+    forked process has a copy of it; if it was forked in the middle of a step of another thread, `reset` it first.
 
     Args:
         scene: The scene; arms start in their configurations.
@@ -155,7 +157,8 @@ class Simulation:
         self.joint_names = self._joints.names
         # Held during a step, and by methods that read or change the state of MuJoCo's data or the controllers.
         self._lock = per_process(self, "_lock", threading.RLock)
-        self._stepping = per_process(self, "_stepping", bool)
+        # The process that is in a step; 0: none.
+        self._stepping_process = 0
         self._model = TiledModel(
             scene,
             self._joints,
@@ -515,6 +518,7 @@ class Simulation:
 
     def _set_off(self) -> None:
         """Start the clock, with the present positions as set-points."""
+        self._stepping_process = 0
         self.scene, self.tiles = self._model.scene, self._model.tiles
         self.steps = 0
         self._loop.wall = 0.0
@@ -532,11 +536,13 @@ class Simulation:
     @exclusive
     def _advance(self, most: int, warnings: list[str]) -> int:
         """Take one step or several, and note contacts; returns the number of steps."""
-        self._stepping = True
+        if self._stepping_process:
+            raise InputError("this process was forked in the middle of a step of the simulation; reset it first")
+        self._stepping_process = os.getpid()
         try:
             done = self._take_steps(most)
         finally:
-            self._stepping = False
+            self._stepping_process = 0
         if self._model.is_unstable():
             raise BackendError(
                 f"MuJoCo's simulation became unstable at {self.time:.3f} s"

@@ -22,6 +22,7 @@ from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.playback.simulation.contact_proof import ContactProof
 from rr1plan.playback.simulation.mujoco_model import MujocoScene
 from rr1plan.playback.simulation.set_points import as_slice
+from rr1plan.thread_locks import per_process
 
 _UNSTABLE = np.array(
     [getattr(mujoco.mjtWarning, f"mjWARN_BAD{kind}") for kind in ("QPOS", "QVEL", "QACC", "CTRL")], int
@@ -187,8 +188,9 @@ class Tile:
     ) -> None:
         self.world, self.worker = world, worker
         self._mujoco = SteppedModel(world, columns, variation)
-        if threads > 1 and len(world.body_names) >= _A_HEAP:
-            mujoco.mju_threadpool(self._mujoco.data, threads - 1)
+        # MuJoCo's threads for heaps of bodies, and whether this process has them.
+        self._more_threads = threads - 1 if len(world.body_names) >= _A_HEAP else 0
+        self._has_threads = per_process(self, "_has_threads", bool)
         self.bodies = {name: i for i, name in enumerate(world.body_names)}
         self._state_size = mujoco.mj_stateSize(world.model, mujoco.mjtState.mjSTATE_INTEGRATION)
         self.proof: ContactProof | None = None
@@ -253,6 +255,7 @@ class Tile:
         if self.arms is not None and self._free:
             self.arms.take_steps(worker, desired, states)
         elif worker == self.worker:
+            self._start_threads()
             self._mujoco.advance(desired[0])
             self._mujoco.observe(states[1])
 
@@ -304,6 +307,7 @@ class Tile:
     def _compute(self) -> None:
         """Compute derived quantities in MuJoCo's data, including contacts if these are possible."""
         mine = self._mujoco
+        self._start_threads()
         mine.switch_contacts(not self.proven)
         mine.refresh()
         self._free = not mine.data.ncon and bool(np.abs(mine.state[0]).max(initial=0.0) <= _FARTHEST)
@@ -312,6 +316,13 @@ class Tile:
             self._catch_up()
             mine.switch_contacts(True)
             mine.refresh()
+
+    def _start_threads(self) -> None:
+        """Create MuJoCo's threads; MuJoCo waits for ever for those of the process from which this one was forked."""
+        if self._more_threads and not self._has_threads:
+            for count in (0, self._more_threads):  # the same number as before has no effect
+                mujoco.mju_threadpool(self._mujoco.data, count)
+            self._has_threads = True
 
     def observe(self, state: Array) -> None:
         """Write positions, velocities and efforts of its joints to those of all joints, shape (3, n)."""
