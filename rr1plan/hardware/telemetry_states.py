@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 
@@ -52,15 +53,16 @@ def read_telemetry(port: SerialPort, calibration: Calibration, box: ControlBox, 
         positions = calibration.positions([counts[column] for column in columns], names)
         return StateMessage(now, names, positions, now)
 
-    return StateStream(_states(port, message, silence), lambda: None)
+    closed = threading.Event()
+    return StateStream(_states(port, message, silence, closed), closed.set)
 
 
 def _states(
-    port: SerialPort, message: Callable[[Telemetry, float], StateMessage], silence: float
+    port: SerialPort, message: Callable[[Telemetry, float], StateMessage], silence: float, closed: threading.Event
 ) -> Iterator[StateMessage | StreamError]:
-    """Messages of the arriving frames."""
+    """Messages of the arriving frames, until the stream is closed."""
     stream, waiting_since, last = TelemetryStream(), time.monotonic(), 0.0
-    while True:
+    while not closed.is_set():
         heard = False
         try:
             data = port.read(TELEMETRY_BYTES)

@@ -11,6 +11,7 @@ import json
 import math
 import pathlib
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -32,6 +33,7 @@ from rr1plan.errors import InputError
 from rr1plan.export.ros_trajectories import BAG_SUFFIXES, read_joint_states
 from rr1plan.files.file_access import read_text
 from rr1plan.path import check_joint_names
+from rr1plan.thread_locks import exclusive, per_process
 
 StreamFault = Literal["format", "joints", "finite", "order", "restart", "clock", "jump", "silence"]
 _LARGEST_DATAGRAM = 65_536
@@ -118,7 +120,7 @@ class StateStream(Iterator[StateMessage | StreamError]):
         self.close()
 
     def close(self) -> None:
-        """End the stream, and close the file or the socket; may be called from any thread."""
+        """End the stream, and close the file or the socket, whose port is free then; may be called from any thread."""
         self._items = iter(())
         self._close()
 
@@ -203,22 +205,56 @@ def _from_socket(host: str, port: int, silence: float) -> StateStream:
     except (TypeError, ValueError) as error:  # no name of a host can have these characters
         receiver.close()
         raise InputError(f"cannot listen to {shown(f'udp://{host}:{port}')}: {error}") from error
-    return StateStream(_datagrams(receiver, silence), receiver.close)
+    listener = _Listener(receiver)
+    return StateStream(_datagrams(listener, silence), listener.close)
 
 
-def _datagrams(receiver: socket.socket, silence: float) -> Iterator[StateMessage | StreamError]:
+class _Listener:
+    """Receives datagrams from a socket until it is closed, by any thread."""
+
+    def __init__(self, receiver: socket.socket) -> None:
+        self._receiver = receiver
+        # Held while a thread waits at the socket: its port is not free before.
+        self._lock = per_process(self, "_lock", threading.RLock)
+        self.closed = False
+
+    @exclusive
+    def receive(self, seconds: float) -> bytes:
+        """The next datagram.
+
+        Raises:
+            TimeoutError: there was none for some seconds, or for `_WAIT`.
+        """
+        if self.closed:
+            return b""
+        self._receiver.settimeout(min(seconds, _WAIT))
+        return self._receiver.recv(_LARGEST_DATAGRAM)
+
+    def close(self) -> None:
+        """Close the socket, whose port is free afterwards."""
+        self.closed = True
+        if not self._lock.acquire(blocking=False):
+            with contextlib.suppress(OSError):  # a datagram wakes the thread that waits, at the latest `_WAIT` does
+                self._receiver.sendto(b"", self._receiver.getsockname())
+            self._lock.acquire()
+        self._receiver.close()
+        self._lock.release()
+
+
+def _datagrams(listener: _Listener, silence: float) -> Iterator[StateMessage | StreamError]:
     heard = time.monotonic()
-    while receiver.fileno() >= 0:  # another thread may close it
+    while not listener.closed:
         try:
-            receiver.settimeout(min(silence, _WAIT))
-            item = parse_state(receiver.recv(_LARGEST_DATAGRAM))
+            data = listener.receive(silence)
         except TimeoutError:
-            if time.monotonic() >= heard + silence:
+            if not listener.closed and time.monotonic() >= heard + silence:
                 yield StreamError("silence", f"no message for {silence:g} s")
                 heard = time.monotonic()
         except OSError:
-            if receiver.fileno() >= 0:
+            if not listener.closed:
                 raise
         else:
-            heard = time.monotonic()
-            yield item if isinstance(item, StreamError) else replace(item, received=heard)
+            if not listener.closed:
+                heard = time.monotonic()
+                item = parse_state(data)
+                yield item if isinstance(item, StreamError) else replace(item, received=heard)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -101,3 +102,19 @@ def test_calibrations_that_say_nothing_of_the_box_are_refused(
             rp.read_telemetry(line(), other, box)
     with pytest.raises(rp.InputError, match="port is of type int"):
         rp.read_telemetry(3, calibration, box)
+
+
+def test_another_thread_ends_a_stream_without_frames(calibration: rp.Calibration, box: rp.ControlBox) -> None:
+    class Silent:
+        def read(self, size: int = 1, /) -> bytes:
+            time.sleep(0.001)
+            return b""
+
+        def write(self, data: bytes, /) -> int | None:
+            raise AssertionError("nothing is written")
+
+    stream = rp.read_telemetry(Silent(), calibration, box, silence=1e30)
+    closing = threading.Timer(0.05, stream.close)
+    closing.start()
+    assert list(stream) == []
+    closing.join()

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import socket
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -464,6 +466,42 @@ def test_another_thread_ends_a_stream_that_waits_for_a_message() -> None:
     closing.start()
     assert list(stream) == []
     closing.join()
+
+
+def test_a_port_is_free_when_another_thread_has_closed_its_stream() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    for _ in range(3):
+        stream = rp.read_states(f"udp://127.0.0.1:{port}", silence=1e30)
+        items: list[object] = []
+        waiting = threading.Thread(target=items.extend, args=(stream,))
+        waiting.start()
+        time.sleep(0.02)  # until the thread waits for a message
+        stream.close()
+        rp.read_states(f"udp://127.0.0.1:{port}").close()
+        waiting.join()
+        assert items == []
+
+
+def test_a_forked_process_that_closes_a_stream_does_not_end_it() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with rp.read_states(f"udp://127.0.0.1:{port}", silence=1e30) as stream:
+        items: list[object] = []
+        waiting = threading.Thread(target=lambda: items.append(next(stream)))
+        waiting.start()
+        time.sleep(0.02)  # until the thread waits for a message
+        child = os.fork()
+        if child == 0:
+            stream.close()
+            os._exit(0)
+        os.waitpid(child, 0)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(b'{"time": 1, "name": ["a"], "position": [0.0]}', ("127.0.0.1", port))
+        waiting.join()
+        assert [type(item) for item in items] == [rp.StateMessage]
 
 
 def test_a_first_message_with_an_absurd_time_does_not_stop_the_clock(scene: rp.Scene, plan: rp.Trajectory) -> None:
