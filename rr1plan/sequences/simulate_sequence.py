@@ -22,8 +22,9 @@ from rr1plan.sequences.sequence_plan import SequencePlan
 from rr1plan.sequences.sequence_replay import CarriedObject, SequenceReplay
 from rr1plan.transforms import rotation_angle, rotation_from_quaternion
 
-# MuJoCo's contact dimension (condim) for tangential and torsional friction.
-_WITH_TORSION = 4
+# MuJoCo's contact dimension (condim) for tangential, torsional and rolling friction. Without the last, a cylinder that
+# lies along a slope rolls away as soon as its axis deviates from the slope by a hundredth of a degree.
+_ALL_FRICTION = 6
 # Iterations of the no-slip solver, without which objects held by MuJoCo's soft contacts creep.
 _NO_SLIP = 5
 # Least inertia of a finger including its drive, at its tip [kg]. The gains of servos follow from the inertia, and
@@ -47,8 +48,8 @@ def simulate_sequence(
     """Replay a planned sequence in MuJoCo, where fingers hold objects by contact and friction only.
 
     Objects that are attached or detached are loose bodies all the time. The mass of an object without one is computed
-    from its shapes at 1000 kg/m³, with a remark. Their contacts also have torsional friction. Fingers have at least the
-    inertia of a drive, 0.25 kg at their tips.
+    from its shapes at 1000 kg/m³, with a remark. Their contacts also have torsional and rolling friction. Fingers have
+    at least the inertia of a drive, 0.25 kg at their tips.
 
     Args:
         plan: The sequence, found.
@@ -129,7 +130,7 @@ def _hold_by_friction(sim: Simulation, names: tuple[str, ...]) -> None:
     for tile in sim.tiles:
         tile.model.opt.noslip_iterations = _NO_SLIP
         held = [k for k, element in enumerate(tile.world.geom_elements) if element in names]
-        tile.model.geom_condim[held] = _WITH_TORSION
+        tile.model.geom_condim[held] = _ALL_FRICTION
         # The no-slip solver needs matrices that are created with contacts; without them MuJoCo crashes.
         tile.refresh()
 

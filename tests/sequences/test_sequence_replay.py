@@ -113,3 +113,13 @@ def test_a_body_that_touches_something_at_once_is_simulated(table: rp.Scene) -> 
     sunk = table.with_obstacle_at("block", [-0.3, 0.1, 0.0295])
     plan = rp.plan_sequence(rp.Sequence(sunk, [rp.Attach("block"), rp.Detach("block"), rp.Pause(0.05)]), rng=0)
     assert rp.simulate_sequence(plan, hold=0.1).objects["block"].max_offset < 1e-3
+
+
+def test_a_cylinder_lies_still_where_rolling_friction_holds_it(table: rp.Scene) -> None:
+    """On a slope of 0.003 rad; without rolling friction it rolls 1 cm in a second."""
+    slope = rp.transforms.pose([-0.3, -0.2, 0.05], rpy=[0.0, 0.003, 0.0])
+    lying = slope @ rp.transforms.pose([0.0, 0.0, 0.025], rpy=[np.pi / 2, 0.0, 0.0])
+    scene = table.with_obstacle("slope", rp.Box((0.2, 0.2, 0.02)), slope)
+    scene = scene.with_obstacle("roller", rp.Cylinder(0.015, 0.06), lying, mass=0.1)
+    plan = rp.plan_sequence(rp.Sequence(scene, [rp.Attach("roller"), rp.Detach("roller"), rp.Pause(1.0)]), rng=0)
+    assert rp.simulate_sequence(plan, hold=0.0).objects["roller"].max_offset < 1e-3
