@@ -20,6 +20,7 @@ from rr1plan.export.plan_files import SavedMotion, read_plan_file
 from rr1plan.export.ros_trajectories import (
     BAG_SUFFIXES,
     YAML_SUFFIXES,
+    columns_by_name,
     holds_joint_trajectory,
     load_joint_trajectory,
     refuse_topic,
@@ -94,8 +95,15 @@ def fit_joints(joint_names: Sequence[str], scene: Scene) -> tuple[tuple[str, ...
         InputError: a name that occurs in several arms, or an arm with only some of its joints.
     """
     found: dict[str, int] = {}
+    columns = scene.joint_names()
+    by_name = columns_by_name(columns)
     for i, name in enumerate(joint_names):
-        column = _column(name, scene)
+        fitting = [name] if name in columns else by_name.get(name, [])
+        if len(fitting) > 1:
+            raise InputError(f"several arms have a joint {name!r}; name it {' or '.join(map(repr, fitting))}")
+        if not fitting:
+            raise UnknownNameError("joint", name, columns)
+        column = fitting[0]
         if column in found:
             raise InputError(f"{name!r} and {joint_names[found[column]]!r} are both the joint {column!r}")
         found[column] = i
@@ -105,18 +113,6 @@ def fit_joints(joint_names: Sequence[str], scene: Scene) -> tuple[tuple[str, ...
     if missing:
         raise InputError(f"the motion has no column for {', '.join(missing)}: it must move all joints of an arm")
     return columns, [found[name] for name in columns]
-
-
-def _column(name: str, scene: Scene) -> str:
-    columns = scene.joint_names()
-    if name in columns:
-        return name
-    fitting = [c for c in columns if name in (c.split("/", 1)[1], c.replace("/", "_"))]
-    if len(fitting) > 1:
-        raise InputError(f"several arms have a joint {name!r}; name it {' or '.join(map(repr, fitting))}")
-    if not fitting:
-        raise UnknownNameError("joint", name, columns)
-    return fitting[0]
 
 
 def changes(saved: SavedMotion, scene: Scene) -> tuple[str, ...]:

@@ -8,7 +8,8 @@ have the fields that keep the limits of the motion between points, see `trajecto
 from __future__ import annotations
 
 import pathlib
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from itertools import chain, islice
 from typing import Any
 
 import msgspec
@@ -207,6 +208,15 @@ def _ros_names(trajectory: Trajectory, rename: Mapping[str, str] | None) -> list
     return names
 
 
+def columns_by_name(columns: Iterable[str]) -> dict[str, list[str]]:
+    """The columns that each name in a file or message may mean: "arm/joint", "arm_joint" or "joint"."""
+    found: dict[str, list[str]] = {}
+    for column in columns:
+        for name in dict.fromkeys((column, column.replace("/", "_"), column.split("/", 1)[1])):
+            found.setdefault(name, []).append(column)
+    return found
+
+
 def refuse_topic(file: _File, topic: str | None) -> None:
     """Reject the name of a topic for a file that is not a bag.
 
@@ -260,7 +270,7 @@ def _from_bag(file: pathlib.Path, topic: str | None) -> JointTrajectoryMessage:
     messages = list(bag_messages(file, _MESSAGE, topic))
     if len(messages) != 1:
         raise FormatError(f"has {len(messages)} messages, expected one {_MESSAGE}", file)
-    message = messages[0]
+    _, message = messages[0]
     data = {
         "joint_names": list(message.joint_names),
         "points": [
@@ -279,6 +289,8 @@ def read_joint_states(
 ) -> Generator[tuple[float, tuple[str, ...], Array], None, None]:
     """The `sensor_msgs/JointState` messages of a bag: time [s], names and positions.
 
+    Times are the stamps of the headers, or those at which messages were recorded if the sender does not set stamps.
+
     Args:
         file: As in `load_joint_trajectory`.
         topic: As in `load_joint_trajectory`.
@@ -288,13 +300,21 @@ def read_joint_states(
         UnknownNameError: the bag has no such topic.
         MissingPackageError: `rosbags` is not installed (extra `ros`).
     """
-    for message in bag_messages(file_path(file), "sensor_msgs/msg/JointState", topic):
-        stamp = message.header.stamp
-        yield stamp.sec + 1e-9 * stamp.nanosec, tuple(message.name), np.array(message.position, dtype=np.float64)
+    messages = bag_messages(file_path(file), "sensor_msgs/msg/JointState", topic)
+    first = list(islice(messages, 2))
+    # The first message of a simulation may have the time zero.
+    unstamped = all(_nanoseconds(message.header.stamp) == 0 for _, message in first)
+    for recorded, message in chain(first, messages):
+        time = 1e-9 * (recorded if unstamped else _nanoseconds(message.header.stamp))
+        yield time, tuple(message.name), np.array(message.position, dtype=np.float64)
 
 
-def bag_messages(file: pathlib.Path, kind: str, topic: str | None) -> Iterator[Any]:
-    """The messages of one type on one topic of a bag, in order.
+def _nanoseconds(stamp: Any) -> int:
+    return int(stamp.sec) * _NANO + int(stamp.nanosec)
+
+
+def bag_messages(file: pathlib.Path, kind: str, topic: str | None) -> Iterator[tuple[int, Any]]:
+    """The messages of one type on one topic of a bag, in order, each with the time at which it was recorded [ns].
 
     Args:
         file: As in `load_joint_trajectory`.
@@ -316,8 +336,8 @@ def bag_messages(file: pathlib.Path, kind: str, topic: str | None) -> Iterator[A
     _check_regular(file, bag)
     try:
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            for connection, _, data in reader.messages(connections=_connections(reader, kind, topic, file)):
-                yield reader.deserialize(data, connection.msgtype)
+            for connection, recorded, data in reader.messages(connections=_connections(reader, kind, topic, file)):
+                yield recorded, reader.deserialize(data, connection.msgtype)
     except InputError:
         raise
     except Exception as error:  # rosbags raises errors of any type

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rr1plan.checks import FARTHEST, Array
+from rr1plan.export.ros_trajectories import columns_by_name
 from rr1plan.mirror.joint_states import StateMessage, StreamError
 from rr1plan.mirror.sender_clock import SenderClock
 from rr1plan.playback.simulation.joint_map import JointMap
@@ -44,7 +45,7 @@ class MessageReader:
         self._needed = [self.joints.index[name] for name in needed]
         # Needed joints that are not measured since the latest state.
         self._waiting = set(self._needed)
-        self._arm = f"{next(iter(scene.arms))}/" if len(scene.arms) == 1 else ""
+        self._columns = columns_by_name(self.joints.names)
         self._clocks: dict[frozenset[str], SenderClock] = {}
         self._began: float | None = None  # time of the first message
 
@@ -59,26 +60,47 @@ class MessageReader:
         return np.asarray(self.positions[self._planned])
 
     def read(self, message: StateMessage) -> tuple[float | None, list[StreamError]]:
-        """Merge a message.
+        """Merge a message; joints that the scene does not have are a fault, and are ignored.
 
         Returns:
             The time of the new state [s], that of its latest measurement, or None without one, because the message
             cannot be used or other joints are still to be measured; and the faults.
         """
-        names = [name if "/" in name else self._arm + name for name in message.joint_names]
-        error = self._error(message, names)
-        if error is not None:
-            return None, [error]
-        now, late = self._clocks.setdefault(frozenset(names), SenderClock()).read(message.time, message.received)
+        indices, faults = self._indices(message)
+        joints, positions = indices[indices >= 0], message.positions[indices >= 0]
+        wrong = np.flatnonzero(~(np.abs(positions) <= FARTHEST)).tolist()  # also nan
+        if wrong:
+            name, value = self.joints.names[joints[wrong[0]]], positions[wrong[0]]
+            when = f"in the message of {message.time:.3f} s"
+            faults.append(StreamError("finite", f"joint {name!r} is {value:g}, not a finite position, {when}"))
+        if wrong or not len(joints):
+            return None, faults
+        clock = self._clocks.setdefault(frozenset(joints.tolist()), SenderClock())
+        now, late = clock.read(message.time, message.received)
+        faults += [] if late is None else [late]
         if now is None:
-            return None, [late] if late is not None else []
-        joints = np.array([self.joints.index[name] for name in names], dtype=np.int64)
-        jump, missing = self._merge(joints, now, message.positions), self._missing(now)
-        faults = [fault for fault in (late, jump, missing) if fault is not None]
+            return None, faults
+        jump, missing = self._merge(joints, now, positions), self._missing(now)
+        faults += [fault for fault in (jump, missing) if fault is not None]
         if self._waiting:
             return None, faults
         self._waiting.update(self._needed)
         return float(self.times[self._needed].max()), faults
+
+    def _indices(self, message: StateMessage) -> tuple[NDArray[np.int64], list[StreamError]]:
+        """The index of each joint of a message, -1 for unknown ones, and a fault if there are such ones."""
+        indices, when = [], f"in the message of {message.time:.3f} s"
+        faults: list[StreamError] = []
+        for name in message.joint_names:
+            fitting = [name] if name in self.joints.index else self._columns.get(name, [])
+            indices.append(self.joints.index[fitting[0]] if len(fitting) == 1 else -1)
+            if len(fitting) > 1:
+                faults.append(StreamError("joints", f"several arms have a joint {name!r} {when}: {', '.join(fitting)}"))
+            elif not fitting:
+                near = get_close_matches(name, self.joints.index, 1)
+                hint = f". Did you mean {near[0]!r}?" if near else ""
+                faults.append(StreamError("joints", f"unknown joint {name!r} {when}{hint}"))
+        return np.array(indices, dtype=np.int64), faults[:1]
 
     def _merge(self, joints: NDArray[np.int64], now: float, positions: Array) -> StreamError | None:
         """Store positions of joints at a time; returns a fault if one jumps from its previous position."""
@@ -106,18 +128,4 @@ class MessageReader:
                 return StreamError(
                     "joints", f"no joint {self.joints.names[i]!r} for {lacking:.3g} s, until {now:.3f} s"
                 )
-        return None
-
-    def _error(self, message: StateMessage, names: list[str]) -> StreamError | None:
-        when = f"in the message of {message.time:.3f} s"
-        for name in names:
-            if name not in self.joints.index:
-                near = get_close_matches(name, self.joints.index, 1)
-                hint = f". Did you mean {near[0]!r}?" if near else ""
-                return StreamError("joints", f"unknown joint {name!r} {when}{hint}")
-        plausible = np.abs(message.positions) <= FARTHEST
-        if not plausible.all():
-            k = int(np.argmin(plausible))
-            value = message.positions[k]
-            return StreamError("finite", f"joint {names[k]!r} is {value:g}, not a finite position, {when}")
         return None

@@ -16,6 +16,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.mirror.joint_states import parse_state
+from rr1plan.transforms import pose
 
 ARM = tuple(f"rr1/{name}" for name in rp.load_robot("rr1").joint_names)
 
@@ -333,6 +334,31 @@ def test_a_joint_without_messages_is_named(scene: rp.Scene, plan: rp.Trajectory)
         assert {event.kind for event in mirror.events} == {"joints"}
 
 
+def test_joints_without_the_name_of_their_arm_are_those_of_the_only_arm_that_has_them() -> None:
+    two = rp.Scene({"a": rp.Arm(rp.load_robot("rr1")), "b": rp.Arm(rp.load_robot("planar2r"), pose((2.0, 0.0, 0.0)))})
+    q = two.configuration() + 0.1
+    for names in ([n.split("/")[1] for n in two.joint_names()], [n.replace("/", "_") for n in two.joint_names()]):
+        with rp.Mirror(two) as mirror:
+            state = mirror.receive(rp.StateMessage(0.0, names, q))
+        assert state is not None
+        np.testing.assert_array_equal(state.q, q)
+        assert mirror.events == []
+    same = rp.Scene({"a": rp.Arm(rp.load_robot("planar2r")), "b": two.arms["b"]})
+    with rp.Mirror(same) as mirror:
+        assert mirror.receive(rp.StateMessage(0.0, ["joint1"], [0.1])) is None
+    assert mirror.events[0].message.startswith("several arms have a joint 'joint1' in the message of 0.000 s: a/joint1")
+
+
+def test_joints_that_the_scene_does_not_have_are_faults_and_the_others_are_read(scene: rp.Scene) -> None:
+    q = scene.configuration() + 0.1
+    with rp.Mirror(scene) as mirror:
+        state = mirror.receive(rp.StateMessage(0.0, [*ARM, "wheel"], [*q, math.nan]))
+        report = mirror.report()
+    assert state is not None
+    np.testing.assert_array_equal(state.q, q)
+    assert (report.messages, dict(report.faults)) == (1, {"joints": 1})
+
+
 def test_a_clock_that_jumps_ahead_is_a_fault_and_goes_on(scene: rp.Scene, plan: rp.Trajectory) -> None:
     stream = messages(plan)
     k = len(stream) // 2
@@ -524,6 +550,35 @@ def test_a_bag_is_a_stream(plan: rp.Trajectory, tmp_path: Path) -> None:
         assert mirror.run(stream)
     with pytest.raises(rp.UnknownNameError, match="unknown topic '/other'"):
         list(rp.read_states(bag, topic="/other"))
+
+
+def test_a_bag_of_two_arms_is_a_stream(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    robot = rp.load_robot("planar2r")
+    two = rp.Scene({"left": rp.Arm(robot), "right": rp.Arm(robot, pose((5.0, 0.0, 0.0)))})
+    q = two.configuration()
+    motion = rp.retime(rp.Path(two.joint_names(), [q, q + 0.2]), two)
+    with rp.Mirror(two, motion) as mirror:
+        report = mirror.run(rp.read_states(rp.save_rosbag(tmp_path / "bag", motion)))
+    assert report
+    assert max(report.max_deviation.values()) < 1e-6
+
+
+def test_messages_of_a_bag_without_stamps_have_the_times_at_which_they_were_recorded(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store, kind, none = get_typestore(Stores.ROS2_JAZZY), "sensor_msgs/msg/JointState", np.zeros(0)
+    for name, stamps, times in (("none", (0, 0, 0), (7.0, 8.0, 9.0)), ("simulated", (0, 1, 2), (0.0, 1.0, 2.0))):
+        with Writer(tmp_path / name, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            connection = writer.add_connection("/joint_states", kind, typestore=store)
+            for k, stamp in enumerate(stamps):
+                header = store.types["std_msgs/msg/Header"](store.types["builtin_interfaces/msg/Time"](stamp, 0), "")
+                message = store.types[kind](header, ["joint1"], np.zeros(1), none, none)
+                writer.write(connection, (7 + k) * 1_000_000_000, store.serialize_cdr(message, kind))
+        found = [item for item in rp.read_states(tmp_path / name, silence=5.0) if isinstance(item, rp.StateMessage)]
+        assert tuple(item.time for item in found) == times
 
 
 def test_a_message_of_a_bag_without_positions_does_not_end_the_stream(tmp_path: Path) -> None:
