@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rr1plan.checks import Array, Value, counted
-from rr1plan.playback.simulation.replay import Replay, ReplayContact
+from rr1plan.playback.simulation.replay import Replay, ReplayContact, errors_in_words
 
 # Tolerance for an object at its planned position [m].
 _NEAR = 0.01
@@ -53,17 +53,22 @@ class SequenceReplay(Value):
         replay: Motions of joints and loose bodies. Held objects keep fingers from their set-points, so tracking errors
             of gripper joints do not count as failures.
         objects: Motions of the objects that are attached or detached, by name.
-        max_error: Largest tracking error of any joint of an arm [rad or m].
+        arm_joints: The joints of arms, without those of their grippers.
         remarks: Assumptions of the replay, such as masses.
     """
 
     replay: Replay
     objects: Mapping[str, CarriedObject]
-    max_error: float
+    arm_joints: tuple[str, ...]
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "objects", MappingProxyType(dict(self.objects)))
+
+    @property
+    def max_error(self) -> float:
+        """Largest tracking error of any joint of an arm [rad or m]."""
+        return max((error for _, error in self.replay.largest_errors(self.arm_joints).values()), default=0.0)
 
     @property
     def contacts(self) -> tuple[ReplayContact, ...]:
@@ -93,7 +98,7 @@ class SequenceReplay(Value):
         lines = [
             f"replay: {counted(replay.steps, 'step')} of {replay.timestep * 1e3:g} ms, "
             f"{replay.real_time_factor:.1f} times real time",
-            f"  tracking error: {self.max_error:.2e} rad or m at most",
+            f"  tracking error: {errors_in_words(replay.largest_errors(self.arm_joints))}",
         ]
         lines += [
             f"  {one.name}: at most {1e3 * one.max_offset:.2f} mm from its planned position, "

@@ -91,12 +91,11 @@ def simulate_sequence(
     with Recorder(sim, record_dt) as recorder:
         sim.step(steps)
     replay = recorder.replay()
-    of_arms = np.array([_is_arm_joint(plan, name) for name in replay.joint_names], dtype=np.bool_)
-    worst = float(replay.max_error[of_arms].max(initial=0.0))
+    of_arms = tuple(name for name in replay.joint_names if _is_arm_joint(plan, name))
     bodies = replay.record.bodies
     rows = {} if bodies is None else dict(zip(bodies.bodies, bodies.poses.swapaxes(0, 1), strict=True))
     objects = {name: _carried(plan, name, replay.record.times, rows[name]) for name in names}
-    return SequenceReplay(replay, objects, worst, (*remarks, *(f"MuJoCo: {text}" for text in sim.warnings)))
+    return SequenceReplay(replay, objects, of_arms, (*remarks, *(f"MuJoCo: {text}" for text in sim.warnings)))
 
 
 def _physical(plan: SequencePlan) -> tuple[Scene, tuple[str, ...], tuple[str, ...]]:

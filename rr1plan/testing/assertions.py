@@ -10,6 +10,7 @@ Both take sequences, too, and raise `AssertionError` with the rule, the joint or
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import overload
 
 import numpy as np
@@ -160,7 +161,7 @@ def _replayed_sequence(plan: SequencePlan, tolerance: float, dt: float) -> Seque
     wrong = [f"{' and '.join(contact.pair)} touch at {contact.first:.3f} s" for contact in replay.contacts]
     wrong += [] if replay.carried else away
     if replay.max_error > tolerance:
-        wrong.append(f"a joint is {replay.max_error:.3g} rad or m from its set-point, tolerance {tolerance:g}")
+        wrong.append(_late(replay.replay, replay.arm_joints, tolerance))
     if wrong:
         raise AssertionError(f"the replay failed: {'; '.join(wrong)}\n{replay}")
     return replay
@@ -207,12 +208,18 @@ def _what(found: VariedReplays, replay: Replay) -> str:
         names, depth = " and ".join(contact.pair), 1e3 * contact.depth
         return f"{names} touch from {contact.first:.3f} s to {contact.last:.3f} s, {depth:.2f} mm deep"
     if replay.worst_error > found.tolerance:
-        joint = int(np.argmax(replay.max_error))
-        late = np.abs(replay.record.actual - replay.record.desired)[:, joint]
-        time = float(replay.record.times[int(np.argmax(late))])
-        off = f"{replay.joint_names[joint]} is {replay.max_error[joint]:.3g} rad or m from its set-point"
-        return f"{off} at {time:.3f} s, tolerance {found.tolerance:g}"
+        return _late(replay, replay.joint_names, found.tolerance)
     rest = np.abs(replay.record.actual[-1] - replay.record.desired[-1])
     joint = int(np.argmax(rest))
-    off = f"{replay.joint_names[joint]} ends {rest[joint]:.3g} rad or m from the end of the motion"
+    off = f"{replay.joint_names[joint]} ends {rest[joint]:.3g} {replay.units[joint]} from the end of the motion"
     return f"{off}, tolerance {found.goal_tolerance:g}"
+
+
+def _late(replay: Replay, joint_names: Sequence[str], tolerance: float) -> str:
+    """The joint that was farthest from its set-point, in a sentence."""
+    errors = replay.largest_errors(joint_names)
+    unit = max(errors, key=lambda unit: errors[unit][1])
+    name, error = errors[unit]
+    late = np.abs(replay.record.actual - replay.record.desired)[:, replay.joint_names.index(name)]
+    time = float(replay.record.times[int(np.argmax(late))])
+    return f"{name} is {error:.3g} {unit} from its set-point at {time:.3f} s, tolerance {tolerance:g}"

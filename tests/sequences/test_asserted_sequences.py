@@ -42,3 +42,8 @@ def test_what_a_sequence_does_not_take_is_refused(moved: rp.SequencePlan, table:
     for check in (rp.assert_valid, rp.assert_replays):
         with pytest.raises(AssertionError, match="there is no motion: no plan"):
             check(failed)
+
+
+def test_a_joint_that_does_not_follow_is_named(moved: rp.SequencePlan) -> None:
+    with pytest.raises(AssertionError, match=r"the replay failed: arm/\w+_joint is \S+ rad from its set-point at \d"):
+        rp.assert_replays(moved, tolerance=1e-9)

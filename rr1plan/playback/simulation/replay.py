@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -14,6 +14,14 @@ from rr1plan.scene import Obstacle
 
 # An arm is tracked while no joint is farther than this from its set-point [rad or m].
 _TRACKED = 0.01
+
+
+def errors_in_words(errors: Mapping[str, tuple[str, float]], named: bool = True) -> str:
+    """The errors of `Replay.largest_errors` as a text, with or without the names of their joints."""
+    parts = [
+        f"{error:.2e} {unit or 'rad or m'}" + f" at most ({name})" * named for unit, (name, error) in errors.items()
+    ]
+    return ", ".join(parts) or "no joints"
 
 
 @dataclass(frozen=True)
@@ -139,15 +147,23 @@ class Replay(Value):
         seconds = self.steps * self.timestep
         return f"Replay({self.mode}, {seconds:.3f} s, {self._worst()}, {len(self.contacts)} contacts)"
 
+    def largest_errors(self, joint_names: Sequence[str] | None = None) -> dict[str, tuple[str, float]]:
+        """The joint with the largest tracking error, and this error [rad or m], by unit: "rad", "m", "" if unknown.
+
+        Args:
+            joint_names: Joints to consider (default: all).
+        """
+        found: dict[str, tuple[str, float]] = {}
+        units = self.units or ("",) * len(self.joint_names)
+        for name, unit, error in zip(self.joint_names, units, self.max_error.tolist(), strict=True):
+            considered = joint_names is None or name in joint_names
+            if considered and (unit not in found or not error <= found[unit][1]):
+                found[unit] = name, error
+        return found
+
     def _worst(self, named: bool = False) -> str:
         """The largest tracking error in each unit, and its joint."""
-        units = self.units or ("rad or m",) * len(self.joint_names)
-        parts = []
-        for unit in dict.fromkeys(units):
-            columns = [k for k, own in enumerate(units) if own == unit]
-            worst = columns[int(np.argmax(self.max_error[columns]))]
-            parts.append(f"{self.max_error[worst]:.2e} {unit}" + f" at most ({self.joint_names[worst]})" * named)
-        return ", ".join(parts) or "no joints"
+        return errors_in_words(self.largest_errors(), named)
 
     def __str__(self) -> str:
         lines = [
