@@ -85,6 +85,9 @@ def run_experiments(
     with library_bar("experiments") as advance:
         results, failures = _measure_all(tasks, _reporting(progress, advance))
     # Only now, so that the tables in the folder always belong to its report.
+    for name in (name for name, rows in results.items() if not rows):
+        for suffix in (".csv", ".png"):
+            (target / f"{name}{suffix}").unlink(missing_ok=True)
     files = [write_text(target / f"{name}.csv", _csv(rows)) for name, rows in results.items() if rows]
     files += save_report(target, results, failures)
     return ExperimentReport({name: tuple(rows) for name, rows in results.items()}, tuple(failures), tuple(files))

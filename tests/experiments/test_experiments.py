@@ -121,6 +121,19 @@ def test_experiments_write_tables_figures_and_a_report(tmp_path: Path, monkeypat
     assert "| arms |" in (tmp_path / "new/experiments.md").read_text()
 
 
+def test_tables_of_an_earlier_run_do_not_stay_beside_a_report_of_failures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> Any:
+        raise rp.BackendError("no memory")
+
+    for name in ("multi.csv", "multi.png", "static.csv"):
+        (tmp_path / name).write_text("earlier")
+    monkeypatch.setattr("rr1plan.experiments.run_experiments.measure", fail)
+    assert not rp.run_experiments(["multi"], tmp_path, quick=True, arms=[2])
+    assert {file.name for file in tmp_path.iterdir()} == {"static.csv", "experiments.md", "experiments.html"}
+
+
 def test_a_canceled_run_leaves_the_folder_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rr1plan.experiments.run_experiments.measure", lambda *_: [{"size": 1.0}])
     with pytest.raises(rp.CancelledError):
