@@ -151,12 +151,10 @@ def _add_ranges(spec: Any, joints: Mapping[str, Any], arm: str, robot: Robot) ->
     """
     import mujoco
 
-    limits = zip(robot.limits.lower.tolist(), robot.limits.upper.tolist(), strict=True)
-    planned = dict(zip(robot.joint_names, limits, strict=True))
-    for joint in robot.joints:
+    for joint in robot.limited_joints:
         if joint.kind == "fixed":
             continue
-        lower, upper = planned.get(joint.name, (joint.lower, joint.upper))
+        lower, upper = joint.lower, joint.upper
         if lower < upper and np.isfinite(upper - lower):
             written = joints[f"{arm}/{joint.name}"]
             written.limited = mujoco.mjtLimited.mjLIMITED_TRUE

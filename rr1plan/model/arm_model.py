@@ -150,16 +150,13 @@ class _Builder:
             if joint.kind == "fixed":
                 body = Body(parent.joint, placement)
             else:
-                body = Body(self._add_joint(name, arm.robot, joint, Body(parent.joint, placement)), identity())
+                body = Body(self._add_joint(name, joint, Body(parent.joint, placement)), identity())
                 added.append(joint)
             self._add_link(name, arm.robot, joint.child, body)
         return added
 
-    def _add_joint(self, arm: str, robot: Robot, joint: Joint, at: Body) -> int:
+    def _add_joint(self, arm: str, joint: Joint, at: Body) -> int:
         bounds = [joint.effort, joint.velocity, joint.lower, joint.upper]
-        if joint.name in robot.joint_names:
-            j, limits = robot.joint_names.index(joint.name), robot.limits
-            bounds = [float(a[j]) for a in (limits.effort, limits.velocity, limits.lower, limits.upper)]
         name, placement = f"{arm}/{joint.name}", pin.SE3(np.array(at.placement))
         return int(self.model.addJoint(at.joint, _joint_model(joint), placement, name, *np.array(bounds)[:, None]))
 
@@ -178,7 +175,7 @@ class _Builder:
 def _depth_first(robot: Robot) -> list[Joint]:
     """The joints in depth-first order, as Pinocchio's dynamics requires."""
     children: dict[str, list[Joint]] = {}
-    for joint in robot.joints:
+    for joint in robot.limited_joints:
         children.setdefault(joint.parent, []).append(joint)
     ordered: list[Joint] = []
     stack = children.get(robot.base, [])[::-1]

@@ -153,6 +153,17 @@ class Robot(Value, NotebookView):
         """Mask of planning joints without position limits (they wrap around), shape (nq,) of 0 and 1."""
         return read_only(np.array([float(self.joint(n).kind == "continuous") for n in self.joint_names]))
 
+    @cached_property
+    def limited_joints(self) -> tuple[Joint, ...]:
+        """All joints in the order of `joints`, planning joints with the limits of `limits`."""
+        limited = {}
+        for j, name in enumerate(self.joint_names):
+            own: dict[str, Any] = {
+                limit: float(getattr(self.limits, limit)[j]) for limit in Limits.__dataclass_fields__
+            }
+            limited[name] = replace(self.joint(name), **own)
+        return tuple(limited.get(joint.name, joint) for joint in self.joints)
+
     def joint(self, name: str) -> Joint:
         """A joint by name.
 

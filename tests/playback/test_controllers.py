@@ -8,6 +8,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -1066,3 +1067,24 @@ def test_bad_arguments_are_refused(scene: rp.Scene) -> None:
         sim.run(duration=1.0, speed=0.0)
     with pytest.raises(rp.InputError, match="host and a port"):
         rp.JointStateBroadcaster(ARM, ("127.0.0.1", 0))
+
+
+def test_limits_are_those_of_the_arm_and_not_of_its_description(rr1: rp.Robot) -> None:
+    own = replace(rr1.limits, velocity=np.full(6, 0.5), lower=rr1.limits.lower - 0.2, effort=np.full(6, 50.0))
+    scene = rp.Scene().with_arm("arm", rr1.with_limits(own))
+    names, sim = scene.joint_names(), rp.Simulation(scene)
+    velocities = rp.ForwardVelocityController(names)
+    sim.activate(velocities)
+    with pytest.raises(rp.InputError, match=r"is commanded 0\.6 per second, above its limit"):
+        velocities.command(np.full(6, 0.6))
+    assert sim.effort_limits.tolist() == [*[50.0] * 6, 30.0, 30.0]  # fingers have those of the description
+    positions, beyond = rp.ForwardPositionController(names), scene.configuration()
+    beyond[1] = rr1.limits.lower[1] - 0.1
+    sim.activate(positions, replace=True)
+    positions.command(beyond)
+    sim.run(duration=3.0)  # the step saturates the servos
+    np.testing.assert_allclose(sim.configuration(), beyond, atol=1e-3)
+    weak = scene.with_robot("arm", rr1.with_limits(replace(own, effort=np.full(6, 0.1))))
+    motion = rp.retime(rp.Path(names, [scene.configuration(), beyond]), scene)
+    assert rp.simulate(motion, scene)
+    assert rp.simulate(motion, weak).peak_effort.max() == pytest.approx(1.0)

@@ -208,8 +208,8 @@ def test_friction_holds_joints_that_their_servos_cannot_move(dt: float) -> None:
 
 def test_joints_without_an_effort_limit_have_no_friction() -> None:
     robot = rp.load_robot("planar2r")
-    joints = tuple(replace(joint, effort=np.inf) for joint in robot.joints)
-    scene = rp.Scene().with_arm("arm", replace(robot, joints=joints))
+    unlimited = replace(robot.limits, effort=np.full(robot.nq, np.inf))
+    scene = rp.Scene().with_arm("arm", robot.with_limits(unlimited))
     for friction in (0.0, 0.1):
         varied = rp.Simulation(scene, variation=rp.ArmVariation(mass=1.1, friction=friction))
         assert not varied.model.dof_frictionloss.any()

@@ -31,7 +31,7 @@ class JointMap:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        movable = [(a, j) for a, arm in scene.arms.items() for j in arm.robot.joints if j.kind != "fixed"]
+        movable = [(a, j) for a, arm in scene.arms.items() for j in arm.robot.limited_joints if j.kind != "fixed"]
         self.names = tuple(f"{a}/{j.name}" for a, j in movable)
         self.index = {name: i for i, name in enumerate(self.names)}
         self.lower = np.array([j.lower for _, j in movable])
@@ -43,7 +43,7 @@ class JointMap:
         self._factor, self._offset = np.ones(len(movable)), np.zeros(len(movable))
         for row, (arm, joint) in enumerate(movable):
             source, factor, offset = _independent(scene.arms[arm].robot, joint)
-            if source is not joint:
+            if source.name != joint.name:
                 self.followers[self.names[row]] = f"{arm}/{source.name}"
             self._source[row] = self.index[f"{arm}/{source.name}"]
             self._factor[row], self._offset[row] = factor, offset

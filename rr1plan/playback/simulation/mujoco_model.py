@@ -274,7 +274,7 @@ class _Builder:
         self._moving.update(f"{arm}/{link}" for link in moving)
         self._moving.update(name for name, thing in held.items() if thing.link in moving)
         bodies = {robot.links[0].name: self._add_link(world, arm, robot.links[0], base)}
-        for joint in robot.joints:
+        for joint in robot.limited_joints:
             body = self._add_link(bodies[joint.parent], arm, robot.link(joint.child), joint.origin)
             bodies[joint.child] = body
             if joint.kind != "fixed":
