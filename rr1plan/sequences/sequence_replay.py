@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rr1plan.checks import Array, Value, counted
-from rr1plan.playback.simulation.replay import Replay, ReplayContact, errors_in_words
+from rr1plan.playback.simulation.replay import Replay, ReplayContact, errors_in_words, largest_errors
 
 # Tolerance for an object at its planned position [m].
 _NEAR = 0.01
@@ -68,7 +68,7 @@ class SequenceReplay(Value):
     @property
     def max_error(self) -> float:
         """Largest tracking error of any joint of an arm [rad or m]."""
-        return max((error for _, error in self.replay.largest_errors(self.arm_joints).values()), default=0.0)
+        return max((error for _, error in largest_errors(self.replay, self.arm_joints).values()), default=0.0)
 
     @property
     def contacts(self) -> tuple[ReplayContact, ...]:
@@ -98,7 +98,7 @@ class SequenceReplay(Value):
         lines = [
             f"replay: {counted(replay.steps, 'step')} of {replay.timestep * 1e3:g} ms, "
             f"{replay.real_time_factor:.1f} times real time",
-            f"  tracking error: {errors_in_words(replay.largest_errors(self.arm_joints))}",
+            f"  tracking error: {errors_in_words(largest_errors(replay, self.arm_joints))}",
         ]
         lines += [
             f"  {one.name}: at most {1e3 * one.max_offset:.2f} mm from its planned position, "

@@ -19,7 +19,7 @@ from rr1plan.checks import counted, of_kind, positive_number
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.playback.simulation.arm_variation import ArmVariation
-from rr1plan.playback.simulation.replay import Replay
+from rr1plan.playback.simulation.replay import Replay, largest_errors
 from rr1plan.playback.simulation.replay_trajectory import simulate
 from rr1plan.report import Report
 from rr1plan.scene import Scene
@@ -217,7 +217,7 @@ def _what(found: VariedReplays, replay: Replay) -> str:
 
 def _late(replay: Replay, joint_names: Sequence[str], tolerance: float) -> str:
     """The joint that was farthest from its set-point, in a sentence."""
-    errors = replay.largest_errors(joint_names)
+    errors = largest_errors(replay, joint_names)
     unit = max(errors, key=lambda unit: errors[unit][1])
     name, error = errors[unit]
     late = np.abs(replay.record.actual - replay.record.desired)[:, replay.joint_names.index(name)]

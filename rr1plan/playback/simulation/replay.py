@@ -16,8 +16,24 @@ from rr1plan.scene import Obstacle
 _TRACKED = 0.01
 
 
+def largest_errors(replay: Replay, joint_names: Sequence[str] | None = None) -> dict[str, tuple[str, float]]:
+    """The joint with the largest tracking error, and this error [rad or m], by unit: "rad", "m", "" if unknown.
+
+    Args:
+        replay: The replay.
+        joint_names: Joints to consider (default: all).
+    """
+    found: dict[str, tuple[str, float]] = {}
+    units = replay.units or ("",) * len(replay.joint_names)
+    for name, unit, error in zip(replay.joint_names, units, replay.max_error.tolist(), strict=True):
+        considered = joint_names is None or name in joint_names
+        if considered and (unit not in found or not error <= found[unit][1]):
+            found[unit] = name, error
+    return found
+
+
 def errors_in_words(errors: Mapping[str, tuple[str, float]], named: bool = True) -> str:
-    """The errors of `Replay.largest_errors` as a text, with or without the names of their joints."""
+    """Errors from `largest_errors` as a text, with or without the names of their joints."""
     parts = [
         f"{error:.2e} {unit or 'rad or m'}" + f" at most ({name})" * named for unit, (name, error) in errors.items()
     ]
@@ -147,23 +163,9 @@ class Replay(Value):
         seconds = self.steps * self.timestep
         return f"Replay({self.mode}, {seconds:.3f} s, {self._worst()}, {len(self.contacts)} contacts)"
 
-    def largest_errors(self, joint_names: Sequence[str] | None = None) -> dict[str, tuple[str, float]]:
-        """The joint with the largest tracking error, and this error [rad or m], by unit: "rad", "m", "" if unknown.
-
-        Args:
-            joint_names: Joints to consider (default: all).
-        """
-        found: dict[str, tuple[str, float]] = {}
-        units = self.units or ("",) * len(self.joint_names)
-        for name, unit, error in zip(self.joint_names, units, self.max_error.tolist(), strict=True):
-            considered = joint_names is None or name in joint_names
-            if considered and (unit not in found or not error <= found[unit][1]):
-                found[unit] = name, error
-        return found
-
     def _worst(self, named: bool = False) -> str:
         """The largest tracking error in each unit, and its joint."""
-        return errors_in_words(self.largest_errors(), named)
+        return errors_in_words(largest_errors(self), named)
 
     def __str__(self) -> str:
         lines = [
