@@ -11,6 +11,8 @@ Calibration, IJRR 1991; Daney et al., Choosing Measurement Poses for Robot Calib
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -19,12 +21,15 @@ from rr1plan.checks import Array, Seed, as_generator, finite_array, of_kind, who
 from rr1plan.collision import CollisionChecker
 from rr1plan.errors import InputError
 from rr1plan.model import Kinematics
+from rr1plan.robot import Robot
 from rr1plan.robot.contact_bands import sampling_bounds
 from rr1plan.scene import Scene
 
 _CANDIDATES = 1000
 _DRAWS_EACH = 50
 _ROUNDS = 5
+# Configurations from which the pair is found that is in contact most often.
+_CONTACT_SAMPLES = 100
 # Prior information that keeps determinants positive: a standard deviation of 1 rad, compared with 1 mm of noise.
 _PRIOR = 1e-6
 
@@ -40,6 +45,7 @@ def propose_calibration_poses(
     """Poses that determine the zeros and scales of an arm's joints well: I-optimal among random free configurations.
 
     Move between them with planned motions: the poses are free of collision, but straight lines between them may not be.
+    An arm whose zeros are unknown deviates from them: pad the scene by how far it may be off (`Scene.with_padding`).
     `expected_calibration` computes the standard deviations that they allow; no poses allow less for the last joint than
     noise / (lever * sqrt(count)): 0.13 degrees for 20 poses, 1 mm of noise and a lever of 0.1 m.
 
@@ -61,9 +67,14 @@ def propose_calibration_poses(
     arm = scene.only_arm(arm)
     whole_number("count", count, 1, _CANDIDATES)
     offset, generator = finite_array("point", point, (3,)), as_generator(rng)
-    candidates = _free_configurations(scene, arm, generator)
+    checker = CollisionChecker(scene, [arm])
+    candidates = _free_configurations(checker, scene.arms[arm].robot, generator)
     if len(candidates) < count:
-        raise InputError(f"found {len(candidates)} free configurations of {arm!r}, fewer than {count}; clear the scene")
+        often = _most_frequent_contact(checker, scene.arms[arm].robot, generator)
+        raise InputError(
+            f"found {len(candidates)} free configurations of {arm!r}, fewer than {count}; clear the scene: most often "
+            f"{often} touch or are nearer than their padding"
+        )
     kinematics = Kinematics(scene).for_arm(arm)
     frame = kinematics.scene_model.frame_id(kinematics.frame("tool"))
     lower, upper = sampling_bounds(scene.arms[arm].robot)
@@ -73,10 +84,9 @@ def propose_calibration_poses(
     return _in_short_order(candidates[chosen], scene.arms[arm].q)
 
 
-def _free_configurations(scene: Scene, arm: str, rng: np.random.Generator) -> Array:
-    """Random free configurations of an arm, with the other arms as in the scene, shape (n, nq)."""
-    checker = CollisionChecker(scene, [arm])
-    lower, upper = sampling_bounds(scene.arms[arm].robot)
+def _free_configurations(checker: CollisionChecker, robot: Robot, rng: np.random.Generator) -> Array:
+    """Random free configurations of the moving arm of a checker, shape (n, nq)."""
+    lower, upper = sampling_bounds(robot)
     found: list[Array] = []
     for _ in range(_CANDIDATES * _DRAWS_EACH):
         q = rng.uniform(lower, upper)
@@ -85,6 +95,13 @@ def _free_configurations(scene: Scene, arm: str, rng: np.random.Generator) -> Ar
             if len(found) == _CANDIDATES:
                 break
     return np.array(found).reshape(-1, len(lower))
+
+
+def _most_frequent_contact(checker: CollisionChecker, robot: Robot, rng: np.random.Generator) -> str:
+    """The two elements in contact in most random configurations of the moving arm of a checker."""
+    samples = rng.uniform(*sampling_bounds(robot), (_CONTACT_SAMPLES, robot.nq))
+    pairs = Counter(f"{contact.a!r} and {contact.b!r}" for q in samples for contact in checker.contacts(q))
+    return max(pairs, key=lambda pair: pairs[pair], default="its links")
 
 
 def _optimal(rows: Array, count: int) -> list[int]:

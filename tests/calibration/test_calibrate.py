@@ -253,5 +253,8 @@ def test_proposed_poses_are_free_and_tell_more_than_random_ones(rr1_table: rp.Sc
     assert zeros["proposed"].argmax() == 5
     assert zeros["proposed"][5] < 1.02 * 1e-3 / (0.1 * math.sqrt(20))
     blocked = rr1_table.with_obstacle("block", rp.Box((3, 3, 3)), [0, 0, 1.6])
-    with pytest.raises(rp.InputError, match="fewer than 20; clear the scene"):
+    with pytest.raises(rp.InputError, match="fewer than 20; clear the scene: most often 'rr1/.*' and 'block' touch"):
         rp.propose_calibration_poses(blocked, 20)
+    padded = rr1_table.with_padding(0.05, "rr1", "table")
+    with pytest.raises(rp.InputError, match="most often 'rr1/shoulder_link' and 'table' touch or are nearer"):
+        rp.propose_calibration_poses(padded, 20)
