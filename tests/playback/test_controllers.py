@@ -1088,3 +1088,15 @@ def test_limits_are_those_of_the_arm_and_not_of_its_description(rr1: rp.Robot) -
     motion = rp.retime(rp.Path(names, [scene.configuration(), beyond]), scene)
     assert rp.simulate(motion, scene)
     assert rp.simulate(motion, weak).peak_effort.max() == pytest.approx(1.0)
+
+
+def test_fingers_keep_their_velocity_limit(scene: rp.Scene) -> None:
+    gripper, sim = rp.GripperController(["rr1/finger_joint"], speed=100.0), rp.Simulation(scene)
+    sim.activate(gripper)
+    gripper.command([0.8])
+    finger, seen = sim.joint_names.index("rr1/finger_joint"), [sim.set_points]
+    sim.on_step(lambda now: seen.append(now.set_points))
+    sim.run(duration=0.3)
+    speeds = np.diff([row[finger] for row in seen]) / sim.dt
+    limit = next(joint.velocity for joint in scene.arms["rr1"].robot.joints if joint.name == "finger_joint")
+    assert speeds.max() == pytest.approx(limit)

@@ -27,7 +27,7 @@ class GripperController(Controller):
 
     Args:
         joint_names: The joints of the fingers, "arm/joint"; those that mimic them follow.
-        speed: Speed of the fingers [rad/s or m/s].
+        speed: Speed of the fingers [rad/s or m/s], at most the velocity limits of their joints.
         tolerance: Largest distance from the command at which fingers count as arrived [rad or m].
         stall_speed: Fingers stall if none is faster than this [rad/s or m/s] ...
         stall_time: ... for this long [s] after their set-points have arrived.
@@ -77,7 +77,8 @@ class GripperController(Controller):
 
     def update(self, state: JointState) -> SetPoint:
         """The next positions on the way."""
-        step = np.clip(self._command - self._positions, -self.speed * self.joints.dt, self.speed * self.joints.dt)
+        most = np.minimum(self.speed, self.joints.velocity) * self.joints.dt
+        step = np.clip(self._command - self._positions, -most, most)
         self._positions = self._positions + step
         if self.status is not GripperStatus.ARRIVED:
             slow = not step.any() and bool((np.abs(state.velocities) <= self.stall_speed).all())
