@@ -10,6 +10,7 @@ from __future__ import annotations
 import datetime
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -42,6 +43,9 @@ _LINEAR = 3.0
 # Signs are accepted at once if the standard deviation of their residuals is at most this many stated ones; wrong signs
 # of a joint with a short lever fit nearly as well.
 _GOOD = 1.5
+# Other signs explain the measurements as well if half the sum of squared residuals, in standard deviations, is larger
+# by at most this: three standard deviations.
+_AS_GOOD = 4.5
 # Loss of the first fit with trial signs, as a fraction of the spread of the measurements, and the expected errors
 # of zeros [rad or m] and of scales (as a fraction) of the start, which count as much in it.
 _WIDE, _ZERO_RANGE, _SCALE_RANGE = 0.3, 0.5, 0.2
@@ -86,7 +90,8 @@ def calibrate(
         noise: Expected standard deviation of a measured coordinate [m], for the search of signs. The uncertainty of the
             result comes from the residuals.
         free_base: Positions are in another frame, whose pose is estimated too. The zero of the first joint is then not
-            determined, and remains that of `start`.
+            determined, and remains that of `start`. Neither are signs of planar arms, SCARA arms and gantries, which
+            may also be upside down: as many as possible are those of `start`.
 
     Returns:
         The calibration; `fit` has residuals, outliers and the values that the poses do not determine. Undetermined
@@ -106,14 +111,14 @@ def calibrate(
     _check_count(robot, len(rows), free_base=free_base)
     data = MeasuredPoints(robot, start, rows, measured, points)
     begin = data.begin(free_base=free_base)
-    found = _search_signs(data, begin, noise)
+    found, mirrored = _nearest_signs(data, begin, _search_signs(data, begin, noise), noise)
     off = float(np.median(np.linalg.norm(data.residuals(found), axis=1)))
     if off > max(_FAILED * data.spread, _LINEAR * noise):
         raise InputError(
             f"no signs, zeros and scales near the start explain the measurements: half of them are more than "
             f"{1e3 * off:.0f} mm off; check units, the point of the tool, and the scales and zeros of start"
         )
-    estimate = _without_outliers(data, _hold_undetermined(data, begin, found, noise), noise)
+    estimate = _without_outliers(data, _hold_undetermined(data, begin, found, mirrored, noise), noise)
     residuals = data.residuals(estimate.parameters)[estimate.kept]
     noise = math.sqrt(float((residuals**2).sum()) / (residuals.size - int(estimate.free.sum())))
     source = f"estimated from {counted(len(residuals), 'measured position')}"
@@ -158,7 +163,8 @@ def expected_calibration(
     data = MeasuredPoints(robot, start, readings, np.zeros((len(readings), 3)), points)
     data = MeasuredPoints(robot, start, readings, data.residuals(data.begin(free_base=False)), points)
     begin = data.begin(free_base=free_base)
-    estimate = _hold_undetermined(data, begin, begin, noise)
+    mirrored = _nearest_signs(data, begin, begin, noise)[1]
+    estimate = _hold_undetermined(data, begin, begin, mirrored, noise)
     source = f"expected from {counted(len(readings), 'position')}, noise {1e3 * noise:g} mm per coordinate"
     return replace(_result(robot, start, data, estimate, noise, source), fit=None)
 
@@ -208,12 +214,14 @@ class _Estimate:
         parameters: The parameters.
         free: Estimated parameters, shape (p,); the others are those of the start.
         undetermined: Parameters that the poses do not determine, shape (p,).
+        mirrored: Joints whose sign the poses do not determine, shape (nq,).
         kept: Measurements that are used, shape (m,).
     """
 
     parameters: Parameters
     free: NDArray[np.bool_]
     undetermined: NDArray[np.bool_]
+    mirrored: NDArray[np.bool_]
     kept: NDArray[np.bool_]
 
 
@@ -285,7 +293,7 @@ def _search_signs(data: MeasuredPoints, begin: Parameters, noise: float) -> Para
         found = _fitted(data, found, every, rows, loss, evaluations=_EVALUATIONS_OF_SIGNS)
         off = np.abs(data.residuals(found))
         # Other signs with some zeros half a turn off may fit equally well.
-        cost = _LINEAR**2 * float((np.sqrt(1.0 + (off / loss) ** 2) - 1.0).sum())
+        cost = _cost(off, loss)
         cost += 0.5 * float((((found.values - begin.values) / expected) ** 2).sum())
         if cost < least:
             best, least = found, cost
@@ -294,7 +302,52 @@ def _search_signs(data: MeasuredPoints, begin: Parameters, noise: float) -> Para
     return best
 
 
-def _hold_undetermined(data: MeasuredPoints, begin: Parameters, found: Parameters, noise: float) -> _Estimate:
+def _cost(residuals: Array, loss: float) -> float:
+    """Half the sum of squares of residuals in standard deviations, those above `loss` [m] counted linearly."""
+    return _LINEAR**2 * float((np.sqrt(1.0 + (residuals / loss) ** 2) - 1.0).sum())
+
+
+def _nearest_signs(
+    data: MeasuredPoints, begin: Parameters, found: Parameters, noise: float
+) -> tuple[Parameters, NDArray[np.bool_]]:
+    """Of the fits that explain the measurements as well as the one found, the one with most signs of the start.
+
+    An arm with a free base whose axes are parallel, or that only slides, moves its tool in the same way if it is turned
+    upside down and joints turn or slide the other way.
+
+    Returns:
+        The fit, and the joints that have another sign in one of the others, shape (nq,).
+    """
+    joints = len(found.signs)
+    fits = [found]
+    if len(found.values) > 2 * joints:
+        fits += _mirrored_fits(data, found, noise)
+    signs = np.array([fit.signs * np.sign(fit.values[joints : 2 * joints]) for fit in fits])
+    nearest = int(np.argmin((signs != begin.signs).sum(axis=1)))
+    return fits[nearest], (signs != signs[nearest]).any(axis=0)
+
+
+def _mirrored_fits(data: MeasuredPoints, found: Parameters, noise: float) -> Iterator[Parameters]:
+    """Fits with other signs and another pose of the base that explain the measurements as well as the one found."""
+    joints, loss = len(found.signs), _LINEAR * noise
+    every, rows = np.ones(len(found.values), dtype=bool), np.ones(len(data.positions), dtype=bool)
+    most = _cost(data.residuals(found), loss) + _AS_GOOD
+    for flips in itertools.islice(itertools.product((1.0, -1.0), repeat=joints), 1, None):
+        values = found.values.copy()
+        values[:joints] *= flips
+        values[2 * joints :] = 0.0
+        trial = data.with_signs(replace(found, values=values), found.signs * np.array(flips))
+        if float(np.median(np.linalg.norm(data.residuals(trial), axis=1))) > _WIDE * data.spread:
+            continue
+        fit = _fitted(data, trial, every, rows, loss, evaluations=_EVALUATIONS_OF_SIGNS)
+        same_signs = (fit.values[joints : 2 * joints] > 0.0).all()
+        if same_signs and _cost(data.residuals(fit), loss) <= most:
+            yield fit
+
+
+def _hold_undetermined(
+    data: MeasuredPoints, begin: Parameters, found: Parameters, mirrored: NDArray[np.bool_], noise: float
+) -> _Estimate:
     """Find undetermined parameters, and fix as few parameters at the start as make the others unique."""
     count, joints = len(begin.values), len(begin.signs)
     kept = np.ones(len(data.positions), dtype=bool)
@@ -320,8 +373,11 @@ def _hold_undetermined(data: MeasuredPoints, begin: Parameters, found: Parameter
     if undetermined[: 2 * joints].all() or not free[: 2 * joints].any():
         raise InputError("these measurements determine no joint; move all joints between them")
     values = np.where(free, found.values, begin.values)
-    held = _fitted(data, replace(found, values=values), free, kept, _LINEAR * noise)
-    return _Estimate(held, free, undetermined, kept)
+    values[2 * joints :] = 0.0
+    placed = data.with_signs(replace(found, values=values), found.signs)  # with another pose of a free base
+    held = _fitted(data, placed, free, kept, _LINEAR * noise)
+    undetermined[:joints] |= mirrored  # zeros belong to a sign
+    return _Estimate(held, free, undetermined, mirrored, kept)
 
 
 def _robust_std(residuals: Array, unknowns: int) -> float:
@@ -373,7 +429,8 @@ def _result(
         zero_std, scale_std = float(std[i]), float(scale * std[nq + i] / abs(factor))
         zero, unit = float(parameters.values[i]), robot.joint(name).unit
         joints[name] = JointCalibration(sign, zero, scale, zero_std, scale_std, unit)
-        unknown = ("zero",) * math.isinf(zero_std) + ("scale", "sign") * math.isinf(scale_std)
+        unknown = ("zero",) * math.isinf(zero_std) + ("scale",) * math.isinf(scale_std)
+        unknown += ("sign",) * (math.isinf(scale_std) or bool(estimate.mirrored[i]))
         if unknown:
             undetermined[name] = unknown
     outliers = tuple(int(row) for row in np.flatnonzero(~kept))
