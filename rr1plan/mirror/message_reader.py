@@ -12,6 +12,7 @@ from rr1plan.checks import FARTHEST, Array
 from rr1plan.export.ros_trajectories import columns_by_name
 from rr1plan.mirror.joint_states import StateMessage, StreamError
 from rr1plan.mirror.sender_clock import SenderClock
+from rr1plan.model.joint_turns import TURN
 from rr1plan.playback.simulation.joint_map import JointMap
 from rr1plan.scene import Scene
 
@@ -42,6 +43,8 @@ class MessageReader:
         self._planned = np.array([self.joints.index[name] for name in scene.joint_names()], dtype=np.int64)
         self._speeds = np.full(len(self.positions), math.inf)
         self._speeds[self._planned] = scene.limits().velocity
+        kinds = {f"{a}/{joint.name}": joint.kind for a, arm in scene.arms.items() for joint in arm.robot.joints}
+        self._endless = np.array([kinds[name] == "continuous" for name in self.joints.names], dtype=np.bool_)
         self._needed = [self.joints.index[name] for name in needed]
         # Needed joints that are not measured since the latest state.
         self._waiting = set(self._needed)
@@ -106,7 +109,9 @@ class MessageReader:
         """Store positions of joints at a time; returns a fault if one jumps from its previous position."""
         newer = now > self.times[joints]  # another sender may have joints of this one, too
         joints, positions = joints[newer], positions[newer]
-        elapsed, moved = now - self.times[joints], np.abs(positions - self.positions[joints])
+        elapsed, moved = now - self.times[joints], positions - self.positions[joints]
+        # Positions of endless joints may be reported within one turn.
+        moved = np.abs(np.where(self._endless[joints], moved - TURN * np.round(moved / TURN), moved))
         self.positions[joints], self.times[joints] = positions, now
         # Joints that mimic others follow them, unless they are measured, too.
         assumed = self.times == -math.inf

@@ -359,6 +359,20 @@ def test_joints_that_the_scene_does_not_have_are_faults_and_the_others_are_read(
     assert (report.messages, dict(report.faults)) == (1, {"joints": 1})
 
 
+def test_an_endless_joint_may_be_reported_within_a_turn() -> None:
+    endless, limited = (rp.planar_arm("RR", limits=[limits, None]) for limits in (None, [-6.0, 6.0]))
+    for robot, faults in ((endless, {}), (limited, {"jump": 1})):
+        scene = rp.Scene().with_arm("arm", robot, q=[3.0, 0.5])
+        motion = rp.retime(rp.Path(scene.joint_names(), [[3.0, 0.5], [3.4, 0.5]]), scene)
+        with rp.Mirror(scene, motion) as mirror:
+            for time in np.linspace(0.0, motion.duration, 20).tolist():
+                angles = motion(time)
+                mirror.receive(rp.StateMessage(time, motion.joint_names, np.arctan2(np.sin(angles), np.cos(angles))))
+            report = mirror.report()
+        assert dict(report.faults) == faults
+        assert report.outside == ()
+
+
 def test_a_clock_that_jumps_ahead_is_a_fault_and_goes_on(scene: rp.Scene, plan: rp.Trajectory) -> None:
     stream = messages(plan)
     k = len(stream) // 2
