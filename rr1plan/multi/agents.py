@@ -16,6 +16,8 @@ from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.model import Kinematics
 from rr1plan.multi.paths.hop_timing import BLENDED, HopTiming
 from rr1plan.object_cache import kept_in
+from rr1plan.retiming.check_limits import check_limits
+from rr1plan.retiming.path_blends import clean
 from rr1plan.retiming.torque_limits import InverseDynamics
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
@@ -134,6 +136,14 @@ class Agent:
     def inverse_dynamics(self) -> InverseDynamics:
         """Torques of its joints [Nm]."""
         return Kinematics(self.among({}), self.arms).inverse_dynamics
+
+    def check_limits(self, points: Array) -> None:
+        """Check that the joints that move between waypoints (n, nq) have the limits that the timing needs.
+
+        Raises:
+            RetimingError: a moving joint without a limit.
+        """
+        check_limits(self.joint_names, clean(points), self.limits, jerk=self.timing.method == "ruckig")
 
     def among(self, others: Mapping[str, Array | None]) -> Scene:
         """The scene of these arms, the arms that the problem does not move, and `others` in their configurations."""

@@ -172,8 +172,8 @@ def plan_many_arms(
 
     Args:
         problem: The problem. Moving arms without a goal may yield and return.
-        margin: Distance to keep in addition to the scene's padding [m], as far as starts and goals allow (default: the
-            margin of the problem, or 2 mm if it has none).
+        margin: Distance to keep in addition to the scene's padding [m], as far as starts, goals and narrow passages
+            between stationary objects allow (default: the margin of the problem, or 2 mm if it has none).
         budget: When to stop (default: 10 s); only its seconds count, not its iterations.
         improvement: How long to improve the first plan, within `budget`: seconds, and attempts as iterations (default:
             not at all). Makespan first, then the sum of all arrival times; see `improvement.py`.
@@ -309,7 +309,8 @@ def _search_groups(task: _Task, found: Preflight) -> tuple[Preflight, _GroupSear
     result does not depend on the speed of the machine.
 
     Returns:
-        The preflight with the goal configurations of the last search, this search, and the result of each group.
+        The preflight with the goal configurations and margins of the last search, this search, and the result of each
+        group.
     """
     rng, now, attempt = task.rng(task.problem.arms), found, 0
     failed: list[GroupResult] = []  # of the last search that was not cut short by the deadline
@@ -317,14 +318,15 @@ def _search_groups(task: _Task, found: Preflight) -> tuple[Preflight, _GroupSear
         search = _GroupSearch(task, now)
         search.rounds = _ROUNDS_OF_GOALS << attempt // _COMBINATIONS
         groups = search.run()
+        kept = replace(now, margins=search.margins)
         unsolved = [arm for group in groups if not group.found for arm in group.arms]
         if not unsolved or search.impossible:
-            return now, search, groups
+            return kept, search, groups
         if not task.watch.goes_on():
-            return now, search, failed or groups
+            return kept, search, failed or groups
         failed = groups
         if not search.planners and (found.choices is None or found.choices.several.isdisjoint(unsolved)):
-            return now, search, groups  # an arm does not reach its only goal configuration
+            return kept, search, groups  # an arm does not reach its only goal configuration
         attempt += 1
         other = None
         if attempt % _COMBINATIONS:
@@ -415,6 +417,11 @@ class _GroupSearch:
         self.planners: list[GroupPlanner] = []
         self.diagrams = DiagramCache(task.margin, task.watch)
         self.impossible = ""
+
+    @property
+    def margins(self) -> dict[str, float]:
+        """Distance that each arm keeps from stationary objects in addition to the padding [m]."""
+        return {arm: pool.margin for arm, pool in self._pools.items()}
 
     def run(self) -> list[GroupResult]:
         """Plan all groups. Returns the result of each."""

@@ -22,8 +22,6 @@ from rr1plan.planners.collision_messages import describe_collision
 from rr1plan.planners.goal_configurations import GoalSearch, check_start, joint_goals
 from rr1plan.planners.joint_barriers import find_joint_barrier
 from rr1plan.planning import Budget, PlanStatus
-from rr1plan.retiming.check_limits import check_limits
-from rr1plan.retiming.path_blends import clean
 from rr1plan.scene.problem import JointGoal, Problem
 from rr1plan.scene.subscene import subscene
 
@@ -106,9 +104,8 @@ def preflight(
     goal, status, reason, choices = _goal_choices(agents, near, rng, watch, is_reached)
     if status is not None:
         return Preflight({}, {}, status, reason)
-    jerk = timing.method == "ruckig"
     for arm, agent in agents.items():
-        check_limits(agent.joint_names, clean(np.stack([agent.start, goal[arm]])), agent.limits, jerk=jerk)
+        agent.check_limits(np.stack([agent.start, goal[arm]]))
     return with_goal(problem, agents, goal, choices, largest_margin, watch)
 
 

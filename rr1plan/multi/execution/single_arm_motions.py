@@ -10,6 +10,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision.checker_pool import checker_from_pool
+from rr1plan.errors import RetimingError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.execution.present_motions import PresentMotions
 from rr1plan.multi.execution.running_plan import Part, Stop, part_of, stops_of
@@ -174,7 +175,10 @@ class SingleArmMotions:
             # Around their goals, or where they are then.
             ends = [pool.agent.start, *attempt.goals]
             others = self._present.apart_from(pool.agent, ends, math.inf if number == 1 else time)
-        path, reason = pool.add(others, detour=bool(pool.paths) and not others, patient=not pool.paths)
+        try:
+            path, reason = pool.add(others, detour=bool(pool.paths) and not others, patient=not pool.paths)
+        except RetimingError as error:
+            path, reason = None, str(error)
         if not pool.paths:
             attempt.reason = f"{pool.agent.arms[0]}: {reason}"
         return path

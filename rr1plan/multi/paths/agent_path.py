@@ -21,7 +21,6 @@ from rr1plan.multi.paths.hop_timing import jerk_limited_line, times_along
 from rr1plan.multi.paths.placed_path import placed_configurations, placed_path
 from rr1plan.object_cache import kept_in
 from rr1plan.path import Path
-from rr1plan.retiming.check_limits import check_limits
 from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, round_corners
 from rr1plan.retiming.path_speed import Grid, fastest_speeds, hop_times, timed
 from rr1plan.retiming.timed_pieces import Pieces, concatenate
@@ -80,7 +79,7 @@ class AgentPath:
             self.halts: tuple[int, ...] = ()
             self.segments = 0
             return
-        check_limits(path.joint_names, points, agent.limits, jerk=self._limits_jerk)
+        agent.check_limits(points)
         if agent.timing.torque_limits:
             check_gravity(points, path.joint_names, agent.limits.effort, agent.inverse_dynamics)
         rounded = agent.timing.method == "blend"

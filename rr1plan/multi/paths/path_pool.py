@@ -18,11 +18,13 @@ from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_refinement import PathRefiner
 from rr1plan.multi.paths.placed_path import placed_configuration
+from rr1plan.multi.preflight import MARGINS
 from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import are_apart
 from rr1plan.path import Path
-from rr1plan.planners import RrtConnect, plan
+from rr1plan.planners import RrtConnect
 from rr1plan.planners.shortcut import shorten
+from rr1plan.planners.timeout_hints import split_budget, with_hint
 from rr1plan.planning import Budget, PlanResult, PlanStatus
 from rr1plan.scene.problem import JointGoal, Problem
 
@@ -42,6 +44,7 @@ class PathPool:
         watch: Deadline (default: none).
 
     Attributes:
+        margin: This distance, or a smaller one for which a patient search found a path.
         paths: The paths found so far.
         impossible: Whether the last search has proven that there is no path among stationary objects.
     """
@@ -51,6 +54,7 @@ class PathPool:
         self._watch = watch or Stopwatch(np.inf)
         self.paths: list[AgentPath] = []
         self.impossible = False
+        self._searched: dict[float, None] = {}  # margins of all searches, in order
 
     def add(
         self, others: Mapping[str, Array | None], *, detour: bool = False, effort: int = 0, patient: bool = False
@@ -61,11 +65,14 @@ class PathPool:
             others: Moving arms of the problem that it has to avoid, each at a configuration (nq,).
             detour: Whether it has to go through a random configuration.
             effort: Number of doublings of the iterations after which a hard search is abandoned.
-            patient: Whether to use all of the time, and then to search for a hint why there is no path; otherwise a
-                hard search is abandoned early.
+            patient: Whether to use all of the time, also with smaller margins, and then to search for a hint why
+                there is no path; otherwise a hard search is abandoned early.
 
         Returns:
             The path, which has been added to the pool, or None and the reason.
+
+        Raises:
+            RetimingError: a patient search found a path on which a joint without a limit moves.
         """
         query = self.agent.query(others, self.margin)
         via = self._via(query) if detour else None
@@ -81,8 +88,12 @@ class PathPool:
                 reason = f"no path found in {self._watch.seconds:.3g} s" if late else result.reason
                 return None, f"{reason}{self._kept_margin()}" if late or result.status is PlanStatus.TIMEOUT else reason
             parts.append(result.path)
+        query = query.with_margin(self.margin)
+        points = self._shortened(parts, query)
+        if patient:
+            self.agent.check_limits(points)
         try:
-            return self.add_shortened(parts, query), ""
+            return self._add(points, query), ""
         except RetimingError as error:
             return None, str(error)
 
@@ -99,8 +110,8 @@ class PathPool:
             for end in (self.agent.start, self.paths[0].goal)
         )
 
-    def _shortened(self, parts: Sequence[Path], query: Problem) -> list[Array]:
-        """Waypoints of each part of a path, shortened separately; each part begins where the previous one ends."""
+    def _shortened(self, parts: Sequence[Path], query: Problem) -> Array:
+        """Waypoints of a path in parts, each shortened separately, shape (n, nq)."""
         shorter: list[Array] = []
         with checker_from_pool(query.scene, query.arms, self.margin) as checker:
             for part in parts:
@@ -114,7 +125,7 @@ class PathPool:
                 ).waypoints
                 # For joints that wrap, the planner may end some whole turns away.
                 shorter.append(points + (shorter[-1][-1] - points[0]) if shorter else points)
-        return shorter
+        return np.concatenate(shorter)
 
     def add_shortened(self, parts: Sequence[Path], query: Problem | None = None) -> AgentPath:
         """Shorten a certified path, round its corners, and add it.
@@ -127,7 +138,10 @@ class PathPool:
             RetimingError: it cannot be timed under the limits.
         """
         query = query or self.agent.query({}, self.margin)
-        points = np.concatenate(self._shortened(parts, query))
+        return self._add(self._shortened(parts, query), query)
+
+    def _add(self, points: Array, query: Problem) -> AgentPath:
+        """Round the corners of a path with waypoints (n, nq), and add it."""
         with checker_from_pool(query.scene, query.arms, self.margin) as checker:
             path = AgentPath(self.agent, Path(self.agent.joint_names, points), checker)
         self.paths.append(path)
@@ -148,18 +162,49 @@ class PathPool:
         return made
 
     def _kept_margin(self) -> str:
-        """The margin, which may have closed narrow passages, as the end of a reason; empty if there is none."""
-        return (
-            f"; the search kept {1000.0 * self.margin:.3g} mm beyond the padding (option margin)" if self.margin else ""
-        )
+        """The margins, which may have closed narrow passages, as the end of a reason; empty if there were none."""
+        kept = " or ".join(f"{1000.0 * margin:.3g}" for margin in self._searched)
+        return f"; the search kept {kept} mm beyond the padding (option margin)" if 0.0 not in self._searched else ""
 
     def _plan(self, leg: Problem, effort: int, *, patient: bool) -> PlanResult:
-        goes_on, seconds = self._watch.let_planner_go_on, self._watch.time_left
         if patient:
-            most = None if math.isfinite(seconds) else _NO_LIMIT
-            return plan(leg, budget=Budget(seconds, most), rng=self._rng, progress=goes_on)
-        budget = Budget(seconds, _ITERATIONS * len(self.agent.arms) << effort)
-        return RrtConnect().plan(leg, budget=budget, rng=self._rng, progress=goes_on)
+            return self._plan_patiently(leg)
+        return self._search(leg, self._watch, _ITERATIONS * len(self.agent.arms) << effort)
+
+    def _plan_patiently(self, leg: Problem) -> PlanResult:
+        """Search with growing effort, in turn with the margin and with the least one, which a narrow passage may need.
+
+        Effort is counted in iterations, so that the path does not depend on the speed of the machine.
+        """
+        report, seconds = self._watch.let_planner_go_on, self._watch.time_left
+        budget, rest = split_budget(Budget(seconds, None if math.isfinite(seconds) else _NO_LIMIT))
+        search = self._watch.with_deadline(budget.seconds)
+        iterations = _ITERATIONS * len(self.agent.arms)
+        while True:
+            for margin in dict.fromkeys((self.margin, min(self.margin, MARGINS[-1]))):
+                result = self._search(leg.with_margin(margin), search, iterations)
+                if result.found:
+                    return result if margin == self.margin else self._with_most_margin(leg, result, search, iterations)
+                if result.status is not PlanStatus.TIMEOUT:
+                    return result
+                if not search.goes_on():
+                    return result if rest is None else with_hint(leg, result, rest, report)
+            iterations *= 2
+
+    def _with_most_margin(self, leg: Problem, found: PlanResult, search: Stopwatch, iterations: int) -> PlanResult:
+        """A path with the largest of the smaller margins for which one is found, or else the one with the least."""
+        largest, self.margin = self.margin, MARGINS[-1]
+        for margin in (m for m in MARGINS[:-1] if m < largest):
+            result = self._search(leg.with_margin(margin), search, iterations)
+            if result.found:
+                self.margin = margin
+                return result
+        return found
+
+    def _search(self, leg: Problem, watch: Stopwatch, iterations: int) -> PlanResult:
+        self._searched[leg.margin] = None
+        budget = Budget(watch.time_left, iterations)
+        return RrtConnect().plan(leg, budget=budget, rng=self._rng, progress=self._watch.let_planner_go_on)
 
     def _via(self, query: Problem) -> Array | None:
         """A random free configuration, nearer ones more often."""

@@ -104,6 +104,7 @@ def plan_small_team(
         if path is None:
             return TeamPlan(reason=f"{arm}: {reason}", impossible=no_path([arm], reason) if pool.impossible else "")
     first = {arm: pool.paths[0] for arm, pool in pools.items()}
+    margins = {arm: pool.margin for arm, pool in pools.items()}  # smaller where a first path needs it
     alone = {arm: path.fastest for arm, path in first.items()}
     diagrams = DiagramCache(largest_margin, watch)
     pairs = [(first[a], first[b]) for a, b in combinations(arms, 2) if b in near[a]]
