@@ -204,6 +204,15 @@ def test_an_execution_without_delays_is_about_as_fast_as_the_plan(plan: Plan) ->
     assert all(waiting >= 0.0 for waiting in done.waiting.values())
 
 
+def test_only_releases_that_are_not_known_in_advance_delay_an_execution_without_delays(plan: Plan) -> None:
+    problem, result, graph = plan
+    # With knowledge of the future the plan itself is an execution of its graph ...
+    assert all(node.time >= after.time for node, after in graph.dependencies)
+    # ... and arms that never wait are as fast as planned, up to the reserve of speed.
+    free = rp.execute_plan(rp.PlanGraph(graph.routes, ()), problem.scene)
+    assert free.makespan <= 1.006 * result.makespan
+
+
 def test_a_slower_arm_takes_as_much_longer(rr1: rp.Robot) -> None:
     scene = rp.place_grid(rr1, 1, 1)
     problem = rp.Problem(scene, None, {"arm01": [0.4, 0.1, 0.3, 0.2, 1.2, 0.3]})

@@ -100,6 +100,9 @@ def execute_plan(
     """The motion of all arms of a plan if some are delayed and all dependencies are kept.
 
     An agent moves as soon as its dependencies allow, so it may be earlier than planned if the plan contains a wait.
+    It may also be later although no agent is delayed: it does not rely on the others being on time, so it brakes before
+    a step that is not released yet, which the plan passes at full speed. Without dependencies an execution takes
+    about 0.5 % longer than the plan at most, because of a reserve of speed.
     Executions keep velocity and acceleration limits only, so a plan that limits jerk or torques has none.
 
     Args:
