@@ -94,9 +94,10 @@ def times_along(line: Pieces, direction: Array, distances: Array) -> Array:
     breaks = np.concatenate([[0.0], np.cumsum(line.durations)])
     piece = np.clip(np.searchsorted(along[:, 0], distances, side="right") - 1, 0, len(along) - 1)
     low, high = np.zeros(len(distances)), line.durations[piece].copy()
+    cubics = along[piece][:, :, None]
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        before = evaluate(along[piece][:, :, None], middle[:, None])[:, 0] < distances
+        before = evaluate(cubics, middle[:, None])[:, 0] < distances
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     times = breaks[piece] + high
     times[0], times[-1] = 0.0, breaks[-1]
