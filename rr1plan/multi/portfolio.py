@@ -219,7 +219,8 @@ def plan_many_arms(
     task = _Task(problem, near, largest, seeds, watch)
     if method == _SEARCH:
         diagrams = DiagramCache(largest, watch)
-        groups, schedules, alone, impossible = _search_small_teams(task, found)
+        with watch:
+            groups, schedules, alone, impossible = _search_small_teams(task, found)
         found, schedules = _with_chosen_goals(task, found, schedules)
     else:
         with watch:

@@ -89,21 +89,20 @@ class ArmRoadmap:
             if bound >= bounds[vertex]:
                 continue
             bounds[vertex] = bound
-            for other in self.neighbors[vertex]:
-                if math.isinf(bounds[other]):
-                    heapq.heappush(queue, (bound + self._least_duration(vertex, other), other))
+            others = [other for other in self.neighbors[vertex] if math.isinf(bounds[other])]
+            for other, duration in zip(others, self._least_durations(vertex, others).tolist(), strict=True):
+                heapq.heappush(queue, (bound + duration, other))
         return bounds
 
-    def _least_duration(self, one: int, two: int) -> float:
-        """Lower bound of the duration of a straight line from rest to rest [s]."""
-        delta = self.vertices[two] - self.vertices[one]
-        length = float(np.linalg.norm(delta))
-        if length == 0.0:
-            return 0.0
-        speed, acceleration, _ = (float(rate) for rate in line_rates(delta / length, self.agent.limits))
-        if speed * speed >= length * acceleration:
-            return 2.0 * math.sqrt(length / acceleration)
-        return length / speed + speed / acceleration
+    def _least_durations(self, one: int, others: list[int]) -> Array:
+        """Lower bounds of the durations of straight lines from rest to rest [s], shape (others,)."""
+        delta = self.vertices[others] - self.vertices[one]
+        length = np.linalg.norm(delta, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            speed, acceleration, _ = line_rates(delta / length[:, None], self.agent.limits)
+            is_ramp = speed * speed >= length * acceleration
+            durations = np.where(is_ramp, 2.0 * np.sqrt(length / acceleration), length / speed + speed / acceleration)
+        return np.where(length == 0.0, 0.0, durations)
 
 
 class _Straight:

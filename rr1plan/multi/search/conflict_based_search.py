@@ -211,7 +211,7 @@ class ConflictBasedSearch:
     def _root(self) -> _Node | None:
         moves: dict[str, list[Move]] = {}
         for arm, roadmap in self._roadmaps.items():
-            found = earliest_moves(roadmap, ())
+            found = earliest_moves(roadmap, (), self._watch.goes_on)
             if found is None:
                 return None
             moves[arm] = found
@@ -240,6 +240,8 @@ class ConflictBasedSearch:
             best: tuple[float, list[_Node]] = (-1.0, [])
             for conflict in node.first_conflicts(_MOST_CONFLICTS):
                 children = [self._child(node, *branch, replanned) for branch in self._branches(*conflict)]
+                if not self._watch.goes_on():
+                    return []  # searches for children may have been cut short
                 found = [child for child in children if child is not None]
                 bypass = min(found, key=lambda child: child.count, default=node)
                 if bypass.count < node.count and bypass.cost <= most:
@@ -265,7 +267,7 @@ class ConflictBasedSearch:
         """
         constraints = (*node.constraints[arm], constraint)
         if (arm, constraint) not in replanned:
-            replanned[arm, constraint] = earliest_moves(self._roadmaps[arm], constraints)
+            replanned[arm, constraint] = earliest_moves(self._roadmaps[arm], constraints, self._watch.goes_on)
         found = replanned[arm, constraint]
         if found is None:
             return None

@@ -8,6 +8,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.stopwatch import Stopwatch
 from rr1plan.multi.timing.coordination import Blocked, coordination_diagram
 
 # Extension of intervals at both ends, far above the rounding of times, and longest conflict that is ignored [s].
@@ -54,10 +55,11 @@ class RelativeConflicts:
 
     Args:
         margin: Distance that agents keep from each other, in addition to the padding [m].
+        watch: Deadline, after which unknown pairs conflict at all relative times (default: none).
     """
 
-    def __init__(self, margin: float) -> None:
-        self._margin = margin
+    def __init__(self, margin: float, watch: Stopwatch | None = None) -> None:
+        self._margin, self._stop = margin, (watch or Stopwatch(np.inf)).stop
         self._known: dict[tuple[AgentPath, AgentPath], list[tuple[float, float]]] = {}
 
     def intervals(self, one: AgentPath, two: AgentPath) -> list[tuple[float, float]]:
@@ -67,7 +69,9 @@ class RelativeConflicts:
         never.
         """
         if (one, two) not in self._known:
-            blocked = coordination_diagram(one, two, self._margin)
+            blocked = None if self._stop[0] else coordination_diagram(one, two, self._margin, self._stop)
+            if self._stop[0]:
+                return [(-np.inf, np.inf)]
             self._known[one, two] = [] if blocked is None else _intervals(one, two, blocked)
             self._known[two, one] = [(-high, -low) for low, high in reversed(self._known[one, two])]
         return self._known[one, two]

@@ -7,7 +7,7 @@ earliest is kept (Phillips and Likhachev 2011). The dynamics of the arm determin
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from heapq import heappop, heappush
 from itertools import count
 from typing import NamedTuple
@@ -88,14 +88,18 @@ class _State(NamedTuple):
     departure: float
 
 
-def earliest_moves(roadmap: ArmRoadmap, constraints: Iterable[Constraint]) -> list[Move] | None:
+def earliest_moves(
+    roadmap: ArmRoadmap, constraints: Iterable[Constraint], goes_on: Callable[[], bool] = lambda: True
+) -> list[Move] | None:
     """The motion with the earliest final arrival at a goal under some constraints; None if there is none.
 
     Args:
         roadmap: The roadmap.
         constraints: The constraints.
+        goes_on: Called for each state, because the motions of edges are timed on first use; False ends the search
+            without a motion.
     """
-    return _Search(roadmap, constraints).run()
+    return _Search(roadmap, constraints).run(goes_on)
 
 
 class _Search:
@@ -122,7 +126,7 @@ class _Search:
         """Earliest final arrival at a goal [s]."""
         return self._settled_from.get(goal, 0.0)
 
-    def run(self) -> list[Move] | None:
+    def run(self, goes_on: Callable[[], bool]) -> list[Move] | None:
         """A*: best first, by a lower bound of the time of arrival at a goal."""
         first = self._first_state()
         if first is None:
@@ -130,7 +134,7 @@ class _Search:
         numbers = count()
         queue = [(self._bound(first), next(numbers), first)]
         done: set[tuple[int, int, bool]] = set()
-        while queue:
+        while queue and goes_on():
             _, _, state = heappop(queue)
             key = state.vertex, state.interval, state.settled
             if key in done:

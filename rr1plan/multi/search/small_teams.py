@@ -108,7 +108,7 @@ def plan_small_team(
     alone = {arm: path.fastest for arm, path in first.items()}
     diagrams = DiagramCache(largest_margin, watch)
     pairs = [(first[a], first[b]) for a, b in combinations(arms, 2) if b in near[a]]
-    conflicts = RelativeConflicts(min((diagrams.margin(*pair) for pair in pairs), default=largest_margin))
+    conflicts = RelativeConflicts(min((diagrams.margin(*pair) for pair in pairs), default=largest_margin), watch)
     known: tuple[Schedule, ...] = ()
     cost, bound, reason = math.inf, 0.0, "no time was left"
     for effort in (_GROWTH**k for k in count()):
