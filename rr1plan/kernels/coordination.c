@@ -9,11 +9,14 @@
 
 // Place the bodies of all nodes that are not empty.
 //
-// q: a configuration of each node; reach: largest change of each column from it; shapes (nodes, nq).
-EXPORT void rr1_place_path(const PlacedPath *path, ExactScratch *scratch, const double *q, const double *reach) {
+// q: a configuration of each node; reach: largest change of each column from it; shapes (nodes, nq). stop: if it
+// becomes nonzero, the remaining nodes are not placed; any thread may set it.
+EXPORT void rr1_place_path(const PlacedPath *path, ExactScratch *scratch, const double *q, const double *reach,
+                           const int64_t *stop) {
     const ExactTables *exact = path->exact;
     int64_t bodies = exact->body_count, groups = path->group_count, nq = exact->column_count;
-    for (int64_t node = 1; node < 2 * path->leaf_count + 2; node++) {
+    const volatile int64_t *stopped = stop;
+    for (int64_t node = 1; node < 2 * path->leaf_count + 2 && !*stopped; node++) {
         if (path->is_empty[node]) continue;
         place_joints(q + node * nq, exact, scratch);
         for (int64_t b = 0; b < bodies; b++) {

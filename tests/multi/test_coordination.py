@@ -205,7 +205,20 @@ def test_diagrams_that_were_stopped_are_not_kept(crossing) -> None:
     late = diagrams.diagram(one, two)
     assert late is not None
     assert late.all()
+    assert late.shape == in_time.shape
     assert len(diagrams) == 0
+
+
+def test_paths_are_not_placed_after_a_stop(crossing) -> None:
+    _, one, two, _ = crossing
+    for path in (one, two):
+        path.release()
+    assert not one.place(np.ones(1, np.int64))
+    assert one.place(np.zeros(1, np.int64))
+    assert one.place(np.ones(1, np.int64)), "it is placed already"
+    # What was stopped is placed completely when it is needed.
+    assert not two.place(np.ones(1, np.int64))
+    assert coordination_diagram(one, two) is not None
 
 
 def test_a_cancelled_clock_stops_what_takes_long() -> None:

@@ -18,7 +18,7 @@ from rr1plan.checks import Array
 from rr1plan.kernels.planner_kernels import CStruct
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.hop_timing import jerk_limited_line, times_along
-from rr1plan.multi.paths.placed_path import placed_configurations, placed_path
+from rr1plan.multi.paths.placed_path import NEVER, placed_configurations, placed_path
 from rr1plan.object_cache import kept_in
 from rr1plan.path import Path
 from rr1plan.retiming.path_blends import Curve, CurveChecker, blend_sizes, clean, round_corners
@@ -292,6 +292,18 @@ class AgentPath:
     @cached_property
     def placed(self) -> CStruct:
         """The bodies at each interval of the path (`coordination.h`)."""
+        return self._placed(NEVER)
+
+    def place(self, stop: NDArray[np.int64]) -> bool:
+        """Compute `placed` unless a flag (1,) is set before it is complete; returns whether it was not."""
+        if "placed" not in self.__dict__:
+            placed = self._placed(stop)
+            if stop[0]:
+                return False
+            self.__dict__["placed"] = placed
+        return True
+
+    def _placed(self, stop: NDArray[np.int64]) -> CStruct:
         bodies, nq = self.agent.bodies, self.agent.bodies.columns
         count = self.segments * _LEAVES
         leaves = 1 << max(0, (count - 1).bit_length())
@@ -307,7 +319,7 @@ class AgentPath:
         q[-2], q[-1] = self.start, self.goal
         empty[-2:] = 0
         cell[-2:] = 0, self.segments + 1
-        return placed_path(bodies, q, reach, empty, cell)
+        return placed_path(bodies, q, reach, empty, cell, stop)
 
     @cached_property
     def placed_ends(self) -> CStruct:

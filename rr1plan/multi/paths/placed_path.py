@@ -5,15 +5,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array
+from rr1plan.checks import Array, read_only
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.multi.agents import AgentBodies
 
+NEVER: NDArray[np.int64] = read_only(np.zeros(1, np.int64))
+"""The flag of work that is never stopped."""
 _ANYWHERE = 1e3  # deviation of joints by which bodies may be anywhere [rad or m]
 
 
 def placed_path(
-    bodies: AgentBodies, q: Array, reach: Array, is_empty: NDArray[np.int64], cell: NDArray[np.int64]
+    bodies: AgentBodies,
+    q: Array,
+    reach: Array,
+    is_empty: NDArray[np.int64],
+    cell: NDArray[np.int64],
+    stop: NDArray[np.int64] = NEVER,
 ) -> CStruct:
     """Place the bodies at all nodes of a tree of intervals.
 
@@ -23,6 +30,7 @@ def placed_path(
         reach: Largest deviation of each column from it, same shape.
         is_empty: 1 for nodes without anything, shape (2 leaves + 2,).
         cell: Row of coordination diagrams of each leaf and both ends, shape (leaves + 2,).
+        stop: A flag, shape (1,). Once another thread sets it, the remaining nodes are not placed.
     """
     nodes, body_count, group_count = len(q), len(bodies.elements), len(bodies.group_rows)
     placed = CStruct(
@@ -41,7 +49,7 @@ def placed_path(
         group_centers=np.empty((nodes * group_count, 3)),
         group_travel=np.empty(nodes * group_count),
     )
-    load_library().rr1_place_path(placed, bodies.scratch(), q, reach)
+    load_library().rr1_place_path(placed, bodies.scratch(), q, reach, stop)
     return placed
 
 

@@ -12,11 +12,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import read_only
 from rr1plan.collision.checker import TOLERANCE
 from rr1plan.kernels.planner_kernels import CStruct, load_library
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.paths.placed_path import NEVER
 from rr1plan.object_cache import kept_in
 from rr1plan.scene import Scene
 
@@ -24,14 +24,11 @@ Blocked = NDArray[np.uint8]
 """Cells that are not proven free, shape (cells of one path, cells of the other)."""
 
 
-_NEVER: NDArray[np.int64] = read_only(np.zeros(1, np.int64))
-
-
 def coordination_diagram(
     one: AgentPath,
     two: AgentPath,
     margin: float = 0.0,
-    stop: NDArray[np.int64] = _NEVER,
+    stop: NDArray[np.int64] = NEVER,
     wanted: NDArray[np.bool_] | None = None,
 ) -> Blocked | None:
     """The coordination diagram of two paths; None where all cells are free.
@@ -78,7 +75,7 @@ def conflicts(one: Agent, placed: CStruct, two: Agent, other: CStruct, margin: f
 def _conflicts(one: Agent, two: Agent, placed: CStruct, other: CStruct, pairs: CStruct) -> Blocked:
     blocked = np.zeros((placed.value.cell_count, other.value.cell_count), np.uint8)
     directions = np.empty((len(one.bodies.elements) * len(two.bodies.elements), 3))
-    load_library().rr1_coordinate_paths(placed, other, pairs, directions, _NEVER, 0, blocked)
+    load_library().rr1_coordinate_paths(placed, other, pairs, directions, NEVER, 0, blocked)
     return blocked
 
 

@@ -67,6 +67,8 @@ class DiagramCache:
         try:
             return self._diagrams[one, two]
         except KeyError:
+            if not (one.place(self._stop) and two.place(self._stop)):
+                return extended(np.ones((one.cells, two.cells), np.uint8))
             blocked = None
             if self.may_touch(one, two):
                 blocked = coordination_diagram(one, two, self.margin(one, two), self._stop)
@@ -94,11 +96,12 @@ class DiagramCache:
             threads: Number of threads.
             watch: Deadline.
         """
-        if not watch.goes_on():
+        if threads < 2:
             return
-        missing = [both for both in pairs if both not in self._diagrams and self.may_touch(*both)]
-        if threads < 2 or len(missing) < _FEWEST:
+        unknown = [both for both in pairs if both not in self._diagrams]
+        if not all(path.place(self._stop) for both in unknown for path in both):
             return
-        for path in dict.fromkeys(path for both in missing for path in both):
-            _ = path.placed
+        missing = [both for both in unknown if watch.goes_on() and self.may_touch(*both)]
+        if len(missing) < _FEWEST:
+            return
         in_parallel(lambda both: watch.goes_on() and self.diagram(*both), missing, threads, watch)
