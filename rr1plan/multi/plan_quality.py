@@ -16,7 +16,7 @@ class PlanQuality:
     Args:
         makespan: When the last arm arrives [s].
         slowest_alone: Duration of the fastest known motion of the slowest arm alone [s].
-        path_length: Sum of the lengths of all motions [rad].
+        path_length: Sum of the lengths of the motions of all arms, also of those that move as one [rad].
         waiting: Sum of the times that agents wait before they arrive [s].
     """
 

@@ -25,7 +25,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rr1plan.checks import Array, Seed, Value, as_generator, finite_number, known_name
+from rr1plan.checks import Array, Seed, Value, as_generator, counted, finite_number, known_name
 from rr1plan.collision.arm_groups import arms_in_reach, interaction_groups
 from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
@@ -153,7 +153,7 @@ class ManyArmsResult(Value):
             return f"ManyArmsResult({self.status.value}: {self.reason})"
         stages = ", ".join(dict.fromkeys(group.stage for group in self.groups))
         timing = f"{self.makespan:.3f} s, {self.ratio:.2f} times the slowest arm alone"
-        return f"ManyArmsResult({len(self.paths)} arms, {timing}, by {stages})"
+        return f"ManyArmsResult({counted(len(self.paths), 'arm')}, {timing}, by {stages})"
 
 
 def plan_many_arms(

@@ -43,7 +43,10 @@ def test_plans_are_safe_and_start_and_end_where_they_have_to(name: str, rr1: rp.
     assert result.makespan == pytest.approx(motion.duration)
     assert result.ratio >= 1.0 - 1e-9
     assert result.quality.waiting >= 0.0
-    assert result.quality.path_length > 0.0
+    samples = motion(np.linspace(0.0, motion.end_time, 20_001))
+    of_arms = (np.diff(q, axis=0) for q in np.split(samples, len(problem.arms), axis=1))
+    lengths = [np.linalg.norm(steps, axis=1).sum() for steps in of_arms]
+    assert result.quality.path_length == pytest.approx(sum(lengths), rel=1e-4)
     assert {arm for group in result.groups for arm in group.arms} == set(problem.arms)
     assert all(group.stage for group in result.groups)
 

@@ -137,8 +137,18 @@ class AgentPath:
     @cached_property
     def lengths(self) -> Array:
         """Euclidean length in joint space up to each gridpoint [rad], shape (gridpoints,)."""
+        return self._lengths(slice(None))
+
+    @cached_property
+    def lengths_of_arms(self) -> Array:
+        """Sum of the lengths of its arms' own paths up to each gridpoint [rad], shape (gridpoints,)."""
+        columns = self.agent.columns.values()
+        return self.lengths if len(columns) == 1 else np.sum([self._lengths(own) for own in columns], axis=0)
+
+    def _lengths(self, columns: slice) -> Array:
+        """Length in some joints up to each gridpoint [rad], shape (gridpoints,)."""
         # The parameter of a rounded corner is the length of the polyline, which is longer.
-        c, half = self.curve.coefficients[self.grid.piece], 0.5 * self.grid.delta
+        c, half = self.curve.coefficients[self.grid.piece][:, :, columns], 0.5 * self.grid.delta
         s = self.grid.offset + half + half * _NODES[:, None]
         speeds = np.linalg.norm(c[:, 1] + 2.0 * s[..., None] * c[:, 2], axis=2)
         return np.concatenate([[0.0], np.cumsum(half * (_WEIGHTS @ speeds))])

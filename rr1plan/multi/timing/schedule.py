@@ -102,8 +102,8 @@ class Schedule:
 
     @property
     def length(self) -> float:
-        """Length of its motions [rad]."""
-        lengths = self.path.lengths
+        """Sum of the lengths of its arms' motions [rad]."""
+        lengths = self.path.lengths_of_arms
         return float(sum(abs(lengths[leg.end] - lengths[leg.begin]) for leg in self.legs))
 
     @cached_property
