@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -36,6 +37,19 @@ def _free_goal(plan: rp.RunningPlan, arm: str, rng: np.random.Generator) -> np.n
         q = rng.uniform(limits.lower, limits.upper)
         if checker.is_free(q):
             return q
+
+
+def test_a_running_plan_goes_on_in_another_process(rr1: rp.Robot) -> None:
+    result = rp.plan_many_arms(rp.ring_swap(rr1, 4, 0.5, rng=1), rng=0, budget=_BUDGET)
+    goal = result.paths["arm04"].waypoints[-1]
+    added = rp.add_motion(result, "arm04", "home", at=0.3, budget=_BUDGET, rng=0)
+    assert added, added.reason
+    sent = pickle.loads(pickle.dumps(added))
+    here, there = (
+        rp.add_motion(plan, "arm04", goal, at=0.8, budget=_BUDGET, rng=0) for plan in (added.plan, sent.plan)
+    )
+    assert here, here.reason
+    np.testing.assert_array_equal(here.plan.trajectory.coefficients, there.plan.trajectory.coefficients)
 
 
 @pytest.mark.parametrize(("count", "spacing"), [(4, 0.6), (8, 0.65)])

@@ -132,7 +132,7 @@ class AgentPath:
 
     def __getstate__(self) -> dict[str, object]:
         """The path without memory of kernels, and without times of hops, which are quickly recomputed."""
-        return {name: value for name, value in self.__dict__.items() if name not in ("placed", "_times")}
+        return {name: value for name, value in self.__dict__.items() if name not in ("placed", "placed_ends", "_times")}
 
     @cached_property
     def lengths(self) -> Array:
