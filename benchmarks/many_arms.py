@@ -268,8 +268,16 @@ def _plan_as_one(problem: rp.Problem, task: Mapping[str, Any]) -> dict[str, Any]
     if not motion.found:
         return {"trajectory": None, "failed": motion.result.reason}
     nan = float("nan")
-    figures = {"makespan": motion.trajectory.duration, "ratio": nan, "waiting": nan, "length": motion.path.length}
+    figures = {"makespan": motion.trajectory.duration, "ratio": nan, "waiting": nan}
+    figures["length"] = _length_of_arms(problem, motion.path.waypoints)
     return {"trajectory": motion.trajectory} | figures
+
+
+def _length_of_arms(problem: rp.Problem, waypoints: np.ndarray) -> float:
+    """Sum of the lengths of the arms' paths [rad], as in `PlanQuality`."""
+    first_columns = np.cumsum([problem.scene.arms[arm].robot.nq for arm in problem.arms])[:-1]
+    steps = np.split(np.diff(waypoints, axis=0), first_columns, axis=1)
+    return float(sum(np.linalg.norm(own, axis=1).sum() for own in steps))
 
 
 _PLANNERS = {"many_arms": _plan_many, "prioritized": _plan_prioritized}
