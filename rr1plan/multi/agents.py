@@ -145,6 +145,13 @@ class Agent:
         """
         check_limits(self.joint_names, clean(points), self.limits, jerk=self.timing.method == "ruckig")
 
+    @property
+    def unlimited_joints(self) -> tuple[str, ...]:
+        """Joints that cannot move, because a limit that the timing needs is missing."""
+        limits = self.limits
+        needed = [limits.velocity, limits.acceleration, *([limits.jerk] if self.timing.method == "ruckig" else [])]
+        return tuple(name for name, *most in zip(self.joint_names, *needed, strict=True) if not np.isfinite(most).all())
+
     def among(self, others: Mapping[str, Array | None]) -> Scene:
         """The scene of these arms, the arms that the problem does not move, and `others` in their configurations."""
         scene, moving = self.problem.scene, set(self.problem.arms)

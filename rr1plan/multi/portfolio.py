@@ -234,7 +234,8 @@ def plan_many_arms(
         return ManyArmsResult(PlanStatus.INFEASIBLE, impossible, groups=tuple(groups), seconds=watch.seconds)
     unsolved = [group for group in groups if not group.found]
     if unsolved and not watch.cancelled:
-        reason = f"not found in {watch.seconds:.3g} s: {_why_unsolved(unsolved)}"
+        agent = Agent(problem, [arm for group in unsolved for arm in group.arms], timing)
+        reason = f"not found in {watch.seconds:.3g} s: {_why_unsolved(unsolved, agent.unlimited_joints)}"
         return ManyArmsResult(PlanStatus.TIMEOUT, reason, groups=tuple(groups), seconds=watch.seconds)
     agents = [*found.agents.values(), *(schedule.path.agent for schedule in schedules)]
     plan = AgentSchedules(agents, found.margins, near, diagrams, watch)
@@ -262,10 +263,20 @@ def plan_many_arms(
     )
 
 
-def _why_unsolved(groups: Sequence[GroupResult]) -> str:
+def _why_unsolved(groups: Sequence[GroupResult], unlimited: Sequence[str]) -> str:
+    """Why some groups have no schedule.
+
+    Args:
+        groups: The groups.
+        unlimited: Their joints without limits.
+    """
     late = [arm for group in groups if group.reason == NO_TIME for arm in group.arms]
     reasons = [group.reason for group in groups if group.reason != NO_TIME]
-    return "; ".join([*reasons, f"no time was left to schedule {', '.join(late)}"] if late else reasons)
+    if late:
+        reasons.append(f"no time was left to schedule {', '.join(late)}")
+    if unlimited:
+        reasons.append(f"{', '.join(unlimited)} did not move, because they have no limits (option limits)")
+    return "; ".join(reasons)
 
 
 @dataclass(frozen=True)

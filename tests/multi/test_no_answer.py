@@ -198,6 +198,19 @@ def test_a_joint_without_a_limit_that_moves_only_on_the_path_is_named(method: st
         plan_many_arms(problem, method=method, rng=0)
 
 
+@pytest.mark.usefixtures("processor_clock")
+@pytest.mark.parametrize("method", ["portfolio", "conflict_based_search"])
+def test_joints_without_limits_that_would_have_to_yield_are_named(method: str) -> None:
+    robot = rp.planar_arm("RR", (0.6, 0.6), limits=[(-3.0, 3.0), (-0.1, 0.1)])
+    still = robot.with_limits(replace(robot.limits, velocity=np.full(2, np.inf)))
+    scene = rp.Scene().with_arm("left", still, (-1.0, 0.0, 0.0))
+    scene = scene.with_arm("right", robot, pose((1.0, 0.0, 0.0), rpy=(0.0, 0.0, np.pi)))
+    problem = rp.Problem(scene, {"left": [0.0, 0.0], "right": [1.0, 0.0]}, {"left": [0.0, 0.0], "right": [-1.0, 0.0]})
+    result = plan_many_arms(problem, rng=0, method=method, budget=Budget(seconds=0.3))
+    assert result.status is PlanStatus.TIMEOUT
+    assert "left/joint1, left/joint2 did not move, because they have no limits" in result.reason
+
+
 def test_what_is_not_found_in_time_is_said_with_who_is_blocked(planar2r: rp.Robot) -> None:
     # A post on either side of the first link at its goal: it cannot turn there from anywhere.
     scene = _facing(planar2r)
