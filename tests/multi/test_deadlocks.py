@@ -86,7 +86,7 @@ def _prioritized(paths: dict[str, AgentPath], order: tuple[str, ...]) -> bool:
     for arm in order:
         diagrams = [(coordination_diagram(paths[arm], other.path), other) for other in done]
         others = [(extended(d), other.occupancy) for d, other in diagrams if d is not None]
-        schedule = earliest_schedule(paths[arm], blocked_times(paths[arm], others))
+        schedule = earliest_schedule(paths[arm], blocked_times(others))
         if schedule is None:
             return False
         done.append(schedule)

@@ -113,7 +113,7 @@ def _moves_in_turn(problem: rp.Problem, rng: int) -> PlanImprover:
     assert points is not None
     with checker_from_pool(agent.query({}, 0.0).scene, agent.arms) as checker:
         path = AgentPath(agent, rp.Path(agent.joint_names, points), checker)
-    schedule = earliest_schedule(path, blocked_times(path, []))
+    schedule = earliest_schedule(path, blocked_times([]))
     assert schedule is not None
     return _improver_of(problem, [schedule], 0.0, generator, watch)
 

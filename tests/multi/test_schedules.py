@@ -223,7 +223,7 @@ def test_blocked_times_join_cells_one_after_the_other(path: AgentPath) -> None:
     occupied = Occupancy(
         np.array([0, 1, 2, 3]), np.array([-math.inf, 1.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0, math.inf])
     )
-    times = blocked_times(path, [(blocked, occupied)])
+    times = blocked_times([(blocked, occupied)])
     assert times.rows.tolist() == [3]
     assert times.begin[0] == pytest.approx(1.0)
     assert times.end[0] == pytest.approx(3.0)

@@ -115,7 +115,7 @@ class PresentMotions:
                 blocked = self._diagram(path, part, time)
                 if blocked is not None:
                     found.append((blocked, part.occupancy))
-        return blocked_times(path, found)
+        return blocked_times(found)
 
     def _diagram(self, path: AgentPath, part: Part, time: float) -> Blocked | None:
         """The diagram with the largest margin that the arm and the other one have at rest."""

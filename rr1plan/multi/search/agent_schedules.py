@@ -105,7 +105,7 @@ class AgentSchedules:
             if blocked is not None:
                 found.append((blocked, theirs.occupancy))
         began = time.perf_counter()
-        schedule = earliest_schedule(path, blocked_times(path, found), self.watch.goes_on)
+        schedule = earliest_schedule(path, blocked_times(found), self.watch.goes_on)
         self.statistics.add_time("timing", began)
         self.statistics.timings += 1
         return schedule

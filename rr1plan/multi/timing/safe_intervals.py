@@ -45,12 +45,11 @@ class BlockedTimes(NamedTuple):
         return self.begin[first:last], self.end[first:last]
 
 
-def blocked_times(path: AgentPath, others: Iterable[tuple[Blocked, Occupancy]]) -> BlockedTimes:
+def blocked_times(others: Iterable[tuple[Blocked, Occupancy]]) -> BlockedTimes:
     """The intervals in which parts of a path are blocked for an agent.
 
     Args:
-        path: The path.
-        others: For each other agent the extended diagram (rows: of `path`) and its occupancy.
+        others: For each other agent the extended diagram (rows: of the path) and its occupancy.
     """
     rows, begins, ends = [np.zeros(0, np.int64)], [np.zeros(0)], [np.zeros(0)]
     for blocked, occupied in others:
