@@ -31,8 +31,8 @@ from rr1plan.trajectory import Trajectory
 
 logger = logging.getLogger(__name__)
 
-# Shortest time of a ramp to the velocity limit [s]: higher accelerations make no measurable difference, and pieces that
-# the breaks cannot resolve.
+# Shortest time of a ramp to the velocity limit [s], and as a share of the motion: higher accelerations make no
+# measurable difference, and pieces that the breaks cannot resolve.
 _SHORTEST_RAMP = 1e-6
 
 
@@ -102,10 +102,7 @@ def retime(
     if len(points) == 1:
         return Trajectory.rest(path.joint_names, points[0])
     check_limits(path.joint_names, points, limits, jerk=method in _JERK_LIMITED)
-    is_steep = limits.acceleration * _SHORTEST_RAMP > limits.velocity
-    if is_steep.any():
-        steepest = limits.velocity / _SHORTEST_RAMP
-        limits = replace(limits, acceleration=np.where(is_steep, steepest, limits.acceleration))
+    limits = _without_steep_ramps(points, limits)
     dynamics = Kinematics(scene, arms).inverse_dynamics if torque_limits else None
     work = Work(points, limits, max_blend, lambda: checker or _certifier(scene, arms), dynamics)
     _, time_pieces = _METHODS[method]
@@ -115,6 +112,15 @@ def retime(
         check_gravity(points, path.joint_names, limits.effort, dynamics)
         parts = [within_torque(part, path.joint_names, limits.effort, dynamics) for part in time_pieces(work)]
     return _joined(path.joint_names, parts, limits, method)
+
+
+def _without_steep_ramps(points: Array, limits: Limits) -> Limits:
+    """The limits with accelerations at which no ramp to the velocity limit is too short for the breaks."""
+    fastest = float((np.abs(np.diff(points, axis=0)) / limits.velocity).max(axis=1).sum())
+    shortest_ramp = _SHORTEST_RAMP * max(1.0, fastest)
+    steepest = np.maximum(limits.velocity / shortest_ramp, np.finfo(float).tiny)
+    is_steep = limits.acceleration > steepest
+    return replace(limits, acceleration=np.where(is_steep, steepest, limits.acceleration)) if is_steep.any() else limits
 
 
 def _joined(joint_names: tuple[str, ...], parts: list[Pieces], limits: Limits, method: str) -> Trajectory:

@@ -120,6 +120,16 @@ def test_accelerations_beyond_what_times_resolve_start_and_end_at_rest(tools, me
     assert np.abs(trajectory([0.0, trajectory.end_time], 1)).max() < 1e-8
 
 
+@pytest.mark.parametrize("speed", [1e-4, 1e-6, 1e-8])
+def test_motions_of_days_keep_their_limits_between_rounded_breaks(tools, method, speed):
+    points = [[0.0, 0.0], [0.37, 0.11], [-0.2, 0.3], [0.6, -0.5]]
+    scene = tools.shapeless_scene(tools.limits_of(2, speed, 1.0, 1.0))
+    trajectory = rp.retime(rp.Path(scene.joint_names(), points), scene, method=method, max_blend=0.0)
+    report = rp.validate(trajectory, scene, jerk_limits=method not in JERKY)
+    assert report.valid, report
+    assert trajectory.duration == pytest.approx(1.74 / speed, rel=1e-3)
+
+
 @pytest.mark.parametrize("kind", ["velocity", "acceleration", "jerk"])
 def test_a_moving_joint_without_a_limit_is_named(tools, method, kind):
     limits = replace(tools.limits_of(3), **{kind: np.array([1.0, np.inf, 1.0])})
