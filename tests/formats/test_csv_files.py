@@ -46,6 +46,12 @@ def test_names_of_any_letters_come_back(tmp_path: FilePath, name: str) -> None:
     assert load_csv(save_csv(tmp_path / "t.csv", still)).allclose(still, atol=0.0)
 
 
+def test_a_name_whose_end_a_reader_would_drop_is_not_written(tmp_path: FilePath) -> None:
+    with pytest.raises(InputError, match="joint 'a/b ' ends with a space"):
+        save_csv(tmp_path / "t.csv", Trajectory.rest(("a/b ",), [0.5]))
+    assert not (tmp_path / "t.csv").exists()
+
+
 def test_a_file_that_a_spreadsheet_wrote_is_read(tmp_path: FilePath) -> None:
     (tmp_path / "t.csv").write_bytes(b'\xef\xbb\xbft,"q:a/b"\r\n0,"1.5"\r\n,\r\n1,2.5\r\n\r\n')
     read = load_csv(tmp_path / "t.csv")
