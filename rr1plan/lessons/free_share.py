@@ -66,12 +66,7 @@ def free_share(
     if not 0.0 < confidence < 1.0:
         raise InputError(f"confidence is {confidence:g}, expected a probability between 0 and 1")
     lower, upper = np.array(checker.limits.lower), np.array(checker.limits.upper)
-    turning = np.concatenate(
-        [
-            [robot.joint(name).kind == "continuous" for name in robot.joint_names]
-            for robot in (checker.scene.arms[arm].robot for arm in checker.arms)
-        ]
-    )
+    turning = np.concatenate([checker.scene.arms[arm].robot.continuous for arm in checker.arms]) > 0.0
     lower[turning], upper[turning] = -np.pi, np.pi
     if not np.isfinite(upper - lower).all():
         name = checker.joint_names[int(np.argmin(np.isfinite(upper - lower)))]

@@ -157,11 +157,35 @@ def _joint_space(robots: tuple[Robot, ...]) -> Space:
 def with_copies(problem: Problem, goals: Array) -> Array:
     """Goals and their copies one turn away in joints that wrap, nearest to the start first, shape (k, nq)."""
     space = joint_space(problem.scene, problem.arms)
-    turns = np.where(goals > problem.start, -TURN, TURN)
-    chosen = _choices(tuple(np.flatnonzero(space.wraps).tolist()), len(problem.start))
-    copies = (goals + chosen[:, None] * turns).reshape(-1, len(problem.start))[: 16 * _MOST_GOALS]
+    copies = _turned(goals, problem.start, space.wraps)
     far = np.linalg.norm(copies - problem.start, axis=1)
     return copies[np.argsort(far, kind="stable")[:_MOST_GOALS]]
+
+
+def turned_copies(robot: Robot, q: Array, near: Array) -> Array:
+    """Copies of a configuration a turn away in joints with limits that allow it, in few joints first, shape (k, nq).
+
+    Args:
+        robot: The robot.
+        q: A configuration, the nearest to `near` modulo whole turns, shape (nq,).
+        near: The configuration on whose other side the copies are, shape (nq,).
+    """
+    lower, upper = robot.limits.lower, robot.limits.upper
+    other = q + _other_side(q, near)
+    has_copy = rotary(robot) & (robot.continuous == 0.0) & (other >= lower) & (other <= upper)
+    return _turned(q[None], near, has_copy)[1:]
+
+
+def _turned(configurations: Array, near: Array, turning: NDArray[np.bool_]) -> Array:
+    """Configurations (n, nq), then their copies a turn away in some of the turning columns, shape (k, nq)."""
+    chosen = _choices(tuple(np.flatnonzero(turning).tolist()), len(near))
+    copies = configurations + chosen[:, None] * _other_side(configurations, near)
+    return np.asarray(copies.reshape(-1, len(near))[: 16 * _MOST_GOALS])
+
+
+def _other_side(q: Array, near: Array) -> Array:
+    """The turn that takes each column of q to the other side of `near`, of the shape of q."""
+    return np.where(q > near, -TURN, TURN)
 
 
 @lru_cache(maxsize=64)

@@ -21,6 +21,7 @@ from rr1plan.kernels.random_state import RandomState, random_state
 from rr1plan.model import nearest_copy
 from rr1plan.model.ik_search import IkSearch
 from rr1plan.model.inverse_kinematics import describe_excess, why_none
+from rr1plan.model.joint_space import turned_copies
 from rr1plan.model.kinematic_chain import chain_of
 from rr1plan.planners.collision_messages import contacts_without, describe_collision
 from rr1plan.planning import PlanStatus
@@ -114,7 +115,8 @@ class GoalSearch:
         free, blocked = self._combine()
         rounds = _ROUNDS
         while not free and rounds > 0:
-            free, rounds = list(self.more()), rounds - 1
+            self._resume()
+            free, rounds = self._combine()[0], rounds - 1
         if free:
             return GoalSet(read_only(np.array(free)))
         collision, tried = describe_collision(self._motion, blocked), len(self._tried)
@@ -122,10 +124,18 @@ class GoalSearch:
         return GoalSet(np.empty((0, self._problem.nq)), PlanStatus.INVALID_GOAL, reason)
 
     def more(self) -> Array:
-        """Further configurations after `find`, at most as many of each goal as there, shape (k, nq)."""
+        """Further configurations after `find`, shape (k, nq).
+
+        At most as many solutions of each goal as there, and copies of all solutions a turn away.
+        """
+        self._resume()
+        for finder in self._finders:
+            finder.add_turned_copies()
+        return np.array(self._combine()[0]).reshape(-1, self._problem.nq)
+
+    def _resume(self) -> None:
         for finder in self._finders:
             finder.resume(self._most)
-        return np.array(self._combine()[0]).reshape(-1, self._problem.nq)
 
     def _combine(self) -> tuple[list[Array], Array]:
         """New free composites of the arms' configurations, and one that is in collision."""
@@ -185,6 +195,7 @@ class _Finder:
         self.start = problem.start[self.columns]
         self.others = frozenset(problem.arms) - {arm}
         self.found: list[Array] = []
+        self.unturned: list[Array] = []
         self.reasons: list[str] = []
         self.statuses: list[PlanStatus] = []
         self.searches: list[IkSearch] = []
@@ -200,7 +211,7 @@ class _Finder:
         seeds = np.clip([self.start, self.robot.home], limits.lower, limits.upper)
         search = IkSearch(chain, self.robot, goal, seeds, self.state)
         self.searches.append(search)
-        self.found += search.collect(_ATTEMPTS, self._is_free, most, _PATIENCE)
+        self._collect(search, most)
         if search.accepted:
             return
         if search.rejected:
@@ -217,7 +228,18 @@ class _Finder:
     def resume(self, most: int) -> None:
         """Find further configurations of all goals."""
         for search in self.searches:
-            self.found += search.collect(_ATTEMPTS, self._is_free, most, _PATIENCE)
+            self._collect(search, most)
+
+    def add_turned_copies(self) -> None:
+        """Add copies a turn away of the solutions found since the last call."""
+        for q in self.unturned:
+            self.found += [copy for copy in turned_copies(self.robot, q, self.start) if self._is_free(copy)]
+        self.unturned.clear()
+
+    def _collect(self, search: IkSearch, most: int) -> None:
+        new = search.collect(_ATTEMPTS, self._is_free, most, _PATIENCE)
+        self.found += new
+        self.unturned += new
 
     def _add_configuration(self, q: Array) -> None:
         continuous = self.robot.continuous > 0.0

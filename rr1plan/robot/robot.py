@@ -150,8 +150,10 @@ class Robot(Value, NotebookView):
 
     @cached_property
     def continuous(self) -> Array:
-        """Mask of planning joints without position limits (they wrap around), shape (nq,) of 0 and 1."""
-        return read_only(np.array([float(self.joint(n).kind == "continuous") for n in self.joint_names]))
+        """Mask of turning planning joints without position limits (they wrap around), shape (nq,) of 0 and 1."""
+        turning = np.array([self.joint(n).kind != "prismatic" for n in self.joint_names], dtype=np.bool_)
+        endless = np.isinf(self.limits.lower) & np.isinf(self.limits.upper)
+        return read_only((turning & endless).astype(np.float64))
 
     @cached_property
     def limited_joints(self) -> tuple[Joint, ...]:

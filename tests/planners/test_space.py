@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -180,3 +182,33 @@ def test_other_planners_find_paths_of_wide_turning_joints_early(planner):
     problem = rp.Problem(scene, [-1.0, 0.0], [1.0, 0.0])
     for seed in range(3):
         assert rp.plan(problem, planner=planner, budget=COUNTED, rng=seed).iterations < 1000
+
+
+@pytest.mark.parametrize("planner", ["rrt_connect", "anytime", "roadmap"])
+def test_a_pose_is_reached_a_turn_away_where_limits_allow_it(planner, is_certified):
+    """The nearest solutions of inverse kinematics are behind the post."""
+    arm = rp.planar_arm("RR", limits=[(-0.99 * TURN, 0.99 * TURN)] * 2)
+    scene = rp.Scene().with_arm("arm", arm).with_obstacle("post", rp.Sphere(0.05), [0.3, 0.3, 0.0])
+    tip = arm.link_poses([2.0, 0.4])[arm.tool][:3, 3]
+    problem = rp.Problem(scene, [0.1, 0.1], rp.PoseGoal("tool", tip))
+    result = rp.plan(problem, planner=planner, budget=Budget(5.0, 3000), rng=0)
+    assert result.found, result.reason
+    assert result.path.waypoints[-1, 0] < -np.pi
+    assert is_certified(scene, result.path.waypoints)
+    # A configuration is reached as it is.
+    there = rp.Problem(scene, [0.1, 0.1], [2.0, 0.4])
+    assert rp.plan(there, planner=planner, budget=Budget(5.0, 1000), rng=0).status is PlanStatus.TIMEOUT
+
+
+@pytest.mark.parametrize("planner", ["rrt_connect", "anytime", "roadmap", "ompl_rrt_connect"])
+def test_continuous_joints_keep_limits_that_they_are_given(planner):
+    arm = rp.load_robot("planar2r")
+    limited = arm.with_limits(replace(arm.limits, lower=[-3.0, -3.0], upper=[3.0, np.inf]))
+    assert (arm.continuous.tolist(), limited.continuous.tolist()) == ([1.0, 1.0], [0.0, 0.0])
+    limited = arm.with_limits(replace(arm.limits, lower=[-3.0, -np.inf], upper=[3.0, np.inf]))
+    assert limited.continuous.tolist() == [0.0, 1.0]
+    motion = rp.plan_motion(
+        rp.Problem(rp.Scene().with_arm("arm", limited), [2.8, 0.0], [-2.8, 6.0]), planner=planner, rng=0
+    )
+    assert motion.valid, motion.report
+    np.testing.assert_allclose(motion.path.waypoints[-1], [-2.8, 6.0 - TURN], atol=1e-12)
