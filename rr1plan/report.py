@@ -83,9 +83,10 @@ class Report(Value):
         violations: The worst violation of each kind and subject.
         margins: Margin to each limit, by name: "clearance", "clearance_start" and
             "clearance_end" to obstacles and other arms, "self_clearance" between the links of one arm
-            and its held objects [m], both with their proven lower bounds ("clearance_proven",
-            "self_clearance_proven"); "position", "velocity", "acceleration", "jerk" and "torque" as
-            the ratio to the limit (1 is the limit). If one of the two clearances is a contact, the other is omitted.
+            and its held objects, all beyond the padding of each pair [m], with their proven lower bounds
+            ("clearance_proven", "self_clearance_proven"); "position", "velocity", "acceleration", "jerk" and
+            "torque" as the ratio to the limit (1 is the limit). If one of the two clearances is a contact, the other
+            is omitted.
         checked: The rules that were checked.
         not_checked: The rules that were not checked, each with the reason.
         duration: Duration of the trajectory [s].
