@@ -8,6 +8,7 @@ import numpy as np
 
 from rr1plan.checks import Array
 from rr1plan.collision import CollisionChecker, Contact
+from rr1plan.scene import Scene
 from rr1plan.scene.held_contacts import contact_advice
 
 # Elements whose depth is below this [m] touch, rather than overlap: the resolution of the kernel and of Coal.
@@ -67,15 +68,18 @@ def _describe(checker: CollisionChecker, contact: Contact) -> str:
 
 
 def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
-    """Hints for a held object that rests on an obstacle or touches its gripper, and for a base that stands on one."""
+    """Hints for held objects that rest on an obstacle or touch the hand, for bases, and for links of locked joints."""
     scene = checker.scene
     advice = contact_advice(scene, contact.a, contact.b, _gap(checker, contact))
     if advice:
         yield advice
+    is_static = (contact.a, contact.b) in checker.static_contacts  # no moving joint lies between them
+    if is_static and not {contact.a, contact.b} & (scene.obstacles.keys() | scene.attachments.keys()):
+        yield from _locked_joints_advice(scene, contact)
     for link, support in ((contact.a, contact.b), (contact.b, contact.a)):
         is_base = scene.owner(link) in scene.arms and link not in scene.attachments
         stands = support in scene.obstacles and support not in scene.attachments
-        if is_base and stands and (contact.a, contact.b) in checker.static_contacts:
+        if is_base and stands and is_static:
             yield (
                 f"{link!r} does not move: if it stands on {support!r}, allow the pair, which is then not checked "
                 f'(scene.allow({link!r}, {support!r}), in a scene file allowed = [["{link}", "{support}"]]), or move '
@@ -84,9 +88,21 @@ def _advice(checker: CollisionChecker, contact: Contact) -> Iterator[str]:
     for held, other in ((contact.a, contact.b), (contact.b, contact.a)):
         if held not in scene.attachments or scene.owner(other) != scene.attachments[held].arm:
             continue
-        if (contact.a, contact.b) in checker.static_contacts:  # no moving joint lies between them
+        if is_static:
             link = other.split("/", 1)[-1]
             yield (
                 f"{held!r} touches the hand that holds it: name the link with scene.attach({held!r}, "
                 f'touch=[{link!r}]), in a scene file touch = ["{link}"] in [attachments.{held}]'
             )
+
+
+def _locked_joints_advice(scene: Scene, contact: Contact) -> Iterator[str]:
+    """Hints for two links of one arm that only locked joints could separate."""
+    arm = scene.owner(contact.a)
+    if arm is not None and arm == scene.owner(contact.b):
+        states = scene.arms[arm].robot.locked_joint_states
+        example = repr(next(iter(states))) if states else "..."
+        yield (
+            f"no planned joint of {arm!r} separates them: set its locked joints (robot.with_locked_joints({example}), "
+            "in a scene file locked_joints), or allow a pair that does not touch in the real robot"
+        )

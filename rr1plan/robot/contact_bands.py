@@ -59,7 +59,7 @@ def contact_bands(
     lower, upper = sampling_bounds(robot)
     search = _Search(robot, bodies or LinkBodies(robot), generator.uniform(lower, upper, (_OTHERS, robot.nq)))
     found: list[ContactBand] = []
-    between = {pair: _joints_between(robot, pair) for pair in sorted(pairs, key=sorted)}
+    between = {pair: joints_between(robot, pair) for pair in sorted(pairs, key=sorted)}
     for j in range(robot.nq):
         members = [pair for pair, joints in between.items() if j in joints and len(joints) <= _MOST_JOINTS]
         found += search.bands(j, members, np.linspace(lower[j], upper[j], _GRID))
@@ -72,12 +72,14 @@ def sampling_bounds(robot: Robot) -> tuple[Array, Array]:
     return np.where(bounded, robot.limits.lower, -np.pi), np.where(bounded, robot.limits.upper, np.pi)
 
 
-def _joints_between(robot: Robot, pair: Pair) -> list[int]:
-    """Planning joints between the links of a pair."""
+def joints_between(robot: Robot, pair: Pair) -> list[int]:
+    """Indices of the planning joints that move two links relative to each other."""
     above = {robot.base: frozenset[str]()}
     for joint in robot.joints:
-        moving = {joint.name if joint.mimic is None else joint.mimic.joint} if joint.kind != "fixed" else set()
-        above[joint.child] = above[joint.parent] | moving
+        leader = joint
+        while leader.mimic is not None:
+            leader = robot.joint(leader.mimic.joint)
+        above[joint.child] = above[joint.parent] | ({leader.name} if joint.kind != "fixed" else set())
     one, two = (above[link] for link in pair)
     return [j for j, name in enumerate(robot.joint_names) if name in one ^ two]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from rr1plan.checks import DEGREES, FARTHEST, Array, check_text, items_of, known
 from rr1plan.errors import InputError
 from rr1plan.robot import Joint, Robot
 from rr1plan.robot.arm_finder import ArmFinder
+from rr1plan.robot.contact_bands import joints_between
 from rr1plan.robot.disabled_collisions import adjacent_pairs, rigid_pairs
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.robot.link_masses import with_assumed_masses
@@ -133,12 +134,23 @@ def _with_self_contacts(robot: Robot, has_rules: bool, keeps_home: bool) -> Robo
         log.info("%s: always touching, not checked: %s", robot.name, always)
     never = robot.disabled_collisions | found.always
     if at_home and (has_rules or keeps_home):
-        log.warning("%s: links touch each other at home: %s; start elsewhere", robot.name, at_home)
+        advice = _contact_advice(robot, found.at_home)
+        log.warning("%s: links touch each other at home: %s; %s", robot.name, at_home, advice)
     elif at_home:
         # As in MoveIt's setup assistant; otherwise no configuration of the robot would be free.
         log.warning("%s: touching at home and nearly everywhere, not checked: %s", robot.name, at_home)
         never |= found.at_home
     return replace(robot, disabled_collisions=never, configurations={**robot.configurations, "home": found.home})
+
+
+def _contact_advice(robot: Robot, pairs: Collection[frozenset[str]]) -> str:
+    """How to avoid contacts of pairs of links at home."""
+    stuck = [pair for pair in pairs if not joints_between(robot, pair)]
+    if not stuck:
+        return "start elsewhere"
+    which = "them" if len(stuck) == len(pairs) else _listed(stuck)
+    states = ", ".join(map(repr, robot.locked_joint_states)) or "no states are named"
+    return f"no planned joint separates {which}: set the locked joints, robot.with_locked_joints ({states})"
 
 
 def _listed(pairs: Iterable[frozenset[str]]) -> str:

@@ -135,3 +135,29 @@ def test_further_pairs_are_counted(planar2r: rp.Robot, boxes: int, words: str) -
 def reason_at(scene: rp.Scene, q: list[float]) -> str:
     """Why a plan from there is refused."""
     return str(rp.plan(rp.Problem(scene, q, [1.5, 0.0]), rng=0).reason)
+
+
+def test_links_of_locked_joints_that_touch_are_told_to_be_set_apart(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    box = "<collision><origin xyz='0.2 0 0'/><geometry><box size='0.3 0.05 0.05'/></geometry></collision>"
+    limit = "<limit lower='-2' upper='2' velocity='1' effort='1'/>"
+    joints = "".join(
+        f"<link name='{name}'>{box}</link><joint name='{name}_joint' type='revolute'><parent link='base'/>"
+        f"<child link='{name}'/><origin xyz='0 0 {height}'/><axis xyz='0 0 1'/>{limit}</joint>"
+        for name, height in (("arm", 0.5), ("left", 0.0), ("right", 0.03))
+    )
+    (tmp_path / "body.urdf").write_text(f"<robot name='body'><link name='base'/>{joints}</robot>")
+    (tmp_path / "body.srdf").write_text(
+        "<robot name='body'><group name='arm'><joint name='arm_joint'/></group>"
+        "<group_state name='apart'><joint name='left_joint' value='1'/></group_state>"
+        "<disable_collisions link1='base' link2='arm' reason='Adjacent'/></robot>"
+    )
+    robot = rp.load_robot(tmp_path / "body.urdf")
+    advice = "home: left - right; no planned joint separates them: set the locked joints, robot.with_locked_joints"
+    assert f"{advice} ('apart')" in caplog.text
+    said = reason(rp.Scene().with_arm("body", robot))
+    assert "no planned joint of 'body' separates them" in said
+    (state,) = re.findall(r"robot\.with_locked_joints\('(\w+)'\)", said)
+    apart = rp.Scene().with_arm("body", robot.with_locked_joints(state))
+    assert rp.plan(rp.Problem(apart, "home", [1.0]), rng=0).found
