@@ -163,17 +163,19 @@ def free_configuration(robot: Robot, wish: Array) -> Array:
         wish: Desired configuration [rad or m], shape (nq,).
 
     Returns:
-        The nearest free configuration found; `wish` if none was found.
+        The nearest free configuration found; if none was found, the nearest of those with the fewest pairs in contact.
     """
     generator, bodies = np.random.default_rng(0), LinkBodies(robot)
     pairs = [pair for pair in bodies.pairs if pair not in robot.disabled_collisions]
-    values = robot.joint_values(wish)
-    if not bodies.touching(values, pairs):
-        return wish
-    candidates = sorted(
-        (_random(robot, generator) for _ in range(_HOME_SAMPLES)), key=lambda q: float(np.abs(q - wish).sum())
-    )
-    return next((q for q in candidates if not bodies.touching(robot.joint_values(q), pairs)), wish)
+    best, fewest = wish, len(bodies.touching(robot.joint_values(wish), pairs))
+    candidates = [_random(robot, generator) for _ in range(_HOME_SAMPLES)] if fewest else []
+    for q in sorted(candidates, key=lambda q: float(np.abs(q - wish).sum())):
+        contacts = len(bodies.touching(robot.joint_values(q), pairs))
+        if contacts < fewest:
+            best, fewest = q, contacts
+        if not fewest:
+            break
+    return best
 
 
 def touching_links(robot: Robot, q: Array, bodies: LinkBodies | None = None) -> set[Pair]:

@@ -30,7 +30,7 @@ from rr1plan.robot.link_contacts import Pair
 log = logging.getLogger(__name__)
 
 SAMPLES = 200
-_VERSION = "self-contacts-2"
+_VERSION = "self-contacts-4"
 # Faster results are not cached [s].
 _WORTH_KEEPING = 0.3
 
@@ -41,7 +41,7 @@ class SelfContacts:
 
     Args:
         always: Pairs that need no check: those that touch in every configuration; without rules also links connected by
-            a joint, and pairs of a gripper that touch with its joints locked.
+            a joint, and pairs that touch in every configuration with the locked joints at their values.
         home: A configuration without other contacts, at or near the requested one, shape (nq,).
         at_home: Pairs that touch even there.
     """
@@ -79,7 +79,7 @@ def _sampled(robot: Robot, has_rules: bool, keeps_home: bool) -> SelfContacts:
         reasons, _ = sampled_reasons(robot, SAMPLES, as_generator(0))
         always = frozenset(pair for pair, reason in reasons.items() if reason != "Never")
     robot = replace(robot, disabled_collisions=robot.disabled_collisions | always)
-    if keeps_home and not has_rules:
+    if not has_rules:
         stuck = stuck_pairs(robot, touching_links(robot, robot.home), SAMPLES)
         always |= stuck
         robot = replace(robot, disabled_collisions=robot.disabled_collisions | stuck)

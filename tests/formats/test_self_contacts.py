@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.robot import Robot, self_contacts
+from rr1plan.robot.disabled_collisions import free_configuration, touching_links
 from rr1plan.robot.link_contacts import LinkBodies, coal_solid
 
 
@@ -58,3 +60,23 @@ def test_a_robot_that_took_long_is_not_sampled_again(
     np.savez(file, always=np.array([[0, 99]]), home=first.home, at_home=np.zeros((0, 2), np.int64))
     monkeypatch.setattr(self_contacts, "_sampled", sample)
     assert rp.load_robot("rr1", srdf=srdf).content_hash == first.content_hash
+
+
+def test_a_pair_that_touches_at_home_is_checked_though_locked_joints_hold_others_together(tmp_path: Path) -> None:
+    box = "<collision><origin xyz='0.2 0 0'/><geometry><box size='0.3 0.05 0.05'/></geometry></collision>"
+    limit = "<limit lower='-2' upper='2' velocity='1' effort='1'/>"
+    joints = "".join(
+        f"<link name='{name}'>{box}</link><joint name='{name}_joint' type='revolute'><parent link='base'/>"
+        f"<child link='{name}'/><origin xyz='0 0 {height}'/><axis xyz='0 0 1'/>{limit}</joint>"
+        for name, height in (("arm", 0.07), ("left", 0.0), ("right", 0.03))
+    )
+    (tmp_path / "body.urdf").write_text(f"<robot name='body'><link name='base'/>{joints}</robot>")
+    robot = rp.load_robot(tmp_path / "body.urdf", joints=["arm_joint"])
+    checker = rp.CollisionChecker(rp.Scene().with_arm("body", robot))
+    assert checker.pairs == (("body/arm", "body/left"), ("body/arm", "body/right"))
+    assert not checker.is_free([0.0])
+    assert checker.is_free(robot.home)
+    # Where no configuration is free, the one with the fewest contacts is taken.
+    unruled = replace(robot, disabled_collisions=frozenset())
+    assert touching_links(unruled, np.zeros(1)) >= {frozenset(("arm", "right")), frozenset(("left", "right"))}
+    assert touching_links(unruled, free_configuration(unruled, np.zeros(1))) == {frozenset(("left", "right"))}
