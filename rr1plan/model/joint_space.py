@@ -27,7 +27,7 @@ from rr1plan.scene import Scene
 from rr1plan.scene.problem import Problem
 
 _WINDOW = 2.5 * np.pi  # half the width of the interval of an unrolled joint [rad]
-_MOST_GOALS = 64  # most goals including copies
+_MOST_GOALS = 64  # most goals including copies, or copies of one goal
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +163,7 @@ def with_copies(problem: Problem, goals: Array) -> Array:
 
 
 def turned_copies(robot: Robot, q: Array, near: Array) -> Array:
-    """Copies of a configuration a turn away in joints with limits that allow it, in few joints first, shape (k, nq).
+    """Copies of a configuration a turn away in joints whose limits allow it, in few joints first, shape (k, nq).
 
     Args:
         robot: The robot.
@@ -173,7 +173,7 @@ def turned_copies(robot: Robot, q: Array, near: Array) -> Array:
     lower, upper = robot.limits.lower, robot.limits.upper
     other = q + _other_side(q, near)
     has_copy = rotary(robot) & (robot.continuous == 0.0) & (other >= lower) & (other <= upper)
-    return _turned(q[None], near, has_copy)[1:]
+    return _turned(q[None], near, has_copy)[1:_MOST_GOALS]
 
 
 def _turned(configurations: Array, near: Array, turning: NDArray[np.bool_]) -> Array:
