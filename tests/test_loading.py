@@ -133,7 +133,7 @@ def test_a_path_or_trajectory_file_is_judged_where_it_is_said(motion: rp.MotionP
         _ = loaded.path
     untimed = rp.load_motion(save_path(tmp_path / "p.json", motion.path, scene))
     assert untimed
-    assert untimed.report.not_checked["velocity"] == "a path has no times"
+    assert untimed.report.not_checked["velocity"] == "a path has no times, those given are at 1 rad/s"
     with pytest.raises(rp.NoPlanError, match=r"p\.json holds no trajectory"):
         _ = untimed.trajectory
     assert untimed.save_html(tmp_path / "p.html").exists()
