@@ -89,8 +89,9 @@ class Space:
         upper = np.where(unrolled, start + _WINDOW, self.upper)
         endless = ~np.isfinite(upper - lower) & ~wraps
         if endless.any():
-            name = problem.joint_names[int(np.argmax(endless))]
-            raise InputError(f"joint {name!r} has no position limits, expected finite ones")
+            j = int(np.argmax(endless))
+            limits = f"{lower[j]:g} to {upper[j]:g}"
+            raise InputError(f"joint {problem.joint_names[j]!r} has the limits {limits}, expected finite ones")
         # The start and goals satisfy the limits up to rounding; a planner requires them exactly.
         lower = np.minimum(lower, np.minimum(start, goals.min(axis=0)))
         upper = np.maximum(upper, np.maximum(start, goals.max(axis=0)))

@@ -49,8 +49,9 @@ class Graph:
         self._extent = np.where(self._wraps, TURN, space.extent)
         unbounded = np.flatnonzero(~np.isfinite(self._lower) | ~np.isfinite(self._extent))
         if len(unbounded):
-            name = scene.joint_names(arms)[unbounded[0]]
-            raise InputError(f"joint {name!r} has no position limits, expected finite ones")
+            j = unbounded[0]
+            limits = f"{space.lower[j]:g} to {space.upper[j]:g}"
+            raise InputError(f"joint {scene.joint_names(arms)[j]!r} has the limits {limits}, expected finite ones")
         self._state = random_state(0)
         self._struct = CStruct("RoadmapGraph", column_count=len(self._lower), wraps=self._wraps.view(np.uint8))
         self._library = load_library()

@@ -205,6 +205,8 @@ def test_continuous_joints_keep_limits_that_they_are_given(planner):
     arm = rp.load_robot("planar2r")
     limited = arm.with_limits(replace(arm.limits, lower=[-3.0, -3.0], upper=[3.0, np.inf]))
     assert (arm.continuous.tolist(), limited.continuous.tolist()) == ([1.0, 1.0], [0.0, 0.0])
+    with pytest.raises(rp.InputError, match="'arm/joint2' has the limits -3 to inf, expected finite ones"):
+        rp.plan(rp.Problem(rp.Scene().with_arm("arm", limited), [0.0, 0.0], [1.0, 0.0]), planner=planner)
     limited = arm.with_limits(replace(arm.limits, lower=[-3.0, -np.inf], upper=[3.0, np.inf]))
     assert limited.continuous.tolist() == [0.0, 1.0]
     motion = rp.plan_motion(
