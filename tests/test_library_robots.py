@@ -207,6 +207,15 @@ def test_equal_loads_share_a_robot_and_a_changed_file_is_read_anew(arm: Path) ->
     assert rp.load_robot(arm) is robot
 
 
+def test_a_locked_joint_stays_where_its_followers_keep_their_limits(arm: Path) -> None:
+    follows = '<mimic joint="b" multiplier="-2" offset="0.5"/></joint></robot>'
+    arm.write_text(arm_text(("a", -1, 1), ("b", -1, 1), ("c", -1, 1)).replace("</joint></robot>", follows))
+    robot = rp.load_robot(arm, joints=["a"])
+    assert robot.with_locked_joints({"b": 0.75}).joint_values([0.0])["c"] == -1.0
+    with pytest.raises(InputError, match=r"joint 'b' is -0.3, outside \[-0.25, 0.75\]"):
+        robot.with_locked_joints({"b": -0.3})
+
+
 def test_what_urdf_does_not_know_is_taken_carefully(arm: Path, caplog: pytest.LogCaptureFixture) -> None:
     limits = rp.load_robot(arm).limits
     assert limits.acceleration.tolist() == [8.0] * 3
@@ -226,7 +235,8 @@ def test_limits_of_acceleration_and_jerk_of_urdf_1_2_are_kept(arm: Path, caplog:
     assert robot.joint_names == ("a", "b")
     assert robot.limits.acceleration.tolist() == [4.0, 2.0]
     assert robot.limits.jerk.tolist() == [50.0, 25.0]
-    assert unlocked_robot(rp.load_robot(arm, joints=["a"]), ("b",)).limits.acceleration.tolist() == [4.0, 4.0]
+    # Also of a joint that is not planned for.
+    assert unlocked_robot(rp.load_robot(arm, joints=["a"]), ("b",)).limits.acceleration.tolist() == [4.0, 2.0]
     arm.write_text(text.replace('jerk="50"', 'jerk="0"'))
     assert rp.load_robot(arm).limits.jerk.tolist() == [40.0, 40.0, 40.0]
     assert "joint 'a' has jerk 0, it is taken as unknown" in caplog.text

@@ -66,7 +66,7 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
             "%s: group %r is planned for, not %s; option groups takes several", tree.name, first, ", ".join(others)
         )
     groups, names = _planning_joints(tree, known, chosen, choice.joints)
-    tree = _limited_by_followers(_without_endless_ranges(tree), names)
+    tree = _limited_by_followers(_without_endless_ranges(tree))
     joints = {joint.name: joint for joint in tree.joints}
     limits = urdf_limits([joints[n] for n in names])
     _check_ranges(tree, names, limits)
@@ -186,8 +186,8 @@ def _check_ranges(tree: Tree, names: Sequence[str], limits: Limits) -> None:
             )
 
 
-def _limited_by_followers(tree: Tree, names: Sequence[str]) -> Tree:
-    """The tree with tighter limits of planning joints, so that the joints that mimic them keep their own limits."""
+def _limited_by_followers(tree: Tree) -> Tree:
+    """The tree with tighter limits of joints that others mimic, so that these keep their own limits."""
     given = {joint.name: joint for joint in tree.joints}
     limited = dict(given)
     for follower in tree.joints:
@@ -195,7 +195,7 @@ def _limited_by_followers(tree: Tree, names: Sequence[str]) -> Tree:
         while leader.mimic is not None:
             gain, offset = gain * leader.mimic.multiplier, offset + gain * leader.mimic.offset
             leader = given[leader.mimic.joint]
-        if leader is follower or leader.name not in names or gain == 0.0:
+        if leader is follower or gain == 0.0:
             continue
         low, high = sorted(((follower.lower - offset) / gain, (follower.upper - offset) / gain))
         before = limited[leader.name]
