@@ -3,7 +3,7 @@
 Joint goals are checked, pose and region goals are solved by inverse kinematics, alternatives are
 united. Configurations of several arms are combined, nearest to the start first, and kept if the composite
 configuration is free. Continuous joints take the value nearest to the start. A planner may
-request more configurations during its search.
+request more configurations during its search, including copies of solutions a turn away within the limits.
 """
 
 from __future__ import annotations
