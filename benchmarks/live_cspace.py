@@ -30,7 +30,7 @@ _GROUP = 20  # moves between two readings of the processor time
 _MOVES = """async (moves) => {
   const { lesson } = RR1, rows = [];
   for (const [name, x, y] of moves) {
-    const began = performance.now(), planned = lesson.moveObstacle(name, x, y), cells = performance.now() - began;
+    const began = performance.now(), planned = lesson.edits.moveObstacle(name, x, y), cells = performance.now() - began;
     await planned;
     rows.push({ cells, all: performance.now() - began, path: Boolean(lesson.answer && lesson.answer.track) });
   }

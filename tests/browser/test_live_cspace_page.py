@@ -53,9 +53,9 @@ def opened(shared_tab: Any, page_file: FilePath) -> Any:
 @pytest.fixture
 def fresh(opened: Any) -> Iterator[Any]:
     """The page in its initial state."""
-    opened.ask("RR1.lesson.past.length && RR1.lesson.restore(RR1.lesson.first)")
+    opened.ask("RR1.lesson.edits.past.length && RR1.lesson.edits.restore(RR1.lesson.edits.first)")
     wait_for_answer(opened)
-    opened.ask("RR1.lesson.past = [], RR1.lesson.select(null)")
+    opened.ask("RR1.lesson.edits.past = [], RR1.lesson.edits.select(null)")
     opened.ask("document.activeElement.blur(), RR1.pause()")
     yield opened
     assert opened.complaints == []
@@ -89,7 +89,7 @@ def on_canvas(tab: Any, q: Any) -> tuple[float, float]:
 
 
 def wait_for_answer(tab: Any) -> None:
-    wait_until(tab.page, "!RR1.lesson.planning")
+    wait_until(tab.page, "!RR1.lesson.edits.planning")
 
 
 def drag(tab: Any, begin: tuple[float, float], end: tuple[float, float], *, drop: bool = True) -> None:
@@ -97,7 +97,7 @@ def drag(tab: Any, begin: tuple[float, float], end: tuple[float, float], *, drop
     tab.page.mouse.down()
     tab.page.mouse.move(0.6 * begin[0] + 0.4 * end[0], 0.6 * begin[1] + 0.4 * end[1])
     tab.page.mouse.move(*end)
-    wait_until(tab.page, "!RR1.lesson.waiting")
+    wait_until(tab.page, "!RR1.lesson.edits.waiting")
     wait_for_answer(tab)
     if drop:
         tab.page.mouse.up()
@@ -105,7 +105,7 @@ def drag(tab: Any, begin: tuple[float, float], end: tuple[float, float], *, drop
 
 
 def place(tab: Any, name: str) -> np.ndarray:
-    return np.array(tab.ask("name => RR1.lesson.obstaclePlace(name)", name))
+    return np.array(tab.ask("name => RR1.lesson.edits.obstaclePlace(name)", name))
 
 
 def moved_scene(tab: Any, scene: rp.Scene) -> rp.Scene:
@@ -190,10 +190,10 @@ def test_a_dragged_obstacle_takes_its_image_with_it(
 def test_the_verdict_turns_from_path_to_proven_no_path_and_back(fresh: Any, problem: rp.Problem) -> None:
     # Two discs near the base block the first joint in both directions.
     fresh.ask(
-        "RR1.lesson.remember(), RR1.lesson.moveObstacle('red', 0.15, 0.7), "
-        "RR1.lesson.moveObstacle('blue', -0.45, -0.62)"
+        "RR1.lesson.edits.remember(), RR1.lesson.edits.moveObstacle('red', 0.15, 0.7), "
+        "RR1.lesson.edits.moveObstacle('blue', -0.45, -0.62)"
     )
-    fresh.ask("RR1.lesson.dropObstacle()")
+    fresh.ask("RR1.lesson.edits.drop()")
     assert verdict(fresh).startswith("No path exists: start and goal are free, but in different components")
     assert "proven by certified cells" in verdict(fresh)
     assert fresh.page.locator(".verdict.bad").count() == 1
@@ -209,7 +209,7 @@ def test_the_verdict_turns_from_path_to_proven_no_path_and_back(fresh: Any, prob
 
 
 def test_a_blocked_start_is_named(fresh: Any) -> None:
-    fresh.ask("RR1.lesson.remember(), RR1.lesson.moveObstacle('green', 0.5, 0.1), RR1.lesson.dropObstacle()")
+    fresh.ask("RR1.lesson.edits.remember(), RR1.lesson.edits.moveObstacle('green', 0.5, 0.1), RR1.lesson.edits.drop()")
     assert verdict(fresh) == "The start is not free: green."
 
 
@@ -244,7 +244,7 @@ def test_links_turn_about_their_joints(fresh: Any) -> None:
 
 def test_the_keyboard_moves_obstacles_and_sets_start_and_goal(fresh: Any, problem: rp.Problem) -> None:
     fresh.page.keyboard.press("j")
-    name = fresh.ask("RR1.lesson.selected")
+    name = fresh.ask("RR1.lesson.edits.selected")
     assert name in problem.scene.obstacles
     assert name in fresh.page.locator(".said").inner_text()
     before = place(fresh, name)
@@ -253,7 +253,7 @@ def test_the_keyboard_moves_obstacles_and_sets_start_and_goal(fresh: Any, proble
     np.testing.assert_allclose(place(fresh, name) - before, [0.017, 0.085], atol=1e-9)
     check_cells(fresh, problem.scene)
     fresh.page.keyboard.press("Escape")
-    assert fresh.ask("RR1.lesson.selected") is None
+    assert fresh.ask("RR1.lesson.edits.selected") is None
     fresh.ask("RR1.setQ([0.4, -1.2])")
     fresh.page.keyboard.press("a")
     np.testing.assert_allclose(fresh.ask("Array.from(RR1.lesson.live.start)"), [0.4, -1.2])
@@ -266,11 +266,11 @@ def test_the_keyboard_moves_obstacles_and_sets_start_and_goal(fresh: Any, proble
 def test_the_same_drag_has_the_same_answer(fresh: Any) -> None:
     paths = []
     for _ in range(2):
-        fresh.ask("RR1.lesson.moveObstacle('violet', 0.7, -1.0)")
+        fresh.ask("RR1.lesson.edits.moveObstacle('violet', 0.7, -1.0)")
         paths.append(waypoints(fresh))
-        fresh.ask("RR1.lesson.moveObstacle('violet', 0.6, -1.3)")
+        fresh.ask("RR1.lesson.edits.moveObstacle('violet', 0.6, -1.3)")
     assert paths[0].tobytes() == paths[1].tobytes()
-    fresh.ask("RR1.lesson.remember(), RR1.lesson.dropObstacle()")
+    fresh.ask("RR1.lesson.edits.remember(), RR1.lesson.edits.drop()")
 
 
 _QUERY = "seed: 0, iterations: 4000, step: 0.15"
@@ -278,8 +278,8 @@ _QUERY = "seed: 0, iterations: 4000, step: 0.15"
 
 def test_a_worker_plans_what_the_page_would_plan(fresh: Any) -> None:
     # Searches in the page do not succeed within a moment.
-    fresh.ask("() => { RR1.planner.plan = () => ({ status: 'timeout' }); RR1.lesson.remember(); }")
-    assert fresh.ask("RR1.lesson.moveObstacle('violet', 0.7, -1.0)")
+    fresh.ask("() => { RR1.planner.plan = () => ({ status: 'timeout' }); RR1.lesson.edits.remember(); }")
+    assert fresh.ask("RR1.lesson.edits.moveObstacle('violet', 0.7, -1.0)")
     fresh.ask("delete RR1.planner.plan")
     numbers = "(({ trees, track }) => [trees.map((tree) => [...tree.vertices.values]), [...track.coefficients.values]])"
     own = f"RR1.planner.plan(RR1.lesson.live.start, RR1.lesson.live.goals[0], {{ {_QUERY} }})"
@@ -303,23 +303,23 @@ def test_slow_planning_is_announced_canceled_and_overtaken(fresh: Any) -> None:
     fresh.next_frames()
     fresh.page.keyboard.press("Escape")
     assert verdict(fresh) == "Planning canceled."
-    assert fresh.ask("RR1.lesson.planning") is None
+    assert fresh.ask("RR1.lesson.edits.planning") is None
     fresh.page.keyboard.press("p")
     fresh.page.keyboard.press("p")
     assert verdict(fresh) == "Planning canceled."
-    fresh.ask("() => { window.first = RR1.lesson.update(); }")
+    fresh.ask("() => { window.first = RR1.lesson.edits.update(); }")
     fresh.ask("() => { delete RR1.lesson.live.background.plan; }")
-    assert fresh.ask("RR1.lesson.update()")
+    assert fresh.ask("RR1.lesson.edits.update()")
     assert not fresh.ask("first")
     fresh.ask("() => { delete RR1.lesson.live.background.cancel; }")
     assert verdict(fresh).startswith("Start and goal lie in the same component")
-    fresh.ask("RR1.lesson.dropObstacle()")
+    fresh.ask("RR1.lesson.edits.drop()")
 
 
 def test_without_workers_the_page_plans_itself(tab: Any, page_file: FilePath) -> None:
     tab.page.add_init_script("window.Worker = class { constructor() { throw new Error('no workers'); } };")
     tab.open(page_file, LIVE)
-    assert tab.ask("RR1.lesson.moveObstacle('violet', 0.7, -1.0)")
+    assert tab.ask("RR1.lesson.edits.moveObstacle('violet', 0.7, -1.0)")
     assert not tab.ask("RR1.lesson.live.background.isParallel")
     assert "certified free" in verdict(tab)
     assert tab.complaints == []

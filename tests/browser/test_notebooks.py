@@ -109,7 +109,7 @@ def test_the_exported_notebook_shows_live_pages(exported: str, policy: str, tab:
     assert motion.evaluate("RR1.editing.plan().then((answer) => answer.certified)")
     assert (
         frames["resolution=90)"]
-        .evaluate("RR1.lesson.update().then(() => document.querySelector('.verdict').textContent)")
+        .evaluate("RR1.lesson.edits.update().then(() => document.querySelector('.verdict').textContent)")
         .startswith("Start and goal")
     )
     assert frames["\nviewer"].evaluate("RR1.stage.tiles().length") == 2

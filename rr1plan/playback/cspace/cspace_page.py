@@ -2,7 +2,7 @@
 
 The page draws the configuration space from the cells of the grid, as a panel of the 3-D page, so one offline file
 contains everything. If the arm is planar and the page has a planner, it recomputes the cells when obstacles are dragged
-(`page/cspace_query.js`), and replans.
+(`page/cspace_edits.js`, `page/cspace_query.js`), and replans.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 _SCRIPTS = (
     "cspace_picture", "cspace_components", "cspace_raster", "cspace_query", "phase_plane", "torus_view",
-    "flat_arm", "cspace_workspace", "planar_drags", "cspace_chart", "cspace",
+    "flat_arm", "cspace_workspace", "planar_drags", "cspace_chart", "cspace_edits", "cspace",
 )  # fmt: skip
 _CRUMB = 255  # label of all components too small to have a color of their own
 

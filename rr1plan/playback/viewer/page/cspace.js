@@ -13,11 +13,11 @@ class Lesson {
   constructor() {
     this.chart = new CspaceChart(this);
     this.arm = new Workspace();
+    this.edits = new QueryEdits(this);
     this.pointer = null;
     this.blocked = false;
     this.flat = false;
     this.live = null;
-    this.isAwaited = false;
     this.torus = null;
     this.phase = makePhase();
     this.wireTools();
@@ -57,10 +57,8 @@ class Lesson {
     this.curve = [];
     this.motion = [];
     this.endLive();
-    this.first = this.selected = this.answer = this.explored = null;
-    this.past = [];
-    this.pending = false; // whether the motion that plays is older than the query
-    this.dropped = false; // whether the motion that is planned plays once it is known
+    this.answer = this.explored = null;
+    this.edits.clear();
     this.fillSliders();
     this.fillLegend();
     this.fillTools();
@@ -71,7 +69,7 @@ class Lesson {
   meet() {
     this.takeTrack(viewer.player.track, 800);
     this.arm.draw();
-    this.placeTags();
+    this.edits.placeTags();
     if (this.workspace && !this.arm.turned) this.arm.look();
     else if (this.flat && !this.workspace) viewer.look();
     this.flat = Boolean(this.workspace);
@@ -92,7 +90,7 @@ class Lesson {
     this.fillPhase();
   }
 
-  // ---- direct manipulation ---------------------------------------------------------------
+  // ---- the planner -------------------------------------------------------------------------
 
   /** With a planner, obstacles, start and goals can be moved; without one, the page says so. */
   async takePlanner(planner, reason) {
@@ -100,7 +98,7 @@ class Lesson {
     note.hidden = !reason || !(this.workspace || data.others.length);
     note.textContent = this.workspace ? `Obstacles stand still on this page: ${reason}.` : `The slice stays as it was saved: ${reason}.`;
     this.endLive();
-    if (!planner || !live) { this.awaitPlanner(false); return; }
+    if (!planner || !live) { this.edits.awaitPlanner(false); return; }
     const image = await inflate(live.raster);
     if (data.live !== live || viewer.planner !== planner) return;
     this.live = new LiveQuery(planner, image);
@@ -109,29 +107,20 @@ class Lesson {
     this.live.stale.clear();
     part(".others").hidden = !data.others.length;
     if (this.isSlice) this.cutAt = this.otherValues();
-    else this.first = this.snapshot();
+    else this.edits.begin();
     this.fillTools();
     this.follow();
-    if (!this.isAwaited) return;
-    this.awaitPlanner(false);
-    this.planHere();
-  }
-
-  /** Whether the planner will come. */
-  get isLoading() {
-    return Boolean(data.live) && !this.live && !viewer.noPlanner;
-  }
-
-  /** Plans once the planner is loaded, or no longer. */
-  awaitPlanner(on) {
-    if (on !== this.isAwaited) this.say(on ? "Planning starts when the planner is loaded." : "");
-    this.isAwaited = on;
+    if (!this.edits.isAwaited) return;
+    this.edits.awaitPlanner(false);
+    this.edits.requestPlan();
   }
 
   endLive() {
     if (this.live) this.live.end();
-    this.live = this.planning = null;
+    this.live = this.edits.planning = null;
   }
+
+  // ---- slices ------------------------------------------------------------------------------
 
   /** Whether the picture is a slice that follows obstacles and the joints that it does not show. */
   get isSlice() {
@@ -162,128 +151,15 @@ class Lesson {
     this.follow(false);
   }
 
-  snapshot() {
-    const { start, goals, planner } = this.live;
-    return { start, goals: [...goals], poses: new Map(Object.keys(data.live.outlines).map((name) => [name, planner.obstaclePose(name)])) };
-  }
-
-  /** Saves the current state for undo. */
-  remember() {
-    this.holdLayout(true);
-    this.live.background.start();
-    this.past.push(this.snapshot());
-    if (this.past.length > 100) this.past.shift();
-    this.fillTools();
-  }
+  // ---- results -----------------------------------------------------------------------------
 
   /** Keeps the heights of the panel and its verdict during a drag, so that the picture stays under the pointer. */
   holdLayout(on) {
     for (const node of [find("panels"), part(".verdict")]) node.style.height = on ? `${node.getBoundingClientRect().height}px` : "";
   }
 
-  undo() {
-    if (this.live && this.past.length) this.restore(this.past.pop());
-  }
-
-  /** Restores the initial state. */
-  reset() {
-    if (!this.live) return;
-    this.remember();
-    this.restore(this.first);
-  }
-
-  restore({ start, goals, poses }) {
-    const { live } = this;
-    for (const [name, pose] of poses) if (live.planner.obstaclePose(name).some((v, k) => v !== pose[k])) live.moveObstacle(name, pose);
-    if (start) live.setEnd("start", start);
-    goals.forEach((goal, k) => live.setEnd(k, goal));
-    this.fillTools();
-    this.update();
-    this.dropObstacle();
-  }
-
-  /** The obstacle at a point of the plane, or null. */
-  obstacleAt(point) {
-    const names = Object.keys(data.live.outlines).reverse();
-    return names.find((name) => this.canMove(name) && this.loops(name).some((loop) => inPolygon(point, loop, this.obstaclePlace(name)))) || null;
-  }
-
-  canMove(name) {
-    return viewer.world.canMove(name) && data.live.outlines[name].length > 0;
-  }
-
-  /** The outlines of an obstacle around its origin, in its current orientation. */
-  loops(name) {
-    const now = this.live.planner.obstaclePose(name), then = this.first.poses.get(name);
-    const angle = Math.atan2(now[1], now[0]) - Math.atan2(then[1], then[0]), [c, s] = [Math.cos(angle), Math.sin(angle)];
-    return data.live.outlines[name].map((loop) => loop.map(([x, y]) => [c * x - s * y, s * x + c * y]));
-  }
-
-  obstaclePlace(name) {
-    const pose = this.live.planner.obstaclePose(name);
-    return [pose[12], pose[13]];
-  }
-
-  /** Selects the obstacle that the arrow keys move, or none. */
-  select(name) {
-    if (name === this.selected) return;
-    this.selected = name;
-    this.outlineSelected();
-    this.say(name ? `${name}: arrow keys move it, < and > turn it` : "");
-  }
-
-  outlineSelected() {
-    if (!this.workspace || !this.live) return;
-    this.arm.outline(this.selected ? this.loops(this.selected) : [], this.selected ? this.obstaclePlace(this.selected) : [0, 0]);
-    viewer.redraw();
-  }
-
   say(text) {
     part(".said").textContent = text;
-  }
-
-  /** Moves an obstacle with the pointer. */
-  dragObstacle(name, x, y) {
-    this.resume ||= viewer.playing;
-    viewer.pause();
-    this.drag(() => this.moveObstacle(name, x, y));
-  }
-
-  /** Makes a step of a drag at the next frame; it replaces the step that waits. */
-  drag(step) {
-    this.step = step;
-    this.waiting ||= requestAnimationFrame(() => this.dragOn());
-  }
-
-  /** Makes the step that waits once the step before is answered, unless its planning is slow. */
-  dragOn() {
-    const { planning } = this, waits = planning && performance.now() - planning.began < SLOW_PLAN;
-    this.waiting = waits ? requestAnimationFrame(() => this.dragOn()) : 0;
-    if (!waits) this.takeStep();
-  }
-
-  takeStep() {
-    const { step } = this;
-    if (this.waiting) cancelAnimationFrame(this.waiting);
-    this.waiting = 0;
-    this.step = null;
-    if (step) step();
-  }
-
-  /** Moves and rotates an obstacle in the plane, and updates all dependent data. */
-  moveObstacle(name, x, y, turned = 0) {
-    const pose = this.live.planner.obstaclePose(name), [c, s] = [Math.cos(turned), Math.sin(turned)];
-    for (const k of [0, 4, 8]) [pose[k], pose[k + 1]] = [c * pose[k] - s * pose[k + 1], s * pose[k] + c * pose[k + 1]];
-    [pose[12], pose[13]] = [x, y];
-    this.live.moveObstacle(name, pose);
-    if (name === this.selected) this.outlineSelected();
-    return this.update(name);
-  }
-
-  /** Sets the start or a goal to a configuration; which: "start" or the number of a goal. */
-  moveEnd(which, q) {
-    this.live.setEnd(which, q.map((v, axis) => wrapped(axis, v)));
-    return this.update();
   }
 
   /** The positions of the names of images, or of one of them. */
@@ -293,60 +169,6 @@ class Lesson {
       const spot = widestSpot(this.cells.bits, data.size, k, data.periodic);
       layer.spot = spot && spot.map((part, axis) => value(axis, part));
     });
-  }
-
-  /** Shows the cells after a change, and plans; the promise: `plan`. */
-  update(moving = null) {
-    const { live } = this;
-    live.cancel();
-    Object.assign(this.cells, live.update());
-    data.start = live.start;
-    data.goals = live.goals;
-    this.pending = true;
-    this.dropped = false;
-    this.placeNames(moving);
-    this.showUsed();
-    this.placeTags();
-    this.planning = null;
-    const isOpen = live.candidates.length > 0;
-    if (!isOpen) this.take(live.result());
-    this.repaint();
-    this.follow(false);
-    return isOpen ? this.plan() : Promise.resolve(true);
-  }
-
-  /** Plans the query in the background, and shows the result; whether it was neither canceled nor overtaken. */
-  async plan() {
-    const { live } = this, planning = { began: performance.now() };
-    let progress = "", isSlow = false;
-    const show = () => { if (isSlow && this.planning === planning) this.sayPlanning(progress); };
-    this.planning = planning;
-    const timer = setTimeout(() => { isSlow = true; show(); }, SLOW_PLAN);
-    try {
-      const found = await live.plan((text) => { progress = text; show(); });
-      if (!found || this.planning !== planning) return false;
-      this.planning = null;
-      this.show(found);
-      return true;
-    } finally {
-      clearTimeout(timer);
-      if (this.planning === planning) this.planning = null;
-    }
-  }
-
-  /** Cancels planning on the user's request. */
-  cancel() {
-    this.live.cancel();
-    this.planning = null;
-    this.show({ answer: null, tree: null, verdict: "Planning canceled.", tone: "open" });
-  }
-
-  show(found) {
-    const { tinted } = this;
-    this.take(found);
-    if (this.tinted === tinted) this.redraw(); else this.repaint();
-    this.follow(false);
-    if (this.dropped) this.playAnswer();
   }
 
   /** Takes the result of a query: tree, path and verdict. */
@@ -377,47 +199,11 @@ class Lesson {
     shown.textContent = progress;
   }
 
-  /** After a drag: the ghosts move to start and goals, and the clock plays the motion once it is planned. */
-  dropObstacle() {
-    this.holdLayout(false);
-    this.takeStep();
-    if (!this.pending) return;
-    this.placeNames();
-    this.redraw();
-    const standing = (kind, ends) => ends.map((end) => ({ kind, arm: data.arm, q: this.ownConfiguration(end) }));
-    viewer.world.setGhosts("start", standing("start", data.start ? [data.start] : []));
-    viewer.world.setGhosts("goal", standing("goal", data.goals));
-    for (const kind of ["start", "goal"]) if (viewer.world.layers[kind]) viewer.world.layers[kind].visible = viewer.isShown(kind);
-    if (this.planning) this.dropped = true; else this.playAnswer();
-  }
-
-  /** The clock plays the motion that was planned. */
-  playAnswer() {
-    const { answer } = this, { manual } = viewer, q = viewer.q.slice(), track = answer && answer.track;
-    this.pending = this.dropped = false;
-    viewer.setMotion({ track: track || null, path: null, report: null, replay: null });
-    for (const layer of ["toolpath", "path"]) if (viewer.world.layers[layer]) viewer.world.layers[layer].visible = viewer.isShown(layer);
-    viewer.add("way", new viewer.THREE.Group());
-    if (this.resume && track) viewer.play(); else if (manual || !track) viewer.setQ(q);
-    this.resume = false;
-    this.fillVerdict();
-  }
-
   /** The configuration of the arm with its two joints at q. */
   ownConfiguration(q) {
     const full = viewer.kinematics.rest(), own = viewer.kinematics.arms.find((a) => a.name === data.arm);
     q.forEach((v, axis) => { full[data.columns[axis]] = v; });
     return full.slice(own.firstColumn, own.firstColumn + own.robot.names.length);
-  }
-
-  /** Names of obstacles move with them. */
-  placeTags() {
-    if (!this.live || !this.arm.tags) return;
-    for (const [name, { tag, place }] of this.arm.tags) {
-      if (!this.first.poses.has(name)) continue;
-      const now = this.obstaclePlace(name), then = this.first.poses.get(name);
-      tag.position.set(place[0] + now[0] - then[12], place[1] + now[1] - then[13], place[2]);
-    }
   }
 
   // ---- controls ----------------------------------------------------------------------------
@@ -479,8 +265,8 @@ class Lesson {
     this.tools.grow.onclick = () => this.grow();
     this.tools.torus.onclick = () => this.toggleTorus();
     this.tools.phase.onclick = () => { this.phase.hidden = !this.phase.hidden; this.fillPhase(); };
-    this.tools.undo.onclick = () => this.undo();
-    this.tools.reset.onclick = () => this.reset();
+    this.tools.undo.onclick = () => this.edits.undo();
+    this.tools.reset.onclick = () => this.edits.reset();
     this.reach.oninput = () => { this.pauseTree(); this.growTo(Number(this.reach.value)); };
   }
 
@@ -489,8 +275,8 @@ class Lesson {
     this.tools.elbow.hidden = !this.workspace || data.planar.kinds === "PP";
     this.tools.phase.hidden = !this.track && !(this.live && data.start);
     this.tools.torus.hidden = !data.periodic.every(Boolean) || !viewer.stage.renderer;
-    this.tools.undo.hidden = this.tools.reset.hidden = !this.live || !this.past.length;
-    if (this.workspace) this.arm.readout.hint.hidden = !this.live || this.past.length > 0;
+    this.tools.undo.hidden = this.tools.reset.hidden = !this.live || !this.edits.past.length;
+    if (this.workspace) this.arm.readout.hint.hidden = !this.live || this.edits.past.length > 0;
     Object.assign(this.reach, { max: this.tree.length, step: 1, value: this.tree.length });
     const explored = this.explored ?? (data.tree ? data.tree.explored : 0), thinned = explored > this.tree.length;
     this.tools.tree.title = `What the planner explored (T)${thinned ? `: ${this.tree.length} of ${explored} edges are drawn` : ""}`;
@@ -560,7 +346,7 @@ class Lesson {
   }
 
   addKeys() {
-    const { keys } = viewer, { tools } = this, title = "Configuration space", live = () => Boolean(this.live && this.workspace), click = (tool) => ({ when: () => !tool.hidden, act: () => tool.click() });
+    const { keys } = viewer, { tools, edits } = this, title = "Configuration space", live = () => Boolean(this.live && this.workspace), click = (tool) => ({ when: () => !tool.hidden, act: () => tool.click() });
     keys.add(title, [
       { keys: ["c"], text: "Color the components of free space", ...click(tools.parts) },
       { keys: ["e"], text: "The other elbow", ...click(tools.elbow) },
@@ -569,59 +355,25 @@ class Lesson {
       { keys: ["d"], text: "Torus", ...click(tools.torus) },
       { keys: ["f"], text: "Phase plane", ...click(tools.phase) },
       // As on the page of any other arm.
-      { keys: ["j"], text: "Select the next obstacle", when: live, act: () => this.selectNext() },
-      { keys: ["a"], text: "The start is where the arm is", when: live, act: () => this.endHere("start") },
-      { keys: ["b"], text: "The goal is where the arm is", when: live, act: () => this.endHere(0) },
-      { keys: ["p"], text: "Plan and play, or cancel planning", when: () => live() || (this.isLoading && Boolean(this.workspace)), act: () => this.planHere() },
-      { keys: ["o"], text: "Everything as it was at first", when: () => !tools.reset.hidden, act: () => this.reset() },
-      { keys: ["Ctrl+z"], text: "Undo", when: () => live() && this.past.length > 0, act: () => this.undo() },
+      { keys: ["j"], text: "Select the next obstacle", when: live, act: () => edits.selectNext() },
+      { keys: ["a"], text: "The start is where the arm is", when: live, act: () => edits.endHere("start") },
+      { keys: ["b"], text: "The goal is where the arm is", when: live, act: () => edits.endHere(0) },
+      { keys: ["p"], text: "Plan and play, or cancel planning", when: () => live() || (edits.isLoading && Boolean(this.workspace)), act: () => edits.requestPlan() },
+      { keys: ["o"], text: "Everything as it was at first", when: () => !tools.reset.hidden, act: () => edits.reset() },
+      { keys: ["Ctrl+z"], text: "Undo", when: () => live() && edits.past.length > 0, act: () => edits.undo() },
     ]);
     keys.add(title, [
       { keys: [",", "."], text: "One edge of the growing tree back or on", when: () => this.showTree && this.grown < this.tree.length, act: ({ key }) => this.walk(key === "." ? 1 : -1) },
-      { keys: Object.keys(ARROWS), text: "Move the selected obstacle; with Shift farther", when: () => Boolean(this.selected), act: (event) => this.nudge(event, ...ARROWS[event.key], 0) },
-      { keys: ["<", ">"], text: "Turn the selected obstacle", when: () => Boolean(this.selected), act: (event) => this.nudge(event, 0, 0, event.key === "<" ? 1 : -1) },
-      { keys: ["Escape"], text: "Select nothing", when: () => Boolean(this.selected), act: () => this.select(null) },
-      { keys: ["Escape"], text: "", when: () => Boolean(this.planning), act: () => this.cancel() },
+      { keys: Object.keys(ARROWS), text: "Move the selected obstacle; with Shift farther", when: () => Boolean(edits.selected), act: (event) => edits.nudge(event, ...ARROWS[event.key], 0) },
+      { keys: ["<", ">"], text: "Turn the selected obstacle", when: () => Boolean(edits.selected), act: (event) => edits.nudge(event, 0, 0, event.key === "<" ? 1 : -1) },
+      { keys: ["Escape"], text: "Select nothing", when: () => Boolean(edits.selected), act: () => edits.select(null) },
+      { keys: ["Escape"], text: "", when: () => Boolean(edits.planning), act: () => edits.cancel() },
       { keys: Object.keys(ARROWS), text: "Turn the torus", when: (target) => Boolean(this.torus) && target === this.torus.canvas, act: (event) => this.torus.rotate(...ARROWS[event.key].map((v, axis) => (axis ? 0.1 : -0.1) * v)) },
     ], { first: true });
     keys.arrows(title, "In the picture: move the arm; with Shift farther", this.chart.canvas, (by, event) => {
       const step = (event.shiftKey ? 10 : 1) / 360;
       this.pose(q2().map((v, axis) => v + by[axis] * step * (data.high[axis] - data.low[axis])));
     });
-  }
-
-  /** Moves the selected obstacle by a step in the plane, or turns it. */
-  nudge(event, right, up, turned) {
-    const step = (event.shiftKey ? 0.05 : 0.01) * this.arm.outer, [x, y] = this.obstaclePlace(this.selected);
-    if (!event.repeat) this.remember();
-    this.moveObstacle(this.selected, x + step * right, y + step * up, (turned * Math.PI) / 36);
-    this.dropObstacle();
-  }
-
-  /** The next obstacle that can be moved, then none. */
-  selectNext() {
-    if (!this.live) return;
-    const names = [...Object.keys(data.live.outlines).filter((name) => this.canMove(name)), null];
-    this.select(names[(names.indexOf(this.selected) + 1) % names.length]);
-  }
-
-  /** Plans the same query in the page, and plays the motion; once more cancels. */
-  planHere() {
-    if (!data.start) return;
-    if (this.isLoading) { this.awaitPlanner(!this.isAwaited); return; }
-    if (!this.live) return;
-    if (this.planning) { this.cancel(); return; }
-    this.update();
-    this.resume = true;
-    this.dropObstacle();
-  }
-
-  /** Sets the start or the goal to the configuration shown. */
-  endHere(which) {
-    if (!this.live || (which === "start" ? !data.start : !data.goals.length)) return;
-    this.remember();
-    this.moveEnd(which, q2());
-    this.dropObstacle();
   }
 
   // ---- other views -------------------------------------------------------------------------
@@ -646,7 +398,7 @@ class Lesson {
   drawPhase() {
     if (this.phase.hidden) return;
     const why = !this.track ? "No motion" : this.live ? "No times yet: P plans a timed motion" : "This path has no times";
-    drawPhasePlane(this.phase.querySelector("canvas"), this.plane, viewer.manual || this.pending ? null : viewer.player.fraction, why);
+    drawPhasePlane(this.phase.querySelector("canvas"), this.plane, viewer.manual || this.edits.pending ? null : viewer.player.fraction, why);
   }
 
   // ---- the configuration -------------------------------------------------------------------
@@ -721,29 +473,23 @@ class Lesson {
       this.pointer = held || chart.inPlot(spot) ? spot : null;
       if (mark !== null && dragged === null && Math.hypot(event.clientX - from[0], event.clientY - from[1]) > 3) {
         dragged = mark;
-        this.remember();
+        this.edits.remember();
       }
       // When the mark of the start or a goal is dragged, the arm follows it.
       if (held && (mark === null || dragged !== null)) take(event); else if (!held) chart.draw();
-      if (dragged !== null) this.dragEnd(dragged);
+      if (dragged !== null) this.edits.dragEnd(dragged);
       canvas.style.cursor = !held && this.live && chart.markAt(spot) !== null ? "move" : "";
       this.tip();
     });
     for (const end of ["pointerup", "pointercancel"]) {
       canvas.addEventListener(end, () => {
-        if (dragged !== null) this.dropObstacle();
+        if (dragged !== null) this.edits.drop();
         held = false;
         mark = dragged = null;
       });
     }
     canvas.addEventListener("pointerleave", () => { this.pointer = null; this.tip(); chart.draw(); });
     this.drags = new PlanarDrags(this, this.arm);
-  }
-
-  /** Moves start or goal to the arm, which the pointer moves. */
-  dragEnd(which) {
-    const q = q2();
-    this.drag(() => this.moveEnd(which, q));
   }
 
   /** A click on the mark of the start or a goal selects exactly that configuration. */
@@ -806,16 +552,6 @@ function words(answer) {
 }
 
 const listed = (names) => (names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${names[names.length - 1]}` : names[0]);
-
-/** Whether a point is inside a polygon around a center. */
-function inPolygon([x, y], corners, [cx, cy]) {
-  let inside = false;
-  for (let i = 0, j = corners.length - 1; i < corners.length; j = i++) {
-    const [ax, ay] = [corners[i][0] + cx, corners[i][1] + cy], [bx, by] = [corners[j][0] + cx, corners[j][1] + cy];
-    if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) inside = !inside;
-  }
-  return inside;
-}
 
 /** The card of the phase plane in a corner of the workspace. */
 function makePhase() {

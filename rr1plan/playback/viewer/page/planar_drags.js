@@ -18,7 +18,7 @@ class PlanarDrags {
   find(event) {
     const { arm, lesson } = this, q = q2(), joints = arm.places(q), point = arm.under(event);
     if (arm.distance(event, joints[2]) < GRAB) return { begin: () => this.holdTool() };
-    const name = point && lesson.live && lesson.obstacleAt(point);
+    const name = point && lesson.live && lesson.edits.obstacleAt(point);
     if (name) return { name, begin: () => this.holdObstacle(name, point) };
     for (const link of [1, 0]) {
       if (point && arm.pixelsTo(event, joints[link], joints[link + 1]) < THICK) return { begin: () => this.holdLink(link, point) };
@@ -40,12 +40,12 @@ class PlanarDrags {
   }
 
   holdObstacle(name, point) {
-    const { lesson } = this, [x, y] = lesson.obstaclePlace(name);
-    lesson.select(name);
-    lesson.remember();
+    const { edits } = this.lesson, [x, y] = edits.obstaclePlace(name);
+    edits.select(name);
+    edits.remember();
     return {
-      move: (at) => lesson.dragObstacle(name, x + at[0] - point[0], y + at[1] - point[1]),
-      drop: () => lesson.dropObstacle(),
+      move: (at) => edits.dragObstacle(name, x + at[0] - point[0], y + at[1] - point[1]),
+      drop: () => edits.drop(),
     };
   }
 
@@ -78,7 +78,7 @@ class PlanarDrags {
     if (held) { held.drop(); return; }
     if (!down) return;
     if (this.isClick(event, down)) {
-      if (grip && grip.name) lesson.select(grip.name); else this.click(event);
+      if (grip && grip.name) lesson.edits.select(grip.name); else this.click(event);
     } else if (!grip) arm.turned = true;
   }
 
@@ -89,7 +89,7 @@ class PlanarDrags {
   /** A click in the reachable ring moves the tool there. */
   click(event) {
     const { arm, lesson } = this, point = arm.under(event);
-    lesson.select(null);
+    lesson.edits.select(null);
     if (!point) return;
     if (arm.flat.solutions(...point).length) lesson.pose(arm.solve(...point, arm.side(q2()) >= 0 ? 1 : -1));
   }
