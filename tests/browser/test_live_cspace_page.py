@@ -182,6 +182,7 @@ def test_a_dragged_obstacle_takes_its_image_with_it(
     if fresh.ask("Boolean(RR1.lesson.answer && RR1.lesson.answer.track)"):
         check_path(fresh, problem.scene)
         assert fresh.ask("RR1.duration") == pytest.approx(fresh.ask("RR1.lesson.track.end"))
+        assert fresh.page.locator("#badge").text_content() == "Planned here, certified free"
     fresh.page.keyboard.press("Control+z")
     np.testing.assert_allclose(place(fresh, name), at, atol=1e-12)
     check_cells(fresh, problem.scene)

@@ -305,7 +305,7 @@ def test_violations_are_marked_in_their_chart_and_lead_to_their_place(
     options = rp.ViewOptions(play=False)
     tab.open(rp.save_html(tmp_path / "bad.html", rr1_table, trajectory=trajectory, report=report, options=options))
     tab.page.keyboard.press("g")
-    wait_until(tab.page, "RR1.plots.offered.includes('clearance')")
+    wait_until(tab.page, "Boolean(RR1.planner) && RR1.plots.offered.includes('clearance')")
     tab.ask("RR1.plots.chosen = ['clearance', 'position'], RR1.plots.build()")
     times = [v.time for v in report.violations if v.time is not None]
     assert tab.ask("RR1.conflicts.all.map(({ time }) => time)") == sorted(times)
@@ -340,6 +340,15 @@ def test_violations_are_marked_in_their_chart_and_lead_to_their_place(
     assert tab.ask("RR1.overlays.rings.filter(({ ring }) => ring.visible).length") == 0
     tab.page.keyboard.press("n")
     assert tab.ask("RR1.time") == min(t for t in times if t > 0.5)
+    # Contacts with an obstacle that is elsewhere now are none; everything else that is wrong stays.
+    name = next(name for v in report.violations for name in v.subject if name in rr1_table.obstacles)
+    left = [v for v in report.violations if name not in v.subject]
+    tab.ask(
+        "name => RR1.editing.moveObstacle(name, RR1.editing.poses.get(name).map((v, i) => (i === 14 ? v - 1 : v)))",
+        name,
+    )
+    assert tab.ask("RR1.conflicts.all.map(({ time }) => time)") == sorted(v.time for v in left if v.time is not None)
+    assert tab.page.locator("#report .violation").count() == len(left) > 0
     assert tab.complaints == []
 
 
@@ -382,6 +391,37 @@ def test_the_planner_of_the_page_measures_clearances_that_were_not_sent(
     expected = [1e3 * checker.moving_clearance(plan.trajectory(t)) for t in times]
     np.testing.assert_allclose(found, expected, atol=2e-3)
     assert tab.complaints == []
+
+
+def test_clearances_follow_a_moved_obstacle(calm: Any, motions: Any) -> None:
+    plan = motions[0]
+    wait_until(calm.page, "RR1.planner || RR1.noPlanner")
+    curves = "RR1.plots.source.curves(RR1.plots.arm, 'clearance').filter((curve) => curve.motion === null)"
+    times = np.linspace(0.0, plan.trajectory.duration, 201)[::20]
+    sent = [calm.ask(VALUES, ["clearance", float(t)]) for t in times]
+    name = calm.ask("RR1.planner.obstacles.find((name) => RR1.editing.canMove(name))")
+    calm.ask(
+        """name => {
+            const pose = Float64Array.from(RR1.editing.poses.get(name));
+            pose[14] += 0.03;
+            RR1.editing.remember(null);
+            RR1.editing.moveObstacle(name, pose);
+        }""",
+        name,
+    )
+    # Until they are measured again none is shown, not even for a moment those of before.
+    assert np.isnan(calm.ask(f"{curves}.map((curve) => curve.at(0.2))")).tolist() == [True]
+    assert not calm.ask("RR1.hasLayer('nearest')")
+    wait_until(calm.page, f"Number.isFinite({curves}[0].at(0.2))")
+    scene = plan.scene.with_obstacle_at(
+        name, np.reshape(calm.ask("n => Array.from(RR1.planner.obstaclePose(n))", name), (4, 4)).T
+    )
+    checker = rp.CollisionChecker(scene)
+    expected = [1e3 * checker.moving_clearance(plan.trajectory(t)) for t in times]
+    np.testing.assert_allclose([calm.ask(VALUES, ["clearance", float(t)])[0] for t in times], expected, atol=2e-3)
+    calm.ask("RR1.editing.undo()")
+    assert [calm.ask(VALUES, ["clearance", float(t)]) for t in times] == sent
+    assert calm.ask("RR1.hasLayer('nearest')")
 
 
 def test_a_page_without_a_timed_motion_has_no_plots(tab: Any, rr1_table: rp.Scene, tmp_path: FilePath) -> None:

@@ -3,7 +3,8 @@
 const LEAST_SHOWN = 0.1; // [s] shown before and after a contact whose duration is unknown, in a motion of a second or longer
 
 class Conflicts {
-  constructor(doc, player, kinematics) {
+  /** moved: names of obstacles that are not where these contacts were found; theirs are left out. */
+  constructor(doc, player, kinematics, moved = []) {
     const { start, end } = player, long = end - start, half = Math.max(Math.min(LEAST_SHOWN, 0.1 * long), 0.01 * long);
     const violations = doc.report ? doc.report.violations.map((v, i) => ({ ...v, place: doc.samples.places[i] || null })) : [];
     const found = violations.filter((v) => v.time !== null);
@@ -11,7 +12,7 @@ class Conflicts {
     this.all = [
       ...found.map((v) => ({ ...v, elements: v.subject.map((name) => kinematics.elementOf(name)), from: v.time - half, to: v.time + half })),
       ...simulated.map(({ pair, first, last }) => ({ kind: "collision", subject: pair, elements: pair, place: null, time: first, from: first - half / 2, to: last + half / 2, simulated: true })),
-    ].sort((a, b) => a.time - b.time);
+    ].filter(({ subject }) => !subject.some((name) => moved.includes(name))).sort((a, b) => a.time - b.time);
     this.now = [];
     this.shown = null;
   }

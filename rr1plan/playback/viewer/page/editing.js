@@ -18,6 +18,16 @@ const LOADING = "the planner is being loaded"; // the reason why there is none y
 
 const inWords = (clearance) => (Number.isFinite(clearance) ? `clearance ${length(clearance)}` : "nothing to touch");
 
+/** What the page states about a motion that it has planned, in the form of the referee's reports. */
+function reportOf(answer) {
+  return {
+    certified: answer.certified, valid: true, violations: [], margins: {},
+    title: answer.certified ? "Planned here, certified free" : "Planned here, not proven free",
+    checked: answer.certified ? ["collision in continuous time", "position", "velocity", "acceleration", "rest", "start", "goal"] : [],
+    not_checked: answer.certified ? {} : { proof: answer.fault },
+  };
+}
+
 /** Text about the moving arms, if there are many. */
 const inTurn = (legs) => (legs.length > 1 ? `, ${legs.length} arms one after the other` : ", the other arms stand still");
 
@@ -399,23 +409,19 @@ class Editing {
     this.remember(null);
     this.reach = null;
     const track = this.withRest(answer.track), spent = took < 1000 ? `${took.toFixed(1)} ms` : `${(took / 1000).toFixed(1)} s`;
-    const report = {
-      certified: answer.certified, valid: true, violations: [], margins: {},
-      title: answer.certified ? "Planned here, certified free" : "Planned here, not proven free",
-      checked: answer.certified ? ["collision in continuous time", "position", "velocity", "acceleration", "rest", "start", "goal"] : [],
-      not_checked: answer.certified ? { "clearance between samples": `the least of ${CLEARANCE_SAMPLES + 1} instants is shown` } : { proof: answer.fault },
-    };
-    const samples = { torque: null, clearance: null, error: null, places: [] };
-    this.motion = {
-      changes: { track, path: answer.shortened, report, replay: null, compare: [], samples, tree: null, planned: `${spent}, seed ${planning.seed}` },
-      poses: planning.poses,
-    };
-    viewer.setMotion(this.motion.changes);
-    this.refreshHeadline();
+    this.show({ track, path: answer.shortened, report: reportOf(answer), planned: `${spent}, seed ${planning.seed}` }, planning.poses);
     viewer.play();
     const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(viewer.duration)}${answer.legs ? inTurn(answer.legs) : ""}, planned in ${spent}`;
     card.say(`${said}.`, answer.certified ? "good" : "open");
     this.measure(this.motion, answer.track, said);
+  }
+
+  /** Shows a motion that the page has planned with obstacles at these poses, and nothing of the motion before. */
+  show({ track, path = null, report = null, planned = null }, poses = this.poses) {
+    const samples = { torque: null, clearance: null, error: null, places: [] };
+    this.motion = { changes: { track, path, report, replay: null, compare: [], samples, tree: null, planned }, poses };
+    this.viewer.setMotion(this.motion.changes);
+    this.refreshHeadline();
   }
 
   /** Cancels the plan being made if the question has changed. */
@@ -445,7 +451,10 @@ class Editing {
     const least = await this.background.run("leastClearance", [track]);
     if (!least || this.motion !== motion) return;
     const { report } = motion.changes;
-    if (Number.isFinite(least.value)) report.margins.clearance = { value: least.value, unit: "m", subject: [], time: least.time };
+    if (Number.isFinite(least.value)) {
+      report.margins.clearance = { value: least.value, unit: "m", subject: [], time: least.time };
+      report.not_checked["clearance between samples"] = `the least of ${CLEARANCE_SAMPLES + 1} instants is shown`;
+    }
     this.headline = null;
     this.refreshHeadline();
     if (find("answer").textContent === `${said}.`) this.card.say(`${said}, ${inWords(least.value)}.`, report.certified ? "good" : "open");
@@ -457,14 +466,16 @@ class Editing {
     return robot.names.some((_, j) => Math.abs(one[firstColumn + j] - two[firstColumn + j]) > little);
   }
 
-  /** A certificate does not cover obstacles that have moved since. */
+  /** Neither a certificate nor contacts and clearances cover obstacles that have moved since. */
   refreshHeadline() {
     const { motion, viewer } = this, moved = this.moved(motion.poses), { report, track } = motion.changes, { controls } = viewer;
     const key = moved.join();
     if (this.headline && this.headline.motion === motion && this.headline.key === key) return;
     this.headline = { motion, key };
+    viewer.setMoved(moved);
+    const violations = report ? report.violations.filter(({ subject }) => !subject.some((name) => moved.includes(name))) : [];
     const shown = !moved.length || !track ? report : {
-      certified: false, valid: true, violations: [], margins: {}, checked: [], title: "Obstacles moved: not checked",
+      certified: false, valid: !violations.length, violations, margins: {}, checked: [], title: violations.length ? "" : "Obstacles moved: not checked",
       not_checked: { collision: `${namesOf(moved, 3, ", ")} moved after this motion was planned` },
     };
     controls.fillReport(shown);

@@ -111,7 +111,27 @@ class Viewer {
     if (last) this.player.speed = last.speed;
     this.manual = false;
     this.touched = [];
+    this.moved = [];
     this.conflicts = new Conflicts(doc, this.player, this.kinematics);
+  }
+
+  /** Names the obstacles that have moved since the motion was made: what was found with them elsewhere is not shown. */
+  setMoved(names) {
+    if (names.join() === this.moved.join()) return;
+    this.moved = names;
+    this.conflicts = new Conflicts(this.document, this.player, this.kinematics, names);
+    this.loadFindings();
+    this.controls.fillMarks();
+    this.controls.fillToggles(this.document);
+    this.paint();
+    this.show();
+  }
+
+  /** Makes the layers and curves of what was found about the motion. */
+  loadFindings() {
+    for (const layer of ["conflicts", ...OVERLAYS]) this.world.clear(layer);
+    this.overlays.load();
+    this.plots.load();
   }
 
   /** Plays another motion of the same arms: the changed fields of the document (`track`, `path`, `report`, `samples`, ...). */
@@ -120,12 +140,11 @@ class Viewer {
     this.document = { ...this.document, ...changes };
     this.takeMotion();
     this.player.loop = loop;
-    for (const layer of ["toolpath", "path", "conflicts", ...OVERLAYS]) world.clear(layer);
+    for (const layer of ["toolpath", "path"]) world.clear(layer);
     this.drawMotion(this.player.track);
-    this.overlays.load();
+    this.loadFindings();
     this.sideBySide.load();
     this.controls.loadMotion(this.document);
-    this.plots.load();
     this.paint();
     this.follow();
     for (const f of this.listeners.load) f(this.document);

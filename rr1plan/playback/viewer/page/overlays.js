@@ -21,8 +21,8 @@ class Overlays {
   }
 
   load() {
-    const { document: doc, world, toolPath } = this.viewer;
-    const offered = { frames: doc.arms.length, toolspeed: toolPath && doc.track.timed, tree: doc.tree, nearest: doc.samples.clearance };
+    const { document: doc, world, toolPath, moved } = this.viewer;
+    const offered = { frames: doc.arms.length, toolspeed: toolPath && doc.track.timed, tree: doc.tree, nearest: doc.samples.clearance && !moved.length };
     this.made = {};
     for (const name of OVERLAYS) if (offered[name]) { world.group(name); world.filled.add(name); }
     for (const name of OVERLAYS) if (world.layers[name]) world.layers[name].visible = this.viewer.isShown(name);

@@ -100,6 +100,8 @@ class PlotSource {
     this.onMeasured = onMeasured;
     this.kinematics = viewer.kinematics;
     this.planner = viewer.planner;
+    this.moved = viewer.moved.length > 0;
+    this.measured = new Map(); // clearances that the page measures, by track: see `meter`
     // The planner has the obstacles at one time only.
     this.background = doc.bodies ? null : viewer.editing.background;
     this.motions = [];
@@ -158,7 +160,7 @@ class PlotSource {
 
   clearances(arm, motion) {
     const sent = motion.samples.clearance, k = sent ? sent.arms.indexOf(arm.name) : -1;
-    if (k < 0) return this.measuredClearance(arm, motion);
+    if (k < 0 || this.moved) return this.measuredClearance(arm, motion, k >= 0);
     const { times, values, width } = this.unpack(sent, 2 * sent.arms.length);
     return ["to surroundings", "among own links"].flatMap((name, own) => {
       const millimeters = Float64Array.from(times, (_, i) => 1000 * values[i * width + 2 * k + own]);
@@ -166,29 +168,52 @@ class PlotSource {
     });
   }
 
-  /** If Python has sent no clearances: the least clearance of all pairs, once it is measured; of many arms it would take seconds. */
-  measuredClearance(arm, { track, kind }) {
-    const { planner, background } = this;
-    if (!planner || !background || planner instanceof ManyArmsPlanner || !track || kind === "replay" || !planner.columns.includes(arm.firstColumn)) return [];
-    if (!this.unpacked.has(track)) this.measure(track);
-    const { times, values } = this.unpacked.get(track);
-    if (!values.some(Number.isFinite)) return [];
-    return [Object.assign(new SampledCurve(times, values, [0, null]), { name: "of all pairs", mark: "C", color: CURVES[7], unit: "mm" })];
+  /**
+   * If Python has sent no clearances, or for obstacles elsewhere: the least clearance of all pairs, once it is measured;
+   * of many arms it would take seconds. A chart that is there (`hasChart`) stays, without a curve until then.
+   */
+  measuredClearance(arm, { track, kind }, hasChart) {
+    const { planner, background } = this, curve = (times, values) => [Object.assign(new SampledCurve(times, values, [0, null]), { name: "of all pairs", mark: "C", color: CURVES[7], unit: "mm" })];
+    const isMeasured = planner && background && !(planner instanceof ManyArmsPlanner) && track && kind !== "replay" && planner.columns.includes(arm.firstColumn);
+    if (isMeasured && !this.measured.has(track)) this.measure(this.meter(track, hasChart));
+    const { times, values, hasChart: stays } = (isMeasured && this.measured.get(track)) || { values: null, hasChart };
+    return values && values.some(Number.isFinite) ? curve(times, values) : stays ? curve([], []) : [];
   }
 
-  /** Measures the least clearance of all pairs along a motion in the background. */
-  async measure(track) {
-    const { planner, kinematics, unpacked } = this;
+  /** The clearances along a motion, which are still unknown (null). */
+  meter(track, hasChart) {
     const times = Float64Array.from({ length: PLANNER_SAMPLES + 1 }, (_, i) => track.start + (i / PLANNER_SAMPLES) * (track.end - track.start));
     const rows = Array.from(times, (t) => {
-      const q = track.at(t, kinematics.rest());
-      return planner.columns.map((column) => q[column]);
+      const q = track.at(t, this.kinematics.rest());
+      return this.planner.columns.map((column) => q[column]);
     });
-    unpacked.set(track, { times, values: new Float64Array(0) });
-    const meters = await this.background.run("clearances", [rows]);
-    if (!meters) { unpacked.delete(track); return; } // canceled
-    unpacked.set(track, { times, values: meters.map((value) => 1000 * value) });
+    this.measured.set(track, { track, times, rows, values: null, hasChart, isStale: false, isBusy: false });
+    return this.measured.get(track);
+  }
+
+  /** Measures in the background, until no obstacle has moved meanwhile. */
+  async measure(meter) {
+    meter.isStale = true;
+    if (meter.isBusy) return;
+    meter.isBusy = true;
+    while (meter.isStale) {
+      meter.isStale = false;
+      const meters = await this.background.run("clearances", [meter.rows]);
+      if (!meters) { this.measured.delete(meter.track); return; } // canceled
+      if (!meter.isStale) meter.values = meters.map((value) => 1000 * value);
+    }
+    meter.isBusy = false;
     this.onMeasured();
+  }
+
+  /** After an obstacle was moved: what was measured is no longer true. */
+  measureAgain() {
+    for (const meter of this.measured.values()) {
+      meter.hasChart ||= Boolean(meter.values) && meter.values.some(Number.isFinite);
+      meter.values = null;
+      this.measure(meter);
+    }
+    if (this.measured.size) this.onMeasured();
   }
 
   unpack(sent, width) {
@@ -199,7 +224,11 @@ class PlotSource {
   remark(key) {
     const { samples, exact, track } = this.motions[0] || { samples: {} };
     if (key === "torque" && samples.torque) return samples.torque.remark;
-    if (key === "clearance" && track && track.end > track.start) return `at ${samples.clearance ? samples.clearance.times.shape[0] : PLANNER_SAMPLES + 1} instants`;
+    if (key === "clearance" && track && track.end > track.start) {
+      const meter = this.measured.get(track), isSent = samples.clearance && !this.moved;
+      if (meter && !meter.values) return "being measured";
+      return isSent || meter ? `at ${isSent ? samples.clearance.times.shape[0] : meter.times.length} instants` : "not measured since obstacles have moved";
+    }
     return key === "position" && track && !exact ? "sent as samples, without derivatives" : "";
   }
 }

@@ -18,6 +18,7 @@ class Plots {
     // Keys keep their meaning on the page, except for arrows in a list.
     new ResizeObserver(() => this.fit()).observe(this.root);
     viewer.on("planner", () => this.load());
+    viewer.on("obstacle", () => { if (this.open) this.source.measureAgain(); else this.source.measured.clear(); });
   }
 
   makeHead() {
@@ -87,9 +88,12 @@ class Plots {
     this.build();
   }
 
-  /** Offers the clearances that the page has measured; initially they are shown. */
+  /** Shows the clearances that the page has measured, or, while it measures them again, none. */
   takeMeasured() {
-    if (this.open) this.choose(this.arm);
+    if (!this.open) return;
+    const offered = this.source.quantities(this.arm), isSame = offered.join() === this.offered.join();
+    if (!isSame) { this.choose(this.arm); return; }
+    for (const chart of this.charts) if (chart.key === "clearance") { chart.choose(); chart.draw(); }
   }
 
   /** The violated quantity, and the velocity; only one of them if there is little room. */
