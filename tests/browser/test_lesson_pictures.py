@@ -123,6 +123,25 @@ def test_fixed_steps_find_what_the_text_says(page: tuple[Any, Any]) -> None:
 
 
 @pytest.mark.parametrize("page", ["continuous_checking"], indirect=True)
+def test_the_region_of_a_proven_interval_is_in_view(page: tuple[Any, Any]) -> None:
+    tab, _ = page
+    tab.page.set_viewport_size({"width": 1280, "height": 720})
+    tab.ask("RR1.steps.go(2)")
+    tab.next_frames()
+    off = tab.ask(
+        """() => {
+            const { pane } = RR1.stage, wide = pane.clientWidth, high = pane.clientHeight;
+            const rim = RR1.edge.swept(RR1.edge.current).flatMap(({ points, radius: r }) => (
+                points.flatMap(([x, y]) => [[x - r, y], [x + r, y], [x, y - r], [x, y + r]])));
+            const spots = rim.map(([x, y]) => RR1.editing.picker.project({ x, y, z: RR1.panelData.edge.height }));
+            return spots.filter(({ x, y }) => x < 0 || x > wide || y < 0 || y > high).length;
+        }"""
+    )
+    tab.page.set_viewport_size({"width": 1440, "height": 900})
+    assert off == 0
+
+
+@pytest.mark.parametrize("page", ["continuous_checking"], indirect=True)
 def test_keys_step_through_the_intervals_and_the_end_can_be_dragged(page: tuple[Any, Any]) -> None:
     tab, lesson = page
     go_to(tab, "halving")

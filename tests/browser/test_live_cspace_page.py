@@ -386,6 +386,15 @@ def test_tool_links_and_manipulability_are_on_the_screen(fresh: Any) -> None:
     assert "other elbow" in fresh.page.locator(".tip").inner_text()
 
 
+def test_the_numbers_cover_neither_the_badge_nor_the_reach(fresh: Any) -> None:
+    fresh.page.keyboard.press("p")
+    wait_for_answer(fresh)
+    fresh.ask("RR1.lesson.arm.look()")
+    badge, numbers = (fresh.page.locator(part).bounding_box() for part in ("#badge", ".readout"))
+    assert badge["y"] + badge["height"] <= numbers["y"]
+    assert in_view(fresh, [0.0, 1.7])[1] > numbers["y"] + numbers["height"]
+
+
 def test_without_simd_the_page_says_so_and_plays_as_before(tab: Any, page_file: FilePath) -> None:
     tab.page.add_init_script("WebAssembly.validate = () => false")
     tab.page.set_viewport_size({"width": 1280, "height": 720})

@@ -104,7 +104,7 @@ class EdgeLesson {
     this.square.cells = this.cells;
     this.bars = new Sketch(part(".bars canvas"), 0.34, (pen, unit) => this.drawBars(pen, unit));
     this.wire();
-    lookFromAbove(data.view, data.height);
+    this.frame = lookFromAbove(data.view, data.height);
     this.setPreset(data.presets[0].name);
     viewer.add("outlines", this.outlines());
     viewer.films.push(() => this.film());
@@ -116,6 +116,7 @@ class EdgeLesson {
     this.mode = mode;
     this.shown = mode === "steps" ? 0 : 1;
     this.refresh();
+    this.frame(this.view());
   }
 
   setPreset(name) {
@@ -123,6 +124,7 @@ class EdgeLesson {
     const preset = data.presets.find((row) => row.name === name) || data.presets[0];
     this.preset = preset.name;
     this.setEdge(preset.start, preset.goal);
+    this.frame(this.view());
   }
 
   setEdge(q0, q1) {
@@ -271,15 +273,25 @@ class EdgeLesson {
 
   /** The region that the links can reach in the interval, whatever their path: the links, widened by the bound. */
   sweep(interval) {
-    const { THREE } = viewer, group = new THREE.Group(), poses = viewer.poses(viewer.q);
-    const half = Math.max(interval.where - interval.begin, interval.end - interval.where), seen = new Set();
-    data.pairs.forEach(({ a }, k) => {
-      if (seen.has(a)) return;
-      seen.add(a);
-      const bound = half * this.edge.travel[k], color = { free: FREE, halved: OPEN, contact: TOUCH }[interval.verdict];
-      for (const outline of data.outlines[a]) group.add(this.flat({ ...outline, radius: outline.radius + Math.min(bound, 3) }, poses[a], color, 0.24, data.height));
-    });
+    const { THREE } = viewer, group = new THREE.Group(), color = { free: FREE, halved: OPEN, contact: TOUCH }[interval.verdict];
+    for (const outline of this.swept(interval)) group.add(this.flat(outline, null, color, 0.24, data.height));
     return group;
+  }
+
+  /** The outlines of that region, one for each part of a link. */
+  swept(interval) {
+    const full = viewer.q.slice(), half = Math.max(interval.where - interval.begin, interval.end - interval.where);
+    this.edge.at(interval.where).forEach((v, axis) => { full[data.columns[axis]] = v; });
+    const poses = viewer.poses(full), firstPairs = new Map(data.pairs.map(({ a }, k) => [a, k]).reverse());
+    return [...firstPairs].flatMap(([link, k]) => data.outlines[link].map((outline) => (
+      movedOutline({ ...outline, radius: outline.radius + Math.min(half * this.edge.travel[k], 3) }, poses[link]))));
+  }
+
+  /** The part of the plane with the reach of the arm and the region of the longest interval that is proven free. */
+  view() {
+    const free = this.mode === "steps" ? [] : this.list.filter(({ verdict }) => verdict === "free").sort((a, b) => b.bound - a.bound);
+    const corners = free.slice(0, 1).flatMap((interval) => this.swept(interval)).flatMap(({ points, radius }) => points.flatMap(([x, y]) => [[x - radius, y - radius], [x + radius, y + radius]]));
+    return [Math.min, Math.max].map((most, k) => [0, 1].map((axis) => most(data.view[k][axis], ...corners.map((corner) => corner[axis]))));
   }
 
   /** The arm at every sample of a fixed step. */

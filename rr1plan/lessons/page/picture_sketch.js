@@ -155,16 +155,19 @@ function fillSlider(slider) {
   slider.style.setProperty("--part", `${(100 * (slider.value - slider.min)) / (slider.max - slider.min || 1)}%`);
 }
 
-/** Frames a part of the plane from above, [[x, y], [x, y]], until the user rotates the view. */
-function lookFromAbove([low, high], height) {
+/** Frames a part of the plane from above, [[x, y], [x, y]], until the user rotates the view; returns f(another part). */
+function lookFromAbove(view, height) {
   const { THREE, stage } = viewer;
   stage.key.intensity = 0.42;
   const look = () => {
+    const [low, high] = view;
     const box = new THREE.Box3(new THREE.Vector3(...low, height), new THREE.Vector3(...high, height));
     Object.assign(viewer.extent, { framed: cornersOf(box), whole: box, target: null });
     viewer.look(viewer.preferred || [0, 0, 1]);
   };
   look();
   viewer.on("load", look);
-  new ResizeObserver(() => { if (!stage.turned) look(); }).observe(stage.pane);
+  const follow = () => { if (!stage.turned) look(); };
+  new ResizeObserver(follow).observe(stage.pane);
+  return (other) => { view = other; follow(); };
 }

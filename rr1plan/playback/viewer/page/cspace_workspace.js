@@ -159,6 +159,8 @@ class Workspace {
     hint.hidden = true;
     box.append(hint);
     document.getElementById("stage").append(box);
+    const head = find("headline");
+    new ResizeObserver(() => find("stage").style.setProperty("--head", `${head.offsetHeight}px`)).observe(head);
     return { box, bar, values, hint };
   }
 

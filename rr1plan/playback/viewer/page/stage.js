@@ -255,12 +255,14 @@ class Stage {
   rooms(tile) {
     const pane = this.pane.getBoundingClientRect(), gap = 14, label = this.count > 1 ? 34 : 0; // [px] margin; height of a name
     const left = pane.left + tile.left, top = pane.top + tile.top, right = left + tile.width, bottom = top + tile.height;
-    const covered = (id) => {
-      const box = find(id).getBoundingClientRect(), card = getComputedStyle(find(id)).boxShadow !== "none";
+    const covered = (node) => {
+      const box = node.getBoundingClientRect(), card = getComputedStyle(node).boxShadow !== "none";
       const inside = box.left < right && box.right > left && box.top < bottom && box.bottom > top;
       return box.width && card && inside ? box : null;
     };
-    const [head, side, bar] = ["headline", "side", "bar"].map(covered), plots = covered("plots");
+    const [side, bar, plots] = ["side", "bar", "plots"].map((id) => covered(find(id)));
+    const heads = [...document.querySelectorAll("#headline, .readout")].map(covered).filter(Boolean);
+    const head = heads.length ? { right: Math.max(...heads.map((box) => box.right)), bottom: Math.max(...heads.map((box) => box.bottom)) } : null;
     const x = (at) => (2 * (Math.min(Math.max(at, left + gap), right - gap) - left)) / tile.width - 1;
     const y = (at) => 1 - (2 * (Math.min(Math.max(at, top + gap), bottom - gap) - top)) / tile.height;
     const room = { left: x(left), right: x((side || { left: right }).left - gap), bottom: y(Math.min((plots || bar || { top: bottom }).top, bottom) - gap - label), top: y(top) };
