@@ -70,9 +70,11 @@ def test_buttons_walk_too_and_end_at_the_ends(page: Any, lesson: rp.Lesson) -> N
 
 
 @pytest.mark.parametrize("lesson", ["kinematics"], indirect=True)
-def test_the_address_names_the_first_step(tab: Any, page_file: Path) -> None:
+def test_the_address_names_the_step(tab: Any, page_file: Path) -> None:
     tab.open(f"{page_file.as_uri()}#step=3", READY)
     assert tab.ask("RR1.steps.index") == 2
+    tab.ask("() => { location.hash = 'step=2'; }")
+    wait_until(tab.page, "RR1.steps.index === 1")
 
 
 # Of each lesson with an animation a step that has one, and what it changes.

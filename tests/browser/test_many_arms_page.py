@@ -306,3 +306,12 @@ def test_curves_of_many_arms_open_without_clearances_of_all_pairs(tab: Any, grid
     assert "velocity" in offered
     assert "clearance" not in offered
     assert tab.complaints == []
+
+
+def test_a_long_name_of_an_arm_stays_inside_the_card(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
+    scene = rp.Scene().with_arm("a_name_without_blanks_" * 12, planar2r).with_arm("other", planar2r, [4.0, 0.0, 0.0])
+    tab.open(rp.save_html(tmp_path / "page.html", scene))
+    tab.ask("RR1.editing.open()")
+    tab.next_frames()
+    assert tab.ask("(({ scrollWidth, clientWidth }) => scrollWidth <= clientWidth)(document.getElementById('editing'))")
+    assert tab.complaints == []

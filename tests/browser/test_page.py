@@ -441,6 +441,23 @@ def test_the_page_follows_its_window(calm: Any) -> None:
     wait_until(calm.page, "RR1.meshcat.renderer.domElement.clientWidth > 900")
 
 
+def test_pictures_have_the_pixels_of_a_zoomed_page(calm: Any) -> None:
+    tools = calm.page.context.new_cdp_session(calm.page)
+    zoomed = {"width": 480, "height": 320, "deviceScaleFactor": 2, "mobile": False}
+    tools.send("Emulation.setDeviceMetricsOverride", zoomed)
+    wait_until(calm.page, "RR1.stage.renderer.domElement.width === 2 * RR1.stage.pane.clientWidth")
+    tools.send("Emulation.clearDeviceMetricsOverride")
+    calm.page.set_viewport_size({"width": 960, "height": 640})
+    wait_until(calm.page, "RR1.stage.renderer.domElement.width === RR1.stage.pane.clientWidth")
+
+
+def test_time_during_which_the_page_was_hidden_does_not_count_as_slow(calm: Any) -> None:
+    calm.ask("RR1.play()")
+    calm.ask("() => { RR1.player.last -= 3.6e6; document.dispatchEvent(new Event('visibilitychange')); }")
+    calm.next_frames()
+    assert calm.ask("RR1.player.realTimeFactor") > 0.01
+
+
 def test_names_from_files_stay_text(tab: Any, rr1: rp.Robot, tmp_path: FilePath) -> None:
     nasty = '</script><img src=x onerror="window.hacked=1"> \' <!--'
     flat = nasty.replace("/", "")

@@ -66,6 +66,18 @@ def test_a_click_on_a_cross_paints_what_touches(opened: Any) -> None:
     assert opened.complaints == []
 
 
+def test_a_conflict_with_something_that_has_moved_since_is_none(opened: Any) -> None:
+    conflict = opened.conflict
+    place = place_of(opened, 1, conflict.time)
+    opened.ask("name => RR1.setMoved([name])", conflict.subject[0])
+    opened.page.mouse.move(0, 0)
+    opened.page.hover(CANVAS, position=place)
+    said = opened.ask("document.querySelector('#panel-timeline .said').textContent")
+    opened.ask("RR1.setMoved([])")
+    assert said != conflict.message
+    assert opened.complaints == []
+
+
 def test_a_few_rows_lie_below_the_arms(opened: Any) -> None:
     boxes = "['stage', 'panels'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON())"
     stage, panels = opened.ask(boxes)

@@ -27,6 +27,7 @@ class Steps {
       { keys: ["ArrowLeft", "PageUp"], text: "The step before", when: free, act: () => this.go(this.index - 1) },
       { keys: ["ArrowRight", "PageDown"], text: "The next step", when: free, act: () => this.go(this.index + 1) },
     ]);
+    window.addEventListener("hashchange", () => this.begin());
   }
 
   /** Text that continues below fades out. */
@@ -52,7 +53,7 @@ class Steps {
     if (space.toggleTorus && !space.tools.torus.hidden && Boolean(space.torus) !== on) space.toggleTorus();
   }
 
-  /** Enters the first step, or the one in the page's address. */
+  /** Enters the first step, or the one in the page's address, also when the address changes. */
   begin() {
     const wish = Number(new URLSearchParams(location.hash.slice(1)).get("step"));
     this.go(wish >= 1 && wish <= this.articles.length ? wish - 1 : 0);

@@ -6,14 +6,13 @@ const FREE = "#14855a", OPEN = "#e08a00", TOUCH = "#c2255c", BLUE = "#2f66c8";
 class Sketch {
   constructor(canvas, aspect, draw) {
     Object.assign(this, { canvas, aspect, draw, pen: canvas.getContext("2d") });
-    new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
+    onResize(canvas.parentElement, () => this.resize());
   }
 
   resize() {
-    const wide = this.canvas.parentElement.clientWidth;
-    if (!wide || wide === this.wide) return;
-    this.wide = wide;
-    this.ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const wide = this.canvas.parentElement.clientWidth, ratio = fineness();
+    if (!wide || (wide === this.wide && ratio === this.ratio)) return;
+    Object.assign(this, { wide, ratio });
     this.unit = this.ratio * Math.min(Math.max(wide / 480, 0.85), 1.5);
     this.canvas.width = Math.round(wide * this.ratio);
     this.canvas.height = Math.round(this.canvas.width * this.aspect);

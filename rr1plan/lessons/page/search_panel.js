@@ -22,7 +22,7 @@ class Search {
     viewer.on("load", () => this.place());
     viewer.on("change", () => { if (this.playing && viewer.origin !== "search") this.stop(); });
     viewer.films.push(() => ({ start: 0, end: this.length / this.rate, show: (t) => this.go(Math.round(t * this.rate)) }));
-    new ResizeObserver(() => this.drawRace()).observe(part(".race"));
+    onResize(part(".race"), () => this.drawRace());
   }
 
   // ---- controls ----------------------------------------------------------------------------
@@ -252,7 +252,7 @@ class Search {
 
   /** Length of the best path over the edges checked, for every planner with its default options and for this search. */
   drawRace() {
-    const canvas = part(".race"), ratio = Math.min(devicePixelRatio || 1, 2), wide = canvas.clientWidth, high = canvas.clientHeight;
+    const canvas = part(".race"), ratio = fineness(), wide = canvas.clientWidth, high = canvas.clientHeight;
     if (!wide) return;
     Object.assign(canvas, { width: wide * ratio, height: high * ratio });
     const pen = canvas.getContext("2d");

@@ -109,7 +109,7 @@ class Timing {
     this.show("path");
     viewer.on("change", () => { if (this.driving && viewer.origin !== "timing") this.stop(); });
     viewer.films.push(() => (this.duration ? { start: 0, end: this.duration, show: (t) => this.at(t / this.duration) } : null));
-    new ResizeObserver(() => this.drawChart()).observe(part(".chart"));
+    onResize(part(".chart"), () => this.drawChart());
   }
 
   wire() {
@@ -310,7 +310,7 @@ class Timing {
   // ---- the chart --------------------------------------------------------------------------------------
 
   drawChart() {
-    const canvas = part(".chart"), ratio = Math.min(devicePixelRatio || 1, 2), wide = canvas.clientWidth, high = canvas.clientHeight;
+    const canvas = part(".chart"), ratio = fineness(), wide = canvas.clientWidth, high = canvas.clientHeight;
     if (!wide || !this.motion) return;
     Object.assign(canvas, { width: wide * ratio, height: high * ratio });
     const pen = canvas.getContext("2d");

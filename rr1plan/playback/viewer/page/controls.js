@@ -31,6 +31,18 @@ function element(tag, text, name) {
 const find = (id) => document.getElementById(id);
 const css = (rgb) => `rgb(${rgb.map((v) => Math.round(255 * v)).join(",")})`;
 
+/** Pixels of the screen for each CSS pixel, which change with the browser's zoom and from one monitor to another. */
+const fineness = () => Math.min(window.devicePixelRatio || 1, 2);
+
+/** Calls f when the size of a node on the screen changes, in CSS pixels or in pixels of the screen. */
+function onResize(node, f) {
+  new ResizeObserver(() => f()).observe(node);
+  const watch = () => {
+    matchMedia(`(resolution: ${window.devicePixelRatio}dppx)`).addEventListener("change", () => { watch(); f(); }, { once: true });
+  };
+  watch();
+}
+
 function fillPart(slider) {
   const low = Number(slider.min), high = Number(slider.max);
   slider.style.setProperty("--part", `${(100 * (Number(slider.value) - low)) / (high - low || 1)}%`);

@@ -33,7 +33,7 @@ class Lesson {
     viewer.films.push(() => (this.track || !this.tree.length ? null : { start: 0, end: this.tree.length / this.growthRate, show: (t) => { this.pauseTree(); this.growTo(Math.round(t * this.growthRate)); } }));
     this.meet();
     const fit = () => { if (this.chart.resize()) this.repaint(); };
-    new ResizeObserver(fit).observe(part(".plot"));
+    onResize(part(".plot"), fit);
     fit();
     new ResizeObserver(() => { if (this.workspace && !this.arm.turned) this.arm.look(); }).observe(viewer.stage.pane);
   }

@@ -10,6 +10,7 @@
 //   viewer.on("load", f)                          f(document) after a document was loaded
 //   viewer.on("data", f)                          f() when the program has put other data into the panels' `data`
 //   viewer.on("obstacle", f)                      f(name) after the user moved an obstacle
+//   viewer.moved                                  names of the obstacles that have moved since the motion was made
 //   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column-major
 //   viewer.poses(q)                               the same for any q: {"arm/link": 16 numbers}
 //   viewer.setShown(layer, on)                    robots, obstacles, start, goal, toolpath, path, replay, compare, collisions,
@@ -350,6 +351,8 @@ class Viewer {
       this.frames += 1;
     };
     requestAnimationFrame(frame);
+    // Without frames for a while, because the page is hidden: no late frame.
+    document.addEventListener("visibilitychange", () => { this.player.last = this.pace.last = null; });
   }
 
   /** Whether anything moves; very many arms count as moving a while longer, because full quality takes long to draw. */

@@ -36,7 +36,7 @@ if (rows.length) {
 function drawUses() {
   const width = canvas.clientWidth, height = canvas.clientHeight;
   if (!width) return;
-  const scale = window.devicePixelRatio || 1, left = 42, top = 6, bottom = height - 16;
+  const scale = fineness(), left = 42, top = 6, bottom = height - 16;
   canvas.width = Math.round(width * scale);
   canvas.height = Math.round(height * scale);
   pen.setTransform(scale, 0, 0, scale, 0, 0);
@@ -99,6 +99,6 @@ function show() {
 }
 
 viewer.on("data", show);
-window.addEventListener("resize", drawUses);
+onResize(canvas, drawUses);
 drawUses();
 show();

@@ -61,7 +61,6 @@ class Pace {
   }
 
   count(passed) {
-    if (passed > 1e4) return; // the page was hidden
     const weight = Math.min(1, passed / 500);
     this.rate += weight * (1000 / Math.max(passed, 1) - this.rate);
     this.late = Math.max(0, this.late + (passed > LATE ? Math.min(passed / LATE, 8) : -0.5));

@@ -16,7 +16,7 @@ class Plots {
     this.isFirstChoice = true; // the user has not chosen other curves
     this.root.append(this.makeHead(), (this.area = element("div", undefined, "charts")), (this.legend = element("div", undefined, "legend")));
     // Keys keep their meaning on the page, except for arrows in a list.
-    new ResizeObserver(() => this.fit()).observe(this.root);
+    onResize(this.root, () => this.fit());
     viewer.on("planner", () => this.load());
     viewer.on("obstacle", () => { if (this.open) this.source.measureAgain(); else this.source.measured.clear(); });
   }
@@ -249,7 +249,7 @@ class Chart {
   // ---- drawing ---------------------------------------------------------------------------------
 
   draw() {
-    const width = this.area.clientWidth, height = this.area.clientHeight, fine = window.devicePixelRatio || 1;
+    const width = this.area.clientWidth, height = this.area.clientHeight, fine = fineness();
     if (!width || !height) return;
     for (const canvas of [this.back, this.front]) {
       canvas.width = Math.round(width * fine);

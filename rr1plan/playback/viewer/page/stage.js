@@ -63,7 +63,6 @@ class Stage {
     renderer.shadowMap.type = THREE.PCFSoftShadowMap;
     renderer.outputEncoding = THREE.sRGBEncoding;
     this.meshcat = new MeshCat.Viewer(pane, false, renderer);
-    this.fine = Math.min(window.devicePixelRatio || 1, 2);
     this.quality = FEW_ARMS[0];
     pane.appendChild(renderer.domElement);
     this.renderer = renderer;
@@ -74,7 +73,7 @@ class Stage {
     this.meshcat.hide_background();
     this.addCamera();
     this.addLights();
-    new ResizeObserver(() => { this.resize(); if (!this.turned && this.onResize) this.onResize(); }).observe(pane);
+    onResize(pane, () => { this.resize(); if (!this.turned && this.onResize) this.onResize(); });
     this.fitLens();
   }
 
@@ -281,7 +280,7 @@ class Stage {
 
   /** Sets the resolution of the picture from the window and the quality; a change reallocates its memory. */
   fitPicture() {
-    const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1, ratio = this.fine * this.quality.pixels;
+    const width = this.pane.clientWidth || 1, height = this.pane.clientHeight || 1, ratio = fineness() * this.quality.pixels;
     const { x, y } = this.renderer.getSize(new THREE.Vector2());
     if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
     if (x !== width || y !== height) this.renderer.setSize(width, height);

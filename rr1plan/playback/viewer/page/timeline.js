@@ -24,7 +24,7 @@ function draw() {
   if (!width) return;
   rowHeight = Math.min(26, Math.max(4, (Math.max(320, window.innerHeight - 220) - AXIS) / rows));
   below = rows * rowHeight;
-  const scale = window.devicePixelRatio || 1;
+  const scale = fineness();
   canvas.width = Math.round(width * scale);
   canvas.height = Math.round((below + AXIS) * scale);
   canvas.style.height = `${below + AXIS}px`;
@@ -37,7 +37,7 @@ function draw() {
   drawGrid();
   line.arms.forEach((arm, row) => drawRow(arm, row, named));
   if (named) drawArrows();
-  for (const conflict of line.conflicts) drawConflict(conflict);
+  for (const conflict of conflicts()) drawConflict(conflict);
   follow();
 }
 
@@ -163,10 +163,15 @@ function pointed(event) {
   return { time: line.start + Math.min(Math.max(share, 0), 1) * line.makespan, row: Math.floor((event.clientY - box.top) / rowHeight) };
 }
 
+/** The conflicts that do not involve an obstacle that has moved since. */
+function conflicts() {
+  return line.conflicts.filter(({ elements }) => !elements.some((name) => viewer.moved.includes(name)));
+}
+
 /** The conflict whose cross is under the pointer. */
 function conflictAt({ time, row }) {
   const near = (conflict) => Math.abs(x(conflict.time) - x(time)), rows = Math.max(1, 8 / rowHeight);
-  const hit = line.conflicts.filter((c) => near(c) < 7 && c.rows.some((r) => Math.abs(r - row) < rows));
+  const hit = conflicts().filter((c) => near(c) < 7 && c.rows.some((r) => Math.abs(r - row) < rows));
   return hit.sort((a, b) => near(a) - near(b))[0];
 }
 
@@ -190,8 +195,9 @@ chart.addEventListener("pointermove", (event) => {
 });
 chart.addEventListener("pointerleave", () => say(null, line.summary));
 say(null, line.summary);
-new ResizeObserver(draw).observe(chart);
+onResize(chart, draw);
 viewer.on("change", follow);
+viewer.on("obstacle", draw);
 viewer.on("load", (doc) => {
   line = doc.planned ? rowsPlannedHere(viewer.player.track) : data;
   say(null, line.summary);
