@@ -53,6 +53,33 @@ def test_the_phase_plane_is_that_of_python(
     page.ask("Object.assign(RR1.timing.values, {blend: 3, velocity: 1, acceleration: 1})")
 
 
+@pytest.mark.parametrize("mode", ["plane", "blend", "phases", "cost"])
+def test_no_words_of_a_chart_overlap_in_a_small_window(page: Any, mode: str) -> None:
+    page.page.set_viewport_size({"width": 1280, "height": 720})
+    boxes = page.ask(
+        """(mode) => {
+            const usual = CanvasRenderingContext2D.prototype.fillText, rows = [];
+            RR1.timing.show(mode);
+            CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+                const wide = this.measureText(text).width, before = { center: 0.5, right: 1 }[this.textAlign] || 0;
+                if (wide) rows.push([x - before * wide, y - 8, x + (1 - before) * wide, y]);
+                usual.call(this, text, x, y);
+            };
+            RR1.timing.drawChart();
+            CanvasRenderingContext2D.prototype.fillText = usual;
+            return rows;
+        }""",
+        mode,
+    )
+    page.page.set_viewport_size({"width": 960, "height": 640})
+    left, top, right, bottom = np.array(boxes).T
+    across = np.minimum(right[:, None], right) - np.maximum(left[:, None], left)
+    along = np.minimum(bottom[:, None], bottom) - np.maximum(top[:, None], top)
+    assert len(boxes) > 6
+    assert ((across > 0) & (along > 0)).sum() == len(boxes)
+    assert left.min() >= 0
+
+
 def test_seven_phases_are_those_of_python(page: Any) -> None:
     page.ask("RR1.timing.show('phases')")
     rng = np.random.default_rng(3)

@@ -348,6 +348,7 @@ class Timing {
   drawPlane(pen, box) {
     const { plane, grid } = this, end = grid.s[grid.s.length - 1];
     const most = 1.08 * Math.min(Math.max(...plane.limit.flat()), 2.2 * Math.max(...plane.speed));
+    box = this.legend(pen, box, [[colors.limit, [5, 3], "limit curve"], [colors.blend, [], "faster or steady"], [colors.brake, [], "slower"]]);
     const [x, y] = this.axes(pen, box, [0, end, "s [rad]"], [0, most, "ṡ [rad/s]"]);
     pen.save();
     pen.beginPath(); pen.rect(box.left, box.top, box.right - box.left, box.bottom - box.top); pen.clip();
@@ -369,7 +370,6 @@ class Timing {
     pen.restore();
     const t = this.share * this.duration, k = Math.min(indexOf(plane.times, t), grid.s.length - 2), f = (t - plane.times[k]) / (plane.times[k + 1] - plane.times[k] || 1);
     this.cursor(pen, x(grid.s[k] + f * (grid.s[k + 1] - grid.s[k])), y(plane.speed[k] + f * (plane.speed[k + 1] - plane.speed[k])), box);
-    this.legend(pen, box, [[colors.limit, [5, 3], "limit curve"], [colors.blend, [], "faster or steady"], [colors.brake, [], "slower"]]);
   }
 
   drawPhases(pen, box) {
@@ -424,6 +424,7 @@ class Timing {
     const count = 240, { duration } = this, step = duration / count, times = Array.from({ length: count }, (_, i) => (i + 0.5) * step);
     const speeds = times.map((t) => this.motion.q(t + 0.5 * step).map((v, i) => (v - this.motion.q(t - 0.5 * step)[i]) / step));
     const most = 1.15 * Math.max(...data.velocity);
+    box = this.legend(pen, box, [[colors.blend, [], "joint 1"], [colors.short, [5, 3], "joint 2"]]);
     const [x, y] = this.axes(pen, box, [0, duration, "t [s]"], [-most, most, "joint velocities [rad/s]"]);
     [[colors.blend, []], [colors.short, [5, 3]]].forEach(([color, dash], joint) => {
       pen.strokeStyle = color; pen.lineWidth = 2; pen.setLineDash(dash); pen.beginPath();
@@ -431,7 +432,6 @@ class Timing {
     });
     const t = this.share * duration, now = speeds[Math.min(Math.floor(t / step), count - 1)];
     this.cursor(pen, x(t), y(now[0]), box);
-    this.legend(pen, box, [[colors.blend, [], "joint 1"], [colors.short, [5, 3], "joint 2"]]);
   }
 
   cursor(pen, x, y, { top: up, bottom }) {
@@ -440,11 +440,12 @@ class Timing {
     pen.fillStyle = ACCENT; pen.beginPath(); pen.arc(x, y, 4.2, 0, 7); pen.fill();
   }
 
-  /** Legend of the lines, at the top right. */
-  legend(pen, { left, right, top: up }, rows) {
-    const wide = rows.reduce((sum, [, , text]) => sum + pen.measureText(text).width + 57, 0);
-    // Below the axis title if it leaves no room.
-    this.legendRow(pen, right, up + (wide > right - left - 130 ? 10 : -7), rows);
+  /** Legend of the lines, at the top right; returns the box that it leaves for the chart. */
+  legend(pen, box, rows) {
+    const wide = rows.reduce((sum, [, , text]) => sum + pen.measureText(text).width + 57, 0), isBeside = wide <= box.right - box.left - 130;
+    this.legendRow(pen, box.right, isBeside ? box.top - 7 : 10, rows);
+    // A row of its own above the title of the axis, if that leaves no room.
+    return isBeside ? box : { ...box, top: box.top + 14 };
   }
 
   /** One line of a legend, which ends at the right. */
@@ -453,10 +454,10 @@ class Timing {
     pen.textAlign = "right";
     for (const [color, dash, text] of [...rows].reverse()) {
       pen.fillStyle = INK; pen.fillText(text, x, baseline);
-      x -= pen.measureText(text).width + 5;
+      x -= pen.measureText(text).width + 4;
       pen.strokeStyle = color; pen.lineWidth = 2.6; pen.setLineDash(dash);
-      pen.beginPath(); pen.moveTo(x - 20, baseline - 4); pen.lineTo(x, baseline - 4); pen.stroke(); pen.setLineDash([]);
-      x -= 32;
+      pen.beginPath(); pen.moveTo(x - 18, baseline - 4); pen.lineTo(x, baseline - 4); pen.stroke(); pen.setLineDash([]);
+      x -= 27;
     }
   }
 }
