@@ -352,6 +352,20 @@ def test_the_phase_plane_stays_below_its_limit_curve_and_touches_it(fresh: Any) 
     assert fresh.page.locator(".phase").is_hidden()
 
 
+def test_the_phase_plane_covers_neither_plots_nor_the_reach(fresh: Any) -> None:
+    fresh.page.keyboard.press("p")
+    wait_for_answer(fresh)
+    fresh.page.keyboard.press("f")
+    fresh.page.click("#plotter")
+    fresh.next_frames()
+    phase, plots = (fresh.page.locator(part).bounding_box() for part in (".phase", "#plots"))
+    left = in_view(fresh, [-1.7, 0.0])[0]
+    fresh.page.click("#plotter")
+    fresh.page.keyboard.press("f")
+    assert phase["y"] + phase["height"] <= plots["y"]
+    assert left > phase["x"] + phase["width"]
+
+
 @pytest.mark.drawn
 def test_the_torus_shows_the_image_and_a_click_moves_the_arm(tab: Any, page_file: FilePath) -> None:
     tab.page.set_viewport_size({"width": 1280, "height": 720})

@@ -264,7 +264,7 @@ class Lesson {
     this.tools.tree.onclick = () => { this.showTree = !this.showTree; this.redraw(); };
     this.tools.grow.onclick = () => this.grow();
     this.tools.torus.onclick = () => this.toggleTorus();
-    this.tools.phase.onclick = () => { this.phase.hidden = !this.phase.hidden; this.fillPhase(); };
+    this.tools.phase.onclick = () => { this.phase.hidden = !this.phase.hidden; this.fillPhase(); viewer.frame(); };
     this.tools.undo.onclick = () => this.edits.undo();
     this.tools.reset.onclick = () => this.edits.reset();
     this.reach.oninput = () => { this.pauseTree(); this.growTo(Number(this.reach.value)); };

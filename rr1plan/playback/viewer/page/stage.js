@@ -250,7 +250,7 @@ class Stage {
     return worldPoint(this.camera.position.clone().sub(this.controls.target)).toArray();
   }
 
-  /** Parts of a tile not covered by cards, from -1 to 1 each way: next to or below each card, or all if these are too narrow. */
+  /** Parts of a tile not covered by cards, from -1 to 1 each way: next to each card, or above or below it, or all if these are too narrow. */
   rooms(tile) {
     const pane = this.pane.getBoundingClientRect(), gap = 14, label = this.count > 1 ? 34 : 0; // [px] margin; height of a name
     const left = pane.left + tile.left, top = pane.top + tile.top, right = left + tile.width, bottom = top + tile.height;
@@ -262,14 +262,22 @@ class Stage {
     const [side, bar, plots] = ["side", "bar", "plots"].map((id) => covered(find(id)));
     const heads = [...document.querySelectorAll("#headline, .readout")].map(covered).filter(Boolean);
     const head = heads.length ? { right: Math.max(...heads.map((box) => box.right)), bottom: Math.max(...heads.map((box) => box.bottom)) } : null;
+    const phase = [...document.querySelectorAll(".phase")].map(covered)[0];
     const x = (at) => (2 * (Math.min(Math.max(at, left + gap), right - gap) - left)) / tile.width - 1;
     const y = (at) => 1 - (2 * (Math.min(Math.max(at, top + gap), bottom - gap) - top)) / tile.height;
-    const room = { left: x(left), right: x((side || { left: right }).left - gap), bottom: y(Math.min((plots || bar || { top: bottom }).top, bottom) - gap - label), top: y(top) };
-    const beside = head ? [{ left: x(head.right + gap) }, { top: y(head.bottom + gap) }] : [{}];
-    const below = side ? [{}, { right: x(right), top: y(side.bottom + gap) }] : [{}];
-    const rooms = beside.flatMap((one) => below.map((two) => ({ ...room, ...one, ...two, top: Math.min(...[room, one, two].map((r) => r.top ?? 1)) })));
+    const whole = { left: x(left), right: x(right), bottom: y(Math.min((plots || bar || { top: bottom }).top, bottom) - gap - label), top: y(top) };
+    const ways = [
+      side ? [{ right: x(side.left - gap) }, { top: y(side.bottom + gap) }] : [{}],
+      head ? [{ left: x(head.right + gap) }, { top: y(head.bottom + gap) }] : [{}],
+      phase ? [{ left: x(phase.right + gap) }, { bottom: y(phase.top - gap) }] : [{}],
+    ];
+    const part = (one, two) => ({
+      left: Math.max(one.left, two.left ?? -1), right: Math.min(one.right, two.right ?? 1),
+      bottom: Math.max(one.bottom, two.bottom ?? -1), top: Math.min(one.top, two.top ?? 1),
+    });
+    const rooms = ways.reduce((found, others) => found.flatMap((one) => others.map((two) => part(one, two))), [whole]);
     const wide = rooms.filter((r) => r.right - r.left > 0.4 && r.top - r.bottom > 0.3);
-    return wide.length ? wide : [room];
+    return wide.length ? wide : [part(whole, ways[0][0])];
   }
 
   resize() {
