@@ -264,6 +264,16 @@ def test_the_keyboard_moves_obstacles_and_sets_start_and_goal(fresh: Any, proble
     np.testing.assert_allclose(fresh.ask("Array.from(RR1.lesson.live.start)"), problem.start)
 
 
+def test_data_of_another_panel_leaves_the_query_as_it_is(fresh: Any) -> None:
+    fresh.ask("RR1.lesson.edits.remember(), RR1.lesson.edits.moveObstacle('violet', 0.7, -1.0)")
+    fresh.ask("RR1.lesson.edits.drop()")
+    path, said = waypoints(fresh), verdict(fresh)
+    fresh.ask("RR1.fillPanels({ measurements: { force: 3 } })")
+    assert fresh.ask("Boolean(RR1.lesson.live) && RR1.lesson.edits.past.length === 1")
+    assert waypoints(fresh).tobytes() == path.tobytes()
+    assert verdict(fresh) == said
+
+
 def test_the_same_drag_has_the_same_answer(fresh: Any) -> None:
     paths = []
     for _ in range(2):

@@ -24,7 +24,7 @@ class Lesson {
     this.wireCanvas();
     this.addKeys();
     this.takeData();
-    viewer.on("data", () => { this.takeData(); this.repaint(); });
+    viewer.on("data", (names) => { if (names.includes("cspace")) { this.takeData(); this.repaint(); } });
     viewer.on("load", () => this.meet());
     viewer.on("change", () => this.follow());
     viewer.on("obstacle", (name) => { if (this.isSlice) this.recut([name]); });

@@ -8,7 +8,7 @@
 //   viewer.at(t)                                  the configuration of the motion at a time (null without one)
 //   viewer.on("change", f)                        f(q, time, manual) whenever the configuration shown changes
 //   viewer.on("load", f)                          f(document) after a document was loaded
-//   viewer.on("data", f)                          f() when the program has put other data into the panels' `data`
+//   viewer.on("data", f)                          f(names) when the program has put other data into the `data` of these panels
 //   viewer.on("obstacle", f)                      f(name) after the user moved an obstacle
 //   viewer.moved                                  names of the obstacles that have moved since the motion was made
 //   viewer.linkPose("arm/link")                   T_world_link as shown, 16 numbers, column-major
@@ -155,7 +155,7 @@ class Viewer {
   fillPanels(panels) {
     if (!panels) return;
     for (const [name, data] of Object.entries(panels)) Object.assign(this.panelData[name] || {}, data);
-    for (const f of this.listeners.data) f();
+    for (const f of this.listeners.data) f(Object.keys(panels));
   }
 
   build(track) {
