@@ -70,9 +70,13 @@ class Lesson {
     this.takeTrack(viewer.player.track, 800);
     this.arm.draw();
     this.edits.placeTags();
-    if (this.workspace && !this.arm.turned) this.arm.look();
-    else if (this.flat && !this.workspace) viewer.look();
-    this.flat = Boolean(this.workspace);
+    // Another motion in the same world does not move the camera.
+    if (this.world !== viewer.world) {
+      this.world = viewer.world;
+      if (this.workspace && !this.arm.turned) this.arm.look();
+      else if (this.flat && !this.workspace) viewer.look();
+      this.flat = Boolean(this.workspace);
+    }
     this.follow();
   }
 
