@@ -280,12 +280,7 @@ class Lesson {
     this.tools.phase.hidden = !this.track && !(this.live && data.start);
     this.tools.torus.hidden = !data.periodic.every(Boolean) || !viewer.stage.renderer;
     this.tools.undo.hidden = this.tools.reset.hidden = !this.live || !this.edits.past.length;
-    if (this.workspace) {
-      const { hint } = this.arm.readout;
-      // It keeps its place, so that the picture does not move under the first drag.
-      hint.hidden = !data.live;
-      hint.style.visibility = this.live && !this.edits.past.length ? "" : "hidden";
-    }
+    if (this.workspace) this.arm.readout.hint.hidden = !this.live || this.edits.past.length > 0;
     Object.assign(this.reach, { max: this.tree.length, step: 1, value: this.tree.length });
     const explored = this.explored ?? (data.tree ? data.tree.explored : 0), thinned = explored > this.tree.length;
     this.tools.tree.title = `What the planner explored (T)${thinned ? `: ${this.tree.length} of ${explored} edges are drawn` : ""}`;
