@@ -444,7 +444,7 @@ class Timing {
   legend(pen, box, rows) {
     const wide = rows.reduce((sum, [, , text]) => sum + pen.measureText(text).width + 57, 0), isBeside = wide <= box.right - box.left - 130;
     this.legendRow(pen, box.right, isBeside ? box.top - 7 : 10, rows);
-    // A row of its own above the title of the axis, if that leaves no room.
+    // Without room beside the title of the axis, the legend has a separate row above it.
     return isBeside ? box : { ...box, top: box.top + 14 };
   }
 

@@ -128,7 +128,7 @@ class Viewer {
     this.show();
   }
 
-  /** Makes the layers and curves of what was found about the motion. */
+  /** Draws the contacts, the other overlays and the plots of the motion again. */
   loadFindings() {
     for (const layer of ["conflicts", ...OVERLAYS]) this.world.clear(layer);
     this.overlays.load();

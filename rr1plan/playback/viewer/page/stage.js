@@ -266,7 +266,7 @@ class Stage {
     const x = (at) => (2 * (Math.min(Math.max(at, left + gap), right - gap) - left)) / tile.width - 1;
     const y = (at) => 1 - (2 * (Math.min(Math.max(at, top + gap), bottom - gap) - top)) / tile.height;
     const whole = { left: x(left), right: x(right), bottom: y(Math.min((plots || bar || { top: bottom }).top, bottom) - gap - label), top: y(top) };
-    const ways = [
+    const choices = [
       side ? [{ right: x(side.left - gap) }, { top: y(side.bottom + gap) }] : [{}],
       head ? [{ left: x(head.right + gap) }, { top: y(head.bottom + gap) }] : [{}],
       phase ? [{ left: x(phase.right + gap) }, { bottom: y(phase.top - gap) }] : [{}],
@@ -275,9 +275,9 @@ class Stage {
       left: Math.max(one.left, two.left ?? -1), right: Math.min(one.right, two.right ?? 1),
       bottom: Math.max(one.bottom, two.bottom ?? -1), top: Math.min(one.top, two.top ?? 1),
     });
-    const rooms = ways.reduce((found, others) => found.flatMap((one) => others.map((two) => part(one, two))), [whole]);
+    const rooms = choices.reduce((found, others) => found.flatMap((one) => others.map((two) => part(one, two))), [whole]);
     const wide = rooms.filter((r) => r.right - r.left > 0.4 && r.top - r.bottom > 0.3);
-    return wide.length ? wide : [part(whole, ways[0][0])];
+    return wide.length ? wide : [part(whole, choices[0][0])];
   }
 
   resize() {
