@@ -480,7 +480,14 @@ if not TYPE_CHECKING:  # so that type checkers reject names that are not listed 
         from importlib import import_module
 
         began = time.perf_counter()
-        module = import_module(_HOME.get(name, f"rr1plan.{name}"))
+        try:
+            module = import_module(_HOME.get(name, f"rr1plan.{name}"))
+        except ImportError as error:
+            from rr1plan.errors import missing_library
+
+            if missing := missing_library(error):
+                raise missing from error
+            raise
         value = module if name in _SUBMODULES else getattr(module, name)
         import_clock.seconds += time.perf_counter() - began
         globals()[name] = value

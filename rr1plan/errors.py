@@ -8,7 +8,7 @@
     ├── RetimingError                 a path that cannot be timed under the limits
     ├── CancelledError                a progress callback cancelled work without partial results
     ├── MissingPackageError (ImportError)   an optional package; names the extra to install
-    ├── InstallationError (ImportError)     a compiled part of rr1plan is missing or invalid
+    ├── InstallationError (ImportError)     a compiled part, or a library of the system, is missing
     ├── PlannerError                  a caller's planner raised an exception, or returned an invalid result
     ├── ControllerError               a controller raised an exception, or returned no set-points
     ├── HardwareError                 an arm that does not execute its commands
@@ -22,6 +22,7 @@ A failed search is a value (`PlanResult.status`), an invalid argument is an exce
 from __future__ import annotations
 
 import copyreg
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -153,7 +154,29 @@ class MissingPackageError(Rr1PlanError, ImportError):
 
 
 class InstallationError(Rr1PlanError, ImportError):
-    """A compiled part of rr1plan is missing or of another version; the message says how to build it."""
+    """A compiled part of rr1plan, or a library of the system, is missing or of another version.
+
+    The message says how to build or install it.
+    """
+
+
+# Packages of Debian and Fedora with libraries that required wheels expect of the system: Pinocchio's, GNU OpenMP.
+_SYSTEM_PACKAGES = {"libgomp.so.1": ("libgomp1", "libgomp")}
+
+
+def missing_library(error: ImportError) -> InstallationError | None:
+    """The error that names a library of the system, if an import failed because it is missing.
+
+    Args:
+        error: The error of the import.
+    """
+    found = re.match(r"(\S+): cannot open shared object file", str(error))
+    if found is None:
+        return None
+    advice = "install it with the package manager of the system"
+    if packages := _SYSTEM_PACKAGES.get(found[1]):
+        advice = "try: apt-get install {} (Debian, Ubuntu) or dnf install {} (Fedora)".format(*packages)
+    return InstallationError(f"a required package needs the system library {found[1]}, which is missing; {advice}")
 
 
 class BackendError(Rr1PlanError):

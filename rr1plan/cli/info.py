@@ -152,14 +152,17 @@ def _scene_values(name: str) -> dict[str, Any]:
 
 def doctor(options: Namespace, console: Console) -> int:
     """Versions, the compiled kernels, and what is missing."""
+    from rr1plan.planners.ompl_planners import WITHOUT_RELEASE
     from rr1plan.playback.viewer.page_capture import GET_BROWSER, find_browser
 
-    required = {name: _version(name) for name in _REQUIRED}
+    required = {name: _version(name) for name in _REQUIRED if not (name == "ompl" and WITHOUT_RELEASE)}
     optional = {name: _version(name) for name in _OPTIONAL}
     missing = [name for name, version in required.items() if version is None]
     browser = find_browser()
     console.say(f"rr1plan {rr1plan.__version__}, Python {platform.python_version()}, {platform.platform()}")
     rows = [(name, version or "MISSING") for name, version in required.items()]
+    if WITHOUT_RELEASE:
+        rows.append(("ompl", "no release for this Python: its planners are not available"))
     rows += [
         (name, version or f"not installed (pip install 'rr1plan[{_OPTIONAL[name]}]')")
         for name, version in optional.items()

@@ -124,6 +124,7 @@ def make_planner(name: str) -> Planner:
 
     Raises:
         UnknownNameError: no such planner; the message lists them.
+        MissingPackageError: a planner of OMPL, which is not installed.
         PlannerError: the factory of a registered planner raised an exception, or did not return a planner.
     """
     if known_name("planner", name, planner_names()) in _OWN:
@@ -188,6 +189,7 @@ def plan(
 
     Raises:
         UnknownNameError: no such planner.
+        MissingPackageError: a planner of OMPL, which is not installed.
         InputError: a problem that this planner does not support.
         PlannerError: a planner of your own raised an exception, or returned a path that does not solve the problem.
         KeyboardInterrupt: Ctrl-C, after cleaning up.

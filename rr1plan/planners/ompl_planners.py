@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from types import MappingProxyType
 
 import numpy as np
 
 from rr1plan.checks import Seed, as_generator, counted, finite_number, known_name, of_kind, true_or_false
+from rr1plan.errors import MissingPackageError
 from rr1plan.model.joint_space import Space, with_copies
 from rr1plan.planners.ompl_query import OmplQuery, OmplResult, Watch
 from rr1plan.planners.planning_query import STRAIGHT_LINES, Query
@@ -47,6 +50,10 @@ KINDS: Mapping[str, OmplKind] = MappingProxyType(
     }
 )
 
+WITHOUT_RELEASE = sys.version_info >= (3, 14)
+"""Whether OMPL has no release for this version of Python, so that rr1plan is installed without it."""
+
+_ADVICE = "it has no release for Python 3.14 yet: use planner 'rrt_connect', 'anytime' or 'roadmap', or Python 3.13"
 _RANGE = 0.06  # longest edge of a tree, as a part of the space's diagonal
 
 
@@ -62,12 +69,15 @@ class OmplPlanner(Planner):
     Raises:
         UnknownNameError: no such planner or setting; the message lists them.
         InputError: a setting that is not a finite number.
+        MissingPackageError: OMPL is not installed.
     """
 
     def __init__(
         self, name: str = "ompl_rrt_connect", *, tree: bool = False, settings: Mapping[str, float] | None = None
     ) -> None:
         self.name = known_name("planner", name, KINDS)
+        if find_spec("ompl") is None:
+            raise MissingPackageError("ompl", f"planner {name!r}", advice=_ADVICE if WITHOUT_RELEASE else None)
         self.tree = true_or_false("tree", tree)
         of_kind("settings", settings, Mapping, optional=True)
         settings = dict(settings or {})
