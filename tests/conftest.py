@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import signal
+from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +12,32 @@ import numpy as np
 import pytest
 
 import rr1plan as rp
+from rr1plan.planners.ompl_planners import WITHOUT_RELEASE
 from rr1plan.playback.viewer.camera import choose_camera
+from rr1plan.playback.viewer.page_capture import find_browser
 
 # A shell that runs the tests in the background ignores Ctrl-C, which every child process would inherit.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip tests that need a browser where there is none."""
+    if item.get_closest_marker("browser") is not None:
+        if find_browser() is None:
+            pytest.skip("no Chromium on this machine")
+        pytest.importorskip("playwright", reason="playwright is not installed")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, None, None]:
+    """Skip tests that use OMPL's planners where OMPL has no release for this version of Python."""
+    try:
+        return (yield)
+    except rp.MissingPackageError as error:
+        if WITHOUT_RELEASE and "'ompl'" in str(error):
+            pytest.skip(str(error))
+        raise
 
 
 @pytest.fixture(scope="session")

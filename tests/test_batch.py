@@ -195,6 +195,7 @@ def test_progress_is_told_and_may_cancel(problems):
 
 
 def test_each_problem_is_reported_as_it_ends_and_its_answer_survives_a_cancellation(problems):
+    pytest.importorskip("ompl", reason="OMPL is not installed")
     unreachable = rp.Problem(problems[0].scene, np.zeros(2), rp.PoseGoal("tool", [9.0, 0.0, 0.0]))
     # An optimizing planner works until its budget ends unless a straight line solves the problem.
     slow = rp.load_problems("planar2r_path")["to_a_point"]

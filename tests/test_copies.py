@@ -44,7 +44,7 @@ def values() -> dict[str, Any]:
         "options": rp.ViewOptions(title="A page", compare={"other": motion.trajectory}, view="top"),
         "proposal": rp.propose_disabled_collisions(scene.arms["arm"].robot),
         "calibration": rp.Calibration.assumed(scene.arms["arm"].robot),
-        "ompl": rp.OmplPlanner("rrt", settings={"goal_bias": 0.1}),
+        "ompl": rp.OmplPlanner("rrt"),
         "rrt": rp.RrtConnect(range=0.5),
         "picture": rp.cspace(scene, problem, resolution=8),
         "lesson": rp.lesson("workspace"),
@@ -72,7 +72,8 @@ def test_a_value_comes_back(values: dict[str, Any], name: str, way: str) -> None
 
 
 def test_a_planner_that_came_from_another_process_keeps_its_settings(values: dict[str, Any]) -> None:
-    back = pickle.loads(pickle.dumps(values["ompl"]))
+    planner = rp.OmplPlanner("rrt", settings={"goal_bias": 0.1})
+    back = pickle.loads(pickle.dumps(planner))
     assert back.settings == {"goal_bias": 0.1}
     assert rp.plan(values["problem"], planner=back, rng=0).found
 

@@ -20,7 +20,8 @@ def _ends_in_a_fork(work: Callable[[], object]) -> bool:
     """Whether some work ends without an error in a forked process."""
     child = os.fork()
     if child == 0:
-        signal.alarm(5)  # ends the process
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)  # an alarm ends the process
+        signal.alarm(5)
         code = 1
         try:
             work()

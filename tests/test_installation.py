@@ -15,9 +15,12 @@ from rr1plan.errors import missing_library
 
 def test_without_ompl_its_planners_say_so_and_the_others_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ompl", None)
-    with pytest.raises(rp.MissingPackageError, match="planner 'fmt' needs the package 'ompl'"):
-        rp.OmplPlanner("fmt")
     problem = next(iter(rp.load_problems("rr1_table").values()))
+    missing = r"planner 'fmt' needs the package 'ompl'; (try: pip install 'ompl'|it has no release for Python)"
+    with pytest.raises(rp.MissingPackageError, match=missing):
+        rp.plan(problem, planner="fmt")
+    with pytest.raises(rp.MissingPackageError, match=missing):
+        rp.OmplPlanner("fmt", settings={"num_samples": 50})
     for name in ("rrt_connect", "anytime", "roadmap"):
         assert rp.plan(problem, planner=name, budget=rp.Budget(iterations=500), rng=0).found
     assert "fmt" in rp.planner_names()

@@ -11,7 +11,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 import rr1plan as rp
-from rr1plan.playback.viewer.page_capture import find_browser, open_browser, wait_until
+from rr1plan.playback.viewer.page_capture import open_browser, wait_until
 
 pytest.importorskip("sphinx", reason="sphinx is not installed")
 
@@ -79,9 +79,6 @@ def test_all_pages_of_the_documentation_are_in_the_site(site: Path) -> None:
 
 @pytest.mark.browser
 def test_the_search_works_from_disk(site: Path) -> None:
-    if find_browser() is None:
-        pytest.skip("no Chromium on this machine")
-    pytest.importorskip("playwright", reason="playwright is not installed")
     complaints: list[str] = []
     with open_browser((960, 640)) as context:
         page = context.new_page()

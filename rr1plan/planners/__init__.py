@@ -124,7 +124,6 @@ def make_planner(name: str) -> Planner:
 
     Raises:
         UnknownNameError: no such planner; the message lists them.
-        MissingPackageError: a planner of OMPL, which is not installed.
         PlannerError: the factory of a registered planner raised an exception, or did not return a planner.
     """
     if known_name("planner", name, planner_names()) in _OWN:

@@ -69,19 +69,18 @@ class OmplPlanner(Planner):
     Raises:
         UnknownNameError: no such planner or setting; the message lists them.
         InputError: a setting that is not a finite number.
-        MissingPackageError: OMPL is not installed.
+        MissingPackageError: settings, but OMPL is not installed.
     """
 
     def __init__(
         self, name: str = "ompl_rrt_connect", *, tree: bool = False, settings: Mapping[str, float] | None = None
     ) -> None:
         self.name = known_name("planner", name, KINDS)
-        if find_spec("ompl") is None:
-            raise MissingPackageError("ompl", f"planner {name!r}", advice=_ADVICE if WITHOUT_RELEASE else None)
         self.tree = true_or_false("tree", tree)
         of_kind("settings", settings, Mapping, optional=True)
         settings = dict(settings or {})
         if settings:
+            self._check_installation()
             from rr1plan.planners.ompl_adapter import setting_names
 
             known = setting_names(KINDS[name].ompl)
@@ -112,9 +111,14 @@ class OmplPlanner(Planner):
         progress: ProgressCallback | None = None,
     ) -> PlanResult:
         """Plan; see `rr1plan.plan`."""
+        self._check_installation()
         with Query(self.name, problem, budget, rng, progress) as query:
             refused = query.early_exit()
             return _Search(self, query).run() if refused is None else refused
+
+    def _check_installation(self) -> None:
+        if find_spec("ompl") is None:
+            raise MissingPackageError("ompl", f"planner {self.name!r}", advice=_ADVICE if WITHOUT_RELEASE else None)
 
 
 class _Search:

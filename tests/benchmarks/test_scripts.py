@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import rr1plan as rp
-from rr1plan.playback.viewer.page_capture import find_browser
 from rr1plan.scene.model_library import robot_folder
 
 
@@ -280,9 +279,6 @@ def test_what_takes_too_long_with_many_arms_is_told(script, tmp_path):
 
 @pytest.mark.browser
 def test_planning_in_a_page_is_measured(script, tmp_path):
-    if find_browser() is None:
-        pytest.skip("no Chromium on this machine")
-    pytest.importorskip("playwright", reason="playwright is not installed")
     arguments = ["--drags", "6", "--drops", "2", "--warm-up", "1", "--scene", "planar2r_path", "--out", str(tmp_path)]
     assert script("page_planning").main(arguments) == 0
     found = json.loads((tmp_path / "page_planning.json").read_text())

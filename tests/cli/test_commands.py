@@ -36,10 +36,10 @@ def test_plan_writes_what_was_asked_for_and_says_so(capsys: pytest.CaptureFixtur
 
 
 def test_plan_as_json_is_one_value(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["plan", "rr1_table", "--json", "--planner", "bkpiece1", "--limits", "hardware"]) == OK
+    assert run(["plan", "rr1_table", "--json", "--planner", "roadmap", "--limits", "hardware"]) == OK
     value = answer(capsys)
     assert value["status"] == "found"
-    assert value["planner"] == "bkpiece1"
+    assert value["planner"] == "roadmap"
     assert value["report"]["certified"]
     assert list(value["seconds"]) == ["imports", "load the scene", "set up", "plan", "shorten", "retime", "validate"]
 

@@ -71,7 +71,11 @@ def one_line(capsys: pytest.CaptureFixture[str]) -> str:
         ),
         (["lesson", "--scene", "planar2r_path"], "--scene has no effect without a lesson; name one: workspace"),
         (["lesson", "--json", "--no-browser"], "--no-browser has no effect without a lesson"),
-        (["view", "rr1_table", "--png", "a.png", "--time", "1"], "--time has no effect: rr1_table is not a motion"),
+        pytest.param(
+            ["view", "rr1_table", "--png", "a.png", "--time", "1"],
+            "--time has no effect: rr1_table is not a motion",
+            marks=pytest.mark.browser,
+        ),
         (["plan", "rr1_table", "--html", "a.txt"], "cannot save 'a.txt', expected a name that ends in .html"),
         (["view", "rr1_table", "--html", "a.txt"], "cannot save 'a.txt', expected a name that ends in .html"),
         (["play", "m.json", "--html", "a.txt"], "cannot save 'a.txt', expected a name that ends in .html"),
@@ -254,6 +258,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_any_work(
 
 @pytest.mark.parametrize("planner", ["bit_star", "rrt", "prm"])
 def test_nothing_but_the_answer_is_said_about_libraries(planner: str) -> None:
+    pytest.importorskip("ompl", reason="OMPL is not installed")
     command = [sys.executable, "-m", "rr1plan", "plan", "planar2r_no_path", "--planner", planner, "--iterations", "20"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == NO_PLAN

@@ -29,7 +29,7 @@ from rr1plan.planners.planning_query import Query
 from rr1plan.planners.shortcut import shorten
 from rr1plan.planning import Budget
 from rr1plan.playback.cspace.cspace_raster import CSpaceRaster
-from rr1plan.playback.viewer.page_capture import find_browser, open_browser
+from rr1plan.playback.viewer.page_capture import open_browser
 from rr1plan.retiming import path_blends, path_speed
 from rr1plan.transforms import pose
 
@@ -75,9 +75,6 @@ def ask(request: pytest.FixtureRequest) -> Iterator[Ask]:
 
         yield lambda name, *given: _ask(run, name, *given)
         return
-    if find_browser() is None:
-        pytest.skip("no Chromium on this machine")
-    pytest.importorskip("playwright", reason="playwright is not installed")
     with open_browser((200, 200)) as context:
         page = context.new_page()
         yield lambda name, *given: _ask(lambda message: page.evaluate(BOOTSTRAP, message), name, *given)

@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from rr1plan.errors import InputError, UnknownNameError
-from rr1plan.planners import ompl_adapter
 from rr1plan.planners.ompl_planners import KINDS
 from rr1plan.planning import Budget
+
+ompl_adapter = pytest.importorskip("rr1plan.planners.ompl_adapter", reason="OMPL is not installed")
 
 OMPL_NAMES = sorted(kind.ompl for kind in KINDS.values())
 ROOT = Path(__file__).resolve().parents[2]

@@ -188,9 +188,9 @@ class Tile:
     ) -> None:
         self.world, self.worker = world, worker
         self._mujoco = SteppedModel(world, columns, variation)
-        # MuJoCo's threads for heaps of bodies, and whether this process has them.
+        # MuJoCo's threads for heaps of bodies. In a forked process it would wait for those of the first one for ever.
         self._more_threads = threads - 1 if len(world.body_names) >= _A_HEAP else 0
-        self._has_threads = per_process(self, "_has_threads", bool)
+        per_process(self._mujoco.data, "threadpool", int)
         self.bodies = {name: i for i, name in enumerate(world.body_names)}
         self._state_size = mujoco.mj_stateSize(world.model, mujoco.mjtState.mjSTATE_INTEGRATION)
         self.proof: ContactProof | None = None
@@ -318,11 +318,9 @@ class Tile:
             mine.refresh()
 
     def _start_threads(self) -> None:
-        """Create MuJoCo's threads; MuJoCo waits for ever for those of the process from which this one was forked."""
-        if self._more_threads and not self._has_threads:
-            for count in (0, self._more_threads):  # the same number as before has no effect
-                mujoco.mju_threadpool(self._mujoco.data, count)
-            self._has_threads = True
+        """Create MuJoCo's threads, unless this process has them."""
+        if self._more_threads and not self._mujoco.data.threadpool:
+            mujoco.mju_threadpool(self._mujoco.data, self._more_threads)
 
     def observe(self, state: Array) -> None:
         """Write positions, velocities and efforts of its joints to those of all joints, shape (3, n)."""
