@@ -17,7 +17,7 @@ class PlanQuality:
         makespan: When the last arm arrives [s].
         slowest_alone: Duration of the fastest known motion of the slowest arm alone [s].
         path_length: Sum of the lengths of the motions of all arms, also of those that move as one [rad].
-        waiting: Sum of the times that agents wait before they arrive [s].
+        waiting: Sum of the times that arms rest before they arrive, also of those that move as one [s].
     """
 
     makespan: float = 0.0
@@ -46,5 +46,5 @@ def plan_quality(schedules: Iterable[Schedule], alone: Mapping[str, float]) -> P
         max((schedule.arrival for schedule in schedules), default=0.0),
         max(bounds, default=0.0),
         math.fsum(schedule.length for schedule in schedules),
-        math.fsum(schedule.waiting for schedule in schedules),
+        math.fsum(schedule.waiting_of_arms for schedule in schedules),
     )

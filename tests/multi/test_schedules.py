@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from rr1plan.checks import Array
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.execution.route import route_of
 from rr1plan.multi.paths.agent_path import AgentPath
+from rr1plan.multi.plan_quality import plan_quality
 from rr1plan.multi.timing.safe_intervals import BlockedTimes, blocked_times, earliest_schedule, safe_intervals
 from rr1plan.multi.timing.schedule import Leg, Occupancy, Schedule, extended, rest_row
 from rr1plan.path import Path
@@ -123,6 +124,26 @@ def test_a_schedule_is_always_in_a_row_that_it_occupies(path: AgentPath) -> None
     )
     sampled = motion(np.linspace(0.0, schedule.arrival, 20_001))
     assert schedule.length == pytest.approx(np.linalg.norm(np.diff(sampled, axis=0), axis=1).sum(), rel=1e-5)
+
+
+def test_arms_that_move_as_one_wait_while_others_move(planar2r: rp.Robot) -> None:
+    scene = place_grid(planar2r, 1, 2, spacing=4.0)
+    points = np.array([[0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 1, 0], [1, 1, 1, 0]], float)
+    start, goal = (dict(zip(scene.arms, np.split(points[k], 2), strict=True)) for k in (0, -1))
+    agent = Agent(rp.Problem(scene, start, goal), scene.arms)
+    path = AgentPath.chained([AgentPath(agent, Path(agent.joint_names, pair), None) for pair in pairwise(points)])
+    _, first, second, _ = path.stops
+    legs = (Leg(0.5, 0, first), Leg(4.0, first, second), Leg(9.0, second, path.segments))
+    one, _, last = (path.hop_duration(*leg[1:]) for leg in legs)
+    schedule = Schedule(path, legs)
+    # The first arm rests before its first and its second motion, the second arm before its only one.
+    expected = (0.5 + (9.0 - 0.5 - one)) + 4.0
+    assert schedule.waiting_of_arms == pytest.approx(expected)
+    assert schedule.arrival == pytest.approx(9.0 + last)
+    line = rp.timeline(schedule.trajectory(), scene)
+    assert line.waiting == pytest.approx(expected)
+    assert plan_quality([schedule], {}).waiting == pytest.approx(expected)
+    assert Schedule(path, legs[:2]).waiting_of_arms == pytest.approx(0.5 + 4.0)
 
 
 def test_rest_between_two_segments_is_free_where_either_is() -> None:

@@ -141,9 +141,9 @@ class AgentPath:
 
     @cached_property
     def lengths_of_arms(self) -> Array:
-        """Sum of the lengths of its arms' own paths up to each gridpoint [rad], shape (gridpoints,)."""
+        """Length of each arm's own path up to each gridpoint [rad], shape (arms, gridpoints)."""
         columns = self.agent.columns.values()
-        return self.lengths if len(columns) == 1 else np.sum([self._lengths(own) for own in columns], axis=0)
+        return np.stack([self._lengths(own) for own in columns] if len(columns) > 1 else [self.lengths])
 
     def _lengths(self, columns: slice) -> Array:
         """Length in some joints up to each gridpoint [rad], shape (gridpoints,)."""

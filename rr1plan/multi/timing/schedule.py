@@ -103,8 +103,23 @@ class Schedule:
     @property
     def length(self) -> float:
         """Sum of the lengths of its arms' motions [rad]."""
-        lengths = self.path.lengths_of_arms
+        lengths = self.path.lengths_of_arms.sum(axis=0)
         return float(sum(abs(lengths[leg.end] - lengths[leg.begin]) for leg in self.legs))
+
+    @property
+    def waiting_of_arms(self) -> float:
+        """Sum of the times that its arms rest before they arrive, each at its own time [s]."""
+        if len(self.arms) == 1:
+            return self.waiting
+        moving, arrival = np.zeros(len(self.arms)), np.zeros(len(self.arms))
+        lengths = self.path.lengths_of_arms
+        for leg in self.legs:
+            step = 1 if leg.end > leg.begin else -1
+            gridpoints = np.arange(leg.begin, leg.end + step, step)
+            moves, times = np.diff(lengths[:, gridpoints], axis=1) != 0.0, self.instants(leg)
+            moving += moves @ np.diff(times)
+            arrival = np.maximum(arrival, np.where(moves, times[1:], 0.0).max(axis=1))
+        return float((arrival - moving).sum())
 
     @cached_property
     def occupancy(self) -> Occupancy:
