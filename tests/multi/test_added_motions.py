@@ -199,6 +199,13 @@ def test_the_goal_that_an_arm_already_has_is_kept(at: float) -> None:
             assert added.arrival == at + 0.3
 
 
+def test_an_arm_that_never_moved_keeps_its_goal_also_without_time_for_a_search() -> None:
+    plan = _at_rest(_blocks_in_a_plane(), {"one": [-0.5, 0.0], "two": [0.5, 0.0]})
+    added = rp.add_motion(plan, "one", [-0.5, 0.0], at=1.0, freeze=0.3, budget=Budget(seconds=1e-9), rng=0)
+    assert added.found, added.reason
+    assert added.arrival == 1.3
+
+
 def test_an_arm_that_rests_in_the_way_yields_and_comes_back(planar2r: rp.Robot) -> None:
     scene = rp.Scene().with_arm("left", planar2r, (-1.2, 0.0, 0.0)).with_arm("idle", planar2r, (-0.6, 1.5, 0.0))
     scene = scene.with_obstacle("wall", rp.Box((0.1, 3.0, 0.2)), (-1.5, 0.0, 0.0))

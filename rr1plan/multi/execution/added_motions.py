@@ -203,7 +203,7 @@ class _Change:
         if not any(np.abs(q - self.plan.goal(self.arm)).max() <= _SAME for q in self._attempt.goals):
             return None
         old, parts = self.plan.trajectory, self._present.parts[self.arm]
-        arrival = max(self.now, *(float(part.route.steps.times[-1]) for part in parts if part.route.segments))
+        arrival = max([self.now, *(float(part.route.steps.times[-1]) for part in parts if part.route.segments)])
         return NewMotion(parts, old.select(self.arm).cut(self.now, max(self.now, old.end_time)), arrival)
 
     # ---- others yield --------------------------------------------------------------------------
