@@ -22,6 +22,8 @@ from rr1plan.multi.search.group_planner import GroupPlanner
 from rr1plan.multi.search.relative_conflicts import RelativeConflicts
 from rr1plan.multi.search.roadmap_search import Departure, Presence, Settling, earliest_moves
 from rr1plan.multi.stopwatch import Stopwatch
+from rr1plan.multi.timing.diagram_cache import DiagramCache
+from rr1plan.multi.timing.safe_intervals import blocked_times, earliest_schedule
 from rr1plan.planning import Budget, PlanStatus
 from rr1plan.scene.problem import JointGoal
 
@@ -300,6 +302,20 @@ def test_plans_are_certified_and_state_their_bound(kind: str, rr1: rp.Robot) -> 
         assert group.stage == "conflict_based_search"
         assert group.suboptimality is not None
         assert 1.0 <= group.suboptimality <= 1.1 + 1e-9
+
+
+def test_no_arm_waits_without_need(rr1: rp.Robot) -> None:
+    """In the solution, an arm waited for moves that another arm had at an earlier node of the search."""
+    result = plan_many_arms(random_grid(rr1, 4, 0.5, 6), method="conflict_based_search", rng=0, budget=_BUDGET)
+    diagrams = DiagramCache()
+    for schedule in result.schedules:
+        others = [other for other in result.schedules if other is not schedule]
+        found = [(diagrams.diagram(schedule.path, other.path), other.occupancy) for other in others]
+        times = blocked_times((blocked, occupied) for blocked, occupied in found if blocked is not None)
+        earliest = earliest_schedule(schedule.path, times)
+        assert earliest is not None
+        assert earliest.arrival == pytest.approx(schedule.arrival, abs=1e-6)
+    assert all(group.suboptimality is not None and group.suboptimality < 1.06 for group in result.groups)
 
 
 def test_its_plans_can_be_improved(rr1: rp.Robot) -> None:

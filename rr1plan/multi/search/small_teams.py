@@ -20,6 +20,7 @@ from rr1plan.errors import InputError
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.path_pool import PathPool
+from rr1plan.multi.search.agent_schedules import AgentSchedules
 from rr1plan.multi.search.arm_roadmap import ArmRoadmap, build_roadmap
 from rr1plan.multi.search.conflict_based_search import ConflictBasedSearch, schedule_of
 from rr1plan.multi.search.group_planner import GroupPlanner
@@ -41,6 +42,7 @@ SUBOPTIMALITY = 1.1
 _SAMPLES, _NODES, _ROUNDS = 50, 500, 4
 # Growth factor of samples, nodes and rounds, and largest number of samples.
 _GROWTH, _MOST_SAMPLES = 4, 800
+_SHORTEST_WAIT = 1e-6  # far above the rounding of times [s]
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,8 @@ def plan_small_team(
     alone = {arm: path.fastest for arm, path in first.items()}
     diagrams = DiagramCache(largest_margin, watch)
     pairs = [(first[a], first[b]) for a, b in combinations(arms, 2) if b in near[a]]
-    conflicts = RelativeConflicts(min((diagrams.margin(*pair) for pair in pairs), default=largest_margin), watch)
+    margin = min((diagrams.margin(*pair) for pair in pairs), default=largest_margin)
+    conflicts = RelativeConflicts(margin, watch)
     known: tuple[Schedule, ...] = ()
     cost, bound, reason = math.inf, 0.0, "no time was left"
     for effort in (_GROWTH**k for k in count()):
@@ -118,8 +121,13 @@ def plan_small_team(
             break
         found = ConflictBasedSearch(roadmaps, near, conflicts, watch, suboptimality).run(effort * _NODES, cost)
         if found.moves is not None and found.cost <= cost:
-            schedules = tuple(schedule_of(roadmaps[arm], found.moves[arm]) for arm in arms)
-            return TeamPlan(schedules, alone, found.suboptimality)
+            plan = AgentSchedules(agents, margins, near, DiagramCache(margin, watch), watch)
+            plan.schedules = {
+                agent: schedule_of(roadmaps[arm], found.moves[arm]) for arm, agent in zip(arms, agents, strict=True)
+            }
+            _remove_needless_waits(plan)
+            found.cost = math.fsum(schedule.arrival for schedule in plan.schedules.values())
+            return TeamPlan(tuple(plan.schedules.values()), alone, found.suboptimality)
         reason = f"no plan after {found.nodes} nodes of a search on roadmaps of {samples} samples"
         bound = found.lower_bound if 0.0 < found.lower_bound < math.inf else bound
         if known:
@@ -133,6 +141,18 @@ def plan_small_team(
     if known:
         return TeamPlan(known, alone, max(1.0, cost / bound) if bound > 0.0 else None)
     return TeamPlan(reason=f"{', '.join(arms)}: {reason}")
+
+
+def _remove_needless_waits(plan: AgentSchedules) -> None:
+    """Retime the arms that wait on their paths, the earliest first, because later arms wait for them.
+
+    A wait that a constraint caused is needless if the other arm has different moves in the end.
+    """
+    for agent, schedule in sorted(plan.schedules.items(), key=lambda item: item[1].arrival):
+        if schedule.waiting > _SHORTEST_WAIT:
+            found = plan.timed(schedule.path, plan.neighbors(agent, plan.schedules))
+            if found is not None and found.arrival < schedule.arrival:
+                plan.schedules[agent] = found
 
 
 def _roadmaps(
