@@ -54,8 +54,10 @@ _IMPROVEMENTS = 6  # rounds for each group
 _ROUNDS_OF_GOALS, _COMBINATIONS = 1, 3
 _SEARCH = "conflict_based_search"
 _METHODS = ("portfolio", _SEARCH)
-# Share of the budget reserved for work that cannot be interrupted, and the longest reserve [s].
-_RESERVE, _MOST_RESERVE = 0.05, 0.1
+# Time reserved for work that cannot be interrupted, at the end of a search and after it [s], and the largest share of
+# the budget. Like the preflight, that work grows with the number of arms and the load of the machine, so from then on
+# at least this multiple of the preflight's time is reserved.
+_RESERVE, _MOST_RESERVE, _PREFLIGHTS = 0.1, 0.05, 3.0
 
 
 @dataclass(frozen=True)
@@ -203,7 +205,7 @@ def plan_many_arms(
     known_name("method", method, _METHODS)
     timing = HopTiming(retiming, torque_limits)
     seconds = (budget or Budget()).seconds
-    watch = Stopwatch(seconds - min(_RESERVE * seconds, _MOST_RESERVE), progress)
+    watch = Stopwatch(seconds - min(_RESERVE, _MOST_RESERVE * seconds), progress)
     generator = as_generator(rng)
     largest = finite_number("margin", (problem.margin or MARGINS[0]) if margin is None else margin)
     if largest < 0.0:
@@ -214,6 +216,8 @@ def plan_many_arms(
     found = preflight(problem, near, largest, generator, timing, watch)
     if found.status is not None:
         return ManyArmsResult(found.status, found.reason, seconds=watch.seconds)
+    reserve = min(max(_RESERVE, _PREFLIGHTS * watch.seconds), _MOST_RESERVE * seconds)
+    watch = watch.with_deadline(seconds - reserve - watch.seconds)
     # Random numbers depend on the arm alone, so that its path does not depend on the others.
     seeds = {arm: int(generator.integers(2**63)) for arm in problem.arms}
     task = _Task(problem, near, largest, seeds, watch)
@@ -241,7 +245,7 @@ def plan_many_arms(
     plan = AgentSchedules(agents, found.margins, near, diagrams, watch)
     plan.schedules = {schedule.path.agent: schedule for schedule in schedules}
     improver = PlanImprover(plan, alone, generator)
-    first, history = improver.quality, (watch.seconds, improver.quality.makespan)
+    first, planned_after = improver.quality, watch.seconds
     if improvement is not None:
         with watch:
             improver.run(improvement.seconds, improvement.iterations)
@@ -259,7 +263,7 @@ def plan_many_arms(
         # With the same bound, so that both ratios are comparable.
         first=replace(first, slowest_alone=quality.slowest_alone),
         improvements=improver.iterations,
-        history=(history, *improver.history),
+        history=((planned_after, first.makespan), *improver.history),
     )
 
 

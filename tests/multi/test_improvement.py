@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from rr1plan.collision import CollisionChecker
 from rr1plan.collision.arm_groups import arms_in_reach
 from rr1plan.collision.checker_pool import checker_from_pool
 from rr1plan.errors import InputError
+from rr1plan.multi import portfolio, stopwatch
 from rr1plan.multi.agents import Agent
 from rr1plan.multi.paths.agent_path import AgentPath
 from rr1plan.multi.paths.arm_replanning import replanned
@@ -219,6 +222,26 @@ def test_nothing_is_tried_where_each_arm_goes_straight(rr1: rp.Robot) -> None:
     result = plan_many_arms(problem, rng=0, improvement=_moves(50))
     straight = all(len(path.waypoints) == 2 for path in result.paths.values())
     assert (result.improvements == 0) == straight
+
+
+def test_where_the_preflight_takes_long_more_time_is_reserved_for_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 0.0
+
+    def slow(function: Callable[..., Any], seconds: float) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            nonlocal now
+            now += seconds
+            return function(*arguments)
+
+        return call
+
+    monkeypatch.setattr(stopwatch, "time", SimpleNamespace(perf_counter=slow(lambda: now, 0.01)))
+    monkeypatch.setattr(portfolio, "preflight", slow(portfolio.preflight, 0.15))
+    monkeypatch.setattr(portfolio, "merged_trajectory", slow(portfolio.merged_trajectory, 0.3))
+    budget = Budget(seconds=10.0)
+    result = plan_many_arms(_problem("ring-2"), rng=0, budget=budget, improvement=budget)
+    assert result.found
+    assert 9.0 < result.seconds < 10.0
 
 
 def test_plan_motion_improves_by_name_until_the_budget_ends() -> None:

@@ -43,6 +43,7 @@ _TORQUE_ROUNDING = 1e-3
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 # Far above the rounding of configurations [rad].
 _ROUNDING = 1e-12
+_NOT_PICKLED = ("placed", "placed_ends", "_times", "_whole_times")
 
 
 class AgentPath:
@@ -132,26 +133,26 @@ class AgentPath:
 
     def __getstate__(self) -> dict[str, object]:
         """The path without memory of kernels, and without times of hops, which are quickly recomputed."""
-        return {name: value for name, value in self.__dict__.items() if name not in ("placed", "placed_ends", "_times")}
+        return {name: value for name, value in self.__dict__.items() if name not in _NOT_PICKLED}
 
     @cached_property
     def lengths(self) -> Array:
         """Euclidean length in joint space up to each gridpoint [rad], shape (gridpoints,)."""
-        return self._lengths(slice(None))
+        return np.asarray(self._lengths([slice(None)])[0])
 
     @cached_property
     def lengths_of_arms(self) -> Array:
         """Length of each arm's own path up to each gridpoint [rad], shape (arms, gridpoints)."""
-        columns = self.agent.columns.values()
-        return np.stack([self._lengths(own) for own in columns] if len(columns) > 1 else [self.lengths])
+        return self._lengths(self.agent.columns.values())
 
-    def _lengths(self, columns: slice) -> Array:
-        """Length in some joints up to each gridpoint [rad], shape (gridpoints,)."""
+    def _lengths(self, groups: Iterable[slice]) -> Array:
+        """Length in each of some groups of joints up to each gridpoint [rad], shape (groups, gridpoints)."""
         # The parameter of a rounded corner is the length of the polyline, which is longer.
-        c, half = self.curve.coefficients[self.grid.piece][:, :, columns], 0.5 * self.grid.delta
+        c, half = self.curve.coefficients[self.grid.piece], 0.5 * self.grid.delta
         s = self.grid.offset + half + half * _NODES[:, None]
-        speeds = np.linalg.norm(c[:, 1] + 2.0 * s[..., None] * c[:, 2], axis=2)
-        return np.concatenate([[0.0], np.cumsum(half * (_WEIGHTS @ speeds))])
+        rates = c[:, 1] + 2.0 * s[..., None] * c[:, 2]
+        speeds = np.stack([np.linalg.norm(rates[..., own], axis=2) for own in groups])
+        return np.pad(np.cumsum(half * (_WEIGHTS @ speeds), axis=1), ((0, 0), (1, 0)))
 
     def _segment_counts(self) -> NDArray[np.int64]:
         """Number of segments of each piece of the curve."""
@@ -201,6 +202,8 @@ class AgentPath:
 
     def _forward_times(self, begin: int, end: int) -> Array:
         """Times of the motion from rest at one stop to rest at a later one, without torque limits [s]."""
+        if end - begin == self.segments:
+            return self._whole_times
         # Jerk-limited ones take too long to compute all of them.
         if self._limits_jerk:
             return kept_in(self._limited_times, (begin, end), lambda: self._jerk_limited_times(begin, end))
@@ -285,12 +288,15 @@ class AgentPath:
         """Duration of the motion without waiting [s]."""
         if self.segments == 0:
             return 0.0
+        return float(self._whole_times[-1] * self._stretch(0, self.segments))
+
+    @cached_property
+    def _whole_times(self) -> Array:
+        """Times of the motion from the start to the goal, without torque limits [s], shape (gridpoints,)."""
         # Computed separately, because a path that no other one meets needs no other hop.
         if self._limits_jerk:
-            duration = self._jerk_limited_times(0, self.segments)[-1]
-        else:
-            duration = self._hops(np.array([0]), np.array([self.segments]))[0, -1]
-        return float(duration * self._stretch(0, self.segments))
+            return self._jerk_limited_times(0, self.segments)
+        return np.asarray(self._hops(np.array([0]), np.array([self.segments]))[0])
 
     # ---- rows of coordination diagrams -----------------------------------------------------
 
