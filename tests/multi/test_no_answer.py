@@ -369,6 +369,7 @@ def test_a_goal_in_a_sealed_box_is_not_reached(planar2r: rp.Robot) -> None:
     assert result.reason.startswith("not found in ")
     assert "left" in result.reason
     assert "the search kept 2 or 0.01 mm beyond the padding" in result.reason
+    assert "this was the last of " in result.reason
     without = plan_many_arms(_sealed(planar2r), margin=0.0, rng=0, budget=Budget(seconds=0.3))
     assert "kept" not in without.reason
 

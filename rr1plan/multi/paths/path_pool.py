@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -179,15 +180,17 @@ class PathPool:
         report, seconds = self._watch.let_planner_go_on, self._watch.time_left
         budget, rest = split_budget(Budget(seconds, None if math.isfinite(seconds) else _NO_LIMIT))
         search = self._watch.with_deadline(budget.seconds)
-        iterations = _ITERATIONS * len(self.agent.arms)
+        iterations, searches = _ITERATIONS * len(self.agent.arms), 0
         while True:
             for margin in dict.fromkeys((self.margin, min(self.margin, MARGINS[-1]))):
-                result = self._search(leg.with_margin(margin), search, iterations)
+                result, searches = self._search(leg.with_margin(margin), search, iterations), searches + 1
                 if result.found:
                     return result if margin == self.margin else self._with_most_margin(leg, result, search, iterations)
                 if result.status is not PlanStatus.TIMEOUT:
                     return result
                 if not search.goes_on():
+                    if searches > 1:
+                        result = replace(result, reason=f"{result.reason}; this was the last of {searches} searches")
                     return result if rest is None else with_hint(leg, result, rest, report)
             iterations *= 2
 
