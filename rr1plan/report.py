@@ -28,6 +28,12 @@ ViolationKind = Literal[
 ]
 _KINDS: tuple[str, ...] = get_args(ViolationKind)
 
+NO_SHAPE = "has no collision shape"
+"""Why a link is not checked."""
+NO_PAIR = "the scene has no pair of elements that must not touch"
+"""Why there is no clearance."""
+_NAMED = 3  # links that the verdict names
+
 
 @dataclass(frozen=True)
 class Violation:
@@ -114,21 +120,42 @@ class Report(Value):
         """Whether the trajectory is valid and the continuous-time collision certificate was checked."""
         return self.valid and "collision" in self.checked
 
+    @property
+    def unchecked_links(self) -> tuple[str, ...]:
+        """Links ("arm/link") that are not checked for collision because they have no collision shape.
+
+        The certificate holds for the other links only; see `Robot.unchecked_links`.
+        """
+        return tuple(name for name, why in self.not_checked.items() if why == NO_SHAPE)
+
+    @property
+    def verdict(self) -> str:
+        """The verdict in one line, with the links that were not checked for collision."""
+        if not self.valid:
+            return f"INVALID, {counted(len(self.violations), 'violation')}"
+        if not self.certified:
+            return "VALID"
+        free, links = "certified free of collision in continuous time", self.unchecked_links
+        if not links:
+            return f"VALID, {free}"
+        bare = f"{counted(len(links), 'link')} without a collision shape ({', '.join(links[:_NAMED])}"
+        bare += ", ...)" if len(links) > _NAMED else ")"
+        if self.not_checked.get("clearance") == NO_PAIR:
+            return f"VALID, but NOTHING WAS CHECKED FOR COLLISION: {bare}"
+        return f"VALID, {free}, EXCEPT FOR {bare}"
+
     def __bool__(self) -> bool:
         """Same as `valid`."""
         return self.valid
 
     def __repr__(self) -> str:
-        found = ", ".join(sorted({v.kind for v in self.violations}))
+        found, bare = ", ".join(sorted({v.kind for v in self.violations})), len(self.unchecked_links)
         verdict = "certified" if self.certified else "valid" if self.valid else f"not valid: {found}"
-        return f"Report({verdict}, {self.duration:.3f} s of motion)"
+        except_for = f" except for {counted(bare, 'link')}" if bare and self.certified else ""
+        return f"Report({verdict}{except_for}, {self.duration:.3f} s of motion)"
 
     def __str__(self) -> str:
-        if self.valid:
-            head = "VALID" + (", certified free of collision in continuous time" if self.certified else "")
-        else:
-            head = f"INVALID, {counted(len(self.violations), 'violation')}"
-        lines = [f"{head} ({self.duration:.3f} s of motion)"]
+        lines = [f"{self.verdict} ({self.duration:.3f} s of motion)"]
         lines += [f"  violation    {v.kind}: {v.message}" for v in self.violations]
         width = max((len(name) for name in self.margins), default=0)
         lines += [f"  margin       {name:<{width}}  {margin}" for name, margin in self.margins.items()]

@@ -10,6 +10,7 @@ import pytest
 
 import rr1plan as rp
 from rr1plan.errors import FormatError, InputError, UnknownNameError
+from rr1plan.report import Report
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import model_library
 from rr1plan.scene.unlocked_joints import unlocked_robot
@@ -538,10 +539,15 @@ def test_visible_links_without_a_shape_are_named_on_loading_and_in_the_report(
     robot = rp.load_robot(half_clothed)
     assert "never checked though they are visible: l2, cap_l2" in caplog.text
     assert robot.unchecked_links == ("l2", "cap_l2")
-    scene = rp.Scene().with_arm("left", robot)
+    scene = rp.Scene().with_arm("left", robot).with_obstacle("ball", rp.Sphere(0.1), [3.0, 0.0, 0.0])
     report = rp.validate(rp.Trajectory.rest(scene.joint_names(), robot.home), scene)
     assert report.certified
     assert "not checked  left/l2, left/cap_l2: has no collision shape" in str(report)
+    assert report.unchecked_links == ("left/l2", "left/cap_l2")
+    verdict = str(report).splitlines()[0]
+    assert "certified free of collision in continuous time, EXCEPT FOR 2 links without a collision shape" in verdict
+    assert "(left/l2, left/cap_l2)" in verdict
+    assert "certified except for 2 links" in repr(report)
     path = rp.Path(scene.joint_names(), [robot.home, robot.home + 0.1])
     assert "left/l2" in rp.certify_path(path, scene).not_checked
 
@@ -550,6 +556,15 @@ def test_a_robot_without_any_shape_has_all_its_links_in_the_report(arm: Path) ->
     scene = rp.Scene().with_arm("arm", rp.load_robot(arm))
     report = rp.validate(rp.Trajectory.rest(scene.joint_names(), scene.configuration()), scene)
     assert {"arm/l0", "arm/l1", "arm/l2", "arm/l3"} <= set(report.not_checked)
+    assert report.verdict.startswith("VALID, but NOTHING WAS CHECKED FOR COLLISION: 4 links without a collision shape")
+    assert report.verdict.endswith("(arm/l0, arm/l1, arm/l2, ...)")
+    assert Report.from_dict(report.to_dict()).verdict == report.verdict
+
+
+def test_a_sequence_of_a_robot_without_any_shape_is_not_reported_as_free(arm: Path) -> None:
+    scene = rp.Scene().with_arm("arm", rp.load_robot(arm))
+    sequence = rp.Sequence(scene, [rp.FreeMotion(scene.arms["arm"].q + 0.1), rp.Pause(0.1)])
+    assert "NOTHING WAS CHECKED FOR COLLISION" in str(rp.plan_sequence(sequence, rng=0))
 
 
 def test_shipped_robots_load_without_a_warning(caplog: pytest.LogCaptureFixture) -> None:

@@ -168,6 +168,8 @@ def _merged(reports: Sequence[Report], violations: Sequence[Violation], duration
     not_checked = {rule: why for report in reports for rule, why in report.not_checked.items()}
     not_checked |= {"goal": "a sequence has no single goal"}
     not_checked.pop("start", None)
+    if any(name in margins for name in ("clearance", "self_clearance")):
+        not_checked.pop("clearance", None)
     checked = dict.fromkeys(rule for report in reports for rule in report.checked if rule not in not_checked)
     statistics: dict[str, float] = {}
     for report in reports:

@@ -14,7 +14,7 @@ from rr1plan.checks import Array, check_callback, of_kind, positive_number, true
 from rr1plan.errors import InputError
 from rr1plan.path import Path
 from rr1plan.planning import Progress, ProgressCallback
-from rr1plan.report import Margin, Report, Violation
+from rr1plan.report import NO_PAIR, NO_SHAPE, Margin, Report, Violation
 from rr1plan.scene import Scene
 from rr1plan.scene.held_contacts import contact_advice
 from rr1plan.scene.problem import Problem
@@ -281,7 +281,7 @@ def _check_collisions(
 def _name_unchecked_links(findings: Findings, scene: Scene) -> None:
     for name, arm in scene.arms.items():
         for link in arm.robot.unchecked_links:
-            findings.not_checked[f"{name}/{link}"] = "has no collision shape"
+            findings.not_checked[f"{name}/{link}"] = NO_SHAPE
 
 
 def _contact(scene: Scene, contact: PairFinding) -> Violation:
@@ -321,7 +321,7 @@ def _clearance_margins(findings: Findings, found: CollisionProof) -> None:
         if not hits and not found.cancelled:
             findings.margins[f"{name}_proven"] = Margin(found.proven[own], "m")
     if not found.contacts and found.nearest == [None, None]:
-        findings.not_checked["clearance"] = "the scene has no pair of elements that must not touch"
+        findings.not_checked["clearance"] = NO_PAIR
 
 
 def _fraction_callback(progress: ProgressCallback | None) -> Callable[[float], bool | None] | None:
