@@ -6,6 +6,7 @@ import importlib.metadata
 import platform
 import sys
 from argparse import Namespace
+from functools import cache
 from textwrap import fill
 from typing import Any
 
@@ -18,6 +19,7 @@ from rr1plan.errors import InputError
 from rr1plan.robot import Robot
 from rr1plan.robot.robot_packages import PACKAGE, installed_robots
 from rr1plan.scene.model_library import load_robot, load_scene_file, robot_names, scene_names
+from rr1plan.scene.scene_toml import SceneFile
 
 _REQUIRED = (
     "numpy", "scipy", "pin", "coal", "python-fcl", "ompl", "toppra", "ruckig", "mujoco", "meshcat", "tornado",
@@ -120,13 +122,15 @@ def scenes(options: Namespace, console: Console) -> int:
 
         check_scene_name(options.scene)
         with console.progress(f"loading {options.scene}"):
-            values = _scene_values(options.scene)
+            values = _scene_values(load_scene_file(options.scene))
         console.say(f"{values['name']}: {values['description']}")
         for kind in ("arms", "obstacles", "attachments", "queries"):
             console.say(f"{kind}: {', '.join(values[kind]) or '-'}")
         console.result(values)
         return 0
-    every = [_scene_values(name) for name in scene_names()]
+    # Most scenes have the same few robots.
+    robot_loader = cache(load_robot)
+    every = [_scene_values(load_scene_file(name, robot_loader)) for name in scene_names()]
     rows = [
         (v["name"], str(len(v["arms"])), str(len(v["obstacles"])), ", ".join(v["queries"]) or "-", v["description"])
         for v in every
@@ -137,8 +141,7 @@ def scenes(options: Namespace, console: Console) -> int:
     return 0
 
 
-def _scene_values(name: str) -> dict[str, Any]:
-    file = load_scene_file(name)
+def _scene_values(file: SceneFile) -> dict[str, Any]:
     scene = file.scene
     return {
         "name": scene.name,

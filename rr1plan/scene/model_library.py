@@ -25,7 +25,7 @@ from rr1plan.scene import Arm, Obstacle, Scene
 from rr1plan.scene.motion_bench import read_bench_scene
 from rr1plan.scene.moveit_scene import read_moveit_scene
 from rr1plan.scene.problem import Problem
-from rr1plan.scene.scene_toml import SceneFile, read_scene
+from rr1plan.scene.scene_toml import RobotLoader, SceneFile, read_scene
 from rr1plan.shapes.convex_decomposition import Convexity
 
 _URDF_SUFFIXES, _MJCF_SUFFIXES = (".urdf", ".xacro"), (".xml", ".mjcf")
@@ -285,11 +285,12 @@ def load_scene(name_or_file: str | Path) -> Scene:
     return load_scene_file(name_or_file).scene
 
 
-def load_scene_file(name_or_file: str | Path) -> SceneFile:
+def load_scene_file(name_or_file: str | Path, robot_loader: RobotLoader = load_robot) -> SceneFile:
     """Load a scene like `load_scene`, together with the named queries of the file.
 
     Args:
         name_or_file: A name of `scene_names`, or a scene file.
+        robot_loader: Reads the robots of .toml files; a cached one serves several scenes.
 
     Raises:
         UnknownNameError: no shipped scene of that name.
@@ -302,7 +303,7 @@ def load_scene_file(name_or_file: str | Path) -> SceneFile:
         return SceneFile(read_bench_scene(file), {})
     if file.suffix.lower() in _MJCF_SUFFIXES:
         return SceneFile(_read_mjcf_scene(file), {})
-    return read_scene(file, load_robot)
+    return read_scene(file, robot_loader)
 
 
 def _read_mjcf_scene(file: Path) -> Scene:
