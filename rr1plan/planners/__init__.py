@@ -172,7 +172,7 @@ def plan(
     Args:
         problem: The planning problem. Planners to goal configurations (all but "cartesian") search for eight of each
             pose or region goal; if many reach it, the nearest one may not be among them. Our own planners search for
-            more if they make no progress.
+            more if they make no progress, those of OMPL at once.
         planner: A name of `planner_names()`, or an instance of `Planner`: one of ours with other settings, such as
             `RrtConnect(range=0.5)`, or your own.
         budget: When to stop (default: 10 s). Under a budget of iterations alone the same seed gives the

@@ -158,6 +158,8 @@ class _Search:
         from rr1plan.planners import ompl_adapter as _ompl
 
         problem, is_free = self.query.problem, self.query.motion.edge_is_free
+        # OMPL gets all goals at once, the copies a turn away too: few of its planners take more during a search.
+        self.query.more_goals()
         goals, start = with_copies(problem, self.query.goals), problem.start
         space = Space.unrolled(problem, goals)
         # States are checked as edges of length zero by the kernel, because no other state has certified edges.

@@ -37,8 +37,9 @@ def plan_sequence(
     """Plan all segments of a sequence such that each ends where the next ones can continue.
 
     If a segment has a choice (several goals, several configurations that reach one) and a later segment fails, the next
-    candidate is tried. Each segment ends at rest unless it has `stop=False`, which requires the retiming "blend". The
-    referee validates each segment in its scene; if it rejects a rounded corner between two, all end at rest.
+    candidate is tried; if no candidate of a free motion is reached, more configurations are, a turn away too. Each
+    segment ends at rest unless it has `stop=False`, which requires the retiming "blend". The referee validates each
+    segment in its scene; if it rejects a rounded corner between two, all end at rest.
 
     Args:
         sequence: The sequence.

@@ -41,6 +41,8 @@ from rr1plan.trajectory import Trajectory
 
 # Configurations of one goal, and of all goals of a free motion.
 _MOST_PER_GOAL, _MOST_CANDIDATES = 8, 200
+# Further configurations if none of these can be reached.
+_MOST_FURTHER = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +77,16 @@ class FreeLeg:
     segment: FreeMotion
     problem: Problem
     motion: MotionPlan | None = None
+
+    @property
+    def found(self) -> bool:
+        """Whether it is planned and valid."""
+        return self.motion is not None and self.motion.valid
+
+    @property
+    def failed(self) -> bool:
+        """Whether planning it failed."""
+        return self.motion is not None and not self.motion.valid
 
     @property
     def planned(self) -> PlannedSegment:
@@ -124,30 +136,34 @@ class SegmentOptions:
         """Plan a free motion unless it has been planned already; False if there is none."""
         if leg.motion is None:
             leg.motion = self._plan(leg.number, leg.problem, self._planner)
-        return leg.motion.valid
+        return leg.found
 
     # ---- free motions ------------------------------------------------------------------------
 
     def _free_motions(self, k: int, segment: FreeMotion, scene: Scene) -> Iterator[tuple[FreeLeg, Scene]]:
         goals = {arm: goals_of_links(scene, arm, own) for arm, own in goals_by_arm(segment, scene).items()}
-        problem = Problem(_allowing(scene, segment), None, goals)
-        for q in self._candidates(k, problem):
-            yield FreeLeg(k, segment, _to_configuration(problem, q)), _placed(scene, problem.arms, q)
+        problem, seed = Problem(_allowing(scene, segment), None, goals), self._effort.seed()
+        legs: list[FreeLeg] = []
+        for further in (False, True):
+            # Where later segments failed, other configurations cost much and rarely help.
+            if further and (not any(leg.failed for leg in legs) or any(leg.found for leg in legs)):
+                return
+            for q in self._candidates(k, problem, seed, further):
+                legs.append(FreeLeg(k, segment, _to_configuration(problem, q)))
+                yield legs[-1], _placed(scene, problem.arms, q)
 
-    def _candidates(self, k: int, problem: Problem) -> list[Array]:
-        """Free configurations at the goals, nearest first."""
+    def _candidates(self, k: int, problem: Problem, seed: int, further: bool) -> Array:
+        """Free configurations at the goals, or further ones including copies a turn away; nearest first."""
         with checker_from_pool(problem.scene, problem.arms) as checker:
             blocked = check_start(problem, checker)
             if blocked:
                 self._effort.fail(k, PlanStatus.INVALID_START, blocked)
-                return []
-            search = GoalSearch(
-                problem, checker, self._effort.seed(), max_per_goal=_MOST_PER_GOAL, max_composites=_MOST_CANDIDATES
-            )
+                return problem.start[None][:0]
+            search = GoalSearch(problem, checker, seed, max_per_goal=_MOST_PER_GOAL, max_composites=_MOST_CANDIDATES)
             found = search.find()
             if found.status is not None:
                 self._effort.fail(k, found.status, _why_no_goal(problem, checker, found.reason))
-        return list(found.configurations)
+            return search.more()[:_MOST_FURTHER] if further else found.configurations
 
     # ---- segments with given paths -----------------------------------------------------------
 

@@ -184,7 +184,7 @@ def test_other_planners_find_paths_of_wide_turning_joints_early(planner):
         assert rp.plan(problem, planner=planner, budget=COUNTED, rng=seed).iterations < 1000
 
 
-@pytest.mark.parametrize("planner", ["rrt_connect", "anytime", "roadmap"])
+@pytest.mark.parametrize("planner", ["rrt_connect", "anytime", "roadmap", "ompl_rrt_connect", "rrt", "prm", "fmt"])
 def test_a_pose_is_reached_a_turn_away_where_limits_allow_it(planner, is_certified):
     """The nearest solutions of inverse kinematics are behind the post."""
     arm = rp.planar_arm("RR", limits=[(-0.99 * TURN, 0.99 * TURN)] * 2)

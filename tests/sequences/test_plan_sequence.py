@@ -223,6 +223,19 @@ def test_a_pause_in_collision_leads_to_the_next_goal(table: rp.Scene) -> None:
     np.testing.assert_allclose(end[:3, 3], far.position, atol=1e-3)
 
 
+def test_a_pose_is_reached_a_turn_away_where_the_way_to_the_nearest_configurations_is_blocked() -> None:
+    arm = rp.planar_arm("RR", limits=[(-6.2, 6.2)] * 2)
+    scene = rp.Scene().with_arm("arm", arm, q=[0.1, 0.1]).with_obstacle("post", rp.Sphere(0.05), [0.3, 0.3, 0.0])
+    tip = arm.link_poses([2.0, 0.4])[arm.tool][:3, 3]
+    plan = plan_of(scene, rp.FreeMotion(rp.PoseGoal("tool", tip)), rp.Pause(0.1))
+    assert plan, plan
+    assert plan.trajectory(plan.trajectory.end_time)[0] < -np.pi
+    # A configuration is reached as it is.
+    there = plan_of(scene, rp.FreeMotion([2.0, 0.4]))
+    assert not there.found
+    assert "joint 'arm/joint1' cannot pass" in there.reason
+
+
 # ---- failures ------------------------------------------------------------------------------------
 
 
