@@ -281,6 +281,22 @@ def test_a_home_outside_the_limits_is_moved_to_them(arm: Path, caplog: pytest.Lo
     assert rp.plan(rp.Problem(scene, "home", [0.0]), rng=0).found
 
 
+def test_a_state_outside_the_limits_by_a_turn_or_by_rounding_is_moved_into_them(
+    arm: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    two = STATE.replace("</group>", '<joint name="b"/></group>').replace(
+        "</group_state>", '<joint name="b" value="1.50001"/></group_state>'
+    )
+    (arm.parent / "arm.srdf").write_text(two.replace('value="0.5"', 'value="-6.0"'))
+    robot = rp.load_robot(arm)
+    np.testing.assert_allclose(robot.configurations["up"], [2.0 * np.pi - 6.0, 1.5], atol=1e-15)
+    np.testing.assert_array_equal(robot.home, robot.configurations["up"])
+    assert "(a at -6, not -1 to 1); it is moved by whole turns\n" in caplog.text
+    # No turn of a sliding joint is the same place.
+    arm.write_text(arm.read_text().replace("revolute", "prismatic"))
+    assert rp.load_robot(arm).configurations["up"].tolist() == [-6.0, 1.50001]
+
+
 def test_a_broken_srdf_is_an_error_not_ignored(arm: Path) -> None:
     (arm.parent / "arm.srdf").write_text('<robot name="arm"><group name="g"><group name="g"/></group></robot>')
     with pytest.raises(FormatError, match=r"arm\.srdf:1"):

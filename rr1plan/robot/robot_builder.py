@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rr1plan.checks import DEGREES, FARTHEST, Array, check_text, items_of, known_name, shown
 from rr1plan.errors import InputError
@@ -28,6 +29,7 @@ SECONDS_TO_VELOCITY = 0.25
 SECONDS_TO_ACCELERATION = 0.1
 _TOOL_NAMES = ("tool", "tool0", "tcp", "ee_link")
 _RATES = ("velocity", "acceleration", "jerk")
+_ROUNDING = 1e-3  # by which the values of states in files may be outside the limits [rad or m]
 _SAME_LIMIT = 1e-9  # limits that differ by less are the same [rad or m]
 _WIDEST = 8.0 * np.pi  # farthest limit of a revolute joint that is taken as an angle without a warning [rad]
 
@@ -76,7 +78,9 @@ def assemble(tree: Tree, semantics: Semantics | None, choice: Choice) -> Robot:
         if j.kind != "fixed" and j.mimic is None and j.name not in names
     }
     states = _states(tree.name, known, groups, names)
-    configurations = _configurations(tree.name, names, states, limits)
+    led = {joint.mimic.joint for joint in tree.joints if joint.mimic is not None}
+    turning = np.array([joints[n].kind == "revolute" and n not in led for n in names])
+    configurations = _configurations(tree.name, names, states, limits, turning)
     robot = Robot(
         name=tree.name,
         links=tree.links,
@@ -343,25 +347,38 @@ def _states(name: str, known: Semantics, groups: tuple[str, ...], names: tuple[s
 
 
 def _configurations(
-    name: str, joints: tuple[str, ...], states: Mapping[str, Array], limits: Limits
+    name: str, joints: tuple[str, ...], states: Mapping[str, Array], limits: Limits, turning: NDArray[np.bool_]
 ) -> dict[str, Array]:
-    """The named states of all planning joints; "home" is within the limits, and may be a copy of another one."""
+    """The named states of all planning joints; "home" is within the limits, and may be a copy of another one.
+
+    Values outside the limits by whole turns of turning joints, or by rounding errors, are moved into them.
+    """
     found = dict(states)
     inside: dict[str, Array] = {}
     for state, q in states.items():
-        nearest = np.clip(q, limits.lower, limits.upper)
-        out = np.flatnonzero(nearest != q)
+        turned = _turned_inside(q, limits, turning)
+        nearest = np.clip(turned, limits.lower, limits.upper)
+        is_inside = bool((np.abs(nearest - turned) <= _ROUNDING).all())
+        if is_inside or state == "home":
+            found[state] = nearest
+        if is_inside:
+            inside[state] = nearest
+        out = np.flatnonzero((q < limits.lower - _ROUNDING) | (q > limits.upper + _ROUNDING))
         if len(out) == 0:
-            inside[state] = q
             continue
         which = ", ".join(f"{joints[j]} at {q[j]:.6g}, not {limits.lower[j]:.6g} to {limits.upper[j]:.6g}" for j in out)
-        moved = "; it is moved to them" if state == "home" else ""
+        moved = "; it is moved by whole turns" if is_inside else "; it is moved to them" if state == "home" else ""
         log.warning("%s: the state %r is outside the joints' limits (%s)%s", name, state, which, moved)
-        if state == "home":
-            found[state] = nearest
     if inside and "home" not in found:
         found["home"] = inside.get("ready", next(iter(inside.values())))
     return found
+
+
+def _turned_inside(q: Array, limits: Limits, turning: NDArray[np.bool_]) -> Array:
+    """A configuration whose turning joints are moved by the fewest whole turns into their limits, where possible."""
+    turn = 2.0 * np.pi
+    fewest, most = np.ceil((limits.lower - _ROUNDING - q) / turn), np.floor((limits.upper + _ROUNDING - q) / turn)
+    return q + turn * np.where(turning & (fewest <= most), np.clip(0.0, fewest, most), 0.0)
 
 
 def _middle(limits: Limits) -> Array:

@@ -100,9 +100,10 @@ def load_robot(
     limits with `robot.with_limits`. A revolute joint with limits of ±10000 rad or more, such as SDF's ±1e16, is
     continuous.
 
-    "home" is the SRDF's state of that name, moved to the limits if it is outside them, else "ready", else its first
-    state within them; without an SRDF, zero or the middle of the range if that is free of self-collision, else a free
-    configuration near it.
+    States of the SRDF that are outside the limits by whole turns, or by rounding, are moved into them. "home" is its
+    state of that name, moved to the limits if it is outside them, else "ready", else its first state within them;
+    without an SRDF, zero or the middle of the range if that is free of self-collision, else a free configuration near
+    it.
 
     If no SRDF disables pairs of links, neighbors and links that touch in each of 200 random configurations are not
     checked against each other; see `propose_disabled_collisions`. If no configuration is free even so, links that touch
