@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -244,6 +245,16 @@ def test_limits_of_acceleration_and_jerk_of_urdf_1_2_are_kept(arm: Path, caplog:
     arm.write_text(text.replace('deceleration="4"', 'deceleration="-4"'))
     with pytest.raises(FormatError, match=r"arm.urdf:1: joint 'a' has deceleration -4.0, expected a number above zero"):
         rp.load_robot(arm)
+
+
+def test_limits_at_which_a_follower_leaves_its_own_are_refused(arm: Path) -> None:
+    follows = '<mimic joint="a" multiplier="-2" offset="0.1"/></joint></robot>'
+    arm.write_text(arm_text(("a", -1, 1), ("b", -1, 1)).replace("</joint></robot>", follows))
+    robot = rp.load_robot(arm)
+    np.testing.assert_allclose([robot.limits.lower[0], robot.limits.upper[0]], [-0.45, 0.55])
+    assert robot.with_limits(replace(robot.limits, velocity=[1.0], lower=[-0.3])).limits.lower[0] == -0.3
+    with pytest.raises(InputError, match=r"let 'b', which follows other joints, reach -1.9 rad, outside its"):
+        robot.with_limits(replace(robot.limits, upper=[1.0]))
 
 
 STATE = """

@@ -34,6 +34,7 @@ from rr1plan.shapes.content_digest import feed_digest
 
 # Of a planning joint they are in the robot's limits; hashes of files from before joints had them stay valid.
 _IN_LIMITS = ("acceleration", "jerk")
+_ROUNDING = 1e-9  # by which joints may be outside their limits [rad or m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,13 +239,36 @@ class Robot(Value, NotebookView):
 
         Raises:
             UnknownNameError: no preset of that name.
-            InputError: neither of them, or limits for another number of joints.
+            InputError: neither of them, limits for another number of joints, or wider positions than those at which a
+                joint that mimics others keeps its own limits.
         """
         if not isinstance(limits, Limits | str):
             raise InputError(f"limits is {shown(limits)}, expected Limits or the name of a preset")
         if isinstance(limits, str):
             limits = self.presets[known_name("limit preset", limits, self.presets)]
-        return replace(self, limits=limits)
+        limited = replace(self, limits=limits)
+        before = self._followers_beyond_limits
+        for name, value in limited._followers_beyond_limits.items():
+            if name not in before:
+                joint = self.joint(name)
+                raise InputError(
+                    f"limits: they let {name!r}, which follows other joints, reach {value:.6g} {joint.unit}, outside "
+                    f"its own limits [{joint.lower:.6g}, {joint.upper:.6g}]"
+                )
+        return limited
+
+    @cached_property
+    def _followers_beyond_limits(self) -> dict[str, float]:
+        """Mimic joints that leave their limits at the limits of the planning joints, with their values [rad or m]."""
+        found: dict[str, float] = {}
+        for ends in (self.limits.lower, self.limits.upper):
+            values = dict(zip(self.joint_names, ends.tolist(), strict=True)) | dict(self.locked_joints)
+            for joint in self.joints:
+                if joint.mimic is not None:
+                    value = self._resolve(joint, values)
+                    if value < joint.lower - _ROUNDING or value > joint.upper + _ROUNDING:
+                        found[joint.name] = value
+        return found
 
     def with_locked_joints(self, values: Mapping[str, float] | str) -> Robot:
         """The same robot with other values of its locked joints.
@@ -263,7 +287,7 @@ class Robot(Value, NotebookView):
         for name, value in values.items():
             joint = self.joint(known_name("locked joint", name, self.locked_joints))
             number = finite_number(f"joint {name!r}", value)
-            if not joint.lower - 1e-9 <= number <= joint.upper + 1e-9:
+            if not joint.lower - _ROUNDING <= number <= joint.upper + _ROUNDING:
                 raise InputError(f"joint {name!r} is {number}, outside [{joint.lower}, {joint.upper}]")
             locked[name] = number
         return replace(self, locked_joints=locked)

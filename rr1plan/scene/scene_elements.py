@@ -53,7 +53,8 @@ class Obstacle(Value):
         geometries: Its shapes, posed in the object's frame; convex ones for a loose body.
         pose: T_world_object, shape (4, 4).
         mass: Mass of a loose body [kg], distributed evenly in its shapes; None: fixed.
-        friction: Coulomb friction coefficient of a loose body; of two bodies that touch, the larger one counts.
+        friction: Coulomb friction coefficient of a loose body, also of an object that only `simulate_sequence` makes
+            loose; of two loose bodies that touch, the larger one counts, and that of a fixed obstacle never does.
 
     Raises:
         InputError: no shape, a mass that is not positive, a negative friction or one above 1e6, or a mass and a
