@@ -55,7 +55,8 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Reject a command line; argparse calls this when it cannot parse it."""
         missing = message.removeprefix("the following arguments are required: ")
-        words = message.removeprefix("argument ") if missing == message else f"{missing} is missing, give it first"
+        first = "" if missing.startswith("-") else ", give it first"
+        words = message.removeprefix("argument ") if missing == message else f"{missing} is missing{first}"
         raise InputError(f"{words}; see: {self.prog} --help")
 
     def refuse_unknown(self, words: list[str]) -> NoReturn:

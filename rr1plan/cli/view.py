@@ -120,7 +120,7 @@ def _other(
 ) -> dict[str, rp.Trajectory]:
     """The motion to compare, by the name of its file, in the scene of the main motion."""
     if motion is None:
-        raise InputError(f"{options.what} is a scene; --compare takes a motion beside another motion")
+        raise InputError(f"{options.what} is not a motion, and --compare takes one beside another")
     other = saved_motion(options.compare, options, console, scene=motion.scene)
     try:
         return {Path(options.compare).stem: other.trajectory}

@@ -99,6 +99,7 @@ def test_an_option_without_an_effect_is_refused(
     ("words", "message"),
     [
         ([], "COMMAND is missing, give it first; see: rr1plan --help"),
+        (["figures"], "--out is missing; see: rr1plan figures --help"),
         (["dance"], "unknown command 'dance'."),
         (["pla", "rr1_table"], "unknown command 'pla'. Did you mean 'play' or 'plan'"),
         (["plan"], "SCENE is missing, give it first; see: rr1plan plan --help"),
