@@ -29,5 +29,5 @@ def check_limits(joint_names: tuple[str, ...], waypoints: Array, limits: Limits,
         if bad.any():
             name = joint_names[int(np.argmax(bad))]
             raise RetimingError(
-                f"joint {name!r} moves and has no {kind} limit; load its robot with one (option limits)"
+                f"joint {name!r} moves and has no {kind} limit; set one (robot.with_limits, or limits in a scene file)"
             )

@@ -178,7 +178,10 @@ def _plate_contact(robot: Robot, width: float) -> _PlateContact:
         InputError: a gripper that does not open so wide.
     """
     joint, plate = robot.joint(only_gripper_joint(robot)), _plate(robot, width)
-    value = closing_value(Arm(robot), plate, 0.0)
+    try:
+        value = closing_value(Arm(robot), plate, 0.0)
+    except InputError as error:
+        raise InputError(f"the fingers do not fit a plate of {1e3 * width:.3g} mm: {error}") from error
     scene = Scene(obstacles={"thing": plate}).with_arm("arm", unlocked_robot(robot, (joint.name,)))
     fingers = finger_contacts(robot, "arm", "thing")
     others = (pair(a, b) for a in scene.element_names for b in scene.element_names if a < b)

@@ -195,6 +195,8 @@ def test_a_hand_whose_fingers_travel_along_y_grasps_as_well() -> None:
     scene = scene.with_obstacle("block", rp.Box((0.04, 0.1, 0.06)), [0.5, 0.0, 0.03], mass=0.4)
     goals = rp.top_grasps(scene, "block")
     np.testing.assert_allclose([abs(goal.rotation[0, 1]) for goal in goals], 1.0, atol=1e-9)
+    too_wide = rp.plan_sequence(rp.Sequence(scene, [rp.MoveGripper(width=0.2)]), rng=0)
+    assert "the fingers do not fit a plate of 200 mm" in too_wide.reason
     plan = rp.plan_sequence(rp.Sequence(scene, rp.pick_and_place(scene, "block", [0.5, 0.2, 0.03])), rng=0)
     assert plan, plan
     replay = rp.simulate_sequence(plan, hold=0.0)
