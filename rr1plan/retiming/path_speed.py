@@ -21,9 +21,11 @@ from rr1plan.retiming.timed_pieces import Pieces
 from rr1plan.robot.joint_limits import Limits
 
 _STEP = TIMING.step
-# Initial sizes of the arena and of the arrays of timed pieces; both are doubled on demand.
+# Least initial sizes of the arena and of the arrays of timed pieces; both are doubled on demand.
 _ARENA = 1 << 16
 _PIECES = 256
+# Pieces of a waypoint with a blend, numbers in the arena for each piece and joint; measured on paths of short edges.
+_PIECES_PER_WAYPOINT, _ARENA_PER_PIECE = 72, 24
 
 
 class Grid(NamedTuple):
@@ -116,14 +118,15 @@ def time_polyline(points: Array, sizes: Array, limits: Limits) -> Pieces:
         RetimingError: no feasible speed because of extreme numbers; the message names the waypoints.
     """
     points, sizes, rates = np.ascontiguousarray(points), np.ascontiguousarray(sizes), _limits_struct(limits)
-    arena_size, capacity = _ARENA, _PIECES
+    capacity = max(_PIECES, _PIECES_PER_WAYPOINT * len(points))
+    arena_size = max(_ARENA, _ARENA_PER_PIECE * capacity * points.shape[1])
     full = code = constants()["ARENA_FULL"]
     while code == full:
         durations, coefficients = np.empty(capacity), np.empty((capacity, 5, points.shape[1]))
         arena = CStruct("Arena", memory=np.empty(arena_size), size=arena_size)
         pieces = CStruct("TimedPieces", durations=durations, coefficients=coefficients.ravel(), capacity=capacity)
         code = load_library().rr1_time_polyline(points, sizes, *points.shape, rates, _STEP, DUPLICATE, arena, pieces)
-        arena_size, capacity = 4 * arena_size, 4 * capacity
+        arena_size, capacity = 2 * arena_size, 2 * capacity
     if code < full:
         failed = full - 1 - code
         raise RetimingError(f"no speed between waypoints {failed - 1} and {failed}; try wider limits")
