@@ -8,7 +8,7 @@ from typing import Any
 import rr1plan as rp
 from rr1plan.cli.console import Console, milliseconds, progress_callback
 from rr1plan.cli.picture_files import check_page, check_video, write_replay
-from rr1plan.cli.scene_options import check_scene_name
+from rr1plan.cli.scene_options import check_scene_name, refuse_sequence
 from rr1plan.errors import InputError, NoPlanError
 from rr1plan.motion_plan import MotionPlan
 from rr1plan.scene.model_library import load_scene
@@ -72,6 +72,7 @@ def saved_motion(
         if scene is None and options.scene is not None:
             check_scene_name(options.scene)
             scene = load_scene(options.scene)
+    refuse_sequence(file)
     with console.progress("checking") as advance:
         if options.topic is None and holds_sequence(file):
             return load_sequence(file, scene, **(checks or {}), progress=progress_callback(advance))

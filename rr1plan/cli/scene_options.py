@@ -19,7 +19,7 @@ ROBOT_SUFFIXES = (".urdf", ".xacro")
 
 
 def check_scene_name(name: str) -> None:
-    """Reject robots, motions and recordings in place of a scene; the message names the commands that take them.
+    """Reject robots, motions, recordings and sequences in place of a scene; the message names commands that take them.
 
     Raises:
         InputError: not a scene.
@@ -39,6 +39,20 @@ def check_scene_name(name: str) -> None:
             f"{name} holds a motion, expected a scene; to see it: rr1plan view {name}, to check it: rr1plan validate "
             f"{name}"
         )
+    refuse_sequence(name)
+
+
+def refuse_sequence(name: str) -> None:
+    """Reject files of sequences that are not planned; the message names the command that takes them.
+
+    Raises:
+        InputError: such a file.
+    """
+    # The readers of sequences are not needed for shipped scenes.
+    from rr1plan.sequences.sequence_toml import is_sequence_file
+
+    if is_sequence_file(name):
+        raise InputError(f"{name} holds a sequence, which has no motion yet; to plan and see it: rr1plan plan {name}")
 
 
 def chosen_problem(options: Namespace, file: SceneFile) -> Problem:

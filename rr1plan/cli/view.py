@@ -17,6 +17,7 @@ from rr1plan.cli.scene_options import (
     check_scene_name,
     named_query,
     page_options,
+    refuse_sequence,
 )
 from rr1plan.cli.served_page import live_options, serve
 from rr1plan.errors import InputError, NoPlanError
@@ -120,7 +121,7 @@ def _other(
 ) -> dict[str, rp.Trajectory]:
     """The motion to compare, by the name of its file, in the scene of the main motion."""
     if motion is None:
-        raise InputError(f"{options.what} is not a motion, and --compare takes one beside another")
+        raise InputError(f"{options.what} is not a motion; --compare takes a motion beside another motion")
     other = saved_motion(options.compare, options, console, scene=motion.scene)
     try:
         return {Path(options.compare).stem: other.trajectory}
@@ -133,6 +134,8 @@ def _what(options: Namespace, console: Console) -> tuple[rp.Scene, MotionPlan | 
     is_scene = options.what in scene_names() or not is_motion_file(options.what)
     if is_scene and options.topic is not None:
         raise InputError(f"{options.what} is not a motion file; --topic names the topic of a bag")
+    if is_scene and options.what not in scene_names():
+        refuse_sequence(options.what)
     if is_scene and options.scene is None:
         with console.progress(f"loading {options.what}"):
             return _scene_or_robot(options.what), None

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from rr1plan.checks import Array, Seed, check_callback, known_name, of_kind
-from rr1plan.planners import chosen_planner
+from rr1plan.errors import InputError
+from rr1plan.planners import CartesianPlanner, chosen_planner
 from rr1plan.planning import Budget, Planner, PlanStatus, ProgressCallback
 from rr1plan.retiming import retiming_names
 from rr1plan.scene import Pair, Scene
@@ -55,14 +56,15 @@ def plan_sequence(
     Raises:
         UnknownNameError: an unknown planner or retiming.
         PlannerError: a user's planner raised an exception, or returned an invalid path.
-        InputError: a value other than a sequence, or a scene that cannot be checked.
+        InputError: a value other than a sequence, the planner "cartesian", or a scene that cannot be checked.
         RetimingError: a motion cannot be timed under the limits.
     """
     of_kind("sequence", sequence, Sequence)
     of_kind("budget", budget, Budget, optional=True)
     check_callback("progress", progress)
     known_name("retiming", retiming, retiming_names())
-    chosen_planner(planner)
+    if isinstance(chosen_planner(planner), CartesianPlanner):
+        raise InputError("planner 'cartesian' is for straight lines: use StraightLine, and another planner")
     found = SequenceSearch(sequence, planner, retiming, budget or Budget(), rng, progress).run()
     grippers = sequence.moving_grippers
     scene = unlocked_scene(sequence.scene, grippers)

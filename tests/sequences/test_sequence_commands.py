@@ -23,6 +23,19 @@ def test_a_sequence_is_played(saved: Path, capsys: pytest.CaptureFixture[str]) -
     assert said["objects"]["block"]["final_offset"] < 5e-3
 
 
+def test_a_sequence_that_is_not_planned_is_named_with_the_command_that_takes_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("s.toml").write_text('scene = "rr1_table"\n[[segments]]\npause = 1.0\n')
+    for command in ("view", "validate", "play", "scenes", "cspace"):
+        assert run([command, "s.toml"]) == BAD_INPUT
+        assert "s.toml holds a sequence, which has no motion yet; to plan and see it: rr1plan plan s.toml" in (
+            capsys.readouterr().err
+        )
+    assert run(["plan", "s.toml", "--planner", "cartesian"]) == BAD_INPUT
+    assert "planner 'cartesian' is for straight lines" in capsys.readouterr().err
+
+
 def test_a_sequence_is_not_played_without_physics(saved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["play", str(saved), "--mode", "kinematic"]) != OK
     assert "a sequence is replayed with --mode dynamic only" in capsys.readouterr().err
