@@ -118,7 +118,7 @@ def posed_shapes(values: Any) -> tuple[Geometry, ...]:
         geometries = (values,)
     for one in geometries:
         if not isinstance(one, Geometry):
-            raise InputError(f"got {shown(one)} as a posed shape of an object, expected Geometry(name, shape, pose)")
+            raise InputError(f"got {shown(one)} as an object's shape, expected a shape in Geometry(name, shape, pose)")
     return geometries
 
 
