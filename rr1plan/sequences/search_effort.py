@@ -73,10 +73,10 @@ class SearchEffort:
         if seconds > self._budget.seconds or self._iterations_left <= 0:
             raise SearchStopped(PlanStatus.TIMEOUT, f"out of budget after {seconds:.3g} s, at {label}")
 
-    def budget(self) -> Budget:
-        """The budget of one motion: the rest of the time, and the iterations of this round."""
+    def budget(self, share: float = 1.0) -> Budget:
+        """The budget of one motion: the rest of the time, and a share (0..1) of the iterations of this round."""
         left = self._budget.seconds - (time.monotonic() - self._began)
-        return Budget(max(left, 1e-3), int(min(self._iterations, self._iterations_left)))
+        return Budget(max(left, 1e-3), int(min(share * self._iterations, self._iterations_left)))
 
     def spend(self, iterations: int) -> None:
         """Subtract the iterations of a motion."""

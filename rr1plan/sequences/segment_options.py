@@ -41,8 +41,9 @@ from rr1plan.trajectory import Trajectory
 
 # Configurations of one goal, and of all goals of a free motion.
 _MOST_PER_GOAL, _MOST_CANDIDATES = 8, 200
-# Further configurations if none of these can be reached.
-_MOST_FURTHER = 32
+# Further configurations if none of these is reached, and the share of iterations of each: a round with them takes less
+# than twice as long.
+_MOST_FURTHER, _FURTHER_SHARE = 32, 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +71,14 @@ class FreeLeg:
         number: Index of the segment.
         segment: The segment.
         problem: The motion.
+        share: Share of the iterations of a motion in this round.
         motion: The plan, once there is one.
     """
 
     number: int
     segment: FreeMotion
     problem: Problem
+    share: float = 1.0
     motion: MotionPlan | None = None
 
     @property
@@ -135,7 +138,7 @@ class SegmentOptions:
     def plan_leg(self, leg: FreeLeg) -> bool:
         """Plan a free motion unless it has been planned already; False if there is none."""
         if leg.motion is None:
-            leg.motion = self._plan(leg.number, leg.problem, self._planner)
+            leg.motion = self._plan(leg.number, leg.problem, self._planner, leg.share)
         return leg.found
 
     # ---- free motions ------------------------------------------------------------------------
@@ -149,7 +152,7 @@ class SegmentOptions:
             if further and (not any(leg.failed for leg in legs) or any(leg.found for leg in legs)):
                 return
             for q in self._candidates(k, problem, seed, further):
-                legs.append(FreeLeg(k, segment, _to_configuration(problem, q)))
+                legs.append(FreeLeg(k, segment, _to_configuration(problem, q), _FURTHER_SHARE if further else 1.0))
                 yield legs[-1], _placed(scene, problem.arms, q)
 
     def _candidates(self, k: int, problem: Problem, seed: int, further: bool) -> Array:
@@ -254,14 +257,14 @@ class SegmentOptions:
             trajectory = trajectory.stretched(segment.seconds / trajectory.duration)
         return PlannedSegment(segment, trajectory, max(trajectory.duration, segment.seconds)), after
 
-    def _plan(self, k: int, problem: Problem, planner: str | Planner) -> MotionPlan:
+    def _plan(self, k: int, problem: Problem, planner: str | Planner, share: float = 1.0) -> MotionPlan:
         """Plan a motion within the rest of the budget, and record the reason for a failure."""
         self._effort.check(k)
         motion = plan_motion(
             problem,
             planner=planner,
             retiming=self._retiming,
-            budget=self._effort.budget(),
+            budget=self._effort.budget(share),
             rng=self._effort.seed(),
             progress=self._effort.progress,
         )
