@@ -140,9 +140,14 @@ class Report(Value):
             return f"VALID, {free}"
         bare = f"{counted(len(links), 'link')} without a collision shape ({', '.join(links[:_NAMED])}"
         bare += ", ...)" if len(links) > _NAMED else ")"
-        if self.not_checked.get("clearance") == NO_PAIR:
+        if self._compares_nothing:
             return f"VALID, but NOTHING WAS CHECKED FOR COLLISION: {bare}"
         return f"VALID, {free}, EXCEPT FOR {bare}"
+
+    @property
+    def _compares_nothing(self) -> bool:
+        """Whether the collision proof is empty because links have no shape."""
+        return bool(self.unchecked_links) and self.not_checked.get("clearance") == NO_PAIR
 
     def __bool__(self) -> bool:
         """Same as `valid`."""
@@ -159,7 +164,8 @@ class Report(Value):
         lines += [f"  violation    {v.kind}: {v.message}" for v in self.violations]
         width = max((len(name) for name in self.margins), default=0)
         lines += [f"  margin       {name:<{width}}  {margin}" for name, margin in self.margins.items()]
-        lines.append(f"  checked      {', '.join(self.checked) or 'nothing'}")
+        checked = [rule for rule in self.checked if rule != "collision" or not self._compares_nothing]
+        lines.append(f"  checked      {', '.join(checked) or 'nothing'}")
         for why in dict.fromkeys(self.not_checked.values()):
             names = [name for name, reason in self.not_checked.items() if reason == why]
             lines.append(f"  not checked  {', '.join(names)}: {why}")

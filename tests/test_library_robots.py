@@ -585,6 +585,7 @@ def test_a_robot_without_any_shape_has_all_its_links_in_the_report(arm: Path) ->
     assert {"arm/l0", "arm/l1", "arm/l2", "arm/l3"} <= set(report.not_checked)
     assert report.verdict.startswith("VALID, but NOTHING WAS CHECKED FOR COLLISION: 4 links without a collision shape")
     assert report.verdict.endswith("(arm/l0, arm/l1, arm/l2, ...)")
+    assert "checked      clock, finite, position" in str(report)
     assert Report.from_dict(report.to_dict()).verdict == report.verdict
 
 
