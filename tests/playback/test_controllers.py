@@ -14,6 +14,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 import rr1plan as rp
 from rr1plan.transforms import pose
@@ -710,6 +711,50 @@ def test_threads_share_a_simulation(scene: rp.Scene) -> None:
         sim.deactivate(hold)
     assert sim.steps == 200
     assert not sim.controllers
+
+
+def test_joints_are_moved_by_two_threads_at_a_time(scene: rp.Scene) -> None:
+    first, second = names = scene.joint_names()[:2]
+    entered, leave = threading.Event(), threading.Event()
+
+    class Interrupted(rp.ManualController):
+        def command(self, positions: ArrayLike) -> None:
+            if not entered.is_set():
+                entered.set()
+                leave.wait(10.0)
+            super().command(positions)
+
+    sim, manual = rp.Simulation(scene), Interrupted(names, speed=1.0)
+    sim.activate(manual)
+    threads = [threading.Thread(target=manual.move, args=(joint, 0.1)) for joint in (first, second)]
+    threads[0].start()
+    entered.wait(10.0)
+    threads[1].start()
+    threads[1].join(0.05)  # it waits for the other one
+    leave.set()
+    for thread in threads:
+        thread.join(10.0)
+    sim.run(duration=0.5)
+    np.testing.assert_allclose(sim.state(names).positions, 0.1, atol=1e-3)
+
+
+def test_fingers_that_are_commanded_during_an_update_have_not_arrived() -> None:
+    grip = rp.GripperController(["rr1/finger_joint"])
+    commanding = threading.Thread(target=grip.command, args=([0.5],))
+
+    class Interrupting(np.ndarray):
+        def __sub__(self, other: object) -> np.ndarray:
+            commanding.start()
+            commanding.join(0.05)  # it waits for the end of the update
+            return np.subtract(self, other)
+
+    there = np.zeros(1)
+    state = rp.JointState(0.0, there, there, there)
+    grip.activate(rp.JointInfo(grip.joint_names, there, there + 1.0, there + 1.0, 0.002), state)
+    grip.command([0.0])
+    grip.update(state._replace(positions=there.view(Interrupting)))
+    commanding.join(10.0)
+    assert grip.status is rp.GripperStatus.MOVING
 
 
 def test_a_trajectory_can_be_canceled_by_another_thread_while_it_is_sent(scene: rp.Scene) -> None:

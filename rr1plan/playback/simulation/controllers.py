@@ -8,11 +8,13 @@ class with one method:
         def update(self, state):
             return SetPoint(state.start + 0.1 * np.sin(state.time))
 
-It can be used without a simulation as well: call `activate` once, then `update` with each state.
+It can be used without a simulation as well: call `activate` once, then `update` with each state. The controllers of
+this package can be commanded from any thread while the simulation runs.
 """
 
 from __future__ import annotations
 
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,6 +26,7 @@ from numpy.typing import ArrayLike
 from rr1plan.checks import Array, finite_array
 from rr1plan.errors import InputError
 from rr1plan.path import check_joint_names
+from rr1plan.thread_locks import exclusive, per_process
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +118,8 @@ class Controller(ABC):
 
     def __init__(self, joint_names: Sequence[str]) -> None:
         self.joint_names = check_joint_names(joint_names, empty=False)
+        # Held by commands of other threads, and by the methods that the simulation calls.
+        self._lock = per_process(self, "_lock", threading.RLock)
 
     def activate(self, joints: JointInfo, state: JointState) -> None:
         """Take over the joints; called before the updates, and again after a reset.
@@ -216,11 +221,13 @@ class ForwardPositionController(Controller):
 
     _command: Array
 
+    @exclusive
     def activate(self, joints: JointInfo, state: JointState) -> None:
         """Hold the present positions until the first command."""
         super().activate(joints, state)
         self._command = state.positions.copy()
 
+    @exclusive
     def command(self, positions: ArrayLike) -> None:
         """Set the positions from the next update on.
 
@@ -234,6 +241,7 @@ class ForwardPositionController(Controller):
         self.check_positions(target)
         self._command = target
 
+    @exclusive
     def update(self, state: JointState) -> SetPoint:
         """The last command."""
         return SetPoint(self._command)
@@ -252,12 +260,14 @@ class ForwardVelocityController(Controller):
     _positions: Array
     _command: Array
 
+    @exclusive
     def activate(self, joints: JointInfo, state: JointState) -> None:
         """Hold the present positions until the first command."""
         super().activate(joints, state)
         self._positions = state.positions.copy()
         self._command = np.zeros(len(joints.names))
 
+    @exclusive
     def command(self, velocities: ArrayLike) -> None:
         """Set the velocities from the next update on.
 
@@ -276,6 +286,7 @@ class ForwardVelocityController(Controller):
             raise InputError(f"joint {name!r} is commanded {target[i]:.4g} per second, above its limit of {limit:.4g}")
         self._command = target
 
+    @exclusive
     def update(self, state: JointState) -> SetPoint:
         """The next positions on the way."""
         wanted = self._positions + self._command * self.joints.dt

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from rr1plan.checks import Array, finite_array, positive_number
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
+from rr1plan.thread_locks import exclusive
 
 
 class GripperStatus(enum.Enum):
@@ -54,6 +55,7 @@ class GripperController(Controller):
         self.stall_time = positive_number("stall_time", stall_time)
         self.status = GripperStatus.ARRIVED
 
+    @exclusive
     def activate(self, joints: JointInfo, state: JointState) -> None:
         """Hold the present positions until the first command."""
         super().activate(joints, state)
@@ -61,6 +63,7 @@ class GripperController(Controller):
         self._quiet = 0.0
         self.status = GripperStatus.ARRIVED
 
+    @exclusive
     def command(self, positions: ArrayLike) -> None:
         """Move the fingers from the next update on.
 
@@ -75,6 +78,7 @@ class GripperController(Controller):
         self._command, self._quiet = target, 0.0
         self.status = GripperStatus.MOVING
 
+    @exclusive
     def update(self, state: JointState) -> SetPoint:
         """The next positions on the way."""
         most = np.minimum(self.speed, self.joints.velocity) * self.joints.dt

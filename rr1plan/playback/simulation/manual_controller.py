@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from rr1plan.checks import Array, check_text, finite_array, finite_number, known_name, positive_number
 from rr1plan.errors import InputError
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint, clip_positions
+from rr1plan.thread_locks import exclusive
 
 # Highest speed of joints without a limit [rad/s or m/s].
 _SPEED = 1.0
@@ -51,12 +52,14 @@ class ManualController(Controller):
             raise InputError(f"speed is {speed:g}, expected at most 1, a part of the highest speed")
         self.selected = self.joint_names[0]
 
+    @exclusive
     def activate(self, joints: JointInfo, state: JointState) -> None:
         """Hold the present positions until the first command."""
         super().activate(joints, state)
         self._target, self._positions = state.positions.copy(), state.positions.copy()
         self._velocities = np.zeros(len(joints.names))
 
+    @exclusive
     def command(self, positions: ArrayLike) -> None:
         """Set the targets of all joints.
 
@@ -70,8 +73,9 @@ class ManualController(Controller):
         self.check_active()
         self._target = np.clip(targets, self.joints.lower, self.joints.upper)
 
+    @exclusive
     def move(self, joint: str, position: float) -> None:
-        """Set the target of one joint; may be called from any thread.
+        """Set the target of one joint.
 
         Args:
             joint: The joint, "arm/joint".
@@ -88,6 +92,7 @@ class ManualController(Controller):
         targets[self.joint_names.index(joint)] = value
         self.command(targets)
 
+    @exclusive
     def press(self, key: str) -> bool:
         """Handle a key: "1" to "9" choose a joint, "+" and "-" move it by a step, " " lets all joints brake.
 
@@ -121,6 +126,7 @@ class ManualController(Controller):
         steps = np.floor(speeds / most)
         return np.asarray(np.sign(self._velocities) * dt * steps * (speeds - 0.5 * most * (steps + 1.0)))
 
+    @exclusive
     def update(self, state: JointState) -> SetPoint:
         """The next positions on the way.
 
@@ -128,16 +134,15 @@ class ManualController(Controller):
         implicit integrator damps with those, so that joints follow without an error.
         """
         dt, fastest = self.joints.dt, self._fastest()
-        target = self._target  # which another thread may replace
-        left = target - self._positions
+        left = self._target - self._positions
         most = fastest / _RAMP * dt  # largest change of the speed in a step
         wanted = np.sign(left) * np.minimum(fastest, _stopping_speed(np.abs(left) / dt, most))
         velocities = self._velocities + np.clip(wanted - self._velocities, -most, most)
         positions = clip_positions(self.joints, self._positions + velocities * dt, self._positions)
         # Without rounding at the target, because joints would otherwise oscillate around it.
-        arrives = np.abs(target - positions) <= _ROUNDING
+        arrives = np.abs(self._target - positions) <= _ROUNDING
         point = SetPoint(self._positions, velocities, (velocities - self._velocities) / dt)
-        self._positions, self._velocities = np.where(arrives, target, positions), velocities
+        self._positions, self._velocities = np.where(arrives, self._target, positions), velocities
         return point
 
 

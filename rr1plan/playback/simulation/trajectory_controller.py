@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import enum
 import math
-import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -15,7 +14,7 @@ from rr1plan.checks import Array, counted, finite_number, number_array, of_kind,
 from rr1plan.errors import InputError
 from rr1plan.kernels.planner_kernels import load_library
 from rr1plan.playback.simulation.controllers import Controller, JointInfo, JointState, SetPoint
-from rr1plan.thread_locks import exclusive, per_process
+from rr1plan.thread_locks import exclusive
 from rr1plan.trajectory import Trajectory, locate
 
 # Number of updates whose set-points are evaluated at once; small enough for the cache with many arms.
@@ -93,7 +92,6 @@ class JointTrajectoryController(Controller):
     Between trajectories the controller holds its last set-point. A trajectory that violates a tolerance is aborted; the
     controller then holds the measured position (path tolerance) or the goal (goal tolerance), or continues what it did
     before (start tolerance). Zero is a tolerance like any other here; in ROS it means any error, or to wait forever.
-    Trajectories may be sent and canceled from any thread.
 
     Args:
         joint_names: The joints to claim, "arm/joint".
@@ -133,7 +131,6 @@ class JointTrajectoryController(Controller):
         self.goal_tolerance = _tolerance("goal_tolerance", goal_tolerance)
         self.goal_time = _tolerance("goal_time", goal_time)
         self._active, self._queued = None, []
-        self._lock = per_process(self, "_lock", threading.RLock)
 
     @exclusive
     def activate(self, joints: JointInfo, state: JointState) -> None:
