@@ -878,6 +878,29 @@ def test_the_current_scene_has_the_present_fingers(scene: rp.Scene) -> None:
     assert sim.current_scene.arms["rr1"].robot.locked_joints["finger_joint"] == upper
 
 
+def test_a_motion_can_be_planned_from_a_joint_that_sags_past_its_limit(scene: rp.Scene) -> None:
+    """With an unknown payload servos are off by almost 1 mrad, and planners reject a start beyond a limit."""
+    sim, names = rp.Simulation(scene, variation=rp.ArmVariation(payload=1.0)), scene.joint_names()
+    upper = scene.limits().upper
+    at_limit = scene.configuration()
+    at_limit[4] = upper[4]
+    sim.place(names, at_limit)
+    sim.run(duration=0.2)
+    assert 1e-4 < sim.configuration()[4] - upper[4] < 1e-3
+    start = sim.current_scene.configuration()
+    np.testing.assert_array_equal(start[4], upper[4])
+    np.testing.assert_array_equal(np.delete(start, 4), np.delete(sim.configuration(), 4))
+    arm = rp.JointTrajectoryController(names)
+    sim.activate(arm)
+    motion = rp.plan_motion(rp.Problem(sim.current_scene, start, start - [0.3, 0.0, 0.0, 0.0, 0.3, 0.0]))
+    execution = arm.send(motion.trajectory)
+    sim.run(duration=motion.trajectory.duration + 0.5)
+    assert execution, execution
+    # Farther beyond it is an arm that was placed there, which stays a fault of the start.
+    sim.place(names[4:5], upper[4:5] + 0.02)
+    assert sim.current_scene.configuration()[4] == upper[4] + 0.02
+
+
 def test_huge_numbers_are_refused_and_warnings_collected(
     scene: rp.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -15,12 +15,18 @@ from rr1plan.scene import Arm, Scene
 # Largest distance of a locked joint from its value in the scene that `present_scene` ignores, so that arms keep sharing
 # a robot and the tables computed for it [rad or m].
 _STILL = 1e-6
+# A planned joint no farther than this beyond a limit is at the limit in `present_scene` [rad or m]: with a load that
+# its servo does not know it sags past the limit, and planners reject a start there. A controller accepts this
+# distance between the arm and the start of a trajectory (`start_tolerance`).
+_SAG = 0.01
 # Rounding of poses.
 _SAME_POSE = 1e-9
 
 
 def present_scene(scene: Scene, positions: Mapping[str, float], poses: Mapping[str, Array]) -> Scene:
     """A scene with other positions of planned and locked joints, and other poses of obstacles.
+
+    Locked joints beyond a limit are at the limit, and planned joints that are beyond it by at most 0.01 rad or m.
 
     Args:
         scene: The scene.
@@ -31,6 +37,9 @@ def present_scene(scene: Scene, positions: Mapping[str, float], poses: Mapping[s
     arms = {}
     for name, arm in scene.arms.items():
         q = np.array([positions[f"{name}/{joint}"] for joint in arm.robot.joint_names])
+        limits = arm.robot.limits
+        within = np.clip(q, limits.lower, limits.upper)
+        q = np.where(np.abs(q - within) <= _SAG, within, q)
         arms[name] = Arm(_relocked(name, arm.robot, positions), arm.base, q)
     return replace(scene, arms=arms, obstacles={**scene.obstacles, **moved})
 

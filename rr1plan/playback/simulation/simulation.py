@@ -296,7 +296,10 @@ class Simulation:
     @property
     @exclusive
     def current_scene(self) -> Scene:
-        """The scene with the present positions of planned and locked joints and poses of loose bodies, for planning."""
+        """The scene with the present positions of planned and locked joints and poses of loose bodies, for planning.
+
+        A planned joint up to 0.01 rad or m beyond a limit, as after a sag under an unknown payload, is at the limit.
+        """
         positions = dict(zip(self.joint_names, self._now.positions.tolist(), strict=True))
         return present_scene(self.scene, positions, self._body_poses())
 
