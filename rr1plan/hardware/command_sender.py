@@ -25,6 +25,10 @@ BAUD = 115200
 _REACTION, _SPARE = 50, 200
 # An encoder follows its motor within this share of the displacement plus this number of counts.
 _ENCODER_SHARE, _ENCODER_COUNTS = 0.1, 20.0
+_LEFT_OVER = (
+    "which remains in the box's input buffer and would begin the next command: switch the box off and on before "
+    "anything is sent"
+)
 
 
 @runtime_checkable
@@ -71,13 +75,14 @@ def send_commands(
     """Send a certified plan to the control box, command by command, and watch the telemetry.
 
     Each command is sent only while the box is idle, no limit switch is hit and all step counters equal those at the
-    start of the command. After any error nothing more is sent; the arm finishes its current command.
+    start of the command, by telemetry that arrives directly before. After any error nothing more is sent; the arm
+    finishes its current command.
 
     Args:
         plan: The plan.
         port: The serial port.
         silence: The longest time without telemetry [s].
-        progress: Called after each command; False stops sending.
+        progress: Called after each command, and may take any time; False stops sending.
 
     Returns:
         The telemetry at the end.
@@ -98,11 +103,14 @@ def send_commands(
     if not plan.certified:
         raise InputError(f"the plan is not certified, nothing is sent: {'; '.join(plan.problems) or 'not checked'}")
     line = _Line(port, silence)
-    now = line.latest()
     expected = plan.start
-    _check_ready(now, expected, "the plan")
+    now = line.latest()
+    _check_ready(now, expected, "the plan", "nothing")
     for number, (command, ticks) in enumerate(zip(plan.commands, plan.ticks.tolist(), strict=True), 1):
         name = f"command {number} of {len(plan.commands)}"
+        if number > 1:
+            # The arm may have moved while `progress` was called.
+            _check_ready(line.latest(), expected, name, "nothing more")
         line.send(command, name)
         expected = tuple(a + b for a, b in zip(expected, command.steps, strict=True))
         begin, now = now, _follow(line, expected, ticks / EXCHANGE_TICKS, name)
@@ -112,18 +120,24 @@ def send_commands(
     return now
 
 
+def read_bytes(port: SerialPort) -> bytes:
+    """Some bytes from a serial port, possibly none.
+
+    Raises:
+        SerialLineError: the port fails.
+    """
+    try:
+        return bytes(port.read(TELEMETRY_BYTES) or b"")  # None from a port that does not wait
+    except Exception as error:  # of any kind of port
+        raise SerialLineError(f"the serial line failed while telemetry was read: {error}") from error
+
+
 class _Line:
     """The serial line: commands out, telemetry in."""
 
     def __init__(self, port: SerialPort, silence: float) -> None:
         self._port, self._silence = port, silence
         self._stream = TelemetryStream()
-        forget = getattr(port, "reset_input_buffer", None)
-        if callable(forget):
-            try:
-                forget()  # discard input buffered by the port
-            except Exception as error:  # of any kind of port
-                raise SerialLineError(f"the serial line failed while its input was cleared: {error}") from error
 
     def send(self, command: BoxCommand, name: str) -> None:
         """Write one frame in a single call."""
@@ -131,12 +145,11 @@ class _Line:
         try:
             written = self._port.write(frame)
         except Exception as error:  # of any kind of port
-            raise SerialLineError(f"the serial line failed while {name} was written: {error}") from error
-        if written is not None and written != len(frame):
             raise SerialLineError(
-                f"the serial line took {written} of the {len(frame)} bytes of {name}; they are in the box's input "
-                "buffer and would begin the next command: switch the box off and on before anything is sent"
-            )
+                f"the serial line failed while {name} was written: {error}; it may have taken part of it, {_LEFT_OVER}"
+            ) from error
+        if written is not None and written != len(frame):
+            raise SerialLineError(f"the serial line took {written} of the {len(frame)} bytes of {name}, {_LEFT_OVER}")
 
     def frames(self) -> Iterator[Telemetry]:
         """Telemetry, frame by frame, without end.
@@ -146,12 +159,8 @@ class _Line:
         """
         last = time.monotonic()
         while True:
-            try:
-                data = self._port.read(TELEMETRY_BYTES)
-            except Exception as error:  # of any kind of port
-                raise SerialLineError(f"the serial line failed while telemetry was read: {error}") from error
             heard = False
-            for frame in self._stream.feed(data):
+            for frame in self._stream.feed(read_bytes(self._port)):
                 heard = True
                 yield frame
             # Time spent by the receiver of a frame does not count as silence.
@@ -163,22 +172,29 @@ class _Line:
                 raise SerialLineError(f"no telemetry for {self._silence:g} s{where}: is the box on, and this its port?")
 
     def latest(self) -> Telemetry:
-        """A frame sent after this call: the second one, because the first may have been buffered."""
+        """A frame sent after this call: the second one after the discarded input, of which the first may be a part."""
+        forget = getattr(self._port, "reset_input_buffer", None)
+        if callable(forget):
+            try:
+                forget()
+            except Exception as error:  # of any kind of port
+                raise SerialLineError(f"the serial line failed while its input was cleared: {error}") from error
+        self._stream = TelemetryStream()
         frames = self.frames()
         next(frames)
         return next(frames)
 
 
-def _check_ready(now: Telemetry, expected: tuple[int, ...], what: str) -> None:
+def _check_ready(now: Telemetry, expected: tuple[int, ...], what: str, sent: str) -> None:
     """Raise an error if the arm is at another position, moving, or at a limit switch."""
     if now.limit_switches:
-        raise HardwareError(f"limit switches are hit: {', '.join(now.limit_switches)}; nothing is sent")
+        raise HardwareError(f"limit switches are hit: {', '.join(now.limit_switches)}; {sent} is sent")
     if now.state != "idle" or any(now.remaining):
-        raise HardwareError(f"the control box is {now.state}, not idle; nothing is sent")
+        raise HardwareError(f"the control box is {now.state}, not idle; {sent} is sent")
     for name, there, begin in zip(CHANNELS, now.position, expected, strict=True):
         if there != begin:
             raise HardwareError(
-                f"{name} is at {counted(there, 'step')}, but {what} begins at {begin}; nothing is sent: move the arm "
+                f"{name} is at {counted(there, 'step')}, but {what} begins at {begin}; {sent} is sent: move the arm "
                 "there, or plan from where it is"
             )
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from rr1plan.calibration.joint_calibration import Calibration
 from rr1plan.checks import of_kind, positive_number
 from rr1plan.errors import InputError, SerialLineError
-from rr1plan.hardware.command_sender import SerialPort
+from rr1plan.hardware.command_sender import SerialPort, read_bytes
 from rr1plan.hardware.control_box import ControlBox
 from rr1plan.hardware.control_box_frames import CHANNELS, TELEMETRY_BYTES, Telemetry, TelemetryStream
 from rr1plan.mirror.joint_states import StateMessage, StateStream, StreamError
@@ -64,10 +64,7 @@ def _states(
     stream, waiting_since, last = TelemetryStream(), time.monotonic(), 0.0
     while not closed.is_set():
         heard = False
-        try:
-            data = port.read(TELEMETRY_BYTES)
-        except Exception as error:  # of any kind of port
-            raise SerialLineError(f"the serial line failed while telemetry was read: {error}") from error
+        data = read_bytes(port)
         try:
             for frame in stream.feed(data):
                 heard = True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -122,9 +123,8 @@ def test_a_port_that_fails_is_named(plan: rp.CommandPlan, line: Line, verb: str)
     def fail(self: Any, _: Any) -> Any:
         raise OSError("device disconnected")
 
-    with pytest.raises(
-        rp.SerialLineError, match=f"while .* {'read' if verb == 'read' else 'written'}: device disconnected"
-    ):
+    words = {"read": "read: device disconnected", "write": "written: device disconnected; it may have taken part of it"}
+    with pytest.raises(rp.SerialLineError, match=f"while .* {words[verb]}"):
         rp.send_commands(plan, line(**{verb: fail}))
 
 
@@ -185,6 +185,35 @@ def test_a_callback_ends_the_sending_after_a_command(plan: rp.CommandPlan, line:
     with pytest.raises(rp.CancelledError):
         rp.send_commands(plan, port, progress=lambda progress: False)
     assert len(port.written) == 47
+
+
+def test_an_arm_that_moves_while_a_callback_waits_gets_nothing_more(plan: rp.CommandPlan, line: Line) -> None:
+    """The telemetry of that time is in the buffers of the system, or lost."""
+    made = line()
+
+    def move(_: rp.Progress) -> None:
+        made.emulator.joints["W1"].position += 3
+
+    port = Recording(made)
+    with pytest.raises(rp.HardwareError, match=r"W1 is at -?\d+ steps, but command 2 of \d+ begins at .* more is sent"):
+        rp.send_commands(plan, port, progress=move)
+    assert port.written == plan.commands[0].encode()
+
+
+def test_encoders_are_compared_across_the_time_of_a_callback(plan: rp.CommandPlan, line: Line) -> None:
+    """An arm that is pushed does not count steps."""
+    made, telemetry, pushed = line(), rp.EmulatedSerialLine.telemetry, [0]
+    made.telemetry = lambda: replace(now := telemetry(made), encoders=tuple(e + pushed[0] for e in now.encoders))
+    with pytest.raises(rp.StalledJointError, match="during command 2 of"):
+        rp.send_commands(plan, made, progress=lambda _: pushed.__setitem__(0, 10_000))
+
+
+def test_a_port_that_does_not_wait_is_read(plan: rp.CommandPlan, line: Line) -> None:
+    """It returns None if there is nothing to read."""
+    made, waits = line(), itertools.cycle([True, False])
+    read = made.read
+    made.read = lambda size: read(size) if next(waits) else None
+    assert rp.send_commands(plan, made).state == "idle"
 
 
 def test_a_garbled_frame_moves_the_emulated_arm_as_it_would_the_real_one(line: Line) -> None:
