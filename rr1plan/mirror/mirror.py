@@ -268,7 +268,8 @@ class Mirror:
         elements = self._world.geom_elements
         geoms, distances = self.data.contact.geom, self.data.contact.dist
         touching = geoms[self._world.forbidden(geoms) & (distances <= 0.0)].tolist()
-        return tuple(sorted({(elements[first], elements[second]) for first, second in touching}))
+        pairs = (sorted((elements[first], elements[second])) for first, second in touching)
+        return tuple(sorted({(first, second) for first, second in pairs}))
 
     def _note_changes(self, state: MirrorState, was_inside: bool) -> None:
         """Record events that begin or end with a state."""
