@@ -64,6 +64,7 @@ def assert_valid(
         AssertionError: the motion violates a rule; names rule, joint or elements, and time.
         InputError: a trajectory without a scene, or with joints that the scene does not have.
     """
+    __tracebackhide__ = True  # pytest shows the line of the test instead
     of_kind("problem", problem, Problem, optional=True)
     where, trajectory = _motion_in(motion, scene)
     if isinstance(motion, MotionPlan) and problem is None and scene is None:
@@ -136,6 +137,7 @@ def assert_replays(
         InputError: a trajectory without a scene, a motion without times, numbers that are not above zero.
         BackendError: MuJoCo does not accept the scene, or its simulation became unstable.
     """
+    __tracebackhide__ = True
     tolerance = positive_number("tolerance", tolerance)
     goal_tolerance = positive_number("goal_tolerance", goal_tolerance)
     of_kind("variations", variations, ReplayVariations, optional=True)
@@ -156,6 +158,7 @@ def assert_replays(
 
 def _replayed_sequence(plan: SequencePlan, tolerance: float, dt: float) -> SequenceReplay:
     """The replay of a sequence, provided that arms and objects follow it."""
+    __tracebackhide__ = True
     replay = simulate_sequence(plan, dt=dt, hold=_SETTLE)
     away = [f"{one.name} is {1e3 * one.max_offset:.3g} mm from its plan" for one in replay.objects.values()]
     wrong = [f"{' and '.join(contact.pair)} touch at {contact.first:.3f} s" for contact in replay.contacts]
@@ -174,6 +177,7 @@ def _motion_in(motion: MotionPlan | SequencePlan | Trajectory, scene: Scene | No
         AssertionError: there is no motion, because planning failed.
         InputError: neither a motion nor a trajectory, or no scene.
     """
+    __tracebackhide__ = True
     of_kind("scene", scene, Scene, optional=True)
     if isinstance(motion, Trajectory):
         if scene is None:

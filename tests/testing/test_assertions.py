@@ -49,6 +49,14 @@ def test_a_motion_is_checked_now_whatever_report_it_carries(motion: rp.MotionPla
     assert " s" in said
 
 
+@pytest.mark.parametrize("check", [rp.assert_valid, rp.assert_replays])
+def test_pytest_shows_the_line_of_the_test(check, motion: rp.MotionPlan, blocked: rp.Scene) -> None:
+    """Not the source of the assertion, in which the message would be lost."""
+    with pytest.raises(AssertionError) as caught:
+        check(motion.trajectory, blocked)
+    assert all(entry.ishidden(caught) for entry in caught.traceback[1:])
+
+
 def test_limits_goal_and_continuity_are_named(motion: rp.MotionPlan) -> None:
     fast = motion.trajectory.stretched(0.5)
     said = failure_of(rp.assert_valid, fast, motion.scene)
