@@ -124,7 +124,8 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
 
     Args:
         file: The file, whose name ends in .xml or .mjcf.
-        scene: The scene; in the file, arms are at zero, and their configurations are a keyframe "configuration".
+        scene: The scene; in the file, arms are at zero, and their configurations are a keyframe "configuration", in
+            which the servos hold them.
 
     Returns:
         The file.

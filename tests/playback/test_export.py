@@ -115,3 +115,6 @@ def test_mjcf_is_the_model_that_simulate_uses(rr1_table: rp.Scene, tmp_path: Pat
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
     assert data.ncon == 0
+    start = data.qpos.copy()
+    mujoco.mj_step(model, data, 250)
+    np.testing.assert_allclose(data.qpos, start, atol=3e-3)  # held by servos without feed-forward

@@ -149,7 +149,8 @@ def build_mujoco(
     values = {name: arm.robot.joint_values(arm.q) for name, arm in scene.arms.items()}
     configuration = np.array([values[joint.arm][joint.joint.name] for joint in joints])
     poses = [position_and_quaternion(body.pose) for body in bodies.values()]
-    spec.add_key(name="configuration", qpos=np.concatenate([configuration, *poses]))
+    set_points = np.column_stack([configuration, np.zeros((len(joints), 2))])  # positions, velocities, efforts
+    spec.add_key(name="configuration", qpos=np.concatenate([configuration, *poses]), ctrl=set_points.ravel())
     spec.memory = stack_memory(len(joints) + 6 * len(bodies))
     model = _compile(spec)
     inertia = _joint_inertia(model)[: len(joints)]
