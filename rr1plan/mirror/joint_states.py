@@ -91,7 +91,8 @@ class StreamError:
     Args:
         fault: "format" (cannot be read), "joints" (unknown or missing ones), "finite" (NaN, infinite, or beyond 1e4),
             "order" (not after the previous message), "restart" (the clock of the sender begins anew), "clock" (it jumps
-            ahead), "jump" (faster than the joint can move), or "silence" (no message for too long).
+            ahead, or differs from that of other senders), "jump" (faster than the joint can move), or "silence" (no
+            message for too long).
         message: Description for people.
     """
 

@@ -78,8 +78,7 @@ class MessageReader:
             faults.append(StreamError("finite", f"joint {name!r} is {value:g}, not a finite position, {when}"))
         if wrong or not len(joints):
             return None, faults
-        clock = self._clocks.setdefault(frozenset(joints.tolist()), SenderClock())
-        now, late = clock.read(message.time, message.received)
+        now, late = self._clock(joints).read(message.time, message.received)
         faults += [] if late is None else [late]
         if now is None:
             return None, faults
@@ -89,6 +88,14 @@ class MessageReader:
             return None, faults
         self._waiting.update(self._needed)
         return float(self.times[self._needed].max()), faults
+
+    def _clock(self, joints: NDArray[np.int64]) -> SenderClock:
+        """The clock of the sender of some joints."""
+        key = frozenset(joints.tolist())
+        if key not in self._clocks:
+            others = min((clock.least_offset for clock in self._clocks.values()), default=math.inf)
+            self._clocks[key] = SenderClock(others)
+        return self._clocks[key]
 
     def _indices(self, message: StateMessage) -> tuple[NDArray[np.int64], list[StreamError]]:
         """The index of each joint of a message, -1 for unknown ones, and a fault if there are such ones."""

@@ -6,7 +6,8 @@
 
 A message may have some joints only, as those of several drivers in ROS: messages are merged joint by joint. One that
 cannot be used never ends the stream: it is counted in the report. If a sender is restarted and its time stamps jump
-back, or its clock jumps ahead, its times are continued by the clock of this machine.
+back, its clock jumps ahead, or it differs by more than a second from that of the first sender, its times are continued
+by the clock of this machine.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class Mirror:
         scene: The scene; joints without messages keep their values in it.
         plan: The planned motion; None: states are not compared with a plan.
         corridor: The certified corridor of the plan (default: computed).
-        start: Start of the plan, on the clock of the sender [s] (default: at the first state).
+        start: Start of the plan, on the clock of the first sender [s] (default: at the first state).
         record: A file (.jsonl) for all messages, readable by `read_states`; emptied at the first message.
         on_event: Called with each `MirrorEvent`.
 

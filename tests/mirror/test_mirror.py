@@ -329,6 +329,22 @@ def test_messages_of_several_senders_are_merged(scene: rp.Scene, plan: rp.Trajec
     assert report.unmeasured == ()
 
 
+@pytest.mark.parametrize("ahead", [1e6, -1e6])
+def test_senders_may_have_different_clocks(ahead: float, scene: rp.Scene, plan: rp.Trajectory) -> None:
+    """One that counts from its start, and one that counts from 1970."""
+    names, stream = plan.joint_names, []
+    for m in messages(plan):
+        stream.append(rp.StateMessage(m.time, names[:4], m.positions[:4], m.received))
+        stream.append(rp.StateMessage(m.time + ahead, names[4:], m.positions[4:], m.received))
+    with rp.Mirror(scene, plan, start=0.0) as mirror:
+        report = mirror.run(stream)
+    assert [event.kind for event in mirror.events] == ["clock"]
+    assert "a further sender's clock" in mirror.events[0].message
+    assert report.messages == len(stream) // 2
+    assert max(report.max_deviation.values()) < 1e-8
+    assert not report.outside
+
+
 def test_a_joint_without_messages_is_named(scene: rp.Scene, plan: rp.Trajectory) -> None:
     stream = messages(plan)
     partial = [rp.StateMessage(m.time, m.joint_names[:5], m.positions[:5], m.received) for m in stream]
