@@ -109,12 +109,29 @@ def test_a_fork_steps_a_simulation_on_several_threads() -> None:
 
 
 def test_a_fork_steps_a_heap_of_bodies_on_several_threads() -> None:
+    """And a reset of it: to the same bytes as one thread."""
     scene = rp.Scene().with_obstacle("floor", rp.HalfSpace((0, 0, 1), 0.0))
-    for i in range(50):
-        scene = scene.with_obstacle(f"box_{i}", rp.Box((0.05, 0.05, 0.05)), [0.1 * i, 0.0, 0.03], mass=0.1)
+    for i in range(50):  # in contact with the floor and with each other
+        scene = scene.with_obstacle(f"box_{i}", rp.Box((0.05, 0.05, 0.05)), [0.0499 * i, 0.0, 0.0249], mass=0.1)
+
+    def is_there(simulation: rp.Simulation) -> bool:
+        return all(np.array_equal(simulation.body_coordinates(name), pose) for name, pose in expected.items())
+
+    one = rp.Simulation(scene)
+    one.step(6)
+    expected = {name: one.body_coordinates(name) for name in one.body_names}
     simulation = rp.Simulation(scene, threads=2)
     simulation.step(2)
-    assert _ends_in_a_fork(lambda: simulation.step(2))
+
+    def step() -> None:
+        simulation.step(4)
+        assert is_there(simulation)
+        simulation.reset()
+        simulation.step(6)
+        assert is_there(simulation)
+
+    assert _ends_in_a_fork(step)
+    step()
 
 
 def test_a_fork_in_the_middle_of_a_step_requires_a_reset(rr1_table: rp.Scene) -> None:
