@@ -142,6 +142,13 @@ def test_servos_do_not_oscillate_in_long_steps(dt: float, rr1_table: rp.Scene) -
     assert rp.Simulation(rr1_table, dt, stiffness=160.0).stiffness == 160.0
 
 
+def test_servos_that_may_oscillate_are_a_remark(rr1_table: rp.Scene) -> None:
+    rest = rp.Trajectory.rest(rr1_table.joint_names(), rr1_table.configuration(), duration=0.01)
+    assert rp.simulate(rest, rr1_table, stiffness=400.0).remarks == ()
+    (remark,) = rp.simulate(rest, rr1_table, stiffness=1e4).remarks
+    assert "a stiffness above 400 rad/s may oscillate in steps of 2 ms" in remark
+
+
 def test_an_arm_that_is_driven_into_a_wall_reports_the_contact_with_time_and_pair(rr1: rp.Robot) -> None:
     scene = rp.Scene(arms={"arm": rp.Arm(rr1)})
     tool = scene.link_poses()[f"arm/{rr1.tool}"][:3, 3]

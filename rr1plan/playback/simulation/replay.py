@@ -113,7 +113,8 @@ class Replay(Value):
         timestep: Length of a step [s].
         wall_seconds: Wall time of the replay [s].
         settings: Version and options, for reproduction.
-        remarks: Notes on its accuracy: masses missing in the robot's file, a step that is too long, warnings of MuJoCo.
+        remarks: Notes on its accuracy: masses missing in the robot's file, steps that are too long, servos that are too
+            stiff, warnings of MuJoCo.
         units: "rad" or "m" for each joint; empty if unknown.
     """
 

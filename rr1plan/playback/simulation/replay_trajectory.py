@@ -214,7 +214,7 @@ def _reporter(progress: Callable[[float], None] | None, steps: int) -> Callable[
 
 
 def _remarks(scene: Scene, sim: Simulation, desired: Array) -> tuple[str, ...]:
-    """Remarks on inaccuracies: estimated masses, joints without mass, steps that are too long."""
+    """Remarks on inaccuracies: estimated masses, joints without mass, steps that are too long, servos too stiff."""
     arms = scene.arms.items()
     massless = [name for tile in sim.tiles for name in tile.world.massless_joints]
     links = [f"{name}/{link}" for name, arm in arms for link in arm.robot.links_of_assumed_mass]
@@ -225,5 +225,12 @@ def _remarks(scene: Scene, sim: Simulation, desired: Array) -> tuple[str, ...]:
         found.append(f"joints that carry no mass: {', '.join(massless)}")
     stride = float(np.abs(np.diff(desired, axis=0)).max(initial=0.0))
     if stride > _LONG_STRIDE:
-        found.append(f"joints move up to {stride:.2g} rad in a step, which costs accuracy: take a smaller time step")
+        size = f"{stride:.2g} rad or m"
+        found.append(f"joints move up to {size} in a step, which costs accuracy: take a smaller time step")
+    stiffest = usual_stiffness(sim.dt, sim.stiffness)
+    if stiffest < sim.stiffness:
+        found.append(
+            f"servos of a stiffness above {stiffest:g} rad/s may oscillate in steps of {1e3 * sim.dt:g} ms: take less "
+            "stiffness or a smaller time step"
+        )
     return tuple(found)
