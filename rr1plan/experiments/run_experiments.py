@@ -66,7 +66,7 @@ def run_experiments(
             experiments replace older ones; those of other experiments remain, but are not in the report.
         quick: Few and short measurements, in less than half a minute.
         seed: Seed of the tilt of the boats and of the content of messages.
-        arms: Numbers of arms of "multi" (default: 1 to 120, as in the thesis).
+        arms: Numbers of arms of "multi", each measured once, in increasing order (default: 1 to 120, as in the thesis).
         progress: Called before each measurement; it may return False to cancel.
 
     Returns:
@@ -108,7 +108,8 @@ def _checked_counts(arms: Sequence[int] | None, quick: bool) -> tuple[int, ...]:
         return (1, 4) if quick else _ARMS
     if not isinstance(arms, list | tuple) or not arms:
         raise InputError(f"arms is {shown(arms)}, expected numbers of arms, e.g. [1, 120, 1000]")
-    return tuple(whole_number("number of arms", count, 1, _MOST_ARMS) for count in arms)
+    # Figures join the measurements in their order.
+    return tuple(sorted({whole_number("number of arms", count, 1, _MOST_ARMS) for count in arms}))
 
 
 def _tasks(name: str, quick: bool, seed: int, arms: Sequence[int]) -> Iterator[Task]:

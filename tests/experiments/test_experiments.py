@@ -103,7 +103,7 @@ def test_experiments_write_tables_figures_and_a_report(tmp_path: Path, monkeypat
 
     monkeypatch.setattr("rr1plan.experiments.run_experiments.measure", too_large)
     seen: list[rp.Progress] = []
-    report = rp.run_experiments(["multi"], tmp_path / "new", quick=True, arms=[2, 9_999], progress=seen.append)
+    report = rp.run_experiments(["multi"], tmp_path / "new", quick=True, arms=[9_999, 2, 2], progress=seen.append)
     assert [progress.stage for progress in seen] == ["multi: 2 arms", "multi: 9,999 arms"]
     assert not report
     assert report.failures == ("multi: 9,999 arms: more than <this> machine has",)
