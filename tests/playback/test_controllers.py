@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -17,6 +18,8 @@ import pytest
 from numpy.typing import ArrayLike
 
 import rr1plan as rp
+from rr1plan.playback.simulation.arm_dynamics import ArmDynamics
+from rr1plan.playback.simulation.contact_log import ContactLog
 from rr1plan.transforms import pose
 
 ARM = [f"rr1/{name}" for name in rp.load_robot("rr1").joint_names]
@@ -711,6 +714,55 @@ def test_threads_share_a_simulation(scene: rp.Scene) -> None:
         sim.deactivate(hold)
     assert sim.steps == 200
     assert not sim.controllers
+
+
+def test_mujoco_s_data_are_read_between_steps(scene: rp.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first access by another thread in the middle of steps lost these steps."""
+    rest = scene.configuration()
+    motion = rp.Trajectory.from_samples(ARM, [0.0, 1.0], [rest, rest + 0.2], np.zeros((2, 6)), np.zeros((2, 6)))
+
+    def follow() -> rp.Simulation:
+        sim, arm = rp.Simulation(scene), rp.JointTrajectoryController(ARM)
+        sim.activate(arm)
+        arm.send(motion)
+        return sim
+
+    undisturbed, sim = follow(), follow()
+    undisturbed.step(96)
+    reading = threading.Thread(target=lambda: sim.data)
+    whole_steps = ArmDynamics.take_steps
+
+    def interrupted(self: ArmDynamics, *arguments: Any) -> None:
+        whole_steps(self, *arguments)
+        if sim.steps > 0 and reading.ident is None:
+            reading.start()
+            reading.join(0.05)  # it waits for the end of the steps
+
+    monkeypatch.setattr(ArmDynamics, "take_steps", interrupted)
+    sim.step(96)
+    reading.join(10.0)
+    assert reading.ident is not None
+    np.testing.assert_allclose(sim.positions, undisturbed.positions, rtol=0.0, atol=1e-12)
+
+
+def test_contacts_are_read_between_steps(scene: rp.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step that notes a contact changes the collection that is read."""
+    sim = rp.Simulation(scene.with_obstacle("in the arm", rp.Sphere(0.1), [0.0, 0.0, 0.2]))
+    found: list[tuple[rp.ReplayContact, ...]] = []
+    reading, note = threading.Thread(target=lambda: found.append(sim.contacts)), ContactLog.add
+
+    def interrupted(self: ContactLog, *arguments: Any) -> None:
+        if reading.ident is None:
+            reading.start()
+            reading.join(0.05)  # it waits for the end of the step
+            assert not found
+        note(self, *arguments)
+
+    monkeypatch.setattr(ContactLog, "add", interrupted)
+    sim.step()
+    reading.join(10.0)
+    assert found == [sim.contacts]
+    assert found[0][0].last == sim.time
 
 
 def test_joints_are_moved_by_two_threads_at_a_time(scene: rp.Scene) -> None:

@@ -121,7 +121,7 @@ class Simulation:
         dt: Time of a step [s].
         stiffness: Natural frequency of the joint servos [rad/s].
         joint_names: "arm/joint" of every movable joint, the order of `positions`, `velocities` and `efforts`.
-        tiles: The MuJoCo models with their data.
+        tiles: The MuJoCo models with their data, to be read between steps.
 
     Raises:
         InputError: a step or stiffness that is not above zero, a point cloud of too many cells, or more arms or bodies
@@ -219,16 +219,19 @@ class Simulation:
         return self._joints.effort.copy()
 
     @property
+    @exclusive
     def set_points(self) -> Array:
         """Position that every servo follows [rad or m], shape (n,)."""
         return np.array(self._set_points.desired[0])
 
     @property
+    @exclusive
     def contacts(self) -> tuple[ReplayContact, ...]:
         """Contacts since the beginning that the scene does not allow, in order of time."""
         return self._contacts.intervals()
 
     @property
+    @exclusive
     def warnings(self) -> tuple[str, ...]:
         """MuJoCo's warnings, each once."""
         return tuple(dict.fromkeys(self._model.warnings))
@@ -239,6 +242,7 @@ class Simulation:
         return self.time / self._loop.wall if self._loop.wall > 0.0 else 0.0
 
     @property
+    @exclusive
     def model(self) -> mujoco.MjModel:
         """MuJoCo's model, which may be changed between steps.
 
@@ -251,6 +255,7 @@ class Simulation:
         return self._only_tile().model
 
     @property
+    @exclusive
     def data(self) -> mujoco.MjData:
         """MuJoCo's data; change it between steps only.
 
