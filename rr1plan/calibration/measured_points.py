@@ -70,7 +70,7 @@ class MeasuredPoints:
         self.signs = np.array([float(joint.sign) for joint in joints])
         self.turns = readings / np.array([joint.scale for joint in joints])
         self._kinematics = Kinematics(robot)
-        self._frame = self._kinematics.scene_model.frame_id(self._kinematics.frame("tool"))
+        self._frame = self._kinematics.scene_model.frame_id(self._kinematics.frame(robot.tool))
 
     def begin(self, *, free_base: bool) -> Parameters:
         """Parameters of the start; a free base is placed where the measurements fit best."""

@@ -67,17 +67,17 @@ def propose_calibration_poses(
     arm = scene.only_arm(arm)
     whole_number("count", count, 1, _CANDIDATES)
     offset, generator = finite_array("point", point, (3,)), as_generator(rng)
-    checker = CollisionChecker(scene, [arm])
-    candidates = _free_configurations(checker, scene.arms[arm].robot, generator)
+    checker, robot = CollisionChecker(scene, [arm]), scene.arms[arm].robot
+    candidates = _free_configurations(checker, robot, generator)
     if len(candidates) < count:
-        often = _most_frequent_contact(checker, scene.arms[arm].robot, generator)
+        often = _most_frequent_contact(checker, robot, generator)
         raise InputError(
             f"found {len(candidates)} free configurations of {arm!r}, fewer than {count}; clear the scene: most often "
             f"{often} touch or are nearer than their padding"
         )
     kinematics = Kinematics(scene).for_arm(arm)
-    frame = kinematics.scene_model.frame_id(kinematics.frame("tool"))
-    lower, upper = sampling_bounds(scene.arms[arm].robot)
+    frame = kinematics.scene_model.frame_id(kinematics.frame(robot.tool))
+    lower, upper = sampling_bounds(robot)
     turns = (candidates - 0.5 * (lower + upper)) / np.maximum(upper - lower, 1e-9)
     jacobians = point_jacobians(kinematics, frame, candidates, np.broadcast_to(offset, (len(candidates), 3)))[1]
     chosen = _optimal(np.concatenate([jacobians, jacobians * turns[:, None, :]], axis=2), count)

@@ -183,6 +183,21 @@ def test_the_accuracy_of_poses_is_computed_before_they_are_measured(rr1: rp.Robo
     np.testing.assert_allclose(columns(twice, "zero_std")[0], columns(once, "zero_std")[0] / math.sqrt(2.0), rtol=1e-9)
 
 
+def test_fingers_are_calibrated_by_a_point_on_a_finger() -> None:
+    """Their robot's tool is the finger, although another link is named "tool"."""
+    robot = rp.load_robot("rr1", groups=[("base_link", "finger_link")])
+    assert robot.joint_names[-1] == "finger_joint"
+    limits = robot.limits
+    q = np.random.default_rng(0).uniform(limits.lower, limits.upper, (25, robot.nq))
+    point = [0.02, 0.0, -0.06]
+    found = rp.expected_calibration(robot, q, point=point).joints["finger_joint"]
+    assert 0.0 < found.zero_std < 0.02
+    assert 0.0 < found.scale_std < 0.02
+    scene = rp.Scene().with_arm("arm", robot)
+    poses = rp.propose_calibration_poses(scene, 12, point=point, rng=0)
+    assert np.ptp(poses[:, -1]) > 0.9 * (limits.upper - limits.lower)[-1]
+
+
 def test_poses_that_would_not_determine_a_joint_are_known_before(rr1: rp.Robot) -> None:
     arm = bench(rr1, 7)
     ahead = rp.expected_calibration(rr1, arm.q)
