@@ -105,6 +105,8 @@ class SequenceReplay(Value):
             f"{1e3 * one.final_offset:.2f} mm and {np.degrees(one.angle):.2f} degrees in the end"
             for one in self.objects.values()
         ]
+        if not self.carried:
+            lines.append("  not carried: a firmer grasp may hold, by squeeze of MoveGripper or stiffness of the servos")
         lines += [f"  {remark}" for remark in self.remarks]
         lines += [
             f"  contact: {' and '.join(c.pair)} from {c.first:.3f} s to {c.last:.3f} s, {c.depth * 1e3:.2f} mm deep"

@@ -37,7 +37,9 @@ def test_friction_carries_the_block(replay: rp.SequenceReplay, moved: rp.Sequenc
 
 
 def test_a_heavier_block_is_carried_as_well(moved: rp.SequencePlan) -> None:
-    assert rp.simulate_sequence(with_block(moved, mass=0.6)).carried
+    replay = rp.simulate_sequence(with_block(moved, mass=0.6))
+    assert replay.carried
+    assert "firmer grasp" not in str(replay)
 
 
 def test_without_friction_the_block_stays_behind(moved: rp.SequencePlan) -> None:
@@ -45,6 +47,7 @@ def test_without_friction_the_block_stays_behind(moved: rp.SequencePlan) -> None
     slippery = rp.simulate_sequence(with_block(moved, friction=0.01))
     assert not slippery
     assert not slippery.carried
+    assert "a firmer grasp may hold, by squeeze of MoveGripper" in str(slippery)
     block = slippery.objects["block"]
     assert block.poses[:, 2, 3].max() < 0.06
     assert block.final_offset > 0.1
