@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -605,4 +606,25 @@ def test_a_problem_without_a_motion_is_planned_and_played(tab: Any, planar2r: rp
     # Two joints cannot keep an orientation: only the position of the tool follows.
     tab.page.keyboard.press("j")
     tab.page.keyboard.press("ArrowUp")
+    assert tab.complaints == []
+
+
+@pytest.mark.parametrize(("bare", "omitted"), [(4, "collisions not checked"), (2, "1 link not checked")])
+def test_links_without_a_shape_make_no_motion_certified_free(
+    tab: Any, planar2r: rp.Robot, tmp_path: FilePath, bare: int, omitted: str
+) -> None:
+    links = [replace(link, collisions=()) for link in planar2r.links[-bare:]]
+    robot = replace(planar2r, links=(*planar2r.links[:-bare], *links))
+    scene = rp.Scene().with_arm("arm", robot)
+    tab.open(rp.plan_motion(rp.Problem(scene, None, {"arm": [1.0, 0.5]})).save_html(tmp_path / "bare.html"))
+    wait_until(tab.page, "RR1.planner")
+    assert tab.page.inner_text("#badge") == f"Valid, {omitted}"
+    assert tab.page.get_attribute("#badge", "class") == "open"
+    assert tab.ask("RR1.editing.judge(RR1.q).tone") == "open"
+    tab.ask("RR1.editing.plan()")
+    assert tab.page.inner_text("#badge") == f"Planned here, {omitted}"
+    assert omitted in tab.page.inner_text("#answer")
+    assert tab.page.get_attribute("#answer", "class") == "open"
+    tab.page.click("#badge")
+    assert "arm/link2" in tab.page.inner_text("#report")
     assert tab.complaints == []

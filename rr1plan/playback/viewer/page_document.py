@@ -187,6 +187,7 @@ def _robot(robot: Robot, shapes: ShapeTable, spheres: bool) -> dict[str, Any]:
     return {
         "name": robot.name,
         "kinds": [robot.joint(name).kind for name in robot.joint_names],
+        "unchecked": list(robot.unchecked_links),
         "limits": [[low if np.isfinite(low) else None, up if np.isfinite(up) else None] for low, up in bounds],
         "rates": {name: _finite(getattr(robot.limits, name).tolist()) for name in _RATES},
         "visuals": _link_parts(robot, index, shapes, "visuals"),

@@ -67,6 +67,7 @@ const UNCHECKED = {
   certified: false, valid: true, violations: [], margins: {}, checked: [], title: "Not checked",
   not_checked: { "the motion": "it came without a report" },
 };
+const SHAPELESS = "has no collision shape";
 const WIDEST_REPORT = 400, LEAST_BESIDE = 270; // [px]
 
 class Controls {
@@ -195,9 +196,13 @@ class Controls {
     box.hidden = true;
     badge.setAttribute("aria-expanded", "false");
     if (!report) return;
-    const rank = report.certified ? "good" : report.valid ? "open" : "bad";
+    const { omitted } = this.viewer, rank = report.certified && !omitted ? "good" : report.valid ? "open" : "bad";
     badge.className = rank;
-    badge.textContent = report.title || { good: "Certified free in continuous time", open: "Valid, collisions not checked", bad: `Invalid: ${report.violations.length} found` }[rank];
+    badge.textContent = report.title || {
+      good: "Certified free in continuous time",
+      open: `Valid, ${(report.certified && omitted) || "collisions not checked"}`,
+      bad: `Invalid: ${report.violations.length} found`,
+    }[rank];
     badge.onclick = () => {
       box.hidden = !box.hidden;
       badge.setAttribute("aria-expanded", String(!box.hidden));
@@ -214,7 +219,9 @@ class Controls {
     }
     for (const [name, margin] of Object.entries(report.margins)) rows.push(this.margin(name, margin));
     if (report.checked.length) rows.push(element("p", `Checked: ${report.checked.join(", ")}.`));
-    for (const [name, why] of Object.entries(report.not_checked)) rows.push(element("p", `Not checked: ${name} (${why}).`));
+    const reasons = new Map();
+    for (const [name, why] of Object.entries(report.not_checked)) reasons.set(why, [...(reasons.get(why) || []), name]);
+    for (const [why, names] of reasons) rows.push(element("p", `Not checked: ${names.join(", ")} (${why}).`));
     box.replaceChildren(...rows);
   }
 

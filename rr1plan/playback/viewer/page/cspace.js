@@ -332,7 +332,7 @@ class Lesson {
     const { answer } = this;
     if (answer && answer.track) {
       const ms = 1000 * Object.values(answer.seconds).reduce((sum, v) => sum + v, 0), long = answer.track.breaks.values;
-      text.append(` Planned here in ${ms.toFixed(1)} ms${answer.certified ? ", certified free" : ""}: ${long[long.length - 1].toFixed(2)} s.`);
+      text.append(` Planned here in ${ms.toFixed(1)} ms${answer.certified ? `, ${viewer.omitted || "certified free"}` : ""}: ${long[long.length - 1].toFixed(2)} s.`);
     }
     for (const tone of ["good", "bad", "open"]) text.classList.toggle(tone, data.tone === tone);
     if (data.tone !== "bad" || !this.place(data.start).free) return;

@@ -299,7 +299,7 @@ class QueryEdits {
   playAnswer() {
     const { answer } = this.lesson, { manual } = viewer, q = viewer.q.slice(), track = answer && answer.track;
     this.pending = this.dropped = false;
-    viewer.editing.show(track ? { track, report: reportOf(answer) } : { track: null });
+    viewer.editing.show(track ? { track, report: reportOf(answer, viewer) } : { track: null });
     for (const layer of ["toolpath", "path"]) if (viewer.world.layers[layer]) viewer.world.layers[layer].visible = viewer.isShown(layer);
     viewer.add("way", new viewer.THREE.Group());
     if (this.resume && track) viewer.play(); else if (manual || !track) viewer.setQ(q);

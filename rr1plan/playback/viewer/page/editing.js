@@ -16,15 +16,18 @@ const MOST_GHOSTS = 12; // with more arms, only moving ones have ghosts at a sta
 
 const LOADING = "the planner is being loaded"; // the reason why there is none yet
 
-const inWords = (clearance) => (Number.isFinite(clearance) ? `clearance ${length(clearance)}` : "nothing to touch");
+/** A clearance, after what it does not cover. */
+const inWords = (clearance, omitted) => [
+  omitted, Number.isFinite(clearance) ? `clearance ${length(clearance)}` : omitted ? "" : "nothing to touch",
+].filter(Boolean).join(", ");
 
 /** What the page states about a motion that it has planned, in the form of the referee's reports. */
-function reportOf(answer) {
+function reportOf(answer, { omitted, shapeless }) {
   return {
     certified: answer.certified, valid: true, violations: [], margins: {},
-    title: answer.certified ? "Planned here, certified free" : "Planned here, not proven free",
+    title: `Planned here, ${answer.certified ? omitted || "certified free" : "not proven free"}`,
     checked: answer.certified ? ["collision in continuous time", "position", "velocity", "acceleration", "rest", "start", "goal"] : [],
-    not_checked: answer.certified ? {} : { proof: answer.fault },
+    not_checked: { ...Object.fromEntries(shapeless.map((name) => [name, SHAPELESS])), ...(answer.certified ? {} : { proof: answer.fault }) },
   };
 }
 
@@ -312,8 +315,9 @@ class Editing {
       return { tone: "bad", title: "Touching", text: names, sentence: `it touches: ${names}`, touching, clearance: null };
     }
     // If there are many arms, the clearance of the active one.
-    const clearance = planner.clearance(own, Infinity, [this.arm]);
-    return { tone: "good", title: "Free", text: inWords(clearance), sentence: "", touching, clearance };
+    const clearance = planner.clearance(own, Infinity, [this.arm]), { omitted } = viewer;
+    const [tone, title] = omitted ? ["open", "Within limits"] : ["good", "Free"];
+    return { tone, title, text: inWords(clearance, omitted), sentence: omitted, touching, clearance };
   }
 
   /** Why collisions of a configuration are unknown: an arm that the planner does not move is not at its place. */
@@ -399,7 +403,7 @@ class Editing {
 
   /** Shows the planner's result. */
   take(answer, planning) {
-    const { viewer, card } = this, took = 1000 * Object.values(answer.seconds).reduce((sum, part) => sum + part, 0);
+    const { viewer, card } = this, { omitted } = viewer, took = 1000 * Object.values(answer.seconds).reduce((sum, part) => sum + part, 0);
     this.asked = planning;
     if (answer.status !== "found") {
       card.say(`${{ invalid_start: "Start is not valid", invalid_goal: "Goal is not valid" }[answer.status] || "No motion found"}: ${answer.reason}.`, "bad");
@@ -409,10 +413,11 @@ class Editing {
     this.remember(null);
     this.reach = null;
     const track = this.withRest(answer.track), spent = took < 1000 ? `${took.toFixed(1)} ms` : `${(took / 1000).toFixed(1)} s`;
-    this.show({ track, path: answer.shortened, report: reportOf(answer), planned: `${spent}, seed ${planning.seed}` }, planning.poses);
+    this.show({ track, path: answer.shortened, report: reportOf(answer, viewer), planned: `${spent}, seed ${planning.seed}` }, planning.poses);
     viewer.play();
-    const said = `${answer.certified ? "Certified motion" : `Not proven (${answer.fault}): motion`} of ${seconds(viewer.duration)}${answer.legs ? inTurn(answer.legs) : ""}, planned in ${spent}`;
-    card.say(`${said}.`, answer.certified ? "good" : "open");
+    const proven = omitted ? "Motion" : "Certified motion";
+    const said = `${answer.certified ? proven : `Not proven (${answer.fault}): motion`} of ${seconds(viewer.duration)}${answer.legs ? inTurn(answer.legs) : ""}, planned in ${spent}`;
+    card.say(`${said}${omitted && `, ${omitted}`}.`, answer.certified && !omitted ? "good" : "open");
     this.measure(this.motion, answer.track, said);
   }
 
@@ -457,7 +462,8 @@ class Editing {
     }
     this.headline = null;
     this.refreshHeadline();
-    if (find("answer").textContent === `${said}.`) this.card.say(`${said}, ${inWords(least.value)}.`, report.certified ? "good" : "open");
+    const { omitted } = this.viewer, tone = report.certified && !omitted ? "good" : "open";
+    if (find("answer").textContent.startsWith(said)) this.card.say(`${said}, ${inWords(least.value, omitted)}.`, tone);
   }
 
   /** Whether joints of an arm (by its index) differ by more than rounding in two configurations. */

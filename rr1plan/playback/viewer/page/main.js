@@ -67,6 +67,7 @@ class Viewer {
     this.stage.setQuality(settings.play ? this.pace.least() : this.pace.full);
     this.joints = doc.columns;
     this.limits = this.kinematics.arms.flatMap((a) => a.robot.limits);
+    this.shapeless = this.kinematics.arms.flatMap(({ name, robot }) => robot.unchecked.map((link) => `${name}/${link}`));
     this.slides = this.kinematics.arms.flatMap((a) => a.robot.kinds.map((kind) => kind === "prismatic"));
     this.takeMotion();
     this.lastDirection = this.preferred || doc.camera.direction;
@@ -216,6 +217,13 @@ class Viewer {
 
   linkPose(name) {
     return this.poses(this.q)[name];
+  }
+
+  /** What no collision check of the arms covers, because links have no collision shape; empty if all is covered. */
+  get omitted() {
+    const { shapeless, kinematics } = this, count = shapeless.length;
+    if (!count) return "";
+    return count === kinematics.links ? "collisions not checked" : `${count} link${count > 1 ? "s" : ""} not checked`;
   }
 
   poses(q) {
