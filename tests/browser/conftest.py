@@ -13,6 +13,7 @@ from PIL import Image
 
 from rr1plan.playback.viewer.page_capture import find_browser, open_browser, wait_until
 
+_CONTRAST = Path(__file__).with_name("contrast.js").read_text(encoding="utf-8")
 _READY = "Boolean(window.RR1 && RR1.ready)"
 
 
@@ -82,6 +83,11 @@ class Tab:
         """Wait for the next frames."""
         frames = self.ask("RR1.frames")
         wait_until(self.page, f"RR1.frames > {frames} + 2")
+
+    def faint_texts(self) -> list[str]:
+        """The texts with too little contrast, see `contrast.js`."""
+        found: list[str] = self.ask(_CONTRAST)
+        return found
 
     def picture(self) -> np.ndarray:
         """The pixels of the page after the next frames, shape (height, width, 3)."""

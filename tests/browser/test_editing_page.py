@@ -628,3 +628,15 @@ def test_links_without_a_shape_make_no_motion_certified_free(
     tab.page.click("#badge")
     assert "arm/link2" in tab.page.inner_text("#report")
     assert tab.complaints == []
+
+
+def test_all_texts_have_contrast(calm: Any) -> None:
+    calm.ask("RR1.editing.open(), RR1.plots.toggle(), document.getElementById('badge').click()")
+    frames(calm)
+    for tone in ("good", "open", "bad"):
+        calm.ask(
+            "tone => (RR1.editing.card.say('An answer.', tone), document.getElementById('verdict').className = tone)",
+            tone,
+        )
+        assert calm.faint_texts() == []
+    calm.ask("RR1.plots.toggle(), document.getElementById('badge').click()")

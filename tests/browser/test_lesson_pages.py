@@ -53,6 +53,7 @@ def test_arrow_keys_walk_all_steps(page: Any, lesson: rp.Lesson) -> None:
         if step.q is not None and not page.ask("RR1.playing"):
             np.testing.assert_allclose(page.ask("Array.from(RR1.q)"), step.q, atol=1e-6)
         page.next_frames()
+        assert page.faint_texts() == []
         page.page.keyboard.press("ArrowRight")
     assert page.ask("RR1.steps.index") == len(lesson.steps) - 1
     for _ in lesson.steps:

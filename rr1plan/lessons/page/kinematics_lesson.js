@@ -35,7 +35,7 @@ class Kinematics {
   show(...names) {
     this.shown = new Set(names);
     const words = {
-      twin: ["●", "#8b97a6", "the other solution"],
+      twin: ["●", "#768394", "the other solution"],
       columns: ["→", own.colors.x, "joint 1 moves", "→", own.colors.y, "joint 2 moves"],
       velocity: ["—", own.colors.velocity, "velocity ellipse"],
       force: ["╌", own.colors.force, "force ellipse"],

@@ -12,7 +12,7 @@ const QUANTITIES = {
   error: { label: "Tracking error", samples: "error" },
 };
 /** Distinct for color-blind readers, and dark enough for thin lines on white. */
-const CURVES = ["#d4450c", "#1f6fd0", "#00724f", "#a4630a", "#7b3fa0", "#0b8793", "#c0307a", "#5b4636", "#4a58b8", "#667080"];
+const CURVES = ["#d4450c", "#1f6fd0", "#00724f", "#a4630a", "#7b3fa0", "#0a7f8a", "#c0307a", "#5b4636", "#4a58b8", "#667080"];
 const PLANNER_SAMPLES = 200; // clearances of a motion computed by the planner of the page
 const DASHES = { compare: [7, 4], replay: [2, 3] };
 
