@@ -640,3 +640,13 @@ def test_all_texts_have_contrast(calm: Any) -> None:
         )
         assert calm.faint_texts() == []
     calm.ask("RR1.plots.toggle(), document.getElementById('badge').click()")
+
+
+def test_the_name_of_the_tool_stands_apart_from_its_position_on_a_phone(calm: Any) -> None:
+    size = calm.page.viewport_size
+    calm.page.set_viewport_size({"width": 390, "height": 844})
+    calm.ask("RR1.editing.open()")
+    frames(calm)
+    name, place = calm.ask("[...document.querySelectorAll('#readout > *')].map((e) => e.getBoundingClientRect())")[:2]
+    assert name["right"] + 6.0 < place["left"]
+    calm.page.set_viewport_size(size)
