@@ -281,6 +281,23 @@ def test_data_of_another_panel_leaves_the_query_as_it_is(fresh: Any) -> None:
     assert verdict(fresh) == said
 
 
+def test_new_data_of_the_program_leave_the_page_editable(fresh: Any) -> None:
+    hashed = "(row) => row.reduce((sum, v, k) => (31 * sum + v + k) % 1e9, 0)"
+    sums = f"[RR1.lesson.cells.bits, RR1.lesson.cells.labels].map({hashed})"
+    original = fresh.ask(sums)
+    fresh.ask("RR1.lesson.edits.remember(), RR1.lesson.edits.moveObstacle('violet', 0.7, -1.0, 0.3)")
+    wait_for_answer(fresh)
+    moved = fresh.ask(sums)
+    assert moved != original
+    fresh.ask("RR1.fillPanels({ cspace: { goalNames: ['goal'] } })")
+    wait_until(fresh.page, LIVE)
+    wait_for_answer(fresh)
+    assert fresh.ask(sums) == moved  # the obstacle stands where it was dragged
+    fresh.ask("RR1.lesson.edits.reset()")
+    wait_for_answer(fresh)
+    assert fresh.ask(sums) == original
+
+
 def test_the_same_drag_has_the_same_answer(fresh: Any) -> None:
     paths = []
     for _ in range(2):

@@ -24,7 +24,7 @@ class Lesson {
     this.wireCanvas();
     this.addKeys();
     this.takeData();
-    viewer.on("data", (names) => { if (names.includes("cspace")) { this.takeData(); this.repaint(); } });
+    viewer.on("data", (names) => { if (names.includes("cspace")) this.takeNewData(); });
     viewer.on("load", () => this.meet());
     viewer.on("change", () => this.follow());
     viewer.on("obstacle", (name) => { if (this.isSlice) this.recut([name]); });
@@ -63,6 +63,13 @@ class Lesson {
     this.fillLegend();
     this.fillTools();
     this.fillVerdict();
+  }
+
+  /** Takes data that the program has sent, with another document, whose planner follows, or for the present one. */
+  takeNewData() {
+    this.takeData();
+    this.repaint();
+    if (viewer.planner) this.takePlanner(viewer.planner, "");
   }
 
   /** Reads the motion of the document. */
@@ -108,10 +115,15 @@ class Lesson {
     this.live = new LiveQuery(planner, image);
     this.live.bits = this.cells.bits;
     this.live.used = this.cells.used();
-    this.live.stale.clear();
     part(".others").hidden = !data.others.length;
-    if (this.isSlice) this.cutAt = this.otherValues();
-    else this.edits.begin();
+    const { size } = this.live.stale;
+    if (this.isSlice) {
+      this.cutAt = data.others.map(({ column }) => viewer.kinematics.rest()[column]);
+      if (size) this.recut([]);
+    } else {
+      this.edits.begin();
+      if (size) { this.edits.update(); this.edits.drop(); }
+    }
     this.fillTools();
     this.follow();
     if (!this.edits.isAwaited) return;

@@ -34,7 +34,8 @@ class QueryEdits {
 
   /** Takes the planner, which is loaded now. */
   begin() {
-    this.first = this.snapshot();
+    const { poses } = viewer.editing.asPlanned;
+    this.first = { ...this.snapshot(), poses: new Map(Object.keys(data.live.outlines).map((name) => [name, poses.get(name)])) };
   }
 
   // ---- undo --------------------------------------------------------------------------------

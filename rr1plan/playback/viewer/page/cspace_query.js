@@ -15,7 +15,8 @@ class LiveQuery {
     this.raster = new LiveRaster(planner, image);
     this.bits = this.labels = null;
     this.used = 0; // layers with an image, as bits
-    this.stale = new Set(Object.keys(data.live.ranges));
+    const { editing } = viewer; // the data are those of the document, from which obstacles may have been moved
+    this.stale = new Set(editing.moved(editing.asPlanned.poses).filter((name) => data.live.ranges[name]));
     this.whole = new Map(); // cells that are in contact as a whole, by layer, if computed
     this.start = data.start && [...data.start];
     this.goals = data.goals.map((goal) => [...goal]);
