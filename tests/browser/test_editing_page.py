@@ -650,3 +650,12 @@ def test_the_name_of_the_tool_stands_apart_from_its_position_on_a_phone(calm: An
     name, place = calm.ask("[...document.querySelectorAll('#readout > *')].map((e) => e.getBoundingClientRect())")[:2]
     assert name["right"] + 6.0 < place["left"]
     calm.page.set_viewport_size(size)
+
+
+def test_the_report_ends_above_the_card_of_edits(calm: Any) -> None:
+    calm.ask("RR1.editing.open(), document.getElementById('badge').click()")
+    # A long report, as of an invalid motion.
+    calm.ask("document.getElementById('report').append(...Array.from({ length: 40 }, () => document.createElement('p')))")
+    bottom, top = calm.ask("[headline.getBoundingClientRect().bottom, editing.getBoundingClientRect().top]")
+    assert 0.0 < top - bottom < 60.0
+    calm.ask("document.getElementById('badge').click()")
