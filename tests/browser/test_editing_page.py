@@ -392,6 +392,9 @@ def test_what_touches_is_red_and_named(calm: Any, problem: rp.Problem) -> None:
     assert state == "Touching"
     assert set(calm.ask("RR1.touched")) == {name for c in checker.contacts(q) for name in (c.a, c.b)}
     assert any(" and ".join(p) in more for p in (pair, pair[::-1]))
+    # On its motion the arm touches nothing.
+    calm.ask("RR1.seek(0.5)")
+    assert calm.ask("RR1.touched") == []
 
 
 # ---- plans ---------------------------------------------------------------------------------------

@@ -279,7 +279,7 @@ class Editing {
     for (const kind of ["start", "goal"]) if (ghosts[kind] !== then.ghosts[kind]) this.showGhosts(kind);
     if (then.manual || !viewer.player.track) viewer.setQ(then.q);
     else { viewer.pause(); viewer.seek(then.time); }
-    if (!then.manual) viewer.manual = false;
+    if (!then.manual) viewer.endManual();
     this.card.say("");
     this.refreshHeadline();
   }

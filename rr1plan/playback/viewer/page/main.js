@@ -262,7 +262,7 @@ class Viewer {
   play() { this.manual = false; this.touched = []; this.conflicts.shown = null; this.player.play(); this.follow(); }
   pause() { this.player.pause(); this.controls.refresh(); }
   toggle() { if (this.playing) this.pause(); else this.play(); }
-  seek(t) { this.manual = false; this.player.seek(t); this.follow(); }
+  seek(t) { this.endManual(); this.player.seek(t); this.follow(); }
   setSpeed(speed) { this.player.speed = Math.min(Math.max(Number(speed) || 1, 0.01), 100); this.controls.refresh(); }
   setLoop(on) { this.player.loop = Boolean(on); this.controls.refresh(); }
 
@@ -270,6 +270,14 @@ class Viewer {
   get film() {
     const motion = { start: this.player.start, end: this.player.end, show: (t) => this.seek(t) };
     return this.films.reduce((found, film) => film() || found, motion);
+  }
+
+  /** Shows the motion again after a configuration set by the user, whose contacts are no longer red. */
+  endManual() {
+    if (!this.manual) return;
+    this.manual = false;
+    this.touched = [];
+    this.paint();
   }
 
   /** The configuration at the time of the clock. */
@@ -307,10 +315,10 @@ class Viewer {
 
   /** Goes to a time and paints some elements red. */
   point(time, elements) {
-    this.touched = elements.map((name) => this.kinematics.elementOf(name));
-    this.paint();
     this.pause();
     if (time !== null) this.seek(time);
+    this.touched = elements.map((name) => this.kinematics.elementOf(name));
+    this.paint();
     this.redraw();
   }
 
