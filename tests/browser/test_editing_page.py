@@ -658,7 +658,9 @@ def test_the_name_of_the_tool_stands_apart_from_its_position_on_a_phone(calm: An
 def test_the_report_ends_above_the_card_of_edits(calm: Any) -> None:
     calm.ask("RR1.editing.open(), document.getElementById('badge').click()")
     # A long report, as of an invalid motion.
-    calm.ask("document.getElementById('report').append(...Array.from({ length: 40 }, () => document.createElement('p')))")
+    calm.ask(
+        "document.getElementById('report').append(...Array.from({ length: 40 }, () => document.createElement('p')))"
+    )
     bottom, top = calm.ask("[headline.getBoundingClientRect().bottom, editing.getBoundingClientRect().top]")
     assert 0.0 < top - bottom < 60.0
     calm.ask("document.getElementById('badge').click()")

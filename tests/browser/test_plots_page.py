@@ -462,3 +462,14 @@ def test_clearances_say_at_how_many_instants_they_were_sampled(calm: Any) -> Non
     assert calm.ask("RR1.plots.source.remark('clearance')") == (
         f"at {calm.ask('RR1.document.samples.clearance.times.shape[0]')} instants"
     )
+
+
+def test_curves_keep_their_ground_and_colors_with_forced_colors(calm: Any) -> None:
+    calm.page.emulate_media(forced_colors="active", color_scheme="dark")
+    color = "(node) => getComputedStyle(document.querySelector(node)).backgroundColor"
+    assert calm.ask(color, "#plots .area canvas") == "rgb(255, 255, 255)"
+    assert calm.ask(color, "#plots .area canvas + canvas") == "rgba(0, 0, 0, 0)"
+    assert calm.ask(color, "#plots .number") == calm.ask(
+        "document.querySelector('#plots .number').style.backgroundColor"
+    )
+    calm.page.emulate_media(forced_colors="none", color_scheme="light")
