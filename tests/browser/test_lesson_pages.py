@@ -115,6 +115,17 @@ def test_animations_are_paused_and_stepped_by_keyboard_and_filmed(page: Any, les
     assert page.ask(value) == pytest.approx(paused)
 
 
+@pytest.mark.parametrize("lesson", ["no_path"], indirect=True)
+def test_a_growing_tree_stays_in_its_step(page: Any, lesson: rp.Lesson) -> None:
+    step = [step.name for step in lesson.steps].index("planner")
+    for _ in range(2):  # also when the step is entered again
+        page.ask(f"RR1.steps.go({step})")
+        wait_until(page.page, "0 < RR1.lesson.grown && RR1.lesson.grown < RR1.lesson.tree.length")
+        page.ask("RR1.steps.go(0)")
+        page.next_frames()
+        assert not page.ask("RR1.lesson.showTree || RR1.lesson.growing")
+
+
 def test_the_keys_of_a_step_are_listed(page: Any, lesson: rp.Lesson) -> None:
     page.page.click("#panel-steps [data-help]")
     words = page.page.locator("#help").inner_text()

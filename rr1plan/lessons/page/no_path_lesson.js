@@ -33,7 +33,11 @@ const show = ({ tint = false, tree = false, torus = false, proof = false, verdic
   // The result is hidden until the student has tried.
   document.querySelector("#panel-cspace .verdict").hidden = !verdict;
 };
-steps.reset = () => show({});
+steps.reset = () => {
+  space.pauseTree();
+  space.growTo(space.tree.length);
+  show({});
+};
 for (const name of ["ends", "by-hand"]) steps.on(name, () => show({ verdict: false }));
 steps.on("components", () => show({ tint: true }));
 steps.on("seams", () => show({ tint: true, torus: true }));
