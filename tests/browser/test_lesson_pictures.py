@@ -282,6 +282,18 @@ def test_slices_of_all_pairs_of_joints_are_those_of_the_checker(page: tuple[Any,
 
 
 @pytest.mark.parametrize("page", ["six_joints"], indirect=True)
+def test_the_free_share_is_that_of_the_slice_shown(page: tuple[Any, Any]) -> None:
+    tab, _ = page
+    go_to(tab, "slices")
+    shares = []
+    for joint in ("1", "3", "2"):
+        tab.page.select_option("#panel-slices select[data-axis='1']", joint)
+        shares.append(f"{100 * (1 - tab.ask('RR1.slices.blocked')):.0f} %")
+        assert f"Of this slice {shares[-1]} is free" in tab.page.locator("#panel-slices .verdict").inner_text()
+    assert len(set(shares)) > 1
+
+
+@pytest.mark.parametrize("page", ["six_joints"], indirect=True)
 def test_the_slice_follows_an_obstacle_that_is_dragged(page: tuple[Any, Any]) -> None:
     tab, lesson = page
     go_to(tab, "slices")

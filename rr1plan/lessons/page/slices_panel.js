@@ -94,6 +94,7 @@ class SixJoints {
     for (const key of ["joints", "low", "high", "periodic"]) data[key] = columns.map((k) => data.all[key][k]);
     this.sliders.forEach(({ row }, k) => row.classList.toggle("shown", columns.includes(k)));
     this.rasterize();
+    this.say();
   }
 
   setAxis(name) {
