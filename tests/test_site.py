@@ -19,16 +19,19 @@ DOCS = Path(__file__).parent.parent / "docs"
 
 
 class Page(HTMLParser):
-    """The links of a page, and the names that links can target."""
+    """The links of a page, the names that links can target, and the pictures without a text alternative."""
 
     def __init__(self, file: Path) -> None:
         super().__init__()
         self.links: list[str] = []
         self.anchors = {""}
+        self.unnamed: list[str] = []
         self.feed(file.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Record the target of a link, or the name of a tag."""
+        """Record the target of a link, the name of a tag, or a picture without a text alternative."""
+        if tag == "img" and not dict(attrs).get("alt"):
+            self.unnamed.append(dict(attrs).get("src") or "")
         for name, value in attrs:
             if value and name in ("href", "src"):
                 self.links.append(value)
@@ -62,6 +65,10 @@ def test_no_link_is_broken(site: Path) -> None:
                 broken.append(f"{file.relative_to(site)}: {link}")
     assert broken == []
     assert checked > 1000
+
+
+def test_all_pictures_have_a_text_alternative(site: Path) -> None:
+    assert {picture for file in site.rglob("*.html") for picture in Page(file).unnamed} == set()
 
 
 def test_the_reference_has_every_public_name(site: Path) -> None:
