@@ -132,6 +132,17 @@ def test_a_small_window_leaves_the_arms_room_while_they_are_moved(opened: Any) -
     opened.page.set_viewport_size(size)
 
 
+def test_the_bar_beside_a_panel_holds_its_buttons_when_zoomed(opened: Any) -> None:
+    size = opened.page.viewport_size
+    opened.page.set_viewport_size({"width": 640, "height": 360})
+    opened.ask("document.body.classList.remove('few-rows')")
+    opened.next_frames()
+    bar, last = opened.ask("[bar, plotter].map((node) => node.getBoundingClientRect().right)")
+    assert last <= bar
+    opened.ask("document.body.classList.add('few-rows')")
+    opened.page.set_viewport_size(size)
+
+
 def test_cards_beside_a_panel_do_not_overlap_on_a_projector(tab: Any, planar2r: rp.Robot, tmp_path: FilePath) -> None:
     scene = rp.place_grid(planar2r, 10, 1, spacing=6.0)
     start = scene.configuration()
