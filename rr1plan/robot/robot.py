@@ -34,7 +34,7 @@ from rr1plan.shapes.content_digest import feed_digest
 
 # Of a planning joint they are in the robot's limits; hashes of files from before joints had them stay valid.
 _IN_LIMITS = ("acceleration", "jerk")
-_ROUNDING = 1e-9  # by which joints may be outside their limits [rad or m]
+_ROUNDING = 1e-9  # joints may exceed their limits by this much [rad or m]
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ SECONDS_TO_VELOCITY = 0.25
 SECONDS_TO_ACCELERATION = 0.1
 _TOOL_NAMES = ("tool", "tool0", "tcp", "ee_link")
 _RATES = ("velocity", "acceleration", "jerk")
-_ROUNDING = 1e-3  # by which the values of states in files may be outside the limits [rad or m]
+_ROUNDING = 1e-3  # states in files may exceed the limits by this much [rad or m]
 _SAME_LIMIT = 1e-9  # limits that differ by less are the same [rad or m]
 _WIDEST = 8.0 * np.pi  # farthest limit of a revolute joint that is taken as an angle without a warning [rad]
 
