@@ -630,6 +630,7 @@ def test_links_without_a_shape_make_no_motion_certified_free(
     assert tab.page.get_attribute("#answer", "class") == "open"
     tab.page.click("#badge")
     assert "arm/link2" in tab.page.inner_text("#report")
+    assert ("collision" in tab.page.inner_text("#report p >> nth=0")) == (bare < 4)
     assert tab.complaints == []
 
 

@@ -67,7 +67,7 @@ const UNCHECKED = {
   certified: false, valid: true, violations: [], margins: {}, checked: [], title: "Not checked",
   not_checked: { "the motion": "it came without a report" },
 };
-const SHAPELESS = "has no collision shape";
+const SHAPELESS = "has no collision shape", NONE_CHECKED = "collisions not checked";
 const WIDEST_REPORT = 400, LEAST_BESIDE = 270; // [px]
 
 class Controls {
@@ -200,7 +200,7 @@ class Controls {
     badge.className = rank;
     badge.textContent = report.title || {
       good: "Certified free in continuous time",
-      open: `Valid, ${(report.certified && omitted) || "collisions not checked"}`,
+      open: `Valid, ${(report.certified && omitted) || NONE_CHECKED}`,
       bad: `Invalid: ${report.violations.length} found`,
     }[rank];
     badge.onclick = () => {
@@ -218,7 +218,8 @@ class Controls {
       rows.push(button);
     }
     for (const [name, margin] of Object.entries(report.margins)) rows.push(this.margin(name, margin));
-    if (report.checked.length) rows.push(element("p", `Checked: ${report.checked.join(", ")}.`));
+    const checked = report.checked.filter((rule) => omitted !== NONE_CHECKED || !rule.startsWith("collision"));
+    if (checked.length) rows.push(element("p", `Checked: ${checked.join(", ")}.`));
     const reasons = new Map();
     for (const [name, why] of Object.entries(report.not_checked)) reasons.set(why, [...(reasons.get(why) || []), name]);
     for (const [why, names] of reasons) rows.push(element("p", `Not checked: ${names.join(", ")} (${why}).`));

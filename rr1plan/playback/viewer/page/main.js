@@ -223,7 +223,7 @@ class Viewer {
   get omitted() {
     const { shapeless, kinematics } = this, count = shapeless.length;
     if (!count) return "";
-    return count === kinematics.links ? "collisions not checked" : `${count} link${count > 1 ? "s" : ""} not checked`;
+    return count === kinematics.links ? NONE_CHECKED : `${count} link${count > 1 ? "s" : ""} not checked`;
   }
 
   poses(q) {
