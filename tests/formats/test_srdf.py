@@ -210,9 +210,9 @@ def test_passive_joints_are_held(chain: Tree) -> None:
 def test_a_state_outside_the_limits_is_kept_with_a_warning_but_is_no_home(
     chain: Tree, caplog: pytest.LogCaptureFixture
 ) -> None:
-    state = '<group_state name="far" group="arm">' + "".join(f'<joint name="j{i}" value="9"/>' for i in (1, 2, 3))
+    state = '<group_state name="far" group="arm">' + "".join(f'<joint name="j{i}" value="3.1"/>' for i in (1, 2, 3))
     robot = assemble(chain, read_srdf(srdf_text(ARM, state + "</group_state>"), chain), Choice())
-    assert robot.configurations["far"].tolist() == [9, 9, 9]
+    assert robot.configurations["far"].tolist() == [3.1, 3.1, 3.1]
     assert robot.home.tolist() == [0, 0, 0]
     assert "'far'" in caplog.text
 
