@@ -24,8 +24,9 @@ def test_a_sequence_is_played(saved: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 def test_a_sequence_that_is_not_planned_is_named_with_the_command_that_takes_it(
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     Path("s.toml").write_text('scene = "rr1_table"\n[[segments]]\npause = 1.0\n')
     for command in ("view", "validate", "play", "scenes", "cspace"):
         assert run([command, "s.toml"]) == BAD_INPUT
