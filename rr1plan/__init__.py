@@ -479,15 +479,11 @@ if not TYPE_CHECKING:  # so that type checkers reject names that are not listed 
             raise AttributeError(f"module 'rr1plan' has no attribute {name!r}", name=name, obj=sys.modules[__name__])
         from importlib import import_module
 
-        began = time.perf_counter()
-        try:
-            module = import_module(_HOME.get(name, f"rr1plan.{name}"))
-        except ImportError as error:
-            from rr1plan.errors import missing_library
+        from rr1plan.errors import missing_libraries_named
 
-            if missing := missing_library(error):
-                raise missing from error
-            raise
+        began = time.perf_counter()
+        with missing_libraries_named():
+            module = import_module(_HOME.get(name, f"rr1plan.{name}"))
         value = module if name in _SUBMODULES else getattr(module, name)
         import_clock.seconds += time.perf_counter() - began
         globals()[name] = value

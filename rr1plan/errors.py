@@ -23,7 +23,8 @@ from __future__ import annotations
 
 import copyreg
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 _LONGEST_SHOWN = 80  # [characters]
@@ -164,19 +165,24 @@ class InstallationError(Rr1PlanError, ImportError):
 _SYSTEM_PACKAGES = {"libgomp.so.1": ("libgomp1", "libgomp")}
 
 
-def missing_library(error: ImportError) -> InstallationError | None:
-    """The error that names a library of the system, if an import failed because it is missing.
+@contextmanager
+def missing_libraries_named() -> Iterator[None]:
+    """Imports that fail because a library of the system is missing raise an error that names it.
 
-    Args:
-        error: The error of the import.
+    Raises:
+        InstallationError: such an import.
     """
-    found = re.match(r"(\S+): cannot open shared object file", str(error))
-    if found is None:
-        return None
-    advice = "install it with the package manager of the system"
-    if packages := _SYSTEM_PACKAGES.get(found[1]):
-        advice = "try: apt-get install {} (Debian, Ubuntu) or dnf install {} (Fedora)".format(*packages)
-    return InstallationError(f"a required package needs the system library {found[1]}, which is missing; {advice}")
+    try:
+        yield
+    except ImportError as error:
+        found = re.match(r"(\S+): cannot open shared object file", str(error))
+        if found is None:
+            raise
+        advice = "install it with the package manager of the system"
+        if packages := _SYSTEM_PACKAGES.get(found[1]):
+            advice = "try: apt-get install {} (Debian, Ubuntu) or dnf install {} (Fedora)".format(*packages)
+        message = f"a required package needs the system library {found[1]}, which is missing; {advice}"
+        raise InstallationError(message) from error
 
 
 class BackendError(Rr1PlanError):

@@ -12,7 +12,7 @@ from importlib import import_module
 from rr1plan.cli.arguments import Shown, parse, spell_options
 from rr1plan.cli.console import Console
 from rr1plan.cli.parser import build_parser
-from rr1plan.errors import NoPlanError, RetimingError, Rr1PlanError, missing_library
+from rr1plan.errors import NoPlanError, RetimingError, Rr1PlanError, missing_libraries_named
 from rr1plan.interrupts import INTERRUPTED, leaving_at_once
 from rr1plan.progress_bar import taken_terminal
 
@@ -49,13 +49,8 @@ def _run(arguments: Sequence[str], console: Console, started: float) -> int:
         return OK
     console.spelled = lambda text: spell_options(text, options.name, commands)
     module, function = options.command.split(".")
-    with leaving_at_once(), console.progress("loading"):
-        try:
-            command = getattr(import_module(f"rr1plan.cli.{module}"), function)
-        except ImportError as error:
-            if missing := missing_library(error):
-                raise missing from error
-            raise
+    with leaving_at_once(), console.progress("loading"), missing_libraries_named():
+        command = getattr(import_module(f"rr1plan.cli.{module}"), function)
     console.watch.seconds["imports"] = time.perf_counter() - started
     with console.warnings(), taken_terminal():
         code: int = command(options, console)
