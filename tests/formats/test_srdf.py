@@ -217,6 +217,15 @@ def test_a_state_outside_the_limits_is_kept_with_a_warning_but_is_no_home(
     assert "'far'" in caplog.text
 
 
+def test_a_state_outside_the_limits_by_whole_turns_is_moved_into_them(
+    chain: Tree, caplog: pytest.LogCaptureFixture
+) -> None:
+    state = '<group_state name="far" group="arm">' + "".join(f'<joint name="j{i}" value="9"/>' for i in (1, 2, 3))
+    robot = assemble(chain, read_srdf(srdf_text(ARM, state + "</group_state>"), chain), Choice())
+    assert robot.configurations["far"] == pytest.approx(np.full(3, 9.0 - 2.0 * np.pi))
+    assert "it is moved by whole turns" in caplog.text
+
+
 def test_a_state_without_values_of_all_joints_of_its_group_is_left_out_with_a_warning(
     chain: Tree, caplog: pytest.LogCaptureFixture
 ) -> None:
