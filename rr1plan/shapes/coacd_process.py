@@ -11,6 +11,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -59,13 +60,17 @@ def coacd_pieces(
     arguments = [sys.executable, "-W", "ignore", "-c", _CHILD]
     arguments += [json.dumps(sys.path), str(seconds + _GRACE), json.dumps(dict(options))]
     pipe, flags = subprocess.PIPE, getattr(subprocess, "CREATE_NO_WINDOW", 0)
-    with subprocess.Popen(arguments, stdin=pipe, stdout=pipe, stderr=pipe, creationflags=flags) as child:
-        try:
-            output, errors = _communicate(child, _packed({"vertices": vertices, "faces": faces}), seconds, wait)
-        finally:
-            if child.poll() is None:
-                child.kill()
-                child.wait()
+    # The mesh is in a file: a large one fills a pipe, and after a timeout `communicate` does not send the rest.
+    with tempfile.TemporaryFile() as mesh:
+        mesh.write(_packed({"vertices": vertices, "faces": faces}))
+        mesh.seek(0)
+        with subprocess.Popen(arguments, stdin=mesh, stdout=pipe, stderr=pipe, creationflags=flags) as child:
+            try:
+                output, errors = _communicate(child, seconds, wait)
+            finally:
+                if child.poll() is None:
+                    child.kill()
+                    child.wait()
     if child.returncode != 0:
         said = errors.decode(errors="replace").strip().splitlines()
         why = said[-1] if said else f"its process ended with exit code {child.returncode}"
@@ -78,16 +83,13 @@ def _is_python(executable: str | None) -> bool:
     return Path(executable or "").name.lower().startswith("python") and not getattr(sys, "frozen", False)
 
 
-def _communicate(
-    child: subprocess.Popen[bytes], message: bytes | None, seconds: float, wait: Wait
-) -> tuple[bytes, bytes]:
+def _communicate(child: subprocess.Popen[bytes], seconds: float, wait: Wait) -> tuple[bytes, bytes]:
     """Standard output and error of the child."""
     began = time.monotonic()
     while True:
         try:
-            return child.communicate(message, timeout=_POLL)
+            return child.communicate(timeout=_POLL)
         except subprocess.TimeoutExpired:
-            message = None  # `communicate` keeps the unsent part of the message
             spent = time.monotonic() - began
             if spent > seconds:
                 raise DecompositionTimeout from None

@@ -298,9 +298,10 @@ def _fills_its_outline(flat: Mesh) -> bool:
 def _covering(mesh: Mesh, pieces: list[Mesh]) -> list[Mesh]:
     """The pieces, each extended to contain the small triangles of the surface that fit it best."""
     triangles = _cut(mesh.vertices[mesh.faces], _size(mesh.vertices) / CUTS_PER_SIZE)
+    points, corners = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     outside = np.empty((len(pieces), len(triangles)))
     for row, piece in zip(outside, pieces, strict=True):
-        row[:] = distance_outside(piece.vertices, triangles.reshape(-1, 3)).reshape(-1, 3).max(axis=1)
+        row[:] = distance_outside(piece.vertices, points)[corners.reshape(-1, 3)].max(axis=1)
     best = outside.argmin(axis=0)
     return [_grown(piece, triangles[best == i].reshape(-1, 3)) for i, piece in enumerate(pieces)]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from rr1plan.shapes import Mesh
 Faces = NDArray[np.int32]
 
 # Most points times planes in memory.
-_MOST_PRODUCTS = 20_000_000
+_MOST_PRODUCTS = 500_000
 # Tolerance for vertices outside the plane of a face, as a share of the mesh's size.
 _FLAT_TOLERANCE = 1e-7
 # Tolerance for triangles below the hull of a mesh that counts as convex, as a share of its size.
@@ -83,10 +84,8 @@ def _zigzag(points: Array, corners: NDArray[np.int32], normal: Array) -> Faces:
 def is_convex(mesh: Mesh) -> bool:
     """Whether every triangle of a mesh lies on the hull of the mesh, within two thousandths of its size."""
     centers = mesh.vertices[mesh.faces].mean(axis=1)
-    return bool(
-        -distance_outside(mesh.vertices, centers).min()
-        <= _CONVEX_TOLERANCE * float(np.ptp(mesh.vertices, axis=0).max())
-    )
+    tolerance = _CONVEX_TOLERANCE * float(np.ptp(mesh.vertices, axis=0).max())
+    return all((some >= -tolerance).all() for some in _distances_outside(mesh.vertices, centers))
 
 
 def is_own_hull(mesh: Mesh) -> bool:
@@ -133,10 +132,14 @@ def _lies_on(hull: Any, mesh: Mesh, tolerance: float) -> bool:
 
 def distance_outside(corners: Array, points: Array) -> Array:
     """Signed distance of points (n, 3) from the hull of `corners` [m], negative inside, shape (n,)."""
+    return np.concatenate(list(_distances_outside(corners, points)))
+
+
+def _distances_outside(corners: Array, points: Array) -> Iterator[Array]:
+    """What `distance_outside` returns, in parts of bounded memory."""
     planes = _qhull(corners).equations
-    parts = np.array_split(points, 1 + len(points) * len(planes) // _MOST_PRODUCTS)
-    heights = [(part @ planes[:, :3].T + planes[:, 3]).max(axis=1, initial=-np.inf) for part in parts]
-    return np.concatenate(heights)
+    for part in np.array_split(points, 1 + len(points) * len(planes) // _MOST_PRODUCTS):
+        yield (part @ planes[:, :3].T + planes[:, 3]).max(axis=1, initial=-np.inf)
 
 
 def _qhull(points: Array) -> Any:

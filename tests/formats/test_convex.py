@@ -155,6 +155,18 @@ def test_a_failing_decomposition_is_our_error(
         convex_pieces(gate)
 
 
+def test_a_large_mesh_reaches_a_process_that_reads_it_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    late = (
+        "import io, sys, time, numpy; time.sleep(0.3);"
+        "mesh = numpy.load(io.BytesIO(sys.stdin.buffer.read()));"
+        "numpy.savez(sys.stdout.buffer, piece=mesh['vertices'])"
+    )
+    monkeypatch.setattr(coacd_process, "_CHILD", late)
+    vertices, faces = np.random.default_rng(0).normal(size=(20_000, 3)), np.zeros((40_000, 3), dtype=np.int32)
+    (piece,) = coacd_process.coacd_pieces(vertices, faces, {}, 20.0, lambda _: None)
+    assert np.array_equal(piece, vertices)
+
+
 @pytest.fixture
 def endless(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A decomposition that does not end, and the file with the number of its process."""
