@@ -3,9 +3,9 @@
 A mesh is first split into its connected parts. A part that equals its hull is one piece, a flat part becomes thin
 plates, an open one of few triangles a plate for each of them; only other parts are decomposed (Wei et al., Approximate
 convex decomposition for 3D meshes with collision-aware concavity and tree search, 2022: the package coacd). CoACD's
-pieces do not contain the whole surface, so each triangle, cut to small size, is assigned to the best piece, and the
-piece becomes the hull of both. The protrusion of pieces from their part is measured and logged. Decompositions are
-cached on disk.
+pieces do not contain the whole surface, so each triangle, cut to small size if necessary, is assigned to the best
+piece, and the piece becomes the hull of both. The protrusion of pieces from their part is measured and logged.
+Decompositions are cached on disk.
 """
 
 from __future__ import annotations
@@ -44,11 +44,13 @@ _EFFORT = {"threshold": CONCAVITY, "resolution": 1000, "mcts_nodes": 8, "mcts_it
 # CoACD replaces a surface that is not closed by a finer, closed one around it.
 _CLOSED = {**_EFFORT, "preprocess_mode": "off"}
 _OPEN = {**_EFFORT, "preprocess_mode": "auto"}
-_VERSION = "pieces-4"
+_VERSION = "pieces-5"
 # More would take many minutes.
 MAX_TRIANGLES = 100_000
 # An open part of at most this many triangles has a plate for each.
 _MOST_PLATES = 64
+# A triangle fits a piece that it sticks out of by at most this fraction of the mesh's size.
+_FITS = 1e-3
 # Half the thickness of a plate, in sizes of the mesh.
 _PLATE = 5e-4
 # More connected parts are decomposed as one.
@@ -296,14 +298,24 @@ def _fills_its_outline(flat: Mesh) -> bool:
 
 
 def _covering(mesh: Mesh, pieces: list[Mesh]) -> list[Mesh]:
-    """The pieces, each extended to contain the small triangles of the surface that fit it best."""
-    triangles = _cut(mesh.vertices[mesh.faces], _size(mesh.vertices) / CUTS_PER_SIZE)
-    points, corners = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
-    outside = np.empty((len(pieces), len(triangles)))
-    for row, piece in zip(outside, pieces, strict=True):
-        row[:] = distance_outside(piece.vertices, points)[corners.reshape(-1, 3)].max(axis=1)
-    best = outside.argmin(axis=0)
-    return [_grown(piece, triangles[best == i].reshape(-1, 3)) for i, piece in enumerate(pieces)]
+    """The pieces, each extended to contain the triangles of the surface that fit it best.
+
+    A triangle that sticks out of all pieces is halved until it is small.
+    """
+    size = _size(mesh.vertices)
+    covered: list[list[Array]] = [[] for _ in pieces]
+    triangles = mesh.vertices[mesh.faces]
+    while len(triangles):
+        points, corners = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+        outside = np.empty((len(pieces), len(triangles)))
+        for row, piece in zip(outside, pieces, strict=True):
+            row[:] = distance_outside(piece.vertices, points)[corners.reshape(-1, 3)].max(axis=1)
+        best, fits = outside.argmin(axis=0), outside.min(axis=0) <= _FITS * size
+        done = fits | (_edges(triangles).max(axis=1) <= size / CUTS_PER_SIZE)
+        for i, of_piece in enumerate(covered):
+            of_piece.append(triangles[done & (best == i)].reshape(-1, 3))
+        triangles = _halved(triangles[~done])
+    return [_grown(piece, np.concatenate(points)) for piece, points in zip(pieces, covered, strict=True)]
 
 
 def _grown(piece: Mesh, points: Array) -> Mesh:
@@ -312,18 +324,26 @@ def _grown(piece: Mesh, points: Array) -> Mesh:
 
 
 def _cut(triangles: Array, longest: float) -> Array:
-    """Triangles (n, 3, 3) halved across their longest edge until none is longer than `longest`."""
+    """Triangles (n, 3, 3) halved until none has an edge longer than `longest`."""
     done: list[Array] = []
     while len(triangles):
-        edges = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
-        long = edges.max(axis=1) > longest
+        long = _edges(triangles).max(axis=1) > longest
         done.append(triangles[~long])
-        start = edges[long].argmax(axis=1)
-        rows = np.arange(len(start))
-        a, b, c = (triangles[long][rows, (start + k) % 3] for k in range(3))
-        middle = 0.5 * (a + b)
-        triangles = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+        triangles = _halved(triangles[long])
     return np.concatenate(done)
+
+
+def _halved(triangles: Array) -> Array:
+    """Triangles (n, 3, 3) halved across their longest edge."""
+    start = _edges(triangles).argmax(axis=1)
+    a, b, c = (triangles[np.arange(len(start)), (start + k) % 3] for k in range(3))
+    middle = 0.5 * (a + b)
+    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+
+
+def _edges(triangles: Array) -> Array:
+    """Lengths of the edges of triangles (n, 3, 3), the first from corner 0 to 1 [m], shape (n, 3)."""
+    return np.asarray(np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2))
 
 
 def _size(points: Array) -> float:
@@ -344,6 +364,9 @@ def _swelling(mesh: Mesh, pieces: list[Mesh], closed: bool) -> float:
     """Largest sampled protrusion of pieces from a mesh's surface [m], only outside if it is closed."""
     step = _size(mesh.vertices) / _SAMPLES_PER_SIZE
     samples = np.concatenate([_cut(piece.vertices[piece.faces], step).mean(axis=1) for piece in pieces])
+    # Long thin triangles are cut into many more small ones than needed.
+    _, apart = np.unique(np.floor(2.0 * samples / step), axis=0, return_index=True)
+    samples = samples[apart]
     distance = _distances(mesh, samples, step)
     order = np.argsort(-distance)
     for some in np.array_split(order, 1 + len(order) * len(mesh.faces) // 1_000_000):
