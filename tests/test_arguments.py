@@ -857,6 +857,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "Lesson.figure": (lesson.figure, {"width": 13.0}),
         "Lesson.save_png": (lesson.save_png, {"file": folder / "l.png"}),
         "Lesson.save_svg": (lesson.save_svg, {"file": folder / "l.svg"}),
+        "Lesson.save_pdf": (lesson.save_pdf, {"file": folder / "l.pdf"}),
+        "Lesson.save": (lesson.save, {"file": folder / "l.pdf"}),
         "Lesson.save_html": (lesson.save_html, {"file": folder / "l.html", "options": None}),
         "Lesson.page_content": (lesson.page_content, {"options": None}),
         "Lesson.show": (lambda **o: lesson.show(**o).close(), live),

@@ -297,7 +297,7 @@ def lesson_options(parser: Parser) -> None:
     parser.add_argument("--query", help="with --scene: a query of that scene, by name, for lessons that have one")
     parser.add_argument("--html", type=file_of(".html"), metavar="FILE.html", help="write the page, for offline use")
     parser.add_argument(
-        "--figure", type=file_of(".png", ".svg"), metavar="FILE", help="write the picture for slides: .png or .svg"
+        "--figure", type=file_of(".png", ".svg", ".pdf"), metavar="FILE", help="write the picture: .png, .svg or .pdf"
     )
     _video(parser, "what a step animates")
     parser.add_argument("--step", type=count, help="with --video: the step of the lesson (default: the first)")

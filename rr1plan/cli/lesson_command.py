@@ -40,8 +40,7 @@ def lesson(options: Namespace, console: Console) -> int:
     if options.html is not None:
         files["page"] = made.save_html(options.html)
     if options.figure is not None:
-        save = made.save_png if options.figure.lower().endswith(".png") else made.save_svg
-        files["figure"] = save(options.figure)
+        files["figure"] = made.save(options.figure)
     if options.video is not None:
         film(made, options, console, step=options.step)
         files["video"] = Path(options.video)

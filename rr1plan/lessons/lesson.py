@@ -50,6 +50,17 @@ class Lesson(LessonContent):
             self._draw(figure)
         return figure
 
+    def save(self, file: str | FilePath) -> FilePath:
+        """Write it atomically in the format given by the suffix: .png, .svg, .pdf (pictures) or .html (the page).
+
+        Raises:
+            InputError: another suffix, or a file that cannot be written.
+            MissingPackageError: a page, and Meshcat is not installed.
+        """
+        formats = {".png": self.save_png, ".svg": self.save_svg, ".pdf": self.save_pdf, ".html": self.save_html}
+        target = check_writable(file, *formats)
+        return formats[target.suffix.lower()](target)
+
     def save_png(self, file: str | FilePath) -> FilePath:
         """Write the picture as PNG, 1950 pixels wide, atomically.
 
@@ -65,6 +76,14 @@ class Lesson(LessonContent):
             InputError: a name that does not end in .svg, or a file that cannot be written.
         """
         return self._save_figure(file, ".svg")
+
+    def save_pdf(self, file: str | FilePath) -> FilePath:
+        """Write the picture as PDF, atomically.
+
+        Raises:
+            InputError: a name that does not end in .pdf, or a file that cannot be written.
+        """
+        return self._save_figure(file, ".pdf")
 
     def _save_figure(self, file: str | FilePath, suffix: str) -> FilePath:
         return save_figure(check_writable(file, suffix), self.figure)

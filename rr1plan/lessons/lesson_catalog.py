@@ -30,7 +30,7 @@ def lesson(name: str, scene: Scene | None = None, problem: Problem | None = None
         problem: Your query in that scene, for lessons that have one; for "two_arms" a query of two such arms.
 
     Returns:
-        A value with the methods `show`, `save_html`, `save_png` and `save_svg`.
+        A value with the methods `show` and `save`, by suffix a page (.html) or a picture (.png, .svg, .pdf).
 
     Raises:
         UnknownNameError: no such lesson.

@@ -79,6 +79,15 @@ def test_a_figure_has_a_width_that_can_be_drawn_and_the_ending_of_its_format(
         drawn.figure(width=101)
 
 
+def test_the_ending_of_a_file_says_what_of_a_lesson_is_saved(lessons: dict[str, rp.Lesson], tmp_path: Path) -> None:
+    drawn = lessons["workspace"]
+    assert drawn.save(tmp_path / "a.pdf").read_bytes() == drawn.save_pdf(tmp_path / "b.PDF").read_bytes()
+    assert drawn.save(tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
+    assert "data-step" in drawn.save(tmp_path / "a.html").read_text()
+    with pytest.raises(rp.InputError, match=r"ends in \.png or \.svg or \.pdf or \.html"):
+        drawn.save(tmp_path / "a.txt")
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_page_holds_every_step_and_loads_nothing(name: str, lessons: dict[str, rp.Lesson], tmp_path: Path) -> None:
     text = lessons[name].save_html(tmp_path / "lesson.html").read_text()

@@ -181,12 +181,12 @@ def cspace(
         progress: Called periodically; False cancels.
 
     Returns:
-        A value with the methods `save_png`, `save_svg`, `save_html` and `show`.
+        A value with the methods `show` and `save`, by suffix a page (.html) or a picture (.png, .svg, .pdf).
 
     Raises:
         UnknownNameError: no such arm, joint or configuration.
-        InputError: not two joints, a resolution outside 8 to 2000, a problem with other columns, or `at` of another
-            length, beyond a limit, or for an arm without other joints.
+        InputError: not two joints, a resolution outside 8 to 2000, a problem with other columns, a result without its
+            problem, or `at` of another length, beyond a limit, or for an arm without other joints.
         CancelledError: `progress` returned False.
     """
     return compute_query(
