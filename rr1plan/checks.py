@@ -24,8 +24,25 @@ FARTHEST = 1e4
 HEAVIEST = 1e12
 # A whole turn [rad], rounded up.
 _TURN = 6.2832
-# Hint in messages about angles that are too large for radians.
+# Hints in messages about angles that are too large for radians, and about positions too large for meters.
 DEGREES = "(angles are in radians: are these degrees?)"
+MILLIMETERS = "(positions are in meters: are these millimeters?)"
+# The functions that read values of these types from files or by name, for messages.
+_READERS = {
+    "Scene": "load_scene",
+    "Robot": "load_robot",
+    "Problem": "load_problems",
+    "Trajectory": "load_motion",
+    "Mesh": "load_mesh",
+    "Calibration": "load_calibration",
+    "ControlBox": "load_control_box",
+}
+# Values of these types, for messages.
+_EXAMPLES = {
+    "Budget": "Budget(seconds=5)",
+    "Kinematics": "Kinematics(scene)",
+    "Problem": "Problem(scene, start, goal)",
+}
 # Limits of common file systems for one part of a path, and for a path [bytes].
 _LONGEST_NAME = 255
 _LONGEST_PATH = 4095
@@ -66,8 +83,8 @@ def number_array(name: str, value: object) -> Array:
         InputError: not numbers.
     """
     try:
-        if np.asarray(value).dtype.kind in "bUSmM" or isinstance(value, np.ma.MaskedArray):
-            raise TypeError("a truth value, text, a time or a masked value is no number, although NumPy converts it")
+        if np.asarray(value).dtype.kind in "bUSmMc" or isinstance(value, np.ma.MaskedArray):
+            raise TypeError("NumPy converts truth values, text, times, masked values and complex numbers, too")
         array = np.array(value, dtype=np.float64, order="C")  # kernels read C order
     except (TypeError, ValueError, OverflowError, Warning) as error:
         raise InputError(f"{name} is not an array of numbers: {shown(value)}") from error
@@ -203,17 +220,23 @@ def of_kind(name: str, value: Any, kind: type, *, optional: bool = False, method
 
     Raises:
         InputError: another type; the message says so if one of our own types has that method, or such a value as an
-            attribute.
+            attribute, and names the function that reads one from a file.
     """
     if isinstance(value, kind) or (optional and value is None):
         return
-    hint = ""
+    raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}{_hint(value, kind, method)}")
+
+
+def _hint(value: object, kind: type, method: str) -> str:
+    """What to pass instead of a value of another type, where that is likely known."""
     if type(value).__module__.startswith("rr1plan."):
         if method and callable(getattr(value, method, None)):
-            hint = f"; call its method {method!r} instead"
-        elif attribute := _attribute_of_kind(value, kind):
-            hint = f"; pass its attribute {attribute!r}"
-    raise InputError(f"{name} is of type {type(value).__name__}, expected {kind.__name__}{hint}")
+            return f"; call its method {method!r} instead"
+        if attribute := _attribute_of_kind(value, kind):
+            return f"; pass its attribute {attribute!r}"
+    if isinstance(value, str | os.PathLike) and kind.__name__ in _READERS:
+        return f"; load one with {_READERS[kind.__name__]}"
+    return f", e.g. {_EXAMPLES[kind.__name__]}" if kind.__name__ in _EXAMPLES else ""
 
 
 def _attribute_of_kind(value: object, kind: type) -> str | None:

@@ -173,7 +173,7 @@ def test_unknown_names_get_the_near_ones():
         model.body("flor")
     with pytest.raises(UnknownNameError, match="left"):
         SceneModel(odd_scene(), ["lift"])
-    with pytest.raises(InputError, match="expected a rr1plan Scene"):
+    with pytest.raises(InputError, match="scene is of type Robot, expected Scene"):
         SceneModel(odd_robot())
 
 

@@ -114,14 +114,17 @@ def name_or_numbers(values: list[str], name: str = "a configuration's name") -> 
     """The values of an option: a name, or numbers.
 
     Raises:
-        InputError: several words that are not numbers.
+        InputError: several words that are not numbers, or numbers separated by commas.
     """
     try:
         return [float(value) for value in values]
     except ValueError:
+        text = " ".join(values)
+        if "," in text and not text.strip("0123456789+-.eE, "):
+            raise InputError(f"{text!r}: separate numbers by spaces, not by commas") from None
         if len(values) == 1:
-            return values[0]
-        raise InputError(f"{' '.join(values)!r} is neither {name} nor numbers") from None
+            return text
+        raise InputError(f"{text!r} is neither {name} nor numbers") from None
 
 
 def with_limits(problem: Problem, preset: str) -> Problem:

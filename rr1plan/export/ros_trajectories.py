@@ -113,6 +113,9 @@ def read_joint_trajectory(file: _File, topic: str | None = None) -> JointTraject
     if content_suffix(path) in YAML_SUFFIXES:
         refuse_topic(path, topic)
         return _from_yaml(path)
+    if path.is_file() and path.suffix.lower() not in BAG_SUFFIXES:
+        known = ", ".join((*YAML_SUFFIXES, *BAG_SUFFIXES))
+        raise FormatError(f"has the suffix {path.suffix!r}, expected one of {known}, or a bag's folder", path)
     return _from_bag(path, topic)
 
 

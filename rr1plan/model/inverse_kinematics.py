@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from rr1plan.checks import (
     DEGREES,
+    MILLIMETERS,
     Array,
     Seed,
     Value,
@@ -40,6 +41,7 @@ from rr1plan.scene.problem import PoseGoal, RegionGoal
 
 _POSITION_STARTS = 10
 _MOST_STARTS = 10_000_000
+_LIKELY_MILLIMETERS = 10.0  # a goal farther out of reach than this is probably not in meters [m]
 ROUNDING = 1e-10
 """Distance beyond a limit that counts as rounding [rad or m], such as that of the last sample of a motion."""
 
@@ -159,6 +161,8 @@ def why_none(search: IkSearch, link: str, aim: str = "the goal") -> str:
     position, orientation = errors_at(search.chain, search.target, nearest)
     at = ", ".join(f"{value:.4g}" for value in position_at(search.chain, nearest))
     miss = f"{aim} is out of reach of {link}: the nearest it gets is {position:.4g} m away, at [{at}]"
+    if position > _LIKELY_MILLIMETERS:
+        return f"{miss} {MILLIMETERS}"
     if search.target.rotation is None:
         return f"{miss} {tried}"
     alone = "can" if _position_alone(search, nearest, rng) else "cannot"

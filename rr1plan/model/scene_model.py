@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rr1plan.checks import Array, known_name, read_only
-from rr1plan.errors import InputError
+from rr1plan.checks import Array, known_name, of_kind, read_only
 from rr1plan.model.arm_model import Body, arm_model_of
 from rr1plan.robot.joint_limits import Limits
 from rr1plan.scene import Scene
@@ -48,8 +47,7 @@ class SceneModel:
     """
 
     def __init__(self, scene: Scene, arms: Sequence[str] | None = None) -> None:
-        if not isinstance(scene, Scene):
-            raise InputError(f"scene is a {type(scene).__name__}, expected a rr1plan Scene")
+        of_kind("scene", scene, Scene)
         self.scene = scene
         # Checked again, because a scene may have no arms.
         self.arms = scene.arm_names(scene.arm_names([arms] if isinstance(arms, str) else arms))

@@ -81,7 +81,10 @@ _registered: dict[str, _Registered] = {}
 
 
 def planner_names() -> tuple[str, ...]:
-    """Names of all planners, registered ones last."""
+    """Names of all planners of one path, registered ones last.
+
+    `plan_motion` also takes "many_arms" and "many_arms_anytime", which make a motion of many arms.
+    """
     return (*_OWN, *_registered)
 
 
@@ -112,7 +115,8 @@ def register_planner(
     check_text("name", name)
     check_text("description", description)
     if name in planner_names() or not name:
-        raise InputError(f"a planner cannot be registered as {name!r}: {'the name is taken' if name else 'no name'}")
+        reason = "the name is taken; choose another one, or pass an instance instead of a name" if name else "no name"
+        raise InputError(f"a planner cannot be registered as {name!r}: {reason}")
     if not callable(factory):
         raise InputError(f"factory is {shown(factory)}, expected a class derived from Planner, or a function")
     info = PlannerInfo(name, description, true_or_false("optimizing", optimizing))

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 from rr1plan.checks import Array, Value, items_of, number_array, of_kind, positive_number, read_only, shown
 from rr1plan.errors import InputError
 
+WIDEST = 8.0 * np.pi
+"""Farthest limit of a revolute joint that is taken as an angle without a warning [rad]."""
 _POSITIVE = ("velocity", "acceleration", "jerk", "effort")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from itertools import combinations
 from typing import NamedTuple
@@ -9,15 +10,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import Array, check_text, counted, items_of, known_name, number_array, positive_length
+from rr1plan.checks import DEGREES, Array, check_text, counted, items_of, known_name, number_array, positive_length
 from rr1plan.errors import InputError
 from rr1plan.robot.check_robot import check_robot
-from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.joint_limits import WIDEST, Limits
 from rr1plan.robot.link_masses import solid_inertial
 from rr1plan.robot.robot import Robot
 from rr1plan.robot.robot_parts import Geometry, Joint, JointKind, Link
 from rr1plan.shapes import Box, Capsule, Color, Cylinder, Shape
 from rr1plan.transforms import as_pose, rotation_about
+
+log = logging.getLogger(__name__)
 
 PLANAR_KINDS = ("RR", "RP", "PR", "PP")
 _DARK: Color = (0.2, 0.2, 0.22, 1.0)
@@ -106,8 +109,11 @@ def _range(number: int, kind: str, length: float, limit: ArrayLike | None) -> tu
     pair = number_array(f"limits of joint{number}", limit)
     if pair.shape != (2,) or not np.isfinite(pair).all() or not pair[0] < pair[1]:
         raise InputError(
-            f"limits of joint{number} are {pair.tolist()}, expected a lower and a higher finite number, or None"
+            f"limits of joint{number} are {pair.tolist()}, expected a lower and a higher finite number, or None; "
+            "limits has one such pair for each joint"
         )
+    if kind == "R" and np.abs(pair).max() > WIDEST:
+        log.warning("joint%d has limits %g to %g rad %s", number, *pair, DEGREES)
     return float(pair[0]), float(pair[1])
 
 

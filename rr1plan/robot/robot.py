@@ -198,9 +198,10 @@ class Robot(Value, NotebookView):
             return self.configurations[known_name("configuration", value, self.configurations)]
         shape = shape_of(value)
         if shape != (self.nq,):
-            got = f"shape {shape}" if len(shape) != 1 else counted(shape[0], "number")
+            got = f"has shape {shape}" if shape else f"is {shown(value)}"
+            got = f"has {counted(shape[0], 'number')}" if len(shape) == 1 else got
             joints = ", ".join(self.joint_names)
-            raise InputError(f"{name} has {got}, expected {self.nq}: one for each of {joints}")
+            raise InputError(f"{name} {got}, expected {self.nq}: one for each of {joints}")
         entries: Any = value  # of that shape
         joints = ", ".join(n for n, v in zip(self.joint_names, entries, strict=True) if not _is_joint_value(v))
         if joints:

@@ -16,7 +16,7 @@ from rr1plan.robot import Joint, Robot
 from rr1plan.robot.arm_finder import ArmFinder
 from rr1plan.robot.contact_bands import joints_between
 from rr1plan.robot.disabled_collisions import adjacent_pairs, rigid_pairs
-from rr1plan.robot.joint_limits import Limits
+from rr1plan.robot.joint_limits import WIDEST, Limits
 from rr1plan.robot.link_masses import with_assumed_masses
 from rr1plan.robot.self_contacts import self_contacts
 from rr1plan.robot.srdf import Semantics, chain_joints
@@ -31,7 +31,6 @@ _TOOL_NAMES = ("tool", "tool0", "tcp", "ee_link")
 _RATES = ("velocity", "acceleration", "jerk")
 _ROUNDING = 1e-3  # states in files may exceed the limits by this much [rad or m]
 _SAME_LIMIT = 1e-9  # limits that differ by less are the same [rad or m]
-_WIDEST = 8.0 * np.pi  # farthest limit of a revolute joint that is taken as an angle without a warning [rad]
 
 
 @dataclass(frozen=True)
@@ -173,7 +172,7 @@ def _without_endless_ranges(tree: Tree) -> Tree:
             text = "%s: joint %r has limits %g to %g rad, it is taken as continuous: without limits"
             log.warning(text, tree.name, joint.name, joint.lower, joint.upper)
             joint = replace(joint, kind="continuous", lower=-np.inf, upper=np.inf)
-        elif joint.kind == "revolute" and max(-joint.lower, joint.upper) > _WIDEST:
+        elif joint.kind == "revolute" and max(-joint.lower, joint.upper) > WIDEST:
             text = "%s: joint %r has limits %g to %g rad %s"
             log.warning(text, tree.name, joint.name, joint.lower, joint.upper, DEGREES)
         joints.append(joint)

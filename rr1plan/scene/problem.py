@@ -217,8 +217,7 @@ class Problem(Value, NotebookView):
         *,
         arms: str | Sequence[str] | None = None,
     ) -> None:
-        if not isinstance(scene, Scene):
-            raise InputError(f"scene is {shown(scene)}, expected a Scene; load one with load_scene")
+        of_kind("scene", scene, Scene)
         moving = _moving_arms(scene, goal, arms)
         object.__setattr__(self, "scene", scene)
         object.__setattr__(self, "start", read_only(_start(scene, moving, start)))
@@ -285,6 +284,7 @@ def _moving_arms(scene: Scene, goal: object, arms: object) -> tuple[str, ...]:
     if isinstance(goal, Mapping):
         if not goal:
             raise InputError("goal is an empty mapping, expected a goal of at least one arm")
+        _check_arms("goal", goal, scene)
         return scene.arm_names(list(goal))
     if len(scene.arms) > 1:
         names = ", ".join(scene.arms)
@@ -299,6 +299,7 @@ def _start(scene: Scene, arms: tuple[str, ...], start: Any) -> Array:
         given: Mapping[str, Any] = {}
     elif isinstance(start, Mapping):
         given = start
+        _check_arms("start", given, scene)
         _check_moving("start", given, scene, arms)
     elif len(arms) == 1:
         given = {arms[0]: start}
@@ -323,6 +324,18 @@ def _goals(scene: Scene, arms: tuple[str, ...], start: Array, goal: object) -> d
         raise InputError(f"{len(arms)} arms move ({', '.join(arms)}); expected a goal mapping from arm to goal")
     starts = scene.split(start, arms)
     return {name: _alternatives(scene.arms[name].robot, name, given.get(name, starts[name])) for name in arms}
+
+
+def _check_arms(what: str, given: Mapping[str, Any], scene: Scene) -> None:
+    """Refuse a start or goal by joint, where one by arm is expected."""
+    for arm, placed in scene.arms.items():
+        known = placed.robot.joint_names
+        joints = [name for name in given if name not in scene.arms and str(name).removeprefix(f"{arm}/") in known]
+        if joints:
+            raise InputError(
+                f"{what} names the joint {joints[0]!r}, expected a mapping from arm to its joint values: "
+                f"{{{arm!r}: [...]}}, in the order of robot.joint_names"
+            )
 
 
 def _check_moving(what: str, given: Mapping[str, Any], scene: Scene, arms: tuple[str, ...]) -> None:
@@ -364,6 +377,12 @@ def _one_goal(robot: Robot, arm: str, goal: Any) -> Goal:
             "or its numbers, or a list of these"
         )
     q = goal.q if isinstance(goal, JointGoal) else goal
+    shape = shape_of(q)
+    if shape in ((3,), (4, 4)) and shape != (robot.nq,):
+        raise InputError(
+            f"goal of {arm!r} has shape {shape}, expected {robot.nq} joint values; for a position or a pose give "
+            "PoseGoal('tool', ...)"
+        )
     return JointGoal(robot.configuration(q, f"goal of {arm!r}"))
 
 

@@ -33,7 +33,7 @@ def save_scene(
     Args:
         file: The file, whose name ends in .toml; it is replaced atomically.
         scene: The scene. Meshes and point clouds are written into the file.
-        problems: Named queries in that scene, for `load_problems`.
+        problems: Named queries, for `load_problems`; they are read back as queries in `scene`.
         robots: Name or file of the robot of each arm, files relative to the scene file (default: the name with which
             `load_robot` makes this robot if it ships with rr1plan or is installed, else the file it was loaded from).
 

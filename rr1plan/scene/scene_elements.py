@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from rr1plan.checks import HEAVIEST, Array, Value, number_from_zero, positive_number, shown
+from rr1plan.checks import HEAVIEST, Array, Value, number_from_zero, of_kind, positive_number, shown
 from rr1plan.errors import InputError
 from rr1plan.robot import Geometry, Robot
 from rr1plan.shapes import HalfSpace, Mesh, PointCloud
@@ -35,8 +36,7 @@ class Arm(Value):
     q: Array
 
     def __init__(self, robot: Robot, base: ArrayLike | None = None, q: str | ArrayLike = "home") -> None:
-        if not isinstance(robot, Robot):
-            raise InputError(f"robot is {shown(robot)}, expected a Robot; load one with load_robot")
+        of_kind("robot", robot, Robot)
         object.__setattr__(self, "robot", robot)
         object.__setattr__(self, "base", as_pose(base, "arm base"))
         object.__setattr__(self, "q", robot.configuration(q, "arm configuration"))
@@ -116,9 +116,12 @@ def posed_shapes(values: Any) -> tuple[Geometry, ...]:
         geometries = tuple(values)
     except TypeError:
         geometries = (values,)
-    for one in geometries:
-        if not isinstance(one, Geometry):
-            raise InputError(f"got {shown(one)} as an object's shape, expected a shape in Geometry(name, shape, pose)")
+    if not all(isinstance(one, Geometry) for one in geometries):
+        advice = "; load_mesh reads a mesh file" if isinstance(values, str | PathLike) else ""
+        raise InputError(
+            f"got {shown(values)} as an object's shape, expected a shape such as Box((1, 1, 1)) in "
+            f"with_obstacle, or a list of Geometry(name, shape, pose){advice}"
+        )
     return geometries
 
 

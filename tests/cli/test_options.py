@@ -150,6 +150,8 @@ def test_a_mistake_on_the_command_line_is_json_where_json_is_wanted(capsys: pyte
             "goal of 'rr1' has 2 numbers, expected 6: one for each of shoulder",
         ),
         (["plan", "rr1_table", "--start", "1", "--goal", "home"], "start of 'rr1' has 1 number, expected 6"),
+        (["plan", "rr1_table", "--goal", "0.1,0.2,-3e-1"], "'0.1,0.2,-3e-1': separate numbers by spaces"),
+        (["plan", "rr1_table", "--goal", "0.1,", "2"], "'0.1, 2': separate numbers by spaces, not by commas"),
         (["plan", "rr1_table", "--goal", "a", "b"], "'a b' is neither a configuration's name nor numbers"),
         (["plan", "rr1_table", "--planner", "cartesian", "--goal", "home"], "moves to a pose, got a configuration"),
         (["plan", "rr1_pair", "--planner", "cartesian"], "the cartesian planner moves one arm, got 2: left, right"),

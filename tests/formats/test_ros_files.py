@@ -197,6 +197,12 @@ def test_one_of_several_topics_is_chosen(ros1_bag: Callable[..., Path], capsys: 
         rp.load_motion("a.csv", topic="/one")
 
 
+def test_a_file_that_is_neither_yaml_nor_a_bag_is_told_by_its_ending(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_text("t,q:a\n")
+    with pytest.raises(rp.FormatError, match=r"suffix '.csv', expected one of .yaml, .yml, .bag"):
+        load_joint_trajectory(tmp_path / "m.csv")
+
+
 def test_wrong_bags_and_topics_are_refused_by_name(bag: tuple[rp.Trajectory, Path], tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match=TRAJECTORY_TOPIC):
         load_joint_trajectory(bag[1], topic="/joint_trajectoryy")

@@ -113,12 +113,20 @@ def test_limits_and_names_are_arguments() -> None:
         ({"lengths": (1.0,)}, "lengths has 1 number"),
         ({"width": -1.0}, "width is -1.0"),
         ({"limits": [(0.0, 1.0)]}, "limits has 1 entries"),
+        ({"limits": (-2.0, 2.0)}, "limits has one such pair for each joint"),
         ({"limits": [(1.0, 0.0), None]}, "limits of joint1 are .* expected a lower and a higher"),
     ],
 )
 def test_wrong_numbers_are_refused(wrong: dict[str, object], said: str) -> None:
     with pytest.raises(rp.InputError, match=said):
         rp.planar_arm(**wrong)
+
+
+def test_limits_in_degrees_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    rp.planar_arm("RP", limits=[(-2.5, 2.5), (-150.0, 150.0)])
+    assert not caplog.text
+    rp.planar_arm("RR", limits=[(-2.5, 2.5), (-150.0, 150.0)])
+    assert "joint2 has limits -150 to 150 rad (angles are in radians: are these degrees?)" in caplog.text
 
 
 # ---- prisms over polygons ------------------------------------------------------------------------

@@ -179,6 +179,12 @@ def test_an_unreachable_point_is_told_with_the_distance_missing(planar2r, r, mis
     assert "out of reach of arm/tool" in result.reason
 
 
+@pytest.mark.parametrize(("r", "told"), [(9.0, False), (1200.0, True)])
+def test_a_position_in_millimeters_is_told(planar2r, r, told):
+    result = solve_ik(Kinematics(planar2r), PoseGoal("tool", [0.0, r, 0.0], [1, 0, 0, 0]), rng=0)
+    assert ("are these millimeters?" in result.reason) == told
+
+
 def test_an_unreachable_orientation_is_told_apart_from_an_unreachable_position(planar2r):
     sideways = [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]
     result = solve_ik(Kinematics(planar2r), PoseGoal("tool", [1.0, 0.5, 0.0], sideways), rng=0)

@@ -214,6 +214,8 @@ def compute_query(
     of_kind("problem", problem, Problem, optional=True)
     of_kind("result", result, PlanResult, optional=True)
     check_callback("progress", progress)
+    if problem is None and result is not None:
+        raise InputError("a result is drawn with its problem; give it, too: cspace(scene, problem, result=result)")
     if problem is not None:
         problem = problem.in_scene(scene)
         _check_problem(problem, arm, joints)
