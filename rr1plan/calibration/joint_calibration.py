@@ -344,6 +344,9 @@ def _row(joint: JointCalibration) -> dict[str, Any]:
 def load_calibration(file: str | pathlib.Path) -> Calibration:
     """Read a calibration file; see `Calibration.save`.
 
+    Args:
+        file: The file (.toml).
+
     Raises:
         FormatError: the file cannot be read, is not a calibration, is of a newer version, or has an impossible value.
     """

@@ -129,6 +129,9 @@ def save_mjcf(file: str | FilePath, scene: Scene) -> FilePath:
 
     Returns:
         The file.
+
+    Raises:
+        InputError: not a scene, another suffix, or a file that cannot be written.
     """
     from rr1plan.playback.simulation.mujoco_model import build_mujoco
 

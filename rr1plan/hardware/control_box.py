@@ -107,6 +107,9 @@ class ControlBox(Value):
 def load_control_box(file: str | pathlib.Path) -> ControlBox:
     """Read the control box of a calibration file.
 
+    Args:
+        file: The file (.toml), with the table `control_box`.
+
     Raises:
         FormatError: the file cannot be read, has no table `control_box`, or an impossible value.
         UnknownNameError: another channel.

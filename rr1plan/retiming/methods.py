@@ -66,7 +66,8 @@ def retime(
     Args:
         path: A path of arms of the scene.
         scene: The scene; gives joint limits and obstacles.
-        method: One of `retiming_names()`.
+        method: "blend" rounds corners where that is certified, "stop" stops at every waypoint, "ruckig" does so with
+            limited jerk, "ruckig_direct" also leaves the straight lines where a faster motion is certified.
         checker: Certifies blends (default: a `CollisionChecker` of the scene with its other arms fixed).
         torque_limits: Whether to satisfy the effort limits too, by inverse dynamics with the masses of held objects.
         velocity_scale: Share of the velocity limits to use, above 0, at most 1.
@@ -131,7 +132,7 @@ def _joined(joint_names: tuple[str, ...], parts: list[Pieces], limits: Limits, m
 
 
 def retiming_names() -> tuple[str, ...]:
-    """Names of all retiming methods."""
+    """Names of all retiming methods: "blend", "stop", "ruckig", "ruckig_direct"; see `retime`."""
     return tuple(_METHODS)
 
 

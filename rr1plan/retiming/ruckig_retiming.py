@@ -71,6 +71,11 @@ def point_to_point(joint_names: Sequence[str], start: ArrayLike, end: ArrayLike,
     of both) and is not checked for collision. Certify each polynomial of the result with
     `CollisionChecker.polynomial_is_free`, or use `retime(..., method="ruckig_direct")`.
 
+        robot, checker = scene.arms["arm"].robot, CollisionChecker(scene)
+        motion = point_to_point(scene.joint_names(), robot.home, [0.5, 0.4, -0.9], robot.limits)
+        pieces = zip(motion.coefficients, np.diff(motion.breaks))
+        free = all(checker.polynomial_is_free(piece, duration) for piece, duration in pieces)
+
     Args:
         joint_names: Name of each joint, length nq.
         start: Configuration [rad or m], shape (nq,).

@@ -49,7 +49,22 @@ _RATES = ("velocity", "acceleration", "jerk", "effort")
 
 
 def pack_array(array: ArrayLike, dtype: str = "f4") -> dict[str, Any]:
-    """An array as a JSON value: dtype ("f4", "f8", "u4"), shape and base64 data."""
+    """An array as a JSON value for the data of a `Panel`, whose script reads it by `viewer.unpack`.
+
+        script = "root.textContent = viewer.unpack(data.q).shape.join(' x ')"
+        panel = Panel("table", "Table", script=script, data={"q": pack_array(q)})
+
+    Args:
+        array: Numbers of any shape.
+        dtype: Their type on the page: "f4" or "f8" (floating point), or "u4" (whole numbers from 0).
+
+    Returns:
+        A mapping with the keys "dtype", "shape" and "data" (base64).
+
+    Raises:
+        UnknownNameError: another type.
+        InputError: not numbers.
+    """
     known_name("dtype", dtype, ("f4", "f8", "u4"))
     with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond the range become infinite
         plain = array if isinstance(array, np.ndarray) and array.dtype.kind in "iuf" else number_array("array", array)
