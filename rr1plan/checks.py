@@ -42,6 +42,7 @@ _EXAMPLES = {
     "Budget": "Budget(seconds=5)",
     "Kinematics": "Kinematics(scene)",
     "Problem": "Problem(scene, start, goal)",
+    "Sequence": "Sequence(scene, segments)",
 }
 # Limits of common file systems for one part of a path, and for a path [bytes].
 _LONGEST_NAME = 255

@@ -39,6 +39,7 @@ WRONG: dict[str, tuple[Callable[[rp.Scene], Any], type[Exception], str]] = {
         r"expected Kinematics, e.g. Kinematics\(scene\)",
     ),
     "replay_of_a_file": (lambda s: rp.simulate("m.json", s), rp.InputError, "load one with load_motion"),
+    "segments_alone": (lambda s: rp.plan_sequence([]), rp.InputError, r"e.g. Sequence\(scene, segments\)"),
     "budget_of_many": (lambda s: rp.plan_many([], budget=2.0), rp.InputError, r"e.g. Budget\(seconds=5\)"),
     "complex_start": (lambda s: rp.Problem(s, [1j, 0], "home"), rp.InputError, "joint joint1"),
     "complex_pose": (lambda s: rp.PoseGoal("tool", [1j, 0, 0]), rp.InputError, "not an array of numbers"),

@@ -147,6 +147,14 @@ def test_wrong_starts_and_goals_are_refused(one: Scene, start: Any, goal: Any, m
         Problem(one, start, goal)
 
 
+def test_one_arm_is_named_without_a_list(two: Scene) -> None:
+    name = next(iter(two.arms))
+    assert two.joint_names(name) == two.joint_names([name])
+    assert two.configuration(name).shape == (two.arms[name].robot.nq,)
+    with pytest.raises(InputError, match="unknown arm 'home'"):
+        two.configuration("home")
+
+
 def test_several_arms_have_to_be_told_apart(two: Scene) -> None:
     with pytest.raises(InputError, match="which arm moves"):
         Problem(two, None, "home")

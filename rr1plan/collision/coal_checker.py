@@ -67,7 +67,7 @@ class CoalChecker:
         self._scene = scene
         self._moved: dict[str, Array] = {}
         # The outer call is for scenes without arms.
-        self.arms = scene.arm_names(scene.arm_names([arms] if isinstance(arms, str) else arms))
+        self.arms = scene.arm_names(scene.arm_names(arms))
         margin = number_from_zero("margin", margin)
         self._use(collision_geometry(scene, self.arms, geometry_distance(scene, margin)), margin)
 

@@ -103,11 +103,12 @@ class DhTable(Value):
         return f"DhTable({', '.join(row.joint for row in self.rows)})"
 
     def __str__(self) -> str:
-        lines = [f"{'joint':12} {'a [m]':>9} {'α [°]':>9} {'d [m]':>9} {'θ [°]':>9}"]
+        width = max(12, *(len(row.joint) for row in self.rows))
+        lines = [f"{'joint':{width}} {'a [m]':>9} {'α [°]':>9} {'d [m]':>11} {'θ [°]':>11}"]
         for row in self.rows:
-            d = f"{row.d:.4f}" + " + q" * row.slides
-            theta = f"{np.degrees(row.theta):.2f}" + " + q" * (not row.slides)
-            lines.append(f"{row.joint:12} {row.a:9.4f} {np.degrees(row.alpha):9.2f} {d:>9} {theta:>9}")
+            d = f"{row.d:z.4f}" + " + q" * row.slides
+            theta = f"{np.degrees(row.theta):z.2f}" + " + q" * (not row.slides)
+            lines.append(f"{row.joint:{width}} {row.a:z9.4f} {np.degrees(row.alpha):z9.2f} {d:>11} {theta:>11}")
         return "\n".join(lines)
 
 

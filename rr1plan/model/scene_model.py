@@ -50,7 +50,7 @@ class SceneModel:
         of_kind("scene", scene, Scene)
         self.scene = scene
         # Checked again, because a scene may have no arms.
-        self.arms = scene.arm_names(scene.arm_names([arms] if isinstance(arms, str) else arms))
+        self.arms = scene.arm_names(scene.arm_names(arms))
         self.arm_model = arm_model_of(scene, self.arms)
         self.joint_names: tuple[str, ...] = self.arm_model.joint_names
         self.limits: Limits = self.arm_model.limits

@@ -76,9 +76,11 @@ class MeshLookup:
                 return place
             why = "is outside the robot's folders"
         listed = ", ".join(str(place) for place in tried) or "nowhere"
-        raise FormatError(
-            f"{what} {why}; tried {listed}; name the folder it is in with option package_dirs, or in ROS_PACKAGE_PATH"
-        )
+        alike = next((other for place in tried for other in _alike(place) if self._is_allowed(other)), None)
+        advice = "name the folder it is in with option package_dirs, or in ROS_PACKAGE_PATH"
+        if alike is not None:
+            advice = f"there is {alike}: upper and lower case count"
+        raise FormatError(f"{what} {why}; tried {listed}; {advice}")
 
     @property
     def packages(self) -> tuple[Path, ...]:
@@ -134,6 +136,15 @@ def check_suffix(name: str, suffixes: Sequence[str]) -> None:
 def _path_variable(variable: str) -> list[Path]:
     """The folders in an environment variable."""
     return [Path(folder) for folder in os.environ.get(variable, "").split(os.pathsep) if folder]
+
+
+def _alike(place: Path) -> Iterator[Path]:
+    """The files of the same folder whose names differ in upper and lower case only."""
+    try:
+        others = sorted(place.parent.iterdir())
+    except (OSError, ValueError):
+        return
+    yield from (o for o in others if o.name != place.name and o.name.casefold() == place.name.casefold())
 
 
 def folders_in(folder: Path) -> list[Path]:

@@ -15,7 +15,7 @@ _FLAT = 1e-9  # twice the area of collinear corners, relative to the square of t
 _MOST = 1000
 
 
-def polygon_prism(corners: ArrayLike, height: float = 0.2, *, color: Color | None = None) -> tuple[Geometry, ...]:
+def polygon_prism(corners: ArrayLike, height: float = 0.2, *, color: str | Color | None = None) -> tuple[Geometry, ...]:
     """A prism over any simple polygon, as convex pieces for `Scene.with_obstacle`.
 
     A convex polygon is one piece; others are divided into triangles by ear clipping.
@@ -24,7 +24,7 @@ def polygon_prism(corners: ArrayLike, height: float = 0.2, *, color: Color | Non
         corners: The corners in order, clockwise or counter-clockwise [m], shape (n, 2), 3 to 1000 of them. The last
             one may repeat the first.
         height: Height; the prism reaches from -height / 2 to height / 2 [m].
-        color: Its color (rgba, 0..1).
+        color: Its color: "#rrggbb", "#rrggbbaa" or rgba (0..1).
 
     Raises:
         InputError: invalid corners, a polygon that crosses itself or has no area, or a height that is not positive.

@@ -280,7 +280,7 @@ def _moving_arms(scene: Scene, goal: object, arms: object) -> tuple[str, ...]:
     if arms is not None:
         if not isinstance(arms, str | Sequence):
             raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
-        return scene.arm_names([arms] if isinstance(arms, str) else list(arms))
+        return scene.arm_names(arms if isinstance(arms, str) else list(arms))
     if isinstance(goal, Mapping):
         if not goal:
             raise InputError("goal is an empty mapping, expected a goal of at least one arm")

@@ -94,7 +94,7 @@ class Scene(SceneContent):
         shape: Shape | Iterable[Geometry],
         pose: ArrayLike | None = None,
         *,
-        color: Color | None = None,
+        color: str | Color | None = None,
         mass: float | None = None,
         friction: float = 1.0,
     ) -> Scene:
@@ -104,7 +104,7 @@ class Scene(SceneContent):
             name: Its name, without "/".
             shape: A shape, or several posed ones.
             pose: T_world_object: (4, 4), or a position (3,) [m].
-            color: Its color (rgba, 0..1).
+            color: Its color: "#rrggbb", "#rrggbbaa" or rgba (0..1).
             mass: Mass of a loose body [kg]; None: fixed.
             friction: Coulomb friction coefficient of a loose body.
 

@@ -129,8 +129,8 @@ class SceneContent(Value, NotebookView):
             )
         return next(iter(self.arms))
 
-    def arm_names(self, arms: Sequence[str] | None = None) -> tuple[str, ...]:
-        """The named arms in the order of the scene; all of them for None.
+    def arm_names(self, arms: str | Sequence[str] | None = None) -> tuple[str, ...]:
+        """The named arms, or the one of that name, in the order of the scene; all of them for None.
 
         Raises:
             UnknownNameError: no such arm.
@@ -138,7 +138,9 @@ class SceneContent(Value, NotebookView):
         """
         if arms is None:
             return tuple(self.arms)
-        if isinstance(arms, str) or not isinstance(arms, (tuple, Sequence)):  # tuples are found faster
+        if isinstance(arms, str):
+            arms = (arms,)
+        if not isinstance(arms, (tuple, Sequence)):  # tuples are found faster
             raise InputError(f"arms is {shown(arms)}, expected a sequence of names")
         for name in arms:
             self.arm(name)

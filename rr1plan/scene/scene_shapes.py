@@ -26,6 +26,7 @@ from rr1plan.shapes.convex_decomposition import CONVEXITIES, convex_shapes
 from rr1plan.shapes.convex_hulls import bounds_its_hull
 from rr1plan.shapes.mesh_files import load_mesh
 from rr1plan.shapes.point_cloud_files import read_points
+from rr1plan.shapes.shapes import hex_color
 from rr1plan.transforms import pose, quaternion_from_rotation, rotation_from_quaternion
 
 
@@ -69,18 +70,11 @@ def read_color(table: Table, default: Color | None = None) -> Color | None:
     if value is None:
         return default
     if isinstance(value, str):
-        return _hex_color(table, value)
+        with table.blame("color"):
+            return hex_color(value)
     if not isinstance(value, list) or len(value) not in (3, 4) or not all(is_number(v) and 0 <= v <= 1 for v in value):
         raise table.error(f"expected '#rrggbb' or 3 or 4 numbers from 0 to 1, got {value!r}", "color")
     r, g, b, a = (float(v) for v in (*value, 1.0)[:4])
-    return (r, g, b, a)
-
-
-def _hex_color(table: Table, value: str) -> Color:
-    digits = value.removeprefix("#")
-    if not value.startswith("#") or len(digits) not in (6, 8) or set(digits.lower()) - set("0123456789abcdef"):
-        raise table.error(f"expected '#rrggbb' or '#rrggbbaa', got {value!r}", "color")
-    r, g, b, a = (int(part, 16) / 255.0 for part in (digits[0:2], digits[2:4], digits[4:6], digits[6:8] or "ff"))
     return (r, g, b, a)
 
 

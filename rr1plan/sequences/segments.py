@@ -137,7 +137,10 @@ class StraightLine(Value):
             object.__setattr__(self, "offset", near_array("offset", self.offset, (3,)))
         for goal in goals:
             if not isinstance(goal, PoseGoal):
-                raise InputError(f"the goal of a straight line is {shown(goal)}, expected a PoseGoal")
+                raise InputError(
+                    f"the goal of a straight line is {shown(goal)}, expected a PoseGoal; a displacement is its option "
+                    "offset"
+                )
         object.__setattr__(self, "goal", goals)
 
     @property

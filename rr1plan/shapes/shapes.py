@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rr1plan.checks import Array, Value, finite_array, near_array, number_array, positive_length, read_only
+from rr1plan.checks import Array, Value, finite_array, near_array, number_array, positive_length, read_only, shown
 from rr1plan.errors import InputError
 
 
@@ -208,6 +208,20 @@ class PointCloud(Value):
 
 Color = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0..1."""
+
+
+def hex_color(text: str) -> Color:
+    """A color from "#rrggbb" or "#rrggbbaa".
+
+    Raises:
+        InputError: other text.
+    """
+    digits = text.removeprefix("#")
+    if not text.startswith("#") or len(digits) not in (6, 8) or set(digits.lower()) - set("0123456789abcdef"):
+        raise InputError(f"expected '#rrggbb' or '#rrggbbaa', got {shown(text)}")
+    r, g, b, a = (int(part, 16) / 255.0 for part in (digits[0:2], digits[2:4], digits[4:6], digits[6:8] or "ff"))
+    return (r, g, b, a)
+
 
 Shape = Box | Sphere | Cylinder | Capsule | HalfSpace | Mesh | PointCloud
 """Any shape of a link or an obstacle."""

@@ -370,6 +370,15 @@ def test_the_error_lists_every_place_that_was_tried(package: Path, tmp_path: Pat
     assert "package_dirs" in str(caught.value)
 
 
+def test_the_error_names_a_file_in_other_case(package: Path, tmp_path: Path, block: Mesh) -> None:
+    (tmp_path / "deep" / "ws" / "A.STL").write_bytes(binary_stl(block))
+    with pytest.raises(FormatError, match=r"'../meshes/A\.STL' is not there; .*meshes/a\.stl: upper and lower case"):
+        MeshLookup((), package / "urdf" / "r.urdf").find("../meshes/A.STL")
+    (package / "meshes" / "a.stl").unlink()
+    with pytest.raises(FormatError, match="name the folder"):
+        MeshLookup((), package / "urdf" / "r.urdf").find("../meshes/A.STL")
+
+
 @pytest.mark.parametrize(
     ("name", "word"),
     [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -126,3 +128,13 @@ def test_the_arm_is_singular_where_it_is_straight_or_folded(lesson: KinematicsLe
 def test_chains_that_have_no_table() -> None:
     with pytest.raises(rp.InputError, match="expected Robot"):
         rp.dh_table("rr1")
+
+
+def test_the_columns_of_a_printed_table_are_aligned(rr1: rp.Robot) -> None:
+    named = {"joint1": "shoulder_pan_joint", "joint2": "elbow"}
+    rows = tuple(row._replace(joint=named[row.joint]) for row in rp.dh_table(rp.planar_arm("RR")).rows)
+    table = replace(rp.dh_table(rp.planar_arm("RR")), rows=rows)
+    for printed in (table, rp.dh_table(rr1)):
+        lines = str(printed).splitlines()
+        assert len({len(line) for line in lines}) == 1
+        assert "-0.00 " not in str(printed)

@@ -78,6 +78,7 @@ def test_what_does_not_fit_is_named(planar2r: Robot, break_it: Callable[[Robot],
         ({"name": 3}, "name of a shape is of type int"),
         ({"pose": np.zeros((4, 4))}, "pose of shape 'x' is not a rigid transform"),
         ({"color": (1.0, 0.0, 0.0)}, r"color of shape 'x' has shape \(3,\)"),
+        ({"color": "red"}, "color of shape 'x': expected '#rrggbb' or '#rrggbbaa', got 'red'"),
         ({"color": (2.0, 0.0, 0.0, 1.0)}, "color of shape 'x'.*from 0 to 1"),
         ({"color": (np.nan, 0.0, 0.0, 1.0)}, "color of shape 'x'.*finite"),
     ],
@@ -85,3 +86,10 @@ def test_what_does_not_fit_is_named(planar2r: Robot, break_it: Callable[[Robot],
 def test_a_posed_shape_is_checked_where_it_is_made(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         Geometry(**{"name": "x", "shape": rp.Sphere(0.1), **changes})
+
+
+def test_a_color_is_text_or_numbers() -> None:
+    assert Geometry("x", rp.Sphere(0.1), color="#ff0000").color == (1.0, 0.0, 0.0, 1.0)
+    assert Geometry("x", rp.Sphere(0.1), color="#00FF0000").color == (0.0, 1.0, 0.0, 0.0)
+    scene = rp.Scene().with_obstacle("x", rp.Sphere(0.1), color="#0000ff")
+    assert scene.obstacles["x"].geometries[0].color == (0.0, 0.0, 1.0, 1.0)

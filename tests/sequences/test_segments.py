@@ -45,7 +45,7 @@ def test_a_segment_says_what_it_is(segment: rp.FreeMotion, label: str) -> None:
     [
         (lambda: rp.StraightLine(), "either a goal or an offset"),
         (lambda: rp.StraightLine(POSE, offset=[0, 0, 1]), "either a goal or an offset"),
-        (lambda: rp.StraightLine("home"), "expected a PoseGoal"),
+        (lambda: rp.StraightLine([0, 0, -0.1]), "expected a PoseGoal; a displacement is its option offset"),
         (lambda: rp.StraightLine(offset=[0, 0]), "offset"),
         (lambda: rp.StraightLine(offset=[0, 0, 1], axes="hand"), "'hand'"),
         (lambda: rp.MoveGripper(), "one of a position, a width"),
