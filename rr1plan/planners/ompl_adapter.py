@@ -226,11 +226,17 @@ def _definition(information: ob.SpaceInformation, query: OmplQuery) -> ob.Proble
     return definition
 
 
+_SHARES = ("_bias", "_fraction")  # how OMPL's names of shares end
+
+
 def _set(search: ob.Planner, planner: str, name: str, value: Any) -> None:
     setters = {_snake_case(n[3:]): n for n in dir(search) if n.startswith("set")}
     setter = setters[known_name(f"setting of OMPL's {planner}", name, setting_names(planner))]
     if not isinstance(value, bool | np.bool_) and finite_number(name, value) < 0.0:
         raise InputError(f"setting {name!r} is {value}, expected a number of at least zero")
+    # With a larger bias every sample is the goal, and the search never ends.
+    if name.endswith(_SHARES) and value > 1.0:
+        raise InputError(f"setting {name!r} is {value}, expected a share from 0 to 1")
     try:
         getattr(search, setter)(value)
     except TypeError as error:

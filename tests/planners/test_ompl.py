@@ -181,6 +181,9 @@ def test_settings_are_taken_and_wrong_ones_named():
             solve("RRTConnect", settings={"range": value})
     with pytest.raises(InputError, match="num_samples"):
         solve("FMT", settings={"num_samples": 0.5})
+    for settings in ({"goal_bias": 1.5}, {"goal_bias": 5}):
+        with pytest.raises(InputError, match=r"setting 'goal_bias' is .*expected a share from 0 to 1"):
+            solve("RRT", settings=settings)
 
 
 @pytest.mark.parametrize("planner", OMPL_NAMES)
