@@ -6,6 +6,7 @@ Every error names the file, the line if known, and the entry, e.g.
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -22,7 +23,7 @@ from rr1plan.errors import FormatError, InputError, UnknownNameError
 
 # Synonyms of keys in robotics formats, for suggestions in error messages.
 _SYNONYMS = (
-    ("xyz", "position", "translation", "origin", "pose"),
+    ("xyz", "position", "translation", "origin", "pose", "base"),
     ("quaternion", "rpy", "rotation", "orientation", "euler"),
     ("box", "size", "dimensions"),
     ("sphere", "radius"),
@@ -187,6 +188,11 @@ class Table:
         place = (*self.path, key) if key is not None else self.path
         where = ".".join(place) + ": " if place else ""
         return FormatError(where + message, self.file, line_of(self.text, place))
+
+    def check_there(self, file: Path, key: str) -> None:
+        """Reject the name of a missing file, with the line that gives it."""
+        if not os.path.lexists(file):
+            raise self.error(f"there is no such file: {file}", key)
 
     @contextmanager
     def blame(self, key: str | None = None) -> Iterator[None]:

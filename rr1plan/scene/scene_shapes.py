@@ -209,6 +209,7 @@ def _inside(entry: Table, folder: Path) -> Path:
         path = resolved_path(root / name)
     if not path.is_relative_to(root):
         raise entry.error(f"{name!r} is not inside {folder}, the folder of the scene file; copy it there", "file")
+    entry.check_there(path, "file")
     return path
 
 

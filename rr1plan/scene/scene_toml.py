@@ -33,7 +33,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from rr1plan.checks import of_kind, resolved_path, shown
+from rr1plan.checks import counted, of_kind, resolved_path, shown
 from rr1plan.files.checked_tables import Table, is_number
 from rr1plan.files.documents import parse_toml
 from rr1plan.files.file_access import read_text, text_stem
@@ -224,7 +224,9 @@ def _robot_reference(entry: Table, folder: Path) -> _Reference:
     name = entry.string("robot")
     with entry.blame("robot"):
         if _is_file(name):
-            name = str(resolved_path(folder / name))
+            path = resolved_path(folder / name)
+            entry.check_there(path, "robot")
+            name = str(path)
     groups = tuple(g if isinstance(g, str) else _chain(entry, g) for g in entry.rows("groups"))
     group = entry.string("group", "")
     if group and groups:
@@ -289,7 +291,7 @@ def _with_limits(robot: Robot, entry: Table) -> Robot:
     values = {name: table.raw(name) for name in _LIMITS if name in table}
     for name, value in values.items():
         if not isinstance(value, list) or len(value) != robot.nq or not all(is_number(v) for v in value):
-            raise table.error(f"expected {robot.nq} numbers", name)
+            raise table.error(f"expected a list of {counted(robot.nq, 'number')}, one for each joint", name)
     table.finish()
     with entry.blame("limits"):
         return robot.with_limits(replace(robot.limits, **values))

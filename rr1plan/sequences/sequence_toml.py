@@ -77,7 +77,12 @@ def load_segments(file: str | Path) -> Sequence:
         raise top.error(f"is version {top.raw('version')!r}, expected {_VERSION}", "version")
     name = top.string("scene")
     with top.blame("scene"):
-        scene = load_scene(resolved_path(path.absolute().parent / name) if "/" in name or Path(name).suffix else name)
+        if "/" in name or Path(name).suffix:
+            file = resolved_path(path.absolute().parent / name)
+            top.check_there(file, "scene")
+            scene = load_scene(file)
+        else:
+            scene = load_scene(name)
     rows = top.tables("segments")
     top.finish()
     check, moved = SegmentCheck(scene), set[str]()
