@@ -8,9 +8,27 @@
     print(motion.report)
     motion.show().wait()
 
-All names below are imported lazily. `import rr1plan` does not even import `typing`, because the
-command line cannot handle Ctrl-C before it is done.
+Where to begin; `help(rp.load_robot)` and so on show arguments, units, shapes and errors:
+
+    robots      load_robot, robot_names, installed_robot_names, planar_arm, Robot, Limits
+    scenes      Scene, load_scene, save_scene, scene_names, Box, Sphere, Cylinder, Capsule, HalfSpace, load_mesh
+    problems    Problem, JointGoal, PoseGoal, RegionGoal, load_problems
+    kinematics  Kinematics, solve_ik, dh_table
+    collisions  CollisionChecker, TimedChecker, cover_with_spheres, second_opinion
+    planning    plan_motion, plan_many, plan_many_arms, plan, shorten, retime, Budget, planner_names, retiming_names
+    sequences   plan_sequence, Sequence, pick_and_place, simulate_sequence
+    proofs      validate, certify_path, assert_valid, Report
+    simulation  simulate, Simulation, JointTrajectoryController, assert_replays
+    pictures    show, save_html, ViewOptions, screenshot, save_video, cspace, timeline, lesson
+    files       load_motion, save_csv, save_joint_trajectory, save_rosbag, save_mjcf, save_glb
+    real arms   calibrate, Mirror, plan_commands, send_commands
+
+Units are SI and radians, quaternions are wxyz, numbers of a configuration are in the order of
+`robot.joint_names`. A wrong argument raises an `InputError` that names it. The guide is docs/guide.md.
 """
+
+# All names below are imported lazily. `import rr1plan` does not even import `typing`, because the
+# command line cannot handle Ctrl-C before it is done.
 
 from __future__ import annotations
 

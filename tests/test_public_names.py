@@ -4,6 +4,7 @@ import ast
 import dataclasses
 import enum
 import inspect
+import re
 import subprocess
 import sys
 import typing
@@ -33,6 +34,14 @@ def test_a_name_has_one_home() -> None:
     assert [name for name in rr1plan.__all__ if inspect.ismodule(getattr(rr1plan, name))] == ["transforms"]
     assert "rr1plan.playback" not in rr1plan._EXPORTS
     assert list(rr1plan._EXPORTS) == sorted(rr1plan._EXPORTS)
+
+
+def test_the_overview_in_the_help_lists_public_names() -> None:
+    rows = re.findall(r"^    [a-z]+(?: [a-z]+)?  +(.*)$", rr1plan.__doc__ or "", re.MULTILINE)
+    names = [name for row in rows for name in row.split(", ")]
+    assert len(names) > 50
+    assert set(names) <= set(rr1plan.__all__)
+    assert len(set(names)) == len(names)
 
 
 def test_unknown_name_is_an_attribute_error() -> None:
